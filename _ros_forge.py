@@ -16,7 +16,7 @@ HOME = os.path.dirname(os.path.abspath(__file__))  # noqa: PTH100, PTH120  (path
 def main() -> int:
     """Carry out the command of this process, which ends then; returns its exit code."""
     own_modules_first()
-    from forge.__main__ import main as command  # noqa: PLC0415  (found from now on)
+    from forge.__main__ import main as command
 
     return command()
 
@@ -24,7 +24,7 @@ def main() -> int:
 def own_modules_first() -> None:
     """Let imports find this forge and its libraries before what PYTHONPATH and the current folder have."""
     sys.path.insert(0, HOME)
-    import forge  # noqa: F401, PLC0415  (the one beside this file, wherever that is)
+    import forge  # noqa: F401  (the one beside this file, wherever that is)
 
     sys.path[:] = _ordered(sys.path[1:])
 

@@ -9,8 +9,8 @@ def main() -> int:
     """Carry out the command of this process, which ends then; returns its exit code."""
     _insist_on_utf8()
     # Here, once it is known where modules come from.
-    from forge.base.signals import open_standard_streams  # noqa: PLC0415
-    from forge.cli import main  # noqa: PLC0415
+    from forge.base.signals import open_standard_streams
+    from forge.cli import main
 
     open_standard_streams()
     code = main.main()

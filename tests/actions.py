@@ -39,7 +39,7 @@ WHOLE = {
 """More of what servers and other clients put into them."""
 
 
-def message_class(messages: dict[str, dict[str, tuple[int, str]]]) -> Any:  # noqa: ANN401  (made at run time)
+def message_class(messages: dict[str, dict[str, tuple[int, str]]]) -> Any:
     """Return the class of ActionResult."""
     file = descriptor_pb2.FileDescriptorProto(name="a.proto", package="a", syntax="proto3")
     for name, fields in messages.items():
@@ -57,7 +57,7 @@ def message_class(messages: dict[str, dict[str, tuple[int, str]]]) -> Any:  # no
     return message_factory.GetMessageClass(pool.FindMessageTypeByName("a.ActionResult"))
 
 
-def as_message(result: ActionResult, kind: Any) -> Any:  # noqa: ANN401  (as above)
+def as_message(result: ActionResult, kind: Any) -> Any:
     """Return a result as a message of protobuf's."""
     message = kind(stdout_raw=result.stdout)
     for file in result.files:
@@ -66,7 +66,7 @@ def as_message(result: ActionResult, kind: Any) -> Any:  # noqa: ANN401  (as abo
     return message
 
 
-def as_result(message: Any) -> ActionResult:  # noqa: ANN401  (as above)
+def as_result(message: Any) -> ActionResult:
     """Return what forge uses of a message."""
     files = (
         OutputFile(file.path, Digest(file.digest.hash, file.digest.size_bytes), file.is_executable)
@@ -75,7 +75,7 @@ def as_result(message: Any) -> ActionResult:  # noqa: ANN401  (as above)
     return ActionResult(tuple(files), message.stdout_raw)
 
 
-def is_storable(message: Any) -> bool:  # noqa: ANN401  (as above)
+def is_storable(message: Any) -> bool:
     """Apply the rules by which bazel-remote takes a result or refuses it, as far as forge uses its fields.
 
     Those of its function that checks an ActionResult: paths are there and relative, digests have 64 hex

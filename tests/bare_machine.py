@@ -67,7 +67,7 @@ def main(argv: Sequence[str]) -> NoReturn:
         os.environ["PATH"] = os.pathsep.join(dict.fromkeys(FOLDERS))
     else:
         command = [*_unshare(), sys.executable, "-m", "tests.bare_machine", _INSIDE, *argv]
-    os.execvp(command[0], command)  # noqa: S606  (no shell is wanted between)
+    os.execvp(command[0], command)
 
 
 def programs() -> frozenset[str]:

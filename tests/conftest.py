@@ -235,7 +235,7 @@ def msg(probe: Path) -> ModuleType:
 @pytest.fixture(scope="session")
 def chromium() -> Iterator[Browser]:
     """Run one browser for all tests of pages."""
-    from tests.browser import started  # noqa: PLC0415  (most tests open no page)
+    from tests.browser import started
 
     with started() as running:
         yield running
@@ -344,14 +344,14 @@ def _detecting_once(results: Path | None) -> Iterator[None]:
     if results is None:
         yield
         return
-    detect = Toolchain._configure  # noqa: SLF001  (only tests have many build folders)
+    detect = Toolchain._configure
 
     def configure(toolchain: Toolchain, variables: Mapping[str, str]) -> None:
-        home = toolchain._home  # noqa: SLF001
+        home = toolchain._home
         if not home.exists() and (results / home.name).is_dir():
             shutil.copytree(results / home.name, home, symlinks=True)
         detect(toolchain, variables)
-        if toolchain._results() is not None and not (results / home.name).exists():  # noqa: SLF001
+        if toolchain._results() is not None and not (results / home.name).exists():
             shutil.copytree(home, results / home.name, symlinks=True)
 
     with patch.object(Toolchain, "_configure", configure):

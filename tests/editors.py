@@ -33,7 +33,7 @@ class Editor:
         self.registered: list[str] = []
         """What the server wants to be told."""
 
-    def start(self, folder: Path, **capabilities: Any) -> dict[str, Any]:  # noqa: ANN401  (JSON)
+    def start(self, folder: Path, **capabilities: Any) -> dict[str, Any]:
         """Open a folder, and return what the server can do."""
         params = {"processId": None, "rootUri": folder.as_uri(), "capabilities": capabilities}
         answer: dict[str, Any] = self.ask("initialize", **params)
@@ -64,13 +64,13 @@ class Editor:
             for each in self.diagnostics.get(path.as_uri(), [])
         ]
 
-    def at(self, method: str, path: Path, position: str, **params: Any) -> Any:  # noqa: ANN401  (JSON)
+    def at(self, method: str, path: Path, position: str, **params: Any) -> Any:
         """Ask about a position in a file."""
         line, _, column = position.partition(":")
         place = {"line": int(line), "character": int(column)}
         return self.ask(method, textDocument={"uri": path.as_uri()}, position=place, **params)
 
-    def ask(self, method: str, **params: Any) -> Any:  # noqa: ANN401  (JSON)
+    def ask(self, method: str, **params: Any) -> Any:
         """Send a request and return its result; an error fails the test."""
         self._number += 1
         self._send({"id": self._number, "method": method, "params": params})
@@ -81,7 +81,7 @@ class Editor:
                 return message["result"]
             self._take(message)
 
-    def tell(self, method: str, **params: Any) -> None:  # noqa: ANN401  (JSON)
+    def tell(self, method: str, **params: Any) -> None:
         """Send a notification."""
         self._send({"method": method, "params": params})
 

@@ -96,7 +96,7 @@ def classes_of(message: Message) -> dict[str, Any]:
     catalog = Catalog(message.name.package, {message.name: message}, {message.name: message}, {})
     text = next(file.text for file in modules.files(catalog) if "/_" in file.path.replace("__init__", ""))
     names: dict[str, Any] = {"__name__": str(message.name).replace("/", ".")}
-    exec(compile(text, str(message.name), "exec"), names)  # noqa: S102  (that it can be is the point)
+    exec(compile(text, str(message.name), "exec"), names)
     return names
 
 

@@ -26,22 +26,22 @@ _PRIMITIVES: dict[str, st.SearchStrategy[Any]] = {
 }
 
 
-def messages(class_: Any) -> st.SearchStrategy[Any]:  # noqa: ANN401  (a class that was generated a moment ago)
+def messages(class_: Any) -> st.SearchStrategy[Any]:
     """Return a strategy for messages of a class, by its SLOT_TYPES."""
 
     @st.composite
-    def build(draw: st.DrawFn) -> Any:  # noqa: ANN401
+    def build(draw: st.DrawFn) -> Any:
         return _message(draw, class_)
 
     return build()
 
 
-def _message(draw: st.DrawFn, class_: Any) -> Any:  # noqa: ANN401
+def _message(draw: st.DrawFn, class_: Any) -> Any:
     slots = zip(class_.__slots__, class_.SLOT_TYPES, strict=True)
     return class_(**{slot[1:]: _value(draw, type_, class_) for slot, type_ in slots})
 
 
-def _value(draw: st.DrawFn, type_: Any, owner: Any) -> Any:  # noqa: ANN401
+def _value(draw: st.DrawFn, type_: Any, owner: Any) -> Any:
     word = type(type_).__name__
     if word == "BasicType":
         return draw(_PRIMITIVES[type_.typename])
@@ -57,14 +57,14 @@ def _value(draw: st.DrawFn, type_: Any, owner: Any) -> Any:  # noqa: ANN401
     return [_value(draw, type_.value_type, owner) for _ in range(size)]
 
 
-def class_of(owner: Any, type_: Any) -> Any:  # noqa: ANN401
+def class_of(owner: Any, type_: Any) -> Any:
     """Return the class of a field of `owner`; parts of actions are in the same module."""
     if type_.namespaces[-1] == "action":
         return getattr(sys.modules[owner.__module__], type_.name)
     return getattr(import_module(".".join(type_.namespaces)), type_.name)
 
 
-def plain(value: Any) -> Any:  # noqa: ANN401
+def plain(value: Any) -> Any:
     """Return a value as dicts, lists, numbers and strings, whichever library's message it is of."""
     if isinstance(value, np.ndarray | array):
         return value.tolist()

@@ -30,4 +30,4 @@ def modules() -> list[Path]:
 
 
 if __name__ == "__main__":
-    print(*(path.relative_to(HERE.parent) for path in modules()))  # noqa: T201  (for a command line)
+    print(*(path.relative_to(HERE.parent) for path in modules()))

@@ -70,8 +70,8 @@ def table(subject: str) -> str:
 def options(command: str) -> Iterator[Option]:
     """Yield the options of a command, and of its verbs; without a name those that stand before it."""
     for verb, parser in parsers(command):
-        for group in parser._action_groups:  # noqa: SLF001  (argparse has no other way)
-            for action in group._group_actions:  # noqa: SLF001
+        for group in parser._action_groups:
+            for action in group._group_actions:
                 if action.option_strings and action.help != argparse.SUPPRESS and action.dest != "help":
                     meaning = _meaning(parser, action)
                     yield Option(verb, group.title or "", _spelling(action), meaning)
@@ -97,8 +97,8 @@ def all_parsers() -> Iterator[tuple[str, argparse.ArgumentParser]]:
 
 
 def _subparsers(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
-    for action in parser._actions:  # noqa: SLF001
-        if isinstance(action, argparse._SubParsersAction):  # noqa: SLF001
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
             return dict(action.choices)
     return {}
 
@@ -123,7 +123,7 @@ def _value(action: argparse.Action) -> str:
 
 def _meaning(parser: argparse.ArgumentParser, action: argparse.Action) -> str:
     """Return the help of an option with code marked as such."""
-    text = parser._get_formatter()._expand_help(action) if action.help else ""  # noqa: SLF001
+    text = parser._get_formatter()._expand_help(action) if action.help else ""
     parts = re.split(r"(`[^`]*`)", _QUOTED.sub(r"`\1`", text).replace("|", "\\|"))
     return "".join(part if part.startswith("`") else _NAMED.sub(r"`\1`", part) for part in parts)
 

@@ -209,6 +209,6 @@ def _is_known(typed: str) -> bool:
                 return False
             break
         path = f"{path} {word}".strip()
-    known = {flag for name in ("", path) for flag in PARSERS[name]._option_string_actions}  # noqa: SLF001  (argparse has no other way)
+    known = {flag for name in ("", path) for flag in PARSERS[name]._option_string_actions}
     given = [word.partition("=")[0] for word in words if word.startswith("-") and "|" not in typed]
     return all(any(flag.startswith(option) for flag in known) for option in given)

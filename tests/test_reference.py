@@ -84,13 +84,13 @@ def test_every_word_of_the_command_line_says_what_it_is_for(words: str) -> None:
     """Lower case, no full stop, a default wherever there is one that matters, not a paragraph."""
     parser = PARSERS[words]
     assert parser.description
-    for action in parser._actions:  # noqa: SLF001  (argparse has no other way)
-        if action.help == argparse.SUPPRESS or isinstance(action, argparse._HelpAction):  # noqa: SLF001
+    for action in parser._actions:
+        if action.help == argparse.SUPPRESS or isinstance(action, argparse._HelpAction):
             continue
-        if isinstance(action, argparse._SubParsersAction):  # noqa: SLF001
+        if isinstance(action, argparse._SubParsersAction):
             continue
         name = action.option_strings or action.dest
-        text = parser._get_formatter()._expand_help(action) if action.help else ""  # noqa: SLF001
+        text = parser._get_formatter()._expand_help(action) if action.help else ""
         assert text, f"{words}: {name} says nothing"
         assert not text.endswith("."), f"{words}: {name}"
         assert not re.match(r"[A-Z][a-z]", text), f"{words}: {name}"

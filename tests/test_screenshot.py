@@ -23,7 +23,7 @@ def test_a_picture_has_what_was_printed_and_how(tmp_path: Path) -> None:
     lines = list(screen((f"printf 'working\\r{red} %s\\n' \"$PWD\"",), tmp_path))
     assert lines[1][0] == Run(0, 48, "error:", "red")
     assert [run.text for run in lines[1]] == ["error:", "/home/me/ws"]
-    drawn = ET.fromstring(picture(lines[1:]))  # noqa: S314  (made a moment ago)
+    drawn = ET.fromstring(picture(lines[1:]))
     assert [(text.get("class"), text.text) for text in drawn.iter(_TEXT)] == [
         ("red", "error:"),
         (None, "/home/me/ws"),
@@ -40,7 +40,7 @@ def test_the_picture_in_the_readme_shows_what_forge_prints_now(tmp_path: Path) -
 def shown(svg: str) -> list[str]:
     """Return the sorted lines of a picture without times and dates."""
     rows: dict[str, list[str]] = {}
-    for text in ET.fromstring(svg).iter(_TEXT):  # noqa: S314  (ours)
+    for text in ET.fromstring(svg).iter(_TEXT):
         rows.setdefault(text.get("y", ""), []).append(text.text or "")
     return sorted(
         re.sub(r"\d+(?:\.\d+)?s\b|[\d-]{10}_[\d-]{8}", "TIME", " ".join(row)) for row in rows.values()

@@ -151,7 +151,7 @@ class InterfaceError(ForgeError):
     """An interface definition is wrong."""
 
 
-class EnvironmentFault(ForgeError):  # noqa: N818  (EnvironmentError is a builtin's name)
+class EnvironmentFault(ForgeError):
     """The machine lacks something the command needs."""
 
 
@@ -193,7 +193,7 @@ def share_hints(problems: Iterable[Problem]) -> list[Problem]:
 
 def print_problem(problem: Problem, severity: Severity = "error") -> None:
     """Print a problem on stderr."""
-    print(problem.render(severity, palette_of(sys.stderr)), file=sys.stderr)  # noqa: T201  (as it says)
+    print(problem.render(severity, palette_of(sys.stderr)), file=sys.stderr)
 
 
 class WarningReporter:

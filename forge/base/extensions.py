@@ -19,7 +19,7 @@ _Result = TypeVar("_Result")
 
 def entry_points(group: str) -> dict[str, EntryPoint]:
     """Return the entry points of a group by name; of several with the same name, the first on sys.path."""
-    from importlib.metadata import entry_points as find  # noqa: PLC0415  (takes longer than most builds)
+    from importlib.metadata import entry_points as find
 
     found: dict[str, EntryPoint] = {}
     for entry in find(group=group):
@@ -27,7 +27,7 @@ def entry_points(group: str) -> dict[str, EntryPoint]:
     return dict(sorted(found.items()))
 
 
-def load(entry: EntryPoint, kind: str, functions: tuple[str, ...]) -> Any:  # noqa: ANN401  (a plugin)
+def load(entry: EntryPoint, kind: str, functions: tuple[str, ...]) -> Any:
     """Return what an entry point refers to; raises ForgeError if it lacks one of `functions`.
 
     `kind` names it in messages, for example 'build type'.
@@ -49,7 +49,7 @@ def call(what: str, function: Callable[..., _Result], *arguments: object) -> _Re
     except ForgeError:
         raise
     except Exception as error:
-        import traceback  # noqa: PLC0415  (5 ms, only needed for errors)
+        import traceback
 
         frame = traceback.extract_tb(error.__traceback__)[-1]
         message = f"{what} failed: {type(error).__name__}: {error}"

@@ -55,7 +55,7 @@ def read_file(path: str | Path) -> bytes:
 def open_regular(path: str, flags: int) -> int:
     """Return a descriptor of a regular file, for open(); raises UnfitFileError for other files."""
     # Check before opening, because opening some devices has side effects.
-    _refuse_unfit(path, os.stat(path))  # noqa: PTH116
+    _refuse_unfit(path, os.stat(path))
     descriptor = os.open(path, flags | os.O_CLOEXEC | os.O_NONBLOCK)
     try:
         _refuse_unfit(path, os.fstat(descriptor))
@@ -184,7 +184,7 @@ def tree_below(root: str) -> tuple[list[tuple[str, os.stat_result]], list[str]]:
 
 def mount_points() -> Iterator[str]:
     """Yield the mount points of this process; bind mounts have the device of their parent."""
-    with contextlib.suppress(OSError), open("/proc/self/mountinfo", "rb") as mounts:  # noqa: PTH123
+    with contextlib.suppress(OSError), open("/proc/self/mountinfo", "rb") as mounts:
         for line in mounts:
             escaped = line.split(b" ")[4]
             yield os.fsdecode(re.sub(rb"\\(\d{3})", lambda match: bytes([int(match[1], 8)]), escaped))
@@ -222,17 +222,17 @@ def delete_tree(path: str | Path) -> None:
 def remove_tree(path: str) -> None:
     """Remove a file, link or folder recursively, ignoring errors, except if something is mounted below."""
     try:
-        os.unlink(path)  # noqa: PTH108
+        os.unlink(path)
     except FileNotFoundError:
         return
     except OSError:
         with contextlib.suppress(OSError):  # already empty
-            os.rmdir(path)  # noqa: PTH106
+            os.rmdir(path)
             return
         if mount_below(path):
             return
         shutil.rmtree(path, ignore_errors=True)
-        if os.path.isdir(path):  # noqa: PTH112
+        if os.path.isdir(path):
             _make_writable(path)
             shutil.rmtree(path, ignore_errors=True)
 
@@ -240,12 +240,12 @@ def remove_tree(path: str) -> None:
 def _make_writable(root: str) -> None:
     """Add write permission to a folder tree, so that it can be removed."""
     with contextlib.suppress(OSError):
-        os.chmod(root, stat.S_IRWXU)  # noqa: PTH101
+        os.chmod(root, stat.S_IRWXU)
     for folder, names, _ in os.walk(root):
         for path in (f"{folder}/{name}" for name in names):
-            if not os.path.islink(path):  # noqa: PTH114
+            if not os.path.islink(path):
                 with contextlib.suppress(OSError):
-                    os.chmod(path, stat.S_IRWXU)  # noqa: PTH101
+                    os.chmod(path, stat.S_IRWXU)
 
 
 def remove_drafts(root: Path) -> None:
@@ -254,7 +254,7 @@ def remove_drafts(root: Path) -> None:
         for name in names:
             if name.startswith(".") and name.endswith(_DRAFT):
                 with contextlib.suppress(OSError):
-                    os.unlink(os.path.join(folder, name))  # noqa: PTH108, PTH118  (as os.walk says it)
+                    os.unlink(os.path.join(folder, name))
 
 
 def writable_by_others(status: os.stat_result) -> bool:
@@ -269,8 +269,8 @@ def writable_by_others(status: os.stat_result) -> bool:
 
 
 def _is_own_group(group: int, user: int) -> bool:
-    import grp  # noqa: PLC0415  (few files are writable for a group)
-    import pwd  # noqa: PLC0415  (as above)
+    import grp
+    import pwd
 
     try:
         account, members = pwd.getpwuid(user), grp.getgrgid(group)

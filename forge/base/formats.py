@@ -19,7 +19,7 @@ def read_yaml(content: bytes | str, path: Path) -> dict[str, Any]:
 
     Raises WorkspaceError with the position if it is malformed or not a mapping.
     """
-    import yaml  # noqa: PLC0415  (takes 15 ms, rarely needed)
+    import yaml
 
     try:
         loader = yaml.SafeLoader(_text(content, path))
@@ -45,9 +45,9 @@ def read_yaml(content: bytes | str, path: Path) -> dict[str, Any]:
 def read_toml(content: bytes | str, path: Path) -> dict[str, Any]:
     """Parse a TOML document; raises WorkspaceError if it is malformed."""
     if sys.version_info >= (3, 11):
-        import tomllib  # noqa: PLC0415  (10 ms, as above)
+        import tomllib
     else:
-        import tomli as tomllib  # noqa: PLC0415
+        import tomli as tomllib
 
     try:
         return tomllib.loads(_text(content, path))
@@ -70,7 +70,7 @@ def _text(content: bytes | str, path: Path) -> str:
 
 def yaml_text(value: dict[str, str]) -> str:
     """Return a mapping as YAML."""
-    import yaml  # noqa: PLC0415  (as above)
+    import yaml
 
     text: str = yaml.safe_dump(value, default_flow_style=False)
     return text

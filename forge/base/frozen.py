@@ -72,20 +72,20 @@ def _reader(names: Sequence[str]) -> Callable[[Any], Any]:
 
 
 def _equality(read: Callable[[Any], Any]) -> Callable[[Any, object], bool]:
-    def __eq__(self: Any, other: object) -> bool:  # noqa: ANN401, N807
+    def __eq__(self: Any, other: object) -> bool:
         return read(self) == read(other) if other.__class__ is self.__class__ else NotImplemented
 
     return __eq__
 
 
 def _hash(read: Callable[[Any], Any]) -> Callable[[Any], int]:
-    def __hash__(self: Any) -> int:  # noqa: ANN401, N807
+    def __hash__(self: Any) -> int:
         return hash((self.__class__, read(self)))
 
     return __hash__
 
 
-def _representation(self: Any) -> str:  # noqa: ANN401
+def _representation(self: Any) -> str:
     shown = (f"{name}={getattr(self, name)!r}" for name, f in self.__dataclass_fields__.items() if f.repr)
     return f"{self.__class__.__qualname__}({', '.join(shown)})"
 
@@ -94,11 +94,11 @@ def _refuse(self: object, name: str, _value: object = None) -> NoReturn:
     raise FrozenInstanceError(f"'{name}' of a {self.__class__.__name__} cannot be changed: it is frozen")
 
 
-def _state(self: Any) -> list[Any]:  # noqa: ANN401
+def _state(self: Any) -> list[Any]:
     return [getattr(self, name) for name in self.__dataclass_fields__]
 
 
-def _restore(self: Any, state: list[Any]) -> None:  # noqa: ANN401
+def _restore(self: Any, state: list[Any]) -> None:
     for name, value in zip(self.__dataclass_fields__, state, strict=True):
         _set(self, name, value)
 

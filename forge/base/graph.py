@@ -190,7 +190,7 @@ def weak_edges_on_cycles(
 
 def find_cycle(needs: Mapping[str, frozenset[str]]) -> tuple[str, ...] | None:
     """Return a shortest cycle as a -> b -> ... -> a (first and last are equal), or None."""
-    import networkx as nx  # noqa: PLC0415  (only needed to report a cycle)
+    import networkx as nx
 
     graph = nx.DiGraph((name, need) for name in sorted(needs) for need in sorted(needs[name]))
     best: tuple[str, ...] = ()

@@ -40,13 +40,13 @@ def _remove(folder: str, mounts: set[str], above: set[str], last: str = "") -> N
         if entry.is_dir(follow_symlinks=False):
             _remove(entry.path, mounts, above)
         else:
-            os.unlink(entry.path)  # noqa: PTH108  (each file of a build folder)
+            os.unlink(entry.path)
     if folder not in above:
-        os.rmdir(folder)  # noqa: PTH106
+        os.rmdir(folder)
 
 
 def _parents(path: str, top: str) -> Iterator[str]:
     """Yield the folders above a path, up to and including `top`."""
     while path != top and path.startswith(top):
-        path = os.path.dirname(path)  # noqa: PTH120
+        path = os.path.dirname(path)
         yield path

@@ -51,7 +51,7 @@ def python_attribute(name: str) -> str:
 
 def nearest(name: str, known: Iterable[str], nearness: float = 0.6) -> str | None:
     """Return the most similar known name, or None; `nearness` is between 0 and 1."""
-    import difflib  # noqa: PLC0415  (takes 6 ms, rarely needed)
+    import difflib
 
     near = difflib.get_close_matches(name, list(known), n=1, cutoff=nearness)
     return near[0] if near else None

@@ -50,12 +50,12 @@ class Option:
 
 
 def option(
-    help: str | None,  # noqa: A002  (as in parsers of command lines)
+    help: str | None,
     *,
-    default: Any = None,  # noqa: ANN401
+    default: Any = None,
     default_factory: Callable[[], Any] | None = None,
-    **more: Any,  # noqa: ANN401
-) -> Any:  # noqa: ANN401  (the type of the field)
+    **more: Any,
+) -> Any:
     """Return a dataclass field with an Option; `more` are its attributes."""
     metadata = {_KEY: Option(help, **more)}
     if default_factory is not None:
@@ -74,7 +74,7 @@ def default_of(declared: Field[Any]) -> object:
     return declared.default if declared.default_factory is MISSING else declared.default_factory()
 
 
-def declared_options(cls: Any) -> Sequence[tuple[Field[Any], Option]]:  # noqa: ANN401  (a dataclass)
+def declared_options(cls: Any) -> Sequence[tuple[Field[Any], Option]]:
     """Return the fields of a dataclass that are options, in their order."""
     fields: Sequence[Field[Any]] = tuple(cls.__dataclass_fields__.values())
     return [(each, found) for each in fields if (found := option_of(each)) is not None]

@@ -48,9 +48,9 @@ def has_no_pip(environment: Path) -> bool:
 
 def _requirements_of(extra: str) -> tuple[str, ...]:
     """Return the requirements of an extra, as the metadata of forge tells them."""
-    from importlib.metadata import PackageNotFoundError, requires  # noqa: PLC0415  (only needed for hints)
+    from importlib.metadata import PackageNotFoundError, requires
 
-    from packaging.requirements import Requirement  # noqa: PLC0415  (as above)
+    from packaging.requirements import Requirement
 
     try:
         declared = [Requirement(text) for text in requires(_NAME) or ()]

@@ -41,7 +41,7 @@ _PAGES = ("html.j2", "svg.j2")
 @cache
 def environment() -> jinja2.Environment:
     """Return the environment shared by all templates."""
-    import jinja2  # noqa: PLC0415  (takes 30 ms, rarely needed)
+    import jinja2
 
     return jinja2.Environment(
         bytecode_cache=_compiled(),
@@ -57,7 +57,7 @@ def environment() -> jinja2.Environment:
 
 def _compiled() -> jinja2.BytecodeCache | None:
     """Return the cache of compiled templates, if one is configured."""
-    import jinja2  # noqa: PLC0415  (as above)
+    import jinja2
 
     class Kept(jinja2.BytecodeCache):
         """A file per template; a folder that has gone since is not made again."""

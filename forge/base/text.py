@@ -19,9 +19,9 @@ _NAMES_SHOWN = 3
 
 def duration(seconds: float) -> str:
     """Format seconds like colcon: 0.15s, 12.3s, 1min 5s, 1h 2min 3s."""
-    if seconds < 9.995:  # noqa: PLR2004  (two decimals would round to 10.00)
+    if seconds < 9.995:
         return f"{seconds:.2f}s"
-    if seconds < 59.95:  # noqa: PLR2004
+    if seconds < 59.95:
         return f"{seconds:.1f}s"
     whole = round(seconds)
     hours, rest = divmod(whole, 3600)

@@ -61,13 +61,13 @@ def parse_xml(content: bytes, path: Path) -> Element:
     """Return the root element of an XML document; raises WorkspaceError with the position of an error."""
     builder = _Builder(content)
     try:
-        builder.parser.Parse(content, True)  # noqa: FBT003  (expat's own signature)
+        builder.parser.Parse(content, True)
     except expat.ExpatError as error:
         problem = _problem(expat.ErrorString(error.code), content, path, error.lineno, error.offset + 1)
         raise WorkspaceError(replace(problem, hint=builder.remedy(error.code))) from None
     except _RefusedError as error:
         raise WorkspaceError(_problem(str(error), content, path, error.line, None)) from None
-    assert builder.root is not None  # noqa: S101  (expat rejects a document without a root)
+    assert builder.root is not None
     return builder.root
 
 

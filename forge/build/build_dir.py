@@ -304,7 +304,7 @@ def _touch_build_ninja(build: Path) -> None:
 
 def _modified(path: str) -> int:
     try:
-        return os.stat(path).st_mtime_ns  # noqa: PTH116
+        return os.stat(path).st_mtime_ns
     except OSError:
         return 0
 
@@ -316,23 +316,23 @@ def _remove_below(build: Path, paths: Iterable[str]) -> None:
 
 
 def _discard_path(path: str) -> None:
-    if os.path.isdir(path) and not os.path.islink(path):  # noqa: PTH112, PTH114
+    if os.path.isdir(path) and not os.path.islink(path):
         delete_tree(path)
     else:
-        os.unlink(path)  # noqa: PTH108
+        os.unlink(path)
 
 
 def _move(path: str, source: str) -> None:
     if os.path.lexists(source) and not os.path.lexists(path):
-        os.makedirs(os.path.dirname(path), exist_ok=True)  # noqa: PTH103, PTH120
-        os.rename(source, path)  # noqa: PTH104
+        os.makedirs(os.path.dirname(path), exist_ok=True)
+        os.rename(source, path)
 
 
 def _restore_time(path: str, source: str) -> None:
     """Restore the time of a file whose content has not changed."""
     with contextlib.suppress(OSError):
         if filecmp.cmp(path, source, shallow=False):
-            status = os.stat(source)  # noqa: PTH116
+            status = os.stat(source)
             os.utime(path, ns=(status.st_atime_ns, status.st_mtime_ns))
 
 
@@ -346,7 +346,7 @@ def _generated_changes(build: Path, before: Path) -> Changes:
         if folder == str(build):
             folders[:] = [name for name in folders if name not in {"CMakeFiles", *_KEPT}]
         for name in files:
-            path = os.path.join(folder, name)  # noqa: PTH118
+            path = os.path.join(folder, name)
             earlier = path.replace(str(build), str(before), 1)
             if not os.path.lexists(earlier):
                 added.add(path)

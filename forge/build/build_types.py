@@ -57,17 +57,17 @@ class _Rust:
     """The build types of Rust packages; their recipes are only imported if there are such packages."""
 
     def options(self, package: Package, context: BuildContext) -> tuple[str, ...]:
-        from forge.build.recipes import cargo  # noqa: PLC0415  (as above)
+        from forge.build.recipes import cargo
 
         return cargo.options(package, context)
 
     def recipe(self, package: Package, context: BuildContext) -> Recipe:
-        from forge.build.recipes import cargo  # noqa: PLC0415  (as above)
+        from forge.build.recipes import cargo
 
         return cargo.recipe(package, context)
 
     def tests(self, package: Package, context: TestContext) -> Recipe:
-        from forge.build.recipes import cargo  # noqa: PLC0415  (as above)
+        from forge.build.recipes import cargo
 
         return cargo.tests(package, context)
 
@@ -154,13 +154,13 @@ def hint_on_type(build_type: str, name: str = "NAME") -> str:
 
 
 def _plugin_names() -> frozenset[str]:
-    from forge.workspace.finders import plugin_names  # noqa: PLC0415  (as below)
+    from forge.workspace.finders import plugin_names
 
     return plugin_names()
 
 
 def _plugin(name: str) -> BuildType | None:
     """Return the build type of another distribution."""
-    from forge.build.plugins import find_plugin  # noqa: PLC0415  (most builds use no plugin)
+    from forge.build.plugins import find_plugin
 
     return find_plugin(name)

@@ -143,7 +143,7 @@ def is_source_of(folder: Path, record: BuildRecord | None) -> bool:
 
 def contents(folder: Path) -> str:
     """Return a short description of what a folder contains, the most telling names first."""
-    names = sorted(os.listdir(folder), key=lambda name: (name not in {".git", "package.xml"}, name))  # noqa: PTH208
+    names = sorted(os.listdir(folder), key=lambda name: (name not in {".git", "package.xml"}, name))
     more = f" and {len(names) - 1} more" if len(names) > 1 else ""
     return f"'{names[0]}'{more}" if names else "nothing"
 
@@ -163,7 +163,7 @@ class SourceFolders:
         folders: dict[str, str] = {}
         for path in map(str, sources):
             parent, _, name = path.rpartition("/")
-            if name in {"", ".", ".."} or os.path.islink(path):  # noqa: PTH114
+            if name in {"", ".", ".."} or os.path.islink(path):
                 real = os.path.realpath(path)
             else:
                 # Hundreds of packages have few parents.
@@ -186,7 +186,7 @@ class SourceFolders:
             return f"contains the sources of a package: '{sources[inside]}'"
         above = real
         while above != os.sep:
-            above = os.path.dirname(above)  # noqa: PTH120
+            above = os.path.dirname(above)
             if above in sources and above != self._top:
                 return f"lies in the sources of a package: '{sources[above]}'"
         return ""
@@ -315,7 +315,7 @@ def _is_plain(folder: str, mark: str) -> bool:
     exists = os.path.lexists
     return (
         exists(f"{folder}/{mark}")
-        and not os.path.islink(folder)  # noqa: PTH114  (each package of every build: no Path for each)
+        and not os.path.islink(folder)
         and not (exists(f"{folder}/package.xml") or exists(f"{folder}/.git"))
     )
 

@@ -72,13 +72,13 @@ def without_other_installs(paths: Iterable[str], install: Path) -> Iterator[str]
     def is_own(folder: str) -> bool:
         if folder not in own:
             if os.path.lexists(f"{folder}/{LAYOUT_MARKER}"):
-                own[folder] = install.is_dir() and os.path.samefile(folder, install)  # noqa: PTH121
+                own[folder] = install.is_dir() and os.path.samefile(folder, install)
             else:
-                own[folder] = is_own(os.path.dirname(folder))  # noqa: PTH120  (each installed file: no Path for each)
+                own[folder] = is_own(os.path.dirname(folder))
         return own[folder]
 
     for path in paths:
-        if path.startswith(base) or is_own(os.path.dirname(path)):  # noqa: PTH120
+        if path.startswith(base) or is_own(os.path.dirname(path)):
             yield path
 
 
@@ -90,8 +90,8 @@ def installed_links(prefix: Path, homes: Mapping[str, str]) -> dict[str, tuple[s
     """
     found: dict[str, list[str]] = {}
     for path in _links_below(str(prefix)):
-        folder = os.readlink(path)  # noqa: PTH115  (each installed file: no Path for each)
-        while folder not in homes and folder != (parent := os.path.dirname(folder)):  # noqa: PTH120
+        folder = os.readlink(path)
+        while folder not in homes and folder != (parent := os.path.dirname(folder)):
             folder = parent
         if folder in homes:
             found.setdefault(homes[folder], []).append(path)

@@ -140,13 +140,13 @@ def _observed(writes: ObservedWrites, below: str) -> tuple[set[str], set[str]]:
         hidden = BYTECODE in path or path.startswith(f"{below}.forge")
         if hidden or not path.startswith(below) or not os.path.lexists(path):
             continue
-        if os.path.islink(path) or not os.path.isdir(path):  # noqa: PTH112, PTH114
+        if os.path.islink(path) or not os.path.isdir(path):
             files.add(path)
         elif path in writes.files:
             found, folders = tree_below(path)
             files.update(inner for inner, _ in found)
             empty.update(folders)
-        elif not os.listdir(path):  # noqa: PTH208
+        elif not os.listdir(path):
             empty.add(path)
     return files, empty
 
@@ -155,7 +155,7 @@ def uninstall_markers(name: str, layout: Layout) -> None:
     """Remove the files that mark a package as installed."""
     for path in package_markers(name, layout):
         with contextlib.suppress(FileNotFoundError):
-            os.unlink(path)  # noqa: PTH108  (seven of each package: no Path for each)
+            os.unlink(path)
 
 
 def finish_workspace(
@@ -222,7 +222,7 @@ def _remove_stale_hooks(folder: Path, names: set[str], build: Path) -> None:
         if entry.name not in names and entry.suffix in suffixes
     }
     for path in stale.difference(listed_files(build)) if stale else ():
-        os.unlink(path)  # noqa: PTH108  (a string, as in install manifests)
+        os.unlink(path)
 
 
 def _entry_script(underlay: Path, shell: str) -> Path:

@@ -174,7 +174,7 @@ class Journal:
 
     def _write(self, line: Mapping[str, object] | None) -> None:
         """Write one line, or an empty one, unbuffered; raises OSError if it cannot be written completely."""
-        assert self._stream is not None  # noqa: S101  (opened above)
+        assert self._stream is not None
         content = b"\n" if line is None else json.dumps(line).encode() + b"\n"
         while content:
             content = content[self._stream.write(content) or 0 :]

@@ -155,7 +155,7 @@ def finalize_task(
     return task
 
 
-def make_whole_plan(  # noqa: PLR0913, PLR0917  (the parameters of make_plan and one more)
+def make_whole_plan(
     names: Sequence[str],
     resolution: DependencyResolution,
     snapshot: Snapshot,

@@ -100,9 +100,7 @@ def write_installed_list(
         "files": {path[len(base) + 1 :]: _identity(path, contents[path]) for path in inside},
         "folders": [path.rstrip("/")[len(base) + 1 :] for path in folders if path.startswith(f"{base}/")],
         "links": {
-            path[len(base) + 1 :]: os.readlink(path)  # noqa: PTH115
-            for path in sorted(parents)
-            if os.path.islink(path)  # noqa: PTH114
+            path[len(base) + 1 :]: os.readlink(path) for path in sorted(parents) if os.path.islink(path)
         },
         "unclaimed": [path[len(base) + 1 :] for path in sorted(unclaimed)],
     }
@@ -123,7 +121,7 @@ def forget_installed_list(name: str, layout: Layout) -> None:
 
 def _identity(path: str, content: str) -> str:
     """Return what tells a file from another one at its path: the target of a link, else the digest."""
-    return f"-> {os.readlink(path)}" if content.startswith("link ") else content.rpartition(" ")[2]  # noqa: PTH115
+    return f"-> {os.readlink(path)}" if content.startswith("link ") else content.rpartition(" ")[2]
 
 
 def written_log(name: str, layout: Layout) -> Path:
@@ -140,7 +138,7 @@ def leftover_backups(name: str, layout: Layout) -> list[Path]:
 def tidy(layout: Layout) -> None:
     """Remove the backup folder if it is empty."""
     with contextlib.suppress(OSError):
-        os.rmdir(layout.install / BACKUP_DIR)  # noqa: PTH106
+        os.rmdir(layout.install / BACKUP_DIR)
 
 
 class PrefixExchange:
@@ -212,7 +210,7 @@ class PrefixExchange:
             blocking = next(
                 (other for other in (path, *_parents(path, self._prefix)) if other in others), None
             )
-            if blocking and not (blocking != path and os.path.isdir(blocking)):  # noqa: PTH112
+            if blocking and not (blocking != path and os.path.isdir(blocking)):
                 yield self._problem(path, blocking)
             elif path in above:
                 yield self._problem(path, above[path])
@@ -239,7 +237,7 @@ class PrefixExchange:
             if path in others and path not in unclaimed and _stats(path) != others[path]:
                 _give_back(path, others[path], copies[path])
                 yield self._problem(path, path)
-            elif os.path.isdir(path) and not os.path.islink(path):  # noqa: PTH112, PTH114
+            elif os.path.isdir(path) and not os.path.islink(path):
                 below = next((other for other in sorted(others) if other.startswith(f"{path}/")), None)
                 if below:
                     yield self._problem(path, below)
@@ -259,17 +257,17 @@ class PrefixExchange:
         """
         listed = _read_list(self._list, str(self._layout.install))
         kept = []
-        from forge.build.inputs.fingerprints import content_digest  # noqa: PLC0415  (only with stale files)
+        from forge.build.inputs.fingerprints import content_digest
 
         cut = len(str(self._moved))
         for path, _ in tree_below(str(self._moved))[0]:
             original = f"{self._prefix}{path[cut:]}"
             if listed is None or os.path.lexists(original) or original not in listed.files:
                 continue
-            content = "link " if os.path.islink(path) else content_digest(path)  # noqa: PTH114
+            content = "link " if os.path.islink(path) else content_digest(path)
             if _identity(path, content) != listed.files[original]:
-                os.makedirs(os.path.dirname(original), exist_ok=True)  # noqa: PTH103, PTH120
-                os.rename(path, original)  # noqa: PTH104
+                os.makedirs(os.path.dirname(original), exist_ok=True)
+                os.rename(path, original)
                 message = f"kept '{original}', which '{self._name}' no longer installs, because it was edited"
                 kept.append(Problem(message, hint="remove it if you do not need it"))
         self._drop()
@@ -297,15 +295,15 @@ class PrefixExchange:
             forget_installed_list(self._name, self._layout)
         if not self._layout.merged and not self._noted("state").get("existed", True):
             with contextlib.suppress(OSError):
-                os.rmdir(self._prefix)  # noqa: PTH106
+                os.rmdir(self._prefix)
         self._drop()
 
     def _restore_folders(self) -> None:
         for path, mode in self._noted("folders").items():
             if not os.path.lexists(path):
-                os.makedirs(path, exist_ok=True)  # noqa: PTH103
-            if os.path.isdir(path) and not os.path.islink(path):  # noqa: PTH112, PTH114
-                os.chmod(path, mode)  # noqa: PTH101
+                os.makedirs(path, exist_ok=True)
+            if os.path.isdir(path) and not os.path.islink(path):
+                os.chmod(path, mode)
 
     def _drop(self) -> None:
         for folder in (self._moved, self._copies, *(() if self._layout.merged else (self._others,))):
@@ -343,13 +341,13 @@ class PrefixExchange:
         for path in sorted({*writes.files, *markers}):
             if path in others or not path.startswith(f"{self._prefix}/"):
                 continue
-            if os.path.isdir(path) and not os.path.islink(path):  # noqa: PTH112, PTH114
+            if os.path.isdir(path) and not os.path.islink(path):
                 for inner, _ in tree_below(path)[0]:
                     if inner not in others:
-                        os.unlink(inner)  # noqa: PTH108
+                        os.unlink(inner)
             else:
                 with contextlib.suppress(FileNotFoundError, NotADirectoryError):
-                    os.unlink(path)  # noqa: PTH108
+                    os.unlink(path)
                     _remove_empty(path, self._prefix, others)
         for path in sorted(writes.folders, reverse=True):
             if path not in others and path.startswith(f"{self._prefix}/"):
@@ -402,19 +400,19 @@ class PrefixExchange:
         cut, made, emptied = len(self._prefix), {str(target)}, set()
         for path in sorted(paths):
             aside = f"{target}{path[cut:]}"
-            parent = os.path.dirname(aside)  # noqa: PTH120
+            parent = os.path.dirname(aside)
             with contextlib.suppress(FileNotFoundError, NotADirectoryError):
                 status = os.lstat(path)
                 if stat.S_ISDIR(status.st_mode):
                     continue
                 if os.path.lexists(aside):
-                    os.unlink(path)  # noqa: PTH108  (from the killed build)
+                    os.unlink(path)
                 else:
                     if parent not in made:
-                        os.makedirs(parent, exist_ok=True)  # noqa: PTH103
+                        os.makedirs(parent, exist_ok=True)
                         made.add(parent)
                     _rename(path, aside)
-                emptied.add(os.path.dirname(path))  # noqa: PTH120
+                emptied.add(os.path.dirname(path))
         for folder in sorted({*emptied, *folders}, reverse=True):
             _remove_empty(f"{folder}/x", self._prefix)
         if target is self._part:
@@ -426,10 +424,10 @@ class PrefixExchange:
         for path, _ in tree_below(str(source))[0]:
             destination = f"{self._prefix}{path[len(str(source)) :]}"
             for parent in reversed([*_parents(destination, self._prefix)]):
-                if os.path.lexists(parent) and not os.path.isdir(parent) and parent not in others:  # noqa: PTH112
-                    os.unlink(parent)  # noqa: PTH108
-            os.makedirs(os.path.dirname(destination), exist_ok=True)  # noqa: PTH103, PTH120
-            if os.path.isdir(destination) and not os.path.islink(destination):  # noqa: PTH112, PTH114
+                if os.path.lexists(parent) and not os.path.isdir(parent) and parent not in others:
+                    os.unlink(parent)
+            os.makedirs(os.path.dirname(destination), exist_ok=True)
+            if os.path.isdir(destination) and not os.path.islink(destination):
                 remove_empty_tree(destination)
             _rename(path, destination)
         remove_tree(str(source))
@@ -455,7 +453,7 @@ def foreign_entries(root: str) -> tuple[list[str], list[str]]:
     files: list[str] = []
     empty: list[str] = []
     try:
-        device = os.stat(root).st_dev  # noqa: PTH116
+        device = os.stat(root).st_dev
     except OSError:
         return files, empty
     waiting = [root]
@@ -507,7 +505,7 @@ def _shared_others(layout: Layout) -> Path:
 def remove_empty_tree(path: str) -> None:
     """Remove a folder with folders only; raises OSError if it contains a file."""
     for folder, _, _ in os.walk(path, topdown=False):
-        os.rmdir(folder)  # noqa: PTH106
+        os.rmdir(folder)
 
 
 def _markers(name: str, layout: Layout) -> tuple[str, ...]:
@@ -530,7 +528,7 @@ def _folder(name: str, layout: Layout, kind: str = "") -> Path:
 def _rename(path: str, target: str) -> None:
     """Rename a file; copy it if the target is on another file system."""
     try:
-        os.replace(path, target)  # noqa: PTH105
+        os.replace(path, target)
     except OSError as error:
         if not os.path.lexists(path) or error.errno != errno.EXDEV:
             raise
@@ -539,7 +537,7 @@ def _rename(path: str, target: str) -> None:
 
 def _remove_empty(path: str, root: str, kept: Collection[str] = ()) -> None:
     """Remove the folder of a file if it is empty except for bytecode, and parents that become empty."""
-    folder = os.path.dirname(path)  # noqa: PTH120
+    folder = os.path.dirname(path)
     while folder.startswith(f"{root}/") and folder not in kept:
         try:
             with os.scandir(folder) as entries:
@@ -547,16 +545,16 @@ def _remove_empty(path: str, root: str, kept: Collection[str] = ()) -> None:
                     for cached in Path(folder, BYTECODE).glob("*.pyc*"):
                         cached.unlink()
                     with contextlib.suppress(FileNotFoundError):
-                        os.rmdir(f"{folder}/{BYTECODE}")  # noqa: PTH106
-            os.rmdir(folder)  # noqa: PTH106
+                        os.rmdir(f"{folder}/{BYTECODE}")
+            os.rmdir(folder)
         except OSError:
             return
-        folder = os.path.dirname(folder)  # noqa: PTH120
+        folder = os.path.dirname(folder)
 
 
 def _parents(path: str, root: str) -> Iterator[str]:
     """Yield the folders between a file and a folder that contains it."""
-    while (path := os.path.dirname(path)).startswith(f"{root}/"):  # noqa: PTH120
+    while (path := os.path.dirname(path)).startswith(f"{root}/"):
         yield path
 
 
@@ -614,15 +612,15 @@ def blocking_paths(task: Task, layout: Layout) -> Iterator[Problem]:
     files = {path for path in (listed.files if listed else task.earlier) if not path.endswith("/")}
     parents = {parent for path in files for parent in _parents(path, str(task.prefix))}
     for path in sorted(files - parents):
-        if os.path.isdir(path) and not os.path.islink(path):  # noqa: PTH112, PTH114  (each installed file: no Path for each)
+        if os.path.isdir(path) and not os.path.islink(path):
             hint = "move or remove it"
             yield Problem(f"'{path}', installed as a file by '{name}', is now a folder", hint=hint)
     links = dict(listed.links) if listed else {}
     for path in sorted(parents - files):
-        if os.path.lexists(path) and not os.path.isdir(path):  # noqa: PTH112
+        if os.path.lexists(path) and not os.path.isdir(path):
             hint = "move or remove it"
             yield Problem(f"'{path}', where '{name}' installed files, is no longer a folder", hint=hint)
-        elif listed and os.path.islink(path) and os.readlink(path) != links.get(path):  # noqa: PTH114, PTH115
+        elif listed and os.path.islink(path) and os.readlink(path) != links.get(path):
             target = os.path.realpath(path)
             message = f"'{path}', where '{name}' installed files, is now a link to '{target}'"
             yield Problem(message, hint="move or remove the link")
@@ -656,7 +654,7 @@ def _copy(source: Path, target: Path, *, linked: bool) -> None:
 
 
 def _is_no_folder(path: str) -> bool:
-    return os.path.lexists(path) and not os.path.isdir(path)  # noqa: PTH112
+    return os.path.lexists(path) and not os.path.isdir(path)
 
 
 def _give_back(path: str, status: Sequence[int], kept: Path) -> None:
@@ -664,8 +662,8 @@ def _give_back(path: str, status: Sequence[int], kept: Path) -> None:
     if os.path.lexists(kept):
         _restore_copy(kept, Path(path))
     elif stat.S_ISDIR(status[_MODE]):
-        os.makedirs(path, exist_ok=True)  # noqa: PTH103
-        os.chmod(path, stat.S_IMODE(status[_MODE]))  # noqa: PTH101
+        os.makedirs(path, exist_ok=True)
+        os.chmod(path, stat.S_IMODE(status[_MODE]))
 
 
 def _restore_copy(kept: Path, path: Path) -> None:

@@ -199,7 +199,7 @@ def _configure_reads(
     """Tell if CMake code may have read one of the modified files without CMake keeping account of it."""
     if not own and not needed:
         return False
-    headers = [path for path in needed if not _LIBRARY.match(os.path.basename(path))]  # noqa: PTH119
+    headers = [path for path in needed if not _LIBRARY.match(os.path.basename(path))]
     for path in code:
         if is_cmake_module(path):
             # CMake's modules look at what others install, never at a package's own sources.
@@ -228,7 +228,7 @@ def _may_have_read(
         return False
     named = {match[1] for match in _NAMED.finditer(edge.text)}
     texts = [edge.text.encode(errors="surrogateescape"), *map(read, {*edge.inputs, *named})]
-    names = [os.fsencode(os.path.basename(path)) for path in sources]  # noqa: PTH119
+    names = [os.fsencode(os.path.basename(path)) for path in sources]
     return any(name in text for text in texts for name in names)
 
 
@@ -252,7 +252,7 @@ def _mentioning(
     if not paths:
         return frozenset()
     folders = tuple(path for path in paths if path.endswith("/"))
-    names = {os.path.basename(path).encode(errors="surrogateescape") for path in paths - {*folders}}  # noqa: PTH119
+    names = {os.path.basename(path).encode(errors="surrogateescape") for path in paths - {*folders}}
     if any(name.endswith(_PRECOMPILED) for name in map(os.fsdecode, names)):
         return frozenset(output for edge in graph.edges for output in edge.outputs)
     pattern = re.compile(b"|".join(map(re.escape, sorted(names))) or rb"(?!)")
@@ -277,6 +277,6 @@ def _mentioning(
 def read_or_nothing(path: str) -> bytes:
     """Return what a regular file says, nothing when it is not there."""
     try:
-        return Path(path).read_bytes() if os.path.isfile(path) else b""  # noqa: PTH113
+        return Path(path).read_bytes() if os.path.isfile(path) else b""
     except OSError:
         return b""

@@ -102,14 +102,14 @@ class _Commands:
             words = _WORD.findall(edge.text)
             if not edge.outputs_known:
                 named = [os.path.normpath(word) for word in words if word.startswith(f"{build}/")]
-                self._places.update(*((path, os.path.dirname(path)) for path in named))  # noqa: PTH120
+                self._places.update(*((path, os.path.dirname(path)) for path in named))
                 self._places.update(map(os.path.dirname, edge.outputs))
                 continue
             for word in words:
-                self._names[os.path.basename(word)].add(edge)  # noqa: PTH119
+                self._names[os.path.basename(word)].add(edge)
             for output in edge.outputs:
                 folder, name = os.path.split(output)
-                stem = os.path.splitext(name)[0]  # noqa: PTH122
+                stem = os.path.splitext(name)[0]
                 for beginning in (f"{name}.", f"{name}-", f"{stem}."):
                     self._stems[beginning].add(edge)
                 if edge.compiles:
@@ -131,7 +131,7 @@ class _Commands:
         while len(path) > len(self._root):
             if path in self._places:
                 return True
-            path = os.path.dirname(path)  # noqa: PTH120
+            path = os.path.dirname(path)
         return False
 
 

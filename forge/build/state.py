@@ -80,7 +80,7 @@ class BuildState:
         gone = sorted(self.journal.records.keys() & set(names))
         if not gone:
             return
-        from forge.build.cleaning import package_removables, remove, restore_backups  # noqa: PLC0415  (only a change of underlays)
+        from forge.build.cleaning import package_removables, remove, restore_backups
 
         restore_backups(self.layout, gone)
         for name in gone:
@@ -91,14 +91,14 @@ class BuildState:
 
     def resolve(self, task: Task) -> Task | None:
         """Return the task with its final inputs, or None if none of its dependencies changed."""
-        assert self._hashes is not None  # noqa: S101  (confirm_up_to_date() comes first)
+        assert self._hashes is not None
         record = self.journal.records.get(task.name)
         reads_other = bool(task.after) and record is not None and self._reads_other(record)
         decided = finalize_task(task, self._hashes, record, reads_other=reads_other)
         if decided is None or record is None or reads_other or not task.conditional:
             return decided
-        from forge.build.recording import file_checks  # noqa: PLC0415
-        from forge.build.relinking import relinking_is_redundant  # noqa: PLC0415  (most builds make nothing)
+        from forge.build.recording import file_checks
+        from forge.build.relinking import relinking_is_redundant
 
         records = self.journal.records
         needs = {need: records[need].installed.digest if need in records else UNKNOWN for need in task.needs}
@@ -115,7 +115,7 @@ class BuildState:
 
     def record_event(self, event: Event, plan: BuildPlan) -> None:
         """Record an event."""
-        assert self._hashes is not None  # noqa: S101  (confirm_up_to_date() comes first)
+        assert self._hashes is not None
         self.journal.record(event, plan)
         match event:
             case Fresh(name):

@@ -301,7 +301,7 @@ WITHOUT_EFFECT = frozenset(
     CMAKE_EXPORT_COMPILE_COMMANDS CMAKE_INSTALL_PARALLEL_LEVEL CMAKE_INSTALL_PREFIX CMAKE_MSVCIDE_RUN_PATH
     CMAKE_NO_VERBOSE CMAKE_TEST_LAUNCHER CMAKE_TLS_VERIFY CMAKE_TLS_VERSION
     PKG_CONFIG_DEBUG_SPEW PKG_CONFIG_LOG
-    """.split()  # noqa: SIM905
+    """.split()
 )
 """Variables with a relevant prefix that do not affect the result: they control parallelism or output."""
 
@@ -314,7 +314,7 @@ FOR_COMPILERS = frozenset(
     AR ARFLAGS AS LD NM OBJCOPY RANLIB STRIP CMAKE_BUILD_TYPE
     CPATH C_INCLUDE_PATH CPLUS_INCLUDE_PATH OBJC_INCLUDE_PATH LIBRARY_PATH GCC_EXEC_PREFIX COMPILER_PATH
     CCC_OVERRIDE_OPTIONS CCACHE_COMPILER LD_RUN_PATH LDEMULATION GNUTARGET
-    """.split()  # noqa: SIM905
+    """.split()
 )
 """Variables that affect only compiled code."""
 
@@ -327,7 +327,7 @@ _NAMES = FOR_COMPILERS | frozenset(
     _PYTHON_HOST_PLATFORM _PYTHON_SYSCONFIGDATA_NAME
     ARCHFLAGS CCSHARED DIST_EXTRA_CONFIG LDCXXSHARED LDSHARED PBR_VERSION PDM_BUILD_SCM_VERSION
     AMENT_PREFIX_PATH ROS_PYTHON_VERSION ROS_VERSION
-    """.split()  # noqa: SIM905  (shorter than a list of eighty lines)
+    """.split()
 )
 """See the manuals of CMake (cmake-env-variables), gcc, ld, clang, nvcc, Python, setuptools and ament."""
 _BEGINNINGS = (

@@ -54,8 +54,8 @@ class WorkspaceScripts:
         is_recorded = recorded_rosdistro(install) == variables[VARIABLE] and not recorded_overlays(install)
         if not built and untouched and is_recorded and not self._unfinished:
             return
-        from forge.build.installation import finish_workspace  # noqa: PLC0415
-        from forge.build.prefix import tidy  # noqa: PLC0415  (most builds change nothing)
+        from forge.build.installation import finish_workspace
+        from forge.build.prefix import tidy
 
         chain = find_underlays(variables, install).chain
         unchanged = untouched and not self._changing and not self._unfinished

@@ -133,12 +133,12 @@ def _nest(groups: list[int], number: int, kind: int) -> None:
 
 def _varint(data: bytes, at: int) -> tuple[int, int]:
     """Return a varint and its end: seven bits in each byte, the lowest first, 64 bits at most."""
-    if at < len(data) and data[at] < 0x80:  # noqa: PLR2004  (the continuation bit)
+    if at < len(data) and data[at] < 0x80:
         return data[at], at + 1
     value = 0
     for index, byte in enumerate(data[at : at + 10]):
         value |= (byte & 0x7F) << (7 * index)
-        if byte < 0x80:  # noqa: PLR2004  (as above)
+        if byte < 0x80:
             return value & 0xFFFF_FFFF_FFFF_FFFF, at + index + 1
     raise ValueError("unterminated varint")
 
@@ -157,7 +157,7 @@ def _counted(field: int, value: bytes) -> bytes:
 
 def _encoded(value: int) -> bytes:
     parts = bytearray()
-    while value >= 0x80:  # noqa: PLR2004  (as in _varint)
+    while value >= 0x80:
         parts.append(value & 0x7F | 0x80)
         value >>= 7
     parts.append(value)

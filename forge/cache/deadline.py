@@ -25,7 +25,7 @@ MAX_SECONDS: Final = 1e6
 """The maximum timeout in seconds (twelve days), within the range of all system timers."""
 
 
-class DeadlineExceeded(Exception):  # noqa: N818  (callers turn it into a fault of their store)
+class DeadlineExceeded(Exception):
     """The deadline has passed, or the operation was abandoned."""
 
 
@@ -71,7 +71,7 @@ class _Job(Generic[_Answer]):
         """Call the function and store its result or exception."""
         try:
             self.answer.append(self.job())
-        except BaseException as error:  # noqa: BLE001  (raised again in the waiting thread)
+        except BaseException as error:
             self.error = error
         self.done.set()
 

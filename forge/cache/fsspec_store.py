@@ -101,7 +101,7 @@ class FsspecStore:
             raise StoreFault(f"{self.name}: timed out after {self._seconds:g} s") from None
         except StoreFault:
             raise
-        except Exception as error:  # noqa: BLE001  (of botocore, paramiko and so on: no build fails over them)
+        except Exception as error:
             raise StoreFault(f"{self.name}: {self._without_secret(error)}") from None
 
     def _without_secret(self, error: Exception) -> str:
@@ -174,7 +174,7 @@ def _blocks(stream: BinaryIO) -> Iterator[bytes]:
 
 def _library(scheme: str) -> str | None:
     """Return a hint with the command that installs fsspec's library for a scheme, if known."""
-    from fsspec.registry import known_implementations  # noqa: PLC0415  (as below)
+    from fsspec.registry import known_implementations
 
     if scheme in _SHELLS:
         return f"run: {install_beside_forge('sshfs')}"
@@ -185,8 +185,8 @@ def _library(scheme: str) -> str | None:
 def _file_system(url: str) -> Callable[[], tuple[_FileSystem, str]]:
     """Return a function that connects to a URL; raises EnvironmentFault if a library is missing."""
     try:
-        from fsspec import get_filesystem_class  # noqa: PLC0415  (only needed for such URLs)
-        from fsspec.core import url_to_fs  # noqa: PLC0415
+        from fsspec import get_filesystem_class
+        from fsspec.core import url_to_fs
     except ImportError:
         message = "the remote cache requires the Python package 'fsspec', which is not installed"
         raise EnvironmentFault(Problem(message, hint=f"run: {extra_command('remote')}")) from None

@@ -79,7 +79,7 @@ class HttpStore:
 
     def __init__(self, url: str, seconds: float, variables: Mapping[str, str]) -> None:
         """Set up a connection pool for a valid URL without connecting; each request may take `seconds`."""
-        from urllib3 import Timeout, connection_from_url  # noqa: PLC0415  (only needed with a server)
+        from urllib3 import Timeout, connection_from_url
 
         parts = urlsplit(url)
         host = parts.netloc.rpartition("@")[2]
@@ -209,7 +209,7 @@ class HttpStore:
     @contextlib.contextmanager
     def _response(self, call: _Call) -> Iterator[BaseHTTPResponse]:
         """Send a request and yield the response."""
-        from urllib3.exceptions import HTTPError  # noqa: PLC0415  (as above)
+        from urllib3.exceptions import HTTPError
 
         try:
             response = self._send_with_retry(call)
@@ -222,7 +222,7 @@ class HttpStore:
 
     def _send_with_retry(self, call: _Call) -> BaseHTTPResponse:
         """Send a request; retry once if the server has closed a pooled connection, not after a timeout."""
-        from urllib3.exceptions import ProtocolError  # noqa: PLC0415  (as above)
+        from urllib3.exceptions import ProtocolError
 
         try:
             return self._send(call)
@@ -262,7 +262,7 @@ def _timed_out(error: HTTPError) -> bool:
 
 def _reason(error: HTTPError) -> str:
     """Return a short reason for a failed request; urllib3's messages contain Python object names."""
-    from urllib3 import exceptions  # noqa: PLC0415  (as above)
+    from urllib3 import exceptions
 
     match error:
         case exceptions.NameResolutionError():

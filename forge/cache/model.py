@@ -41,7 +41,7 @@ class ActionResult:
     stdout: bytes = b""
 
 
-class StoreFault(Exception):  # noqa: N818  (reported as a warning)
+class StoreFault(Exception):
     """A store is unreachable, rejects a request, times out, or returns invalid data.
 
     The message is shown to users: the operation and the reason of its failure. It never fails a build.

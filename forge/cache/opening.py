@@ -81,7 +81,7 @@ class CacheOptions:
         if self.wanted:
             raise_if_any(foreign_store(cache_folder(self.cache, os.environ)), SelectionError)
         if self.remote_cache:
-            from forge.cache.remote import check_url  # noqa: PLC0415  (only needed with a remote cache)
+            from forge.cache.remote import check_url
 
             check_url(self.remote_cache)
 
@@ -93,7 +93,7 @@ def cache_folder(option: str | None, variables: Mapping[str, str]) -> Path:
 
 def foreign_store(folder: Path) -> Iterator[Problem]:
     """Yield a problem if a folder contains other files where a cache has its results."""
-    from forge.cache.folder_store import FolderStore  # noqa: PLC0415  (only needed with a cache)
+    from forge.cache.folder_store import FolderStore
 
     if entry := FolderStore(folder).foreign_entry():
         hint = "choose another folder with '--cache'"
@@ -112,15 +112,15 @@ def open_cache(
 
     Raises ForgeError for an invalid URL, and for a cache folder that other users can write to.
     """
-    from forge.cache.folder_store import FolderStore  # noqa: PLC0415  (only needed with a cache)
-    from forge.cache.package_cache import PackageCache  # noqa: PLC0415  (as above)
+    from forge.cache.folder_store import FolderStore
+    from forge.cache.package_cache import PackageCache
 
     local = FolderStore(cache_folder(options.cache, variables))
     local.check()
     remote = uploads = None
     if options.remote_cache:
-        from forge.cache.remote import open_remote  # noqa: PLC0415  (only needed with a remote cache)
-        from forge.cache.uploads import Uploads  # noqa: PLC0415  (as above)
+        from forge.cache.remote import open_remote
+        from forge.cache.uploads import Uploads
 
         remote = open_remote(
             options.remote_cache,
@@ -150,7 +150,7 @@ def _close_store(
     warn: Callable[[Iterable[Problem]], object],
 ) -> None:
     """Update the cache statistics, and prune the folder if it has grown."""
-    from forge.cache.maintenance import DEFAULT_SIZE, Counts, add_counts, prune  # noqa: PLC0415  (only needed with a cache)  # noqa: PLC0415  (as above)
+    from forge.cache.maintenance import DEFAULT_SIZE, Counts, add_counts, prune
 
     try:
         add_counts(local.folder, Counts(len(cache.restored), len(cache.missed)), local.rights)

@@ -344,7 +344,7 @@ class PackageCache:
 
     def _put_blobs(self, prefix: Path, tree: Tree, pack: Path) -> dict[str, Digest]:
         """Store index, pack and large files of a tree in the local folder; return their digests by name."""
-        assert tree.pack is not None  # noqa: S101  (set by scan_tree)
+        assert tree.pack is not None
         index = encode_index(tree)
         digest = Digest(hashlib.sha256(index).hexdigest(), len(index))
         self._local.adopt(pack, tree.pack)

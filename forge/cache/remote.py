@@ -59,11 +59,11 @@ def open_remote(
     seconds = min(seconds, MAX_SECONDS)
     store: Store
     if urlsplit(url).scheme in HTTP:
-        from forge.cache.http_store import HttpStore  # noqa: PLC0415  (each kind needs a library)
+        from forge.cache.http_store import HttpStore
 
         store = HttpStore(url, seconds, variables)
     else:
-        from forge.cache.fsspec_store import FsspecStore  # noqa: PLC0415  (as above)
+        from forge.cache.fsspec_store import FsspecStore
 
         store = FsspecStore(url, seconds)
     return Remote(store, seconds, report, writable=writable)

@@ -76,7 +76,7 @@ class TreeWriter:
             self._folder(folder)
         for folder, mode in reversed(tree.folders):
             if mode and self._created[folder]:
-                os.chmod(f"{self._prefix}/{folder}", mode)  # noqa: PTH101
+                os.chmod(f"{self._prefix}/{folder}", mode)
 
     def _folder(self, name: str) -> bool:
         """Create a folder below the prefix; return True if it did not exist."""
@@ -86,21 +86,21 @@ class TreeWriter:
         if name:
             self._folder(name.rpartition("/")[0])
             try:
-                os.mkdir(path)  # noqa: PTH102  (thousands: no Path for each)
+                os.mkdir(path)
                 new = True
             except FileExistsError:
                 new = False
                 self._check_inside_prefix(path)
         else:
-            new = not os.path.isdir(path)  # noqa: PTH112
-            os.makedirs(path, exist_ok=True)  # noqa: PTH103
+            new = not os.path.isdir(path)
+            os.makedirs(path, exist_ok=True)
         self._created[name] = new
         return new
 
     def _check_inside_prefix(self, path: str) -> None:
         """Raise NotADirectoryError unless the path is a folder that resolves to a path below the prefix."""
         real = os.path.realpath(path)
-        if not os.path.isdir(real) or not f"{real}/".startswith(f"{os.path.realpath(self._prefix)}/"):  # noqa: PTH112
+        if not os.path.isdir(real) or not f"{real}/".startswith(f"{os.path.realpath(self._prefix)}/"):
             raise NotADirectoryError(20, "not a folder below the prefix", path)
 
     def _write(self, path: str, leaf: Leaf, content: bytes, *, new: bool) -> None:
@@ -126,16 +126,16 @@ class TreeWriter:
 
     def _link(self, path: str, target: str) -> None:
         if os.path.lexists(path):
-            if os.path.islink(path) and os.readlink(path) == target:  # noqa: PTH114, PTH115
+            if os.path.islink(path) and os.readlink(path) == target:
                 return
-            os.unlink(path)  # noqa: PTH108
-        os.symlink(target, path)  # noqa: PTH211
+            os.unlink(path)
+        os.symlink(target, path)
 
 
 def _create(path: str, mode: int, *, new: bool) -> int:
     if not new and os.path.lexists(path):
         # Never write into an existing file: it may be a symbolic or hard link.
-        os.unlink(path)  # noqa: PTH108
+        os.unlink(path)
     return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode)
 
 
@@ -156,7 +156,7 @@ def _has_content(path: str, mode: int, content: bytes) -> bool:
             return False
         if status.st_size != len(content):
             return False
-        with open(path, "rb") as stream:  # noqa: PTH123
+        with open(path, "rb") as stream:
             return stream.read() == content
     except OSError:
         return False

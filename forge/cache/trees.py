@@ -99,7 +99,7 @@ class Tree:
         return value.hexdigest()
 
 
-class Uncacheable(Exception):  # noqa: N818  (reported as a remark)
+class Uncacheable(Exception):
     """The installed files of a package cannot be cached; the message is the reason."""
 
 
@@ -179,7 +179,7 @@ def decode_index(index: bytes) -> Tree:
     except (ArithmeticError, LookupError, TypeError, AttributeError, RecursionError) as error:
         raise ValueError("invalid index of a tree") from error
     _check_paths(tree)
-    assert tree.pack is not None  # noqa: S101  (set above)
+    assert tree.pack is not None
     if any(leaf.offset + leaf.size > tree.pack.size for leaf in tree.leaves if leaf.offset >= 0):
         raise ValueError("a file extends beyond the end of the pack")
     return tree
@@ -195,7 +195,7 @@ def _name(prefix: str, path: str) -> str:
 def _folders(prefix: str, names: Iterable[str], empty: Iterable[str]) -> tuple[tuple[str, int], ...]:
     """Return the empty folders, and parents of files whose permissions differ from those of the prefix."""
     found = dict.fromkeys(empty, 0)
-    usual = stat.S_IMODE(os.stat(prefix).st_mode)  # noqa: PTH116
+    usual = stat.S_IMODE(os.stat(prefix).st_mode)
     for path in {*found, *(parent for name in (*names, *found) for parent in _parents(name))}:
         status = os.lstat(f"{prefix}/{path}")
         mode = stat.S_IMODE(status.st_mode)
@@ -208,7 +208,7 @@ def _leaf(path: str, name: str, relocator: Relocator, offset: int) -> tuple[Leaf
     """Return a file as a leaf, its bytes for the pack, and the reason if it is not relocatable."""
     status = os.lstat(path)
     if stat.S_ISLNK(status.st_mode):
-        target = os.readlink(path)  # noqa: PTH115  (thousands of files: no Path for each)
+        target = os.readlink(path)
         return Leaf(name, 0, 0, "", target=relocator.relativize_word(target)), None, ""
     if not stat.S_ISREG(status.st_mode) or status.st_mode & _SPECIAL:
         raise Uncacheable(f"'{name}' is not a regular file")
@@ -227,7 +227,7 @@ def _leaf(path: str, name: str, relocator: Relocator, offset: int) -> tuple[Leaf
 
 def _content(path: str, status: os.stat_result, relocator: Relocator) -> tuple[bytes | mmap, str, bool]:
     """Return the content to store, the reason if it is not relocatable, and if it contains placeholders."""
-    with open(path, "rb") as stream:  # noqa: PTH123
+    with open(path, "rb") as stream:
         if status.st_size >= LARGE:
             # Do not read it into memory, since it may be very large.
             whole = mmap(stream.fileno(), 0, access=ACCESS_READ)

@@ -79,7 +79,7 @@ class Uploads:
             error: BaseException | None = None
             try:
                 self._send(upload)
-            except BaseException as raised:  # noqa: BLE001  (raised again in finish())
+            except BaseException as raised:
                 error = raised
             with self._change:
                 self._deadlines.pop(upload.key, None)

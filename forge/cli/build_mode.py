@@ -49,7 +49,7 @@ class BuildMode:
         installs = has_many_wheels(packages)
         if not (compiles or installs):
             return nullcontext({})
-        from forge.cli.worker import INTERFACE_MODULES, WHEEL_MODULES, worker  # noqa: PLC0415  (only for some)
+        from forge.cli.worker import INTERFACE_MODULES, WHEEL_MODULES, worker
 
         return worker(*INTERFACE_MODULES * compiles, *WHEEL_MODULES * installs)
 

@@ -158,7 +158,7 @@ def _opened(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> Iterato
         # Each started package holds a job. Slots of remote hosts do not count: they only run compilers.
         slots = min(options.jobs.parallel_workers or job_pool.local, job_pool.jobs)
         if connection:
-            from forge.execution.dask.dask_runner import DaskRunner  # noqa: PLC0415  (only with a cluster)
+            from forge.execution.dask.dask_runner import DaskRunner
 
             mode.warn(connection.cluster.remarks)
             runner = DaskRunner(connection, setup.lifecycle(toolchain))
@@ -181,7 +181,7 @@ def _workers(plan: BuildPlan, build: PreparedBuild) -> Iterator[dict[str, str]]:
         found = dict(stack.enter_context(build.mode.worker(plan, has_rosidl=has_rosidl)))
         packages = (task.package for task in plan.tasks.values())
         if has_rosidl or are_worth_a_worker(packages, context):
-            from forge.execution.rosidl.start import rosidl_worker  # noqa: PLC0415  (only for some)
+            from forge.execution.rosidl.start import rosidl_worker
 
             cache = compiled_templates(variables, context.layout.build / TEMPLATES_DIR)[0]
             started = rosidl_worker(context.python, cache, without_secrets(variables))
@@ -210,8 +210,8 @@ def _connection(build: PreparedBuild) -> AbstractContextManager[Connection | Non
     options = build.options.execution
     if options.executor != DASK:
         return nullcontext(None)
-    from forge.execution.dask.connection import connected  # noqa: PLC0415  (only needed with a cluster)
-    from forge.execution.dask.messages import WorkerLimits  # noqa: PLC0415  (as above)
+    from forge.execution.dask.connection import connected
+    from forge.execution.dask.messages import WorkerLimits
 
     jobs, context = build.options.jobs, build.context
     limits = WorkerLimits(jobs.jobs, jobs.memory_limit, context.load_limit, options.worker_resources)
@@ -264,10 +264,10 @@ def _package_cache(build: PreparedBuild, state: BuildState) -> AbstractContextMa
     options, loaded, layout = build.options, build.loaded, build.context.layout
     if not options.cache.wanted:
         return nullcontext(None)
-    from forge.build.inputs.fingerprints import FileTable  # noqa: PLC0415  (only needed with a cache)
-    from forge.cache.opening import open_cache  # noqa: PLC0415  (as above)
-    from forge.cache.package_cache import CacheContext  # noqa: PLC0415  (as above)
-    from forge.cache.relocation import Relocator  # noqa: PLC0415  (as above)
+    from forge.build.inputs.fingerprints import FileTable
+    from forge.cache.opening import open_cache
+    from forge.cache.package_cache import CacheContext
+    from forge.cache.relocation import Relocator
 
     own = own_cache(build.variables) or layout.build / OWN_CACHE_DIR
     context = CacheContext(
@@ -379,7 +379,7 @@ def _report_results(plan: BuildPlan, build: PreparedBuild, opened: _Opened) -> N
         session.json_events.report_usage(usage)
     session.json_events.conclude(session.report, seconds)
     if options.timings and session.log_folder is not None:
-        from forge.output.charts.pages import PAGE, write_timings  # noqa: PLC0415  (rarely needed)
+        from forge.output.charts.pages import PAGE, write_timings
 
         write_timings(session.log_folder)
         page = os.path.relpath(session.log_folder.parent / "latest_build" / PAGE)
@@ -395,7 +395,7 @@ def _report_conflicts(plan: BuildPlan, build: PreparedBuild, state: BuildState) 
 
 def _report_audit(audit: Audit, plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
     """Print untracked reads of the packages; return 1 if there are any."""
-    from forge.build.audit.tracked import audit_report  # noqa: PLC0415  (rarely needed)
+    from forge.build.audit.tracked import audit_report
 
     lines, clean = audit_report(audit, plan, build.context, state, build.variables)
     print(*lines, sep="\n", file=sys.stderr if build.options.report.json else sys.stdout, flush=True)

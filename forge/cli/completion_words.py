@@ -14,7 +14,7 @@ from itertools import chain
 
 if __name__ == "__main__":
     # Import from the parent folder of the package: its modules would shadow others.
-    sys.path[0] = os.path.abspath(f"{__file__}/../../..")  # noqa: PTH100
+    sys.path[0] = os.path.abspath(f"{__file__}/../../..")
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -92,7 +92,7 @@ def _manifests(root: str) -> Iterator[tuple[str, int]]:
     while waiting:
         folder = waiting.pop()
         try:
-            status = os.stat(folder)  # noqa: PTH116  (a thousand folders: text is faster)
+            status = os.stat(folder)
             entries = {entry.name: entry for entry in os.scandir(folder)}
         except OSError:
             continue
@@ -111,16 +111,16 @@ def _manifests(root: str) -> Iterator[tuple[str, int]]:
 
 def _name(path: str) -> str:
     """Return the name in a manifest or CMakeLists.txt, else the name of the folder."""
-    with open(path, "rb") as stream:  # noqa: PTH123
+    with open(path, "rb") as stream:
         found = _NAME.search(stream.read()) if not path.endswith((".py", ".toml")) else None
     if found:
         return (found[1] or found[2]).decode(errors="replace")
-    return os.path.basename(os.path.dirname(path))  # noqa: PTH119, PTH120
+    return os.path.basename(os.path.dirname(path))
 
 
 def _cache(variables: Mapping[str, str]) -> Path | None:
-    home = variables.get("XDG_CACHE_HOME") or os.path.join(variables.get("HOME", ""), ".cache")  # noqa: PTH118
-    return Path(home) / "forge" / "names" if os.path.isabs(home) else None  # noqa: PTH117
+    home = variables.get("XDG_CACHE_HOME") or os.path.join(variables.get("HOME", ""), ".cache")
+    return Path(home) / "forge" / "names" if os.path.isabs(home) else None
 
 
 def _encoded(root: Path) -> str:
@@ -134,7 +134,7 @@ def _load(store: Path | None) -> dict[tuple[str, int], str]:
     except OSError:
         lines = []
     rows = (line.split("\t") for line in lines)
-    return {(row[2], int(row[1])): row[0] for row in rows if len(row) == 3 and row[1].isdigit()}  # noqa: PLR2004
+    return {(row[2], int(row[1])): row[0] for row in rows if len(row) == 3 and row[1].isdigit()}
 
 
 def _save(store: Path, found: Mapping[tuple[str, int], str]) -> None:
@@ -151,14 +151,14 @@ def _save(store: Path, found: Mapping[tuple[str, int], str]) -> None:
 
 def _prefixes(variables: Mapping[str, str]) -> tuple[Path, ...]:
     """Return the prefixes whose packages commands find."""
-    from forge.environment.installed import known_prefixes  # noqa: PLC0415  (not for all kinds)
+    from forge.environment.installed import known_prefixes
 
     return known_prefixes(variables, find_install(Path.cwd(), Path.home()))
 
 
 def _in_workspace() -> Iterator[str]:
     """Yield the packages that the enclosing workspace has installed, also those without ament."""
-    from forge.environment.prefixes import PACKAGES, package_prefixes  # noqa: PLC0415  (as above)
+    from forge.environment.prefixes import PACKAGES, package_prefixes
 
     install = find_install(Path.cwd(), Path.home())
     for prefix in package_prefixes(install) if install else ():
@@ -167,7 +167,7 @@ def _in_workspace() -> Iterator[str]:
 
 def _executables(package: str, variables: Mapping[str, str]) -> Iterator[str]:
     """Yield the programs of a package; those of a package without ament may be in bin."""
-    from forge.environment.installed import is_registered, unregistered_prefix  # noqa: PLC0415  (as above)
+    from forge.environment.installed import is_registered, unregistered_prefix
 
     install = find_install(Path.cwd(), Path.home())
     for prefix in _prefixes(variables):
@@ -181,7 +181,7 @@ def _interface_folders(variables: Mapping[str, str]) -> Iterator[str]:
     """Yield the folders with definitions of all packages: installed ones and those that forge embeds."""
     for prefix in _prefixes(variables):
         yield from (f"{prefix}/share/{name}" for name in _indexed(prefix, "rosidl_interfaces"))
-    embedded = os.path.abspath(f"{__file__}/../../embedded")  # noqa: PTH100
+    embedded = os.path.abspath(f"{__file__}/../../embedded")
     for name in _files(embedded):
         if any(_files(f"{embedded}/{name}/{kind}") for kind in _INTERFACES):
             yield f"{embedded}/{name}"
@@ -199,22 +199,22 @@ def _interfaces(folder: str) -> Iterator[str]:
 
 def _mixins(verb: str, variables: Mapping[str, str]) -> Iterator[str]:
     _add_site_packages()
-    from forge.cli.mixins import mixin_folders, read_mixins  # noqa: PLC0415
+    from forge.cli.mixins import mixin_folders, read_mixins
 
     return (name for command, name in read_mixins(mixin_folders(variables)) if command == verb)
 
 
 def _repositories(variables: Mapping[str, str]) -> Iterator[str]:
     _add_site_packages()
-    from forge.base.env_vars import home  # noqa: PLC0415
-    from forge.cli.mixin_repositories import MixinRepositories  # noqa: PLC0415
+    from forge.base.env_vars import home
+    from forge.cli.mixin_repositories import MixinRepositories
 
     return iter(MixinRepositories(home(variables)).urls)
 
 
 def _profiles(root: Path) -> Iterator[str]:
     _add_site_packages()
-    from forge.workspace.forge_toml import FORGE_TOML, read_forge_toml, table_of  # noqa: PLC0415
+    from forge.workspace.forge_toml import FORGE_TOML, read_forge_toml, table_of
 
     return iter(table_of(read_forge_toml(root), "profiles", root / FORGE_TOML))
 
@@ -222,7 +222,7 @@ def _profiles(root: Path) -> Iterator[str]:
 def _add_site_packages() -> None:
     """Make the parsers of YAML and TOML available, without which this program starts faster."""
     if sys.flags.no_site:
-        import site  # noqa: PLC0415
+        import site
 
         site.main()
 
@@ -234,7 +234,7 @@ def _indexed(prefix: Path, kind: str) -> list[str]:
 
 def _files(folder: str) -> list[str]:
     try:
-        return [name for name in os.listdir(folder) if not name.startswith(".")]  # noqa: PTH208
+        return [name for name in os.listdir(folder) if not name.startswith(".")]
     except OSError:
         return []
 

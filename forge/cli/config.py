@@ -28,7 +28,7 @@ GENERAL = ("log_base", "log_level")
 """Destinations of global options, which are also allowed before the command."""
 _BEFORE_FILES = {"rosdistro": VARIABLE}
 """Environment variables that take precedence over files, by the destination of the option."""
-_FLAGS = (argparse._StoreTrueAction, argparse._StoreFalseAction)  # noqa: SLF001  (no public name)
+_FLAGS = (argparse._StoreTrueAction, argparse._StoreFalseAction)
 
 
 @frozen
@@ -173,7 +173,7 @@ def _mixed(
     variables: Mapping[str, str],
 ) -> dict[str, Any]:
     """Return the values that mixins set: lists precede those of the command line, others yield to it."""
-    from forge.cli.mixins import combined, mixin_folders, read_mixins  # noqa: PLC0415  (only needed with --mixin)
+    from forge.cli.mixins import combined, mixin_folders, read_mixins
 
     names = wanted["mixin"]
     options = combined(names, verb, read_mixins(mixin_folders(variables), wanted.get("mixin_files") or ()))

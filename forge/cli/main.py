@@ -80,7 +80,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 0
     except OSError as error:
         return _refused(error)
-    except Exception as error:  # noqa: BLE001  (last resort: report a bug in forge)
+    except Exception as error:
         return _no_memory() if isinstance(error, MemoryError) else _our_bug()
     return code
 
@@ -157,7 +157,7 @@ class Parser(argparse.ArgumentParser):
 
     def format_help(self) -> str:
         """Return the help with examples at the end; shorten the usage line of commands with many options."""
-        from forge.cli.examples import examples  # noqa: PLC0415  (only needed for help)
+        from forge.cli.examples import examples
 
         positionals = [action for action in self._actions if not action.option_strings or action.required]
         if self.usage is None and len(self._actions) - len(positionals) > _MANY:
@@ -196,7 +196,7 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Print the error with a suggestion or a pointer to --help, and exit with code 2."""
-        from forge.cli.suggest import suggestion  # noqa: PLC0415  (only needed on errors)
+        from forge.cli.suggest import suggestion
 
         message, hint = suggestion(message, COMMANDS, self._option_string_actions)
         kind = "commands" if "command '" in message else "verbs" if message.endswith(" VERB") else "options"
@@ -287,7 +287,7 @@ def _no_memory() -> int:
 
 def _our_bug() -> int:
     """Print the traceback and ask for a bug report."""
-    import traceback  # noqa: PLC0415  (only a bug pays for it)
+    import traceback
 
     traceback.print_exc()
     print(

@@ -153,7 +153,7 @@ def _fetch_entry(index: str, entry: str, folder: Path) -> Change | tuple[Problem
 
 def _entry_url(index: str, entry: str) -> str:
     """Return the URL of a file in an index; an index on a server cannot name files of this machine."""
-    from urllib.parse import quote, urljoin, urlsplit  # noqa: PLC0415  (only needed for updates)
+    from urllib.parse import quote, urljoin, urlsplit
 
     try:
         url = urljoin(index, quote(entry, safe=_LEGAL))
@@ -166,7 +166,7 @@ def _entry_url(index: str, entry: str) -> str:
 
 
 def _file_name(url: str) -> str:
-    from urllib.parse import unquote, urlsplit  # noqa: PLC0415  (as above)
+    from urllib.parse import unquote, urlsplit
 
     return unquote(PurePosixPath(urlsplit(url).path).name)
 
@@ -190,9 +190,9 @@ def _fetch(url: str, folder: Path) -> Change:
 
 def _content(url: str) -> bytes:
     """Return what a URL names; raises SelectionError."""
-    from http.client import HTTPException  # noqa: PLC0415  (as above)
-    from urllib.error import HTTPError, URLError  # noqa: PLC0415
-    from urllib.request import urlopen  # noqa: PLC0415
+    from http.client import HTTPException
+    from urllib.error import HTTPError, URLError
+    from urllib.request import urlopen
 
     shown = without_passwords(url)
     try:

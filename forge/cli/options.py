@@ -33,7 +33,7 @@ LOG_LEVELS = {"debug": 10, "info": 20, "warning": 30, "error": 40, "critical": 5
 
 def add_options(parser: Parser, title: str, *classes: type) -> None:
     """Add an argument for each option of the dataclasses, in groups with their titles, by default `title`."""
-    groups = {group.title: group for group in parser._action_groups}  # noqa: SLF001  (to extend a group)
+    groups = {group.title: group for group in parser._action_groups}
     exclusive: dict[str, Any] = {}
     for declared, each in (pair for cls in classes for pair in declared_options(cls)):
         heading = each.group or title
@@ -114,7 +114,7 @@ def argument_type(parse: Callable[[str], object]) -> Callable[[str], object]:
 
 def confirmed(question: str) -> bool:
     """Ask for confirmation; the end of input counts as no."""
-    print(question, end="", flush=True)  # noqa: T201  (asked on the terminal)
+    print(question, end="", flush=True)
     return sys.stdin.readline().strip().lower() in {"y", "yes"}
 
 
@@ -126,12 +126,12 @@ class DistributionOptions:
 
 
 def _target(word: str) -> Target:
-    from forge.toolchain.cross.targets import parse_target  # noqa: PLC0415  (only needed with --target)
+    from forge.toolchain.cross.targets import parse_target
 
     return parse_target(word)
 
 
-def _target_option() -> Any:  # noqa: ANN401  (the type of the field)
+def _target_option() -> Any:
     return option(
         "platform, such as 'arm64', or 'aarch64-linux-gnu.2.35' for glibc 2.35 and newer; its files are in "
         "folders of its name in the build and install folders (default: this machine)",

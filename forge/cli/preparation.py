@@ -84,7 +84,7 @@ def build_variables(
     incomplete = [root for root in sourced if lacks_modules(root, variables)]
     if not (forgotten or incomplete):
         return variables
-    from forge.environment.sourcing import workspace_environment  # noqa: PLC0415  (it may start a shell)
+    from forge.environment.sourcing import workspace_environment
 
     sourced_variables = workspace_environment([*incomplete, *forgotten], variables)
     return {**sourced_variables, VARIABLE: rosdistro} if rosdistro else sourced_variables
@@ -268,8 +268,8 @@ def check_plan(
     raise_if_any((*_unfit_generators(own, context), *errors), WorkspaceError)
     _check_special_files([task.package for task in own], context.root, warn)
     if plan.tasks:
-        from forge.build.prefix import blocking_paths  # noqa: PLC0415  (not needed if all is up to date)
-        from forge.toolchain.python_modules import require_modules  # noqa: PLC0415  (as above)
+        from forge.build.prefix import blocking_paths
+        from forge.toolchain.python_modules import require_modules
 
         if any(INTERFACE_GROUP in task.package.manifest.groups for task in plan.tasks.values()):
             require_modules(context.python, ("numpy",))
@@ -303,7 +303,7 @@ def _unfit_generators(tasks: Iterable[Task], context: BuildContext) -> Iterator[
     yield from islice(filter(None, problems), 1)
 
 
-def prepare(  # noqa: PLR0913, PLR0917  (what the first stages found)
+def prepare(
     options: BuildOptions,
     loaded: LoadedWorkspace,
     names: Sequence[str],
@@ -380,7 +380,7 @@ def _rust_toolchain(
     needy = [package for package in packages if package.build_type in CARGO_TYPES]
     if not needy:
         return ""
-    from forge.toolchain.rust import require_cargo, rust_toolchain  # noqa: PLC0415  (few workspaces have Rust)
+    from forge.toolchain.rust import require_cargo, rust_toolchain
 
     if cross is not None:
         names = tuple(package.name for package in needy)
@@ -395,7 +395,7 @@ def workspace_interpreter(python: str | None, layout: Layout, root: Path) -> Int
     variables = build_variables(layout, os.environ)
     recorded = recorded_python(layout.install)
     if not (python or recorded):
-        from forge.cli.config import configured_python  # noqa: PLC0415  (only needed before the first build)
+        from forge.cli.config import configured_python
 
         python = configured_python(root, variables)
     return find_interpreter(python, variables, find_underlays(variables, layout.install).chain, recorded)
@@ -405,7 +405,7 @@ def known_rosdistro(rosdistro: str | None, root: Path, install: Path) -> str | N
     """Return `rosdistro` if given, else the one that a build would use; None if it is chosen nowhere."""
     if rosdistro or (rosdistro := os.environ.get(VARIABLE)):
         return rosdistro
-    from forge.cli.config import configured_rosdistro  # noqa: PLC0415  (not needed if it is given)
+    from forge.cli.config import configured_rosdistro
 
     if configured := configured_rosdistro(root, os.environ):
         return configured

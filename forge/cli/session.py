@@ -112,7 +112,7 @@ class Session:
 
 
 @contextmanager
-def open_session(  # noqa: PLR0913  (a run has these properties)
+def open_session(
     command: str,
     plan: BuildPlan,
     packages: Mapping[str, Package],

@@ -162,7 +162,7 @@ def _folders(variables: Mapping[str, str], *names: str) -> list[Path]:
     """Return the existing folders in path variables without duplicates."""
     entries = [entry for name in names for entry in variables.get(name, "").split(os.pathsep)]
     # Unlike Path.is_dir, os.path.isdir returns False for inaccessible folders.
-    return [Path(entry) for entry in dict.fromkeys(entries) if os.path.isdir(entry)]  # noqa: PTH112
+    return [Path(entry) for entry in dict.fromkeys(entries) if os.path.isdir(entry)]
 
 
 def _inside(path: Path, root: Path) -> bool:
@@ -179,7 +179,7 @@ def _root_of(prefix: Path) -> Path | None:
 
 def _is_distribution(prefix: Path) -> bool:
     """Tell whether a prefix has the setup scripts of ros_workspace, as each ROS 2 in /opt/ros."""
-    return os.path.isfile(f"{prefix}/_local_setup_util.py")  # noqa: PTH113  (called for many prefixes)
+    return os.path.isfile(f"{prefix}/_local_setup_util.py")
 
 
 def _layout(root: Path) -> str | None:
@@ -196,7 +196,7 @@ def _marked(name: str, prefix: Path) -> bool:
 def _provides(name: str, prefix: Path) -> bool:
     """Tell whether a prefix contains a manifest or CMake config of the package."""
     # Called for many names and prefixes in every build: avoid creating Path objects.
-    return any(os.path.isfile(f"{prefix}/{path}") for path in _evidence(name))  # noqa: PTH113
+    return any(os.path.isfile(f"{prefix}/{path}") for path in _evidence(name))
 
 
 def _evidence(name: str) -> Iterator[str]:

@@ -111,7 +111,7 @@ def own_edits(name: str, prefix: Path, files: Iterable[str]) -> tuple[Edit | Scr
             path = path.rpartition("/")[0]
     return resolve_hooks(
         _read_hooks(name, prefix),
-        lambda path: os.path.exists(path) if path.startswith("/") else os.path.normpath(path) in own,  # noqa: PTH110
+        lambda path: os.path.exists(path) if path.startswith("/") else os.path.normpath(path) in own,
     )
 
 
@@ -124,7 +124,7 @@ def clear_edit_cache() -> None:
 def _read_edits(name: str, prefix: Path, _stamp: tuple[int, int, int]) -> tuple[Edit | Script, ...]:
     """Read the dsv files of a package; the stamp of its package.dsv changes with each installation."""
     # Unlike Path.exists, os.path.exists returns False for invalid names.
-    return resolve_hooks(_read_hooks(name, prefix), lambda path: os.path.exists(prefix / path))  # noqa: PTH110
+    return resolve_hooks(_read_hooks(name, prefix), lambda path: os.path.exists(prefix / path))
 
 
 def _read_hooks(name: str, prefix: Path) -> Iterable[Hook]:
@@ -133,7 +133,7 @@ def _read_hooks(name: str, prefix: Path) -> Iterable[Hook]:
     @cache
     def read(path: str) -> str | None:
         try:
-            with open(os.path.join(prefix, path), encoding="utf-8", errors="surrogateescape") as stream:  # noqa: PTH118, PTH123
+            with open(os.path.join(prefix, path), encoding="utf-8", errors="surrogateescape") as stream:
                 return stream.read()
         except OSError as error:
             if error.errno in _NOT_THERE:

@@ -63,7 +63,7 @@ def started_server(
         try:
             yield address
         finally:
-            assert process.stdin is not None  # noqa: S101  (stdin=PIPE)
+            assert process.stdin is not None
             process.stdin.close()
             process.wait()
 

@@ -163,7 +163,7 @@ def without_jobserver_notices(lines: bytes) -> bytes:
 
 
 def _supports(name: str, program: Path, style: str, variables: Mapping[str, str]) -> bool:
-    import tempfile  # noqa: PLC0415  (not needed if nothing is built)
+    import tempfile
 
     file, text, arguments = _TRIALS[name]
     with (

@@ -139,6 +139,6 @@ def _run_in_thread(runner: Runner, task: Task, put: Callable[[Event | BaseExcept
     """Run one task in a worker thread; pass any exception to the loop and end the task in any case."""
     try:
         runner.run(task, put)
-    except BaseException as error:  # noqa: BLE001  (the loop raises it)
+    except BaseException as error:
         put(error)
         put(Aborted(task.name, 0.0))

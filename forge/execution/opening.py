@@ -26,7 +26,7 @@ _MAX_STORED_STYLES = 8
 """Workspaces and virtual environments have different tools, and share the file."""
 
 
-def open_job_pool(  # noqa: PLR0913  (they are of six different sources)
+def open_job_pool(
     options: JobOptions,
     context: BuildContext,
     variables: Mapping[str, str],

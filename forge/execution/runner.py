@@ -247,7 +247,7 @@ class ProcessRunner:
             code = self._start(task, replace(step, argv=tuple(argv)), tool_context, put)
         if step.record and code == 0:
             if step.kind is StepKind.CONFIGURE:
-                from forge.build.build_dir import restore_outputs  # noqa: PLC0415  (few steps configure)
+                from forge.build.build_dir import restore_outputs
 
                 restore_outputs(step.cwd)
             write_if_changed(*step.record)
@@ -305,7 +305,7 @@ def _read_lines(process: subprocess.Popen[bytes], put: Callable[[bytes, bool], N
     """
     with selectors.DefaultSelector() as selector, _exit_descriptor(process) as end:
         for pipe, stderr in ((process.stdout, False), (process.stderr, True)):
-            assert pipe is not None  # noqa: S101  (created above)
+            assert pipe is not None
             selector.register(pipe, selectors.EVENT_READ, stderr)
         if end is not None:
             selector.register(end, selectors.EVENT_READ)
@@ -329,7 +329,7 @@ def _read_lines(process: subprocess.Popen[bytes], put: Callable[[bytes, bool], N
                 put(partial_line + b"\n", stderr)
 
 
-def _emit_lines(data: bytes, stderr: bool, put: Callable[[bytes, bool], None]) -> bytes:  # noqa: FBT001  (as `put` has it)
+def _emit_lines(data: bytes, stderr: bool, put: Callable[[bytes, bool], None]) -> bytes:
     """Put the complete lines; return the incomplete last one."""
     lines, end, partial_line = data.rpartition(b"\n")
     lines = without_jobserver_notices(lines + end)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 def __getattr__(name: str) -> object:
     """Import `load` and `Types` lazily, so that the compiler does not load them."""
     if name in {"load", "Types"}:
-        from forge.interfaces import loading  # noqa: PLC0415  (lazy on purpose)
+        from forge.interfaces import loading
 
         return getattr(loading, name)
     raise AttributeError(f"module '{__name__}' has no attribute '{name}'")

@@ -46,7 +46,7 @@ class Types(Mapping[str, Any]):
             for name in names
         }
 
-    def __getitem__(self, name: str) -> Any:  # noqa: ANN401  (a class created at run time)
+    def __getitem__(self, name: str) -> Any:
         """Return the class of a message, service or action; raises KeyError."""
         module, attribute = self._modules[name]
         return getattr(import_module(module), attribute)

@@ -33,7 +33,7 @@ Prototype = bool | int | float | str | list["Prototype"] | dict[str, "Prototype"
 
 def to_yaml(interface: Interface, known: Mapping[TypeName, Message]) -> str:
     """Return a default message, request or goal as YAML; raises InterfaceError if it is too large."""
-    import yaml  # noqa: PLC0415  (only this needs it)
+    import yaml
 
     message = _first_message(interface)
     if _count(message, known, {}) > LARGEST:
@@ -99,12 +99,12 @@ def _zero(element: Element, known: Mapping[TypeName, Message]) -> Prototype:
             return 0
 
 
-def _shown(value: bool | float | str, element: Element) -> bool | int | float | str:  # noqa: FBT001
+def _shown(value: bool | float | str, element: Element) -> bool | int | float | str:
     """Return a value for YAML: an octet is the character with that code."""
     return chr(int(value)) if element == Primitive("octet") else value
 
 
-def _in_collection(value: bool | float | str, element: Element) -> bool | int | float | str:  # noqa: FBT001
+def _in_collection(value: bool | float | str, element: Element) -> bool | int | float | str:
     """Return a value as stored in an array: float32 values are rounded."""
     if element == Primitive("float"):
         rounded: float = struct.unpack("<f", struct.pack("<f", value))[0]

@@ -64,9 +64,9 @@ def read_schema(text: str, name: TypeName) -> tuple[Source, ...]:
 def parse_name(text: str) -> TypeName:
     """Parse the name of a schema; messages may omit 'msg'. Raises InterfaceError."""
     parts = text.split("/")
-    if len(parts) == 2:  # noqa: PLR2004  (package and name)
+    if len(parts) == 2:
         parts.insert(1, "msg")
-    if len(parts) != 3 or not all(parts) or not LOWER_NAME.fullmatch(parts[0]):  # noqa: PLR2004  (all three)
+    if len(parts) != 3 or not all(parts) or not LOWER_NAME.fullmatch(parts[0]):
         raise InterfaceError(Problem(f"invalid type name '{text}'", hint="such as 'std_msgs/msg/String'"))
     return TypeName(*parts)
 

@@ -34,7 +34,7 @@ def parse_type_name(text: str, known: Callable[[], Iterable[TypeName]] = tuple) 
     `known` returns names for a suggestion.
     """
     parts = text.split("/")
-    if len(parts) != 3:  # noqa: PLR2004  (a full name has three parts)
+    if len(parts) != 3:
         full = (str(name) for name in known() if f"{name.package}/{name.name}" == text)
         hint = next((f"did you mean '{name}'?" for name in full), None)
         message = f"Invalid name '{text}'. Expected three parts separated by '/'"

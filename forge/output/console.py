@@ -349,7 +349,7 @@ class ConsoleReporter:
             if not text.strip():
                 return ""
             if failed:
-                from forge.output.first_error import with_paths  # noqa: PLC0415  (only needed after failures)
+                from forge.output.first_error import with_paths
 
                 text = with_paths(text, self.packages[task].path.as_posix())
             self.screen.write(f"--- stderr: {task}\n".encode(), stderr=True)
@@ -377,7 +377,7 @@ class ConsoleReporter:
 
     def _fail(self, event: Finished, shown: str) -> None:
         """Print the package, step, first error unless it was just `shown`, log and a command to repeat it."""
-        from forge.output.first_error import first_error, is_visible  # noqa: PLC0415  (as above)
+        from forge.output.first_error import first_error, is_visible
 
         task = event.task
         text = self._output.pop(task, Excerpt()).everything.decode(errors="replace")
@@ -408,7 +408,7 @@ class ConsoleReporter:
 
     def _hint(self, task: str, text: str) -> str | None:
         """Return a remedy if the cause of a failure is known."""
-        from forge.output.failure_hints import failure_context, hint_of  # noqa: PLC0415
+        from forge.output.failure_hints import failure_context, hint_of
 
         context = failure_context(
             self.packages[task], self.packages, self.python, self.prefix_of, self.whereabouts

@@ -57,8 +57,8 @@ def live_view(
     if not wanted:
         yield View()
         return
-    from rich.console import Console  # noqa: PLC0415  (only needed in a terminal)
-    from rich.live import Live  # noqa: PLC0415
+    from rich.console import Console
+    from rich.live import Live
 
     no_color = not palette_of(sys.stdout).enabled
     # The terminal knows its size. rich would prefer these variables, which do not follow a resized window.
@@ -100,7 +100,7 @@ class LiveView(View):
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         """Yield the current lines, cut to the current size of the terminal."""
-        from rich.text import Text  # noqa: PLC0415
+        from rich.text import Text
 
         room = max(1, min(_LINES, options.size.height - 4))
         now = time.monotonic()
@@ -175,7 +175,7 @@ class Above:
     def __init__(self, live: Live) -> None:
         """Print to the console of a started display."""
         self._console = live.console
-        self._lock = live._lock  # noqa: SLF001  (rich has no public name for it)
+        self._lock = live._lock
 
     def palette(self, *, stderr: bool = False) -> Palette:
         """Return the colours of the stream."""

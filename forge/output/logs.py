@@ -173,7 +173,7 @@ class LogWriter:
 
     def _append_for(self, name: str, file: str, content: bytes) -> None:
         """Append to a file of a package; the first use creates all of them, as readers expect."""
-        assert self.folder is not None  # noqa: S101  (checked by callers)
+        assert self.folder is not None
         if f"{name}/{file}" not in self._files:
             (self.folder / name).mkdir(exist_ok=True)
             for each in _OF_PACKAGE:
@@ -181,7 +181,7 @@ class LogWriter:
         self._append(f"{name}/{file}", content)
 
     def _append(self, name: str, content: bytes) -> None:
-        assert self.folder is not None  # noqa: S101  (checked by callers)
+        assert self.folder is not None
         stream = self._files.get(name)
         if stream is None:
             stream = self._files[name] = (self.folder / name).open("ab", buffering=0)

@@ -101,7 +101,7 @@ def _candidates(base: Path, denied: list[OSError]) -> Iterator[_Candidate]:
 _OF_AMENT, _OF_PYTHON = "test_results", ("pytest.xml", "unittest.xml")
 
 
-def _home(folder: str, base: str, homes: list[str], has_testing: bool) -> str:  # noqa: FBT001  (a fact of the walk)
+def _home(folder: str, base: str, homes: list[str], has_testing: bool) -> str:
     """Return the nearest folder in which CTest ran, else the package's folder below `base`."""
     while homes and folder != homes[-1] and not folder.startswith(homes[-1] + os.sep):
         homes.pop()

@@ -96,7 +96,7 @@ def write_reports(
     reports: Sequence[CoverageReport], jobs: int, variables: Mapping[str, str]
 ) -> tuple[list[CoveredLines], list[Problem]]:
     """Write all reports, several at a time; return the results by package name, and what failed."""
-    from concurrent.futures import ThreadPoolExecutor  # noqa: PLC0415  (only needed for coverage)
+    from concurrent.futures import ThreadPoolExecutor
 
     with ThreadPoolExecutor(jobs) as pool:
         results = list(pool.map(lambda report: _write_report(report, variables), reports))

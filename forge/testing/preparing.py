@@ -188,11 +188,11 @@ def prepare_context(
     without_ctest = _lacking(cmake, lambda: find_ctest(os.environ))
     lacking = dict(without_ctest)
     if rust:
-        from forge.toolchain.rust import require_cargo  # noqa: PLC0415  (few workspaces have Rust)
+        from forge.toolchain.rust import require_cargo
 
         lacking |= _lacking(rust, lambda: require_cargo(rust[0], variables))
     if layout.target:
-        from forge.testing.emulation import require_emulator  # noqa: PLC0415  (only with --target)
+        from forge.testing.emulation import require_emulator
 
         lacking |= _lacking(compiled_packages(packages), lambda: require_emulator(packages, layout))
     recorded, chain = recorded_python(layout.install), find_underlays(variables, layout.install).chain

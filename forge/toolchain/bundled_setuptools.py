@@ -49,7 +49,7 @@ def setuptools_path(python: str, folder: Path, *, wheels: bool) -> Path | None:
 
 def _own_setuptools(version: str) -> Path | None:
     """Return the folder of forge's setuptools if it builds wheels and supports that version of Python."""
-    from packaging.specifiers import SpecifierSet  # noqa: PLC0415  (rarely needed)
+    from packaging.specifiers import SpecifierSet
 
     found = find_spec("setuptools")
     if found is None or found.origin is None:

@@ -59,7 +59,7 @@ _BEGINS_WITH_PROJECT = re.compile(r"\s*project\s*\([^()$]*\)", re.IGNORECASE)
 class Toolchain:
     """The detection results for one build; the first package that needs them runs the reference project."""
 
-    def __init__(  # noqa: PLR0913  (what identifies the results)
+    def __init__(
         self,
         build: Path,
         cmake: Path,

@@ -134,7 +134,7 @@ def ask_python(path: Path, program: str, *arguments: str, isolated: bool = False
 
     `isolated` code starts faster, with the standard library only.
     """
-    import subprocess  # noqa: PLC0415  (not needed for forge's own interpreter)
+    import subprocess
 
     argv = [path, *(("-I", "-S") if isolated else ()), "-c", program, *arguments]
     # Python would import modules from the working directory, unless it is isolated; shims depend on it.
@@ -264,7 +264,7 @@ def _examined(choice: _Choice) -> Interpreter:
         return Interpreter(path, version, choice.origin)
     answer = ask_python(path, _PROGRAM, isolated=True).splitlines()
     words = answer[0].split() if answer else []
-    if len(words) != 2 or not all(word.isdecimal() for word in words):  # noqa: PLR2004  (major and minor)
+    if len(words) != 2 or not all(word.isdecimal() for word in words):
         raise EnvironmentFault(Problem(f"'{path}' is not a python interpreter"))
     # The shims of pyenv, asdf and mise start another program, which depends on the current folder.
     if choice.origin not in _KEPT and answer[1:] and Path(answer[1]).is_file():

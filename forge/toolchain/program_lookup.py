@@ -61,11 +61,11 @@ class ProgramLookup:
             path = identity.rsplit(" ", 2)[0]
             text = _script(path)
             if text:
-                from forge.workspace.references import in_shell  # noqa: PLC0415  (rarely needed)
+                from forge.workspace.references import in_shell
 
                 started = map(self.identity, sorted(in_shell(text).words))
                 found |= dict.fromkeys(filter(None, started))
-            if not text and os.path.basename(os.path.realpath(path)) not in _LAUNCHERS:  # noqa: PTH119
+            if not text and os.path.basename(os.path.realpath(path)) not in _LAUNCHERS:
                 break
         return tuple(found)
 
@@ -74,7 +74,7 @@ class ProgramLookup:
         paths = [word] if os.sep in word else [f"{folder}/{word}" for folder in self.folders]
         for path in paths:
             try:
-                status = os.stat(path)  # noqa: PTH116  (hundreds of paths)
+                status = os.stat(path)
             except (OSError, ValueError):
                 continue
             if stat.S_ISREG(status.st_mode) and status.st_mode & 0o111:
@@ -89,14 +89,14 @@ class ProgramLookup:
 
 def _listed(folder: str) -> list[str]:
     try:
-        return os.listdir(folder)  # noqa: PTH208  (only names)
+        return os.listdir(folder)
     except OSError:
         return []
 
 
 def _time(folder: str) -> str:
     try:
-        status = os.stat(folder)  # noqa: PTH116
+        status = os.stat(folder)
     except OSError:
         return ""
     return f"{status.st_ino} {status.st_mtime_ns}"

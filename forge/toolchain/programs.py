@@ -90,7 +90,7 @@ def find_tools(
         ]
         problems += [no_compiler(compiled)] if compiled else []
     raise_if_any(problems, EnvironmentFault)
-    assert cmake is not None  # noqa: S101  (checked above)
+    assert cmake is not None
     only_make = frozenset(package.name for package, text in texts if calls_make(text))
     return Tools(cmake, ninja, make, only_make, before_compilers)
 

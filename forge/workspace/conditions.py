@@ -74,7 +74,7 @@ class _Reader:
         kind, _, column = self.tokens[self.at]
         if kind == "(":
             self.depth += 1
-            if self.depth > 50:  # noqa: PLR2004  (limits recursion)
+            if self.depth > 50:
                 raise ConditionError("too many nested parentheses", column)
             self.at += 1
             value = self.expression()

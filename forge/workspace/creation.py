@@ -156,7 +156,7 @@ def _interface_problems(blueprint: NewPackage) -> Iterator[Problem]:
     if not _INTERFACE_PACKAGE.fullmatch(blueprint.name):
         hint = "use lower case letters, digits and single '_', and start with a letter"
         yield Problem(f"interfaces cannot be in a package named '{blueprint.name}'", hint=hint)
-    if blueprint.build_type != "ament_cmake" or blueprint.format < 3:  # noqa: PLR2004  (REP 149)
+    if blueprint.build_type != "ament_cmake" or blueprint.format < 3:
         message = "--interfaces requires the build type ament_cmake and package format 3"
         yield Problem(message, hint="put other programs into a package of their own")
     if blueprint.node or blueprint.library:

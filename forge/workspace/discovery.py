@@ -51,7 +51,7 @@ def discover(
     """
     walk = _Walk(root, {**ROS_DEFAULTS, "DISABLE_GROUPS_WORKAROUND": "1", **variables}, overrides)
     for path in _expanded(root, paths):
-        walk.visit(os.path.join(root, path))  # noqa: PTH118  (keeps '..' after a link)
+        walk.visit(os.path.join(root, path))
     for base in _expanded(root, base_paths):
         walk.visit(base, below=True)
     return walk.workspace()
@@ -77,7 +77,7 @@ def special_files(root: Path, folder: Path) -> Iterator[Problem]:
 
     Build tools open these by themselves, and wait for a writer, or read without end.
     """
-    top = os.path.join(root, folder)  # noqa: PTH118  (every file of a package: text is faster)
+    top = os.path.join(root, folder)
     waiting = [top]
     while waiting:
         at = waiting.pop()
@@ -118,7 +118,7 @@ class _Walk:
 
     def visit(self, base: str, *, below: bool = False) -> None:
         """Identify a folder and, unless it is a package, the folders below it."""
-        top = (os.path.join(self.root, base), str(Path(base)))  # noqa: PTH118  (10 times faster than pathlib)
+        top = (os.path.join(self.root, base), str(Path(base)))
         waiting = [top]
         while waiting:
             folder, spelling = at = waiting.pop()
@@ -170,8 +170,8 @@ def _expanded(root: Path, paths: Iterable[str]) -> Iterable[str]:
         if "*" not in path:
             yield path
             continue
-        for found in sorted(glob.glob(path, root_dir=root)):  # noqa: PTH207  (keeps the spelling)
-            if os.path.isdir(os.path.join(root, found)):  # noqa: PTH112, PTH118  (as above)
+        for found in sorted(glob.glob(path, root_dir=root)):
+            if os.path.isdir(os.path.join(root, found)):
                 yield found
 
 
@@ -181,7 +181,7 @@ def _entries(folder: str, visited: set[tuple[int, int]]) -> dict[str, bool] | No
     Raises PermissionError for an unreadable folder.
     """
     try:
-        status = os.stat(folder)  # noqa: PTH116
+        status = os.stat(folder)
         identity = (status.st_dev, status.st_ino)
         if identity in visited:
             return None

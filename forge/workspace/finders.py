@@ -31,7 +31,7 @@ class Finder(Protocol):
         """Return the package in a folder without package.xml, None if it is none of this build type."""
 
 
-def plugin(name: str) -> Any:  # noqa: ANN401  (a module of another distribution)
+def plugin(name: str) -> Any:
     """Return the build type `name` of another distribution, None if there is none.
 
     Raises ForgeError if it cannot be loaded.
@@ -66,7 +66,7 @@ def plugin_names() -> frozenset[str]:
 
 
 @cache
-def _plugin(name: str, search_path: tuple[str, ...]) -> Any:  # noqa: ANN401  (as above)
+def _plugin(name: str, search_path: tuple[str, ...]) -> Any:
     entry = _entries(search_path).get(name)
     return None if entry is None else load(entry, "build type", FUNCTIONS)
 

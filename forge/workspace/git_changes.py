@@ -144,7 +144,7 @@ class Repository:
 
     def _contents(self, path: Path, status: os.stat_result, then: _Entry, now: _Entry | None) -> _Entry:
         """Return the mode and the hash that git has for this file, unless it converts the contents."""
-        digest = hashlib.new("sha256" if len(then.digest) == 64 else "sha1", usedforsecurity=False)  # noqa: PLR2004
+        digest = hashlib.new("sha256" if len(then.digest) == 64 else "sha1", usedforsecurity=False)
         if stat.S_ISLNK(status.st_mode):
             target = os.fsencode(path.readlink())
             digest.update(b"blob %d\0%s" % (len(target), target))
@@ -195,7 +195,7 @@ class Repository:
 
     def _git(self, *words: str) -> bytes:
         """Return the output of git; raises GitError."""
-        import subprocess  # noqa: PLC0415  (rarely needed)
+        import subprocess
 
         # Variables may point to another repository, for example in a hook. An empty fsmonitor is none.
         variables = {

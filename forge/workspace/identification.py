@@ -138,7 +138,7 @@ def _identify(folder: Folder, variables: Mapping[str, str], build_types: tuple[s
         identity, foreign = None, _relative(error.problems, folder)
     if identity is None and not PLAIN.isdisjoint(folder.entries):
         # Imported lazily, because few workspaces have plain packages.
-        from forge.workspace.plain_packages import identify_plain  # noqa: PLC0415
+        from forge.workspace.plain_packages import identify_plain
 
         identity = identify_plain(folder)
     if identity is None:
@@ -159,7 +159,7 @@ def _as_other(folder: Folder, build_types: tuple[str, ...]) -> Identity | None:
         build_types = (folder.type,) if assigned else ()
     if not build_types:
         return None
-    from forge.workspace.finders import identify_with, plugin  # noqa: PLC0415  (it looks for plugins)
+    from forge.workspace.finders import identify_with, plugin
 
     if folder.type is not None and plugin(folder.type) is None:
         why = "no installed distribution provides this build type"

@@ -64,7 +64,7 @@ class LoadedWorkspace:
     """In a listing also for unreadable manifests."""
 
 
-def load_workspace(  # noqa: PLR0913  (three are options)
+def load_workspace(
     root: Path,
     query: Query,
     variables: Mapping[str, str],
@@ -124,7 +124,7 @@ def _with_literal_names(query: Query, workspace: Workspace, every: Collection[st
         same = () if name in every else plain.get(project_name(name), ())
         return same[0].name if len(same) == 1 else name
 
-    def literals(value: Any) -> Any:  # noqa: ANN401  (each field has its own type)
+    def literals(value: Any) -> Any:
         if isinstance(value, str):
             return literal(value)
         return tuple(map(literals, value)) if isinstance(value, tuple) else value

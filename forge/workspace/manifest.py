@@ -170,9 +170,9 @@ class _Reader:
 
     def check_element(self, child: Element, tag: _Tag) -> None:
         allowed = tag.attributes
-        if self.format == 3 and child.tag in _CONDITIONAL:  # noqa: PLR2004  (format version)
+        if self.format == 3 and child.tag in _CONDITIONAL:
             allowed |= {"condition"}
-        if self.format == 3 and child.tag == "license":  # noqa: PLR2004
+        if self.format == 3 and child.tag == "license":
             allowed |= _LICENSE_3
         for attribute in child.attributes:
             if attribute not in allowed and attribute != "xmlns" and ":" not in attribute:

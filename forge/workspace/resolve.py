@@ -79,7 +79,7 @@ class DependencyResolution:
     known: Callable[[], Iterable[str]] = tuple
 
 
-def resolve_dependencies(  # noqa: PLR0913  (three are options)
+def resolve_dependencies(
     workspace: Mapping[str, Package],
     embedded: Mapping[str, Package],
     provider: Callable[[str], object | None],

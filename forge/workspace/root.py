@@ -60,8 +60,8 @@ def source_packages(install: Path | None) -> Mapping[str, str]:
     """
     if install is None:
         return {}
-    from forge.workspace.load import find_packages  # noqa: PLC0415  (only needed after mistakes)
-    from forge.workspace.selection import SearchPaths  # noqa: PLC0415  (as above)
+    from forge.workspace.load import find_packages
+    from forge.workspace.selection import SearchPaths
 
     with suppress(ForgeError):
         found = find_packages(install.parent, SearchPaths(), os.environ).packages
@@ -89,10 +89,10 @@ def rebase_paths(arguments: Iterable[tuple[str, bool]], origin: Path, root: Path
             left = 0 if equals else _paths_after(option)
             name = option
             if equals and _paths_after(option):
-                argument = f"{option}={_moved(name, value, origin, root)}"  # noqa: PLW2901
+                argument = f"{option}={_moved(name, value, origin, root)}"
         elif left:
             left -= 1
-            argument = _moved(name, argument, origin, root)  # noqa: PLW2901
+            argument = _moved(name, argument, origin, root)
         rewritten.append(argument)
     return rewritten
 
@@ -103,7 +103,7 @@ def working_directory(folder: Path) -> Iterator[None]:
     try:
         before = Path.cwd()
     except FileNotFoundError:
-        from forge.base.errors import EnvironmentFault, Problem  # noqa: PLC0415
+        from forge.base.errors import EnvironmentFault, Problem
 
         hint = "change to an existing folder: cd"
         raise EnvironmentFault(Problem("the current folder has been removed", hint=hint)) from None
@@ -111,7 +111,7 @@ def working_directory(folder: Path) -> Iterator[None]:
         os.chdir(folder)
     except OSError as error:
         # Imported here, because shell completion imports this module for each completion.
-        from forge.base.errors import EnvironmentFault, Problem  # noqa: PLC0415
+        from forge.base.errors import EnvironmentFault, Problem
 
         raise EnvironmentFault(Problem(f"cannot change to '{folder}': {error.strerror}")) from None
     try:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 _LITTER_FOLDERS = frozenset(
     """.git .hg .svn .bzr __pycache__ .pytest_cache .mypy_cache .ruff_cache .hypothesis .tox .eggs
-    .ipynb_checkpoints .direnv .ccls-cache""".split()  # noqa: SIM905  (shorter than a list)
+    .ipynb_checkpoints .direnv .ccls-cache""".split()
 )
 """Private folders of version control and development tools, anywhere."""
 
@@ -23,7 +23,7 @@ _LITTER = frozenset({".DS_Store", "COLCON_IGNORE", "AMENT_IGNORE", "4913"})
 
 _LITTER_OF_PROJECTS = frozenset(
     """.idea .vscode .cache .clangd .coverage .venv node_modules site-packages dist-packages
-    compile_commands.json""".split()  # noqa: SIM905  (shorter than a list)
+    compile_commands.json""".split()
 )
 """Files of development tools next to the main file of a project; elsewhere they may be data."""
 

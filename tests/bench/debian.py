@@ -19,7 +19,7 @@ PACKAGES = """
     librcutils-dev librcutils1d libfastcdr-dev libfastcdr1
     python3-catkin-pkg python3-dateutil python3-docutils python3-empy python3-lark python3-pkg-resources
     python3-pyparsing python3-six
-""".split()  # noqa: SIM905  (a list of 24 quoted words is harder to read)
+""".split()
 """The generators and what they need, by Debian's names; what every machine has is left out."""
 
 

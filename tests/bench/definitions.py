@@ -14,7 +14,7 @@ PRIMITIVES = (
 )  # fmt: skip
 OTHERS = ("std_msgs/Header", "builtin_interfaces/Time", "geometry_msgs/Pose", "geometry_msgs/Vector3")
 COLLECTIONS = ("", "", "", "", "", "[]", "[3]", "[<=8]")
-WORDS = "front left rear wheel motor arm battery speed limit error count mode target state age".split()  # noqa: SIM905
+WORDS = "front left rear wheel motor arm battery speed limit error count mode target state age".split()
 UNITS = ("", "", "  # [m]", "  # [rad/s]", "  # what it is now", "  # since the start [s]")
 
 
@@ -23,7 +23,7 @@ def write_definitions(folder: Path, messages: int, seed: int = 1, *, others: boo
 
     Return the folder.
     """
-    chance = random.Random(seed)  # noqa: S311  (a reproducible shape, not a secret)
+    chance = random.Random(seed)
     (folder / "msg").mkdir(parents=True)
     names: list[str] = []
     for number in range(messages):

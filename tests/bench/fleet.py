@@ -123,7 +123,7 @@ class World:
     def __init__(self, fleet: Fleet, town: Town) -> None:
         """Begin with a state of main that CI has built."""
         self.fleet, self.town = fleet, town
-        self.chance = random.Random(fleet.seed)  # noqa: S311  (a reproducible week, not a secret)
+        self.chance = random.Random(fleet.seed)
         self.tallies = {name: Tally() for name in ("pull", "edit", "push", "merge")}
         self.load = Load()
         self.commits: list[float] = []
@@ -306,7 +306,7 @@ def kept_share(world: World, room: float, visits: int = 200) -> tuple[int, int]:
     The server has the present state and `room` bytes more, and what was replaced first goes first. The older
     states are those of the simulated days, each as likely.
     """
-    chance = random.Random(world.fleet.seed)  # noqa: S311  (as above)
+    chance = random.Random(world.fleet.seed)
     whole = max(1, len(world.commits))
     horizon = whole - room / (world.grown / whole) if world.grown else 0.0
     asked = found = 0
@@ -329,7 +329,7 @@ def simulate(fleet: Fleet, town: Town | None = None) -> World:
 
 def main() -> int:
     """Print the tables of docs/explanation/scale.md."""
-    from tests.bench.fleet_page import page  # noqa: PLC0415  (the page is made of what is here)
+    from tests.bench.fleet_page import page
 
     sys.stdout.write(page(Fleet()))
     return 0

@@ -78,7 +78,7 @@ def draw(packages: int, seed: int, *, common: int = 200, area: int = 100, local:
 
     Of the common packages the first are needed most, the number n by 1/n of what the first one has.
     """
-    chance = random.Random(seed)  # noqa: S311  (a reproducible shape, not a secret)
+    chance = random.Random(seed)
     common = min(common, packages)
     needs = [_needs(number, common, area, local, chance) for number in range(packages)]
     users: list[list[int]] = [[] for _ in needs]

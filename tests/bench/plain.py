@@ -45,7 +45,7 @@ _PROPERTY = """\
 """
 
 
-def plain_class(message: Message, known: Mapping[TypeName, Message]) -> Any:  # noqa: ANN401
+def plain_class(message: Message, known: Mapping[TypeName, Message]) -> Any:
     """Return the class of a message, with those of the messages in it."""
     names: dict[str, Any] = {
         "Sequence": AbstractSequence,
@@ -58,7 +58,7 @@ def plain_class(message: Message, known: Mapping[TypeName, Message]) -> Any:  # 
     }
     for name in _inner(message):
         names[_word(name)] = plain_class(known[name], known)
-    exec(_text(message), names)  # noqa: S102  (the text is made here)
+    exec(_text(message), names)
     return names[message.name.name]
 
 

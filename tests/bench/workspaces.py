@@ -47,7 +47,7 @@ def _write(
     packages: int, most: int, write: Callable[[int, str, list[str]], None], *, seed: int, shape: str
 ) -> None:
     """Let `write` write each package: its number, its name and what it needs."""
-    chance = random.Random(seed)  # noqa: S311  (a reproducible shape, not a secret)
+    chance = random.Random(seed)
     names: list[str] = []
     for number in range(packages):
         name = f"bench_{number:04}"

@@ -192,7 +192,7 @@ def test_a_config_needs_nothing_but_cmake_and_may_be_moved(ament: Ament, tmp_pat
 
 
 @pytest.mark.parametrize(("version", "found"), [("0.9", True), ("1.2.3", True), ("1.3", False), ("2", False)])
-def test_an_older_version_is_served_and_a_newer_one_is_not(ament: Ament, version: str, found: bool) -> None:  # noqa: FBT001  (a column)
+def test_an_older_version_is_served_and_a_newer_one_is_not(ament: Ament, version: str, found: bool) -> None:
     ament("ament_package()").install()
     user = ament(f'find_package(demo {version} QUIET)\nmessage(STATUS "found=${{demo_FOUND}}")', name="user")
     assert (user.configure().said("found") in ("1", "TRUE")) == found

@@ -58,7 +58,7 @@ def run(result: Path, *words: str) -> tuple[int, str]:
         text=True,
         check=False,
     )
-    suite = next(ET.parse(result).iter("testsuite"))  # noqa: S314  (written a moment ago)
+    suite = next(ET.parse(result).iter("testsuite"))
     told = (
         "failed" if suite.get("failures") != "0" else "skipped" if suite.get("skipped") == "1" else "passed"
     )
@@ -275,7 +275,7 @@ def test_catch2_runs_and_leaves_results(ament: Ament) -> None:
     ran = demo.test()
     assert "The following tests FAILED:\n\t  2 - two" in ran.text
     assert "four (Skipped)" in ran.text
-    result = ET.fromstring((demo.build / "test_results/demo/two.catch2.xml").read_text("utf-8"))  # noqa: S314
+    result = ET.fromstring((demo.build / "test_results/demo/two.catch2.xml").read_text("utf-8"))
     assert [(case.get("name"), len(case.findall("failure"))) for case in result.iter("testcase")] == [
         ("addition", 0),
         ("the environment", 1),
@@ -486,7 +486,7 @@ def test_linters_run_as_people_have_them_installed(ament: Ament, tmp_path: Path,
     ran = demo.test()
     results = demo.build / "test_results/demo"
     assert "The following tests FAILED" in ran.text
-    flake8 = ET.fromstring((results / "flake8.xunit.xml").read_text(encoding="utf-8"))  # noqa: S314  (forge's)
+    flake8 = ET.fromstring((results / "flake8.xunit.xml").read_text(encoding="utf-8"))
     assert [(case.get("name"), len(case)) for case in flake8] == [("b/bad.py", 0), ("b/good.py", 1)]
     assert flake8[1][0].get("message") == "b/good.py:3:1: too --max-line-length=99"
     assert "no configuration was given" in (results / "uncrustify.xunit.xml").read_text(encoding="utf-8")

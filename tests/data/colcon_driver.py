@@ -1,4 +1,3 @@
-# ruff: noqa: INP001  (a program of its own)
 """Runs colcon once per line of JSON on stdin, each in a fork of its own; started by colcon's interpreter.
 
 A line holds {"argv": [...], "cwd": "..."}; the answer {"code": 0, "out": "...", "err": "..."}.

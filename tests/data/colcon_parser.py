@@ -1,4 +1,3 @@
-# ruff: noqa: INP001  (a program of its own)
 """Parses command lines as colcon does; started by colcon's interpreter.
 
 Reads a JSON list of command lines from stdin. Prints {"options": {VERB: [...]}, "parsed": [...]}, where a
@@ -26,8 +25,8 @@ def parser_of(verb: str) -> "tuple[object, list[str]]":
     own = command.add_parsers_without_arguments(parser, subparsers, verbs, attribute="verb_name")[verb]
     command.add_parser_arguments(own, verbs[verb])
     while not hasattr(own, "_option_string_actions"):
-        own = own._parser  # noqa: SLF001  (colcon's decorators)
-    return parser, sorted(own._option_string_actions)  # noqa: SLF001
+        own = own._parser
+    return parser, sorted(own._option_string_actions)
 
 
 def parsed(parser: object, argv: "list[str]") -> "dict[str, object] | None":

@@ -203,7 +203,7 @@ def test_a_spoilt_cache_is_no_worse_than_none(users: Users, tmp_path: Path, harm
     root = write(tmp_path / "ws", PLAIN)
     users.build(root)
     built = look(root / "install")
-    chance = random.Random(harm)  # noqa: S311  (a reproducible choice, not a secret)
+    chance = random.Random(harm)
     for path in sorted(path for path in users.cache.rglob("*") if path.is_file()):
         if chance.random() < 0.5:
             spoil(path, harm)
@@ -410,7 +410,7 @@ def test_builds_that_share_a_cache_do_not_disturb_each_other(users: Users, tmp_p
 
 @pytest.mark.parametrize("seed", range(int(os.environ.get("FORGE_TEST_KILLS", "3"))))
 def test_a_restore_that_is_killed_deceives_nobody(users: Users, tmp_path: Path, seed: int) -> None:
-    chance = random.Random(seed)  # noqa: S311  (a reproducible choice, not a secret)
+    chance = random.Random(seed)
     many = {f"src/speaking/data/{number}": "x" * number for number in range(3000)}
     text = SPEAKING + "install(DIRECTORY data DESTINATION share/speaking)\n"
     root = write(tmp_path / "ws", {**BOUND, **many, "src/speaking/CMakeLists.txt": text, **PLAIN})

@@ -62,7 +62,7 @@ def generated(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 
 @cache
-def store() -> Any:  # noqa: ANN401  (rosbags' classes are made at run time as well)
+def store() -> Any:
     """Return rosbags' store with all these types, defined by forge's model."""
     made = get_typestore(Stores.EMPTY)
     made.register({name: ([], _fields(message)) for name, message in known().items() if name not in NO_PEER})
@@ -73,7 +73,7 @@ def _fields(message: Message) -> list[tuple[str, Any]]:
     return [(member.name, _described(member.type)) for member in message.members]
 
 
-def _described(type_: Type) -> Any:  # noqa: ANN401  (rosbags' nested tuples)
+def _described(type_: Type) -> Any:
     match type_:
         case Primitive(name):
             return Nodetype.BASE, (_WORDS.get(name, name), 0)
@@ -87,7 +87,7 @@ def _described(type_: Type) -> Any:  # noqa: ANN401  (rosbags' nested tuples)
             return Nodetype.SEQUENCE, (_described(of), bound or 0)
 
 
-def class_of(name: TypeName) -> Any:  # noqa: ANN401
+def class_of(name: TypeName) -> Any:
     """Return forge's class of a message."""
     stem = name.name.partition("_")[0]
     return getattr(import_module(f"{name.package}.{name.kind}._{snake_case(stem)}"), name.name)
@@ -104,7 +104,7 @@ def relaxed(examples: int) -> settings:
     )
 
 
-def fast(word: str, class_: Any) -> Any:  # noqa: ANN401
+def fast(word: str, class_: Any) -> Any:
     """Return the generated writer or reader of a class, with nothing behind it that would make good."""
     return getattr(sys.modules[f"{class_.__module__}__cdr"], f"{word}_{class_.__name__}")()
 
@@ -117,7 +117,7 @@ def test_both_write_the_same_bytes_and_read_the_same_values(name: str) -> None:
 
     @relaxed(EXAMPLES)
     @given(messages(class_))
-    def check(message: Any) -> None:  # noqa: ANN401
+    def check(message: Any) -> None:
         data = forge_cdr.serialize(message)
         assert fast("writer", class_)(message) == data == described.write(message)
         peer = store().deserialize_cdr(data, name)
@@ -141,7 +141,7 @@ def test_a_message_that_is_cut_off_is_refused_wherever_it_is_cut(name: str) -> N
         with pytest.raises(forge_cdr.CdrError) as caught:
             forge_cdr.deserialize(data[:size], class_)
         assert caught.value.offset <= size + 8
-        with pytest.raises(forge_cdr._REFUSALS):  # noqa: SLF001  (nothing else may come out of it)
+        with pytest.raises(forge_cdr._REFUSALS):
             fast("reader", class_)(data[:size], sys.maxsize)
 
 
@@ -151,7 +151,7 @@ def test_spoilt_bytes_give_a_message_or_an_error_and_take_no_more_memory_than_th
     described: Any = import_module("forge_cdr.described")
     classes = [class_of(known()[name].name) for name in NAMES]
     good = [(class_, forge_cdr.serialize(_example(class_))) for class_ in classes]
-    chance = random.Random(1)  # noqa: S311  (a reproducible fuzzer)
+    chance = random.Random(1)
     for _ in range(MUTATIONS):
         class_, data = chance.choice(good)
         spoilt = _spoil(data, chance)
@@ -163,7 +163,7 @@ def test_reading_asks_for_memory_in_proportion_to_the_bytes() -> None:
     forge_cdr: Any = import_module("forge_cdr")
     classes = [class_of(known()[name].name) for name in NAMES]
     good = [(class_, forge_cdr.serialize(_example(class_))) for class_ in classes]
-    chance = random.Random(2)  # noqa: S311  (as above)
+    chance = random.Random(2)
     tracemalloc.start()
     try:
         for _ in range(MUTATIONS // 10):
@@ -179,12 +179,12 @@ def test_reading_asks_for_memory_in_proportion_to_the_bytes() -> None:
 
 
 @cache
-def _example(class_: Any) -> Any:  # noqa: ANN401
+def _example(class_: Any) -> Any:
     """Return one random message that is worth spoiling: the largest of some."""
     found: list[Any] = []
     forge_cdr: Any = import_module("forge_cdr")
 
-    def gather(message: Any) -> None:  # noqa: ANN401
+    def gather(message: Any) -> None:
         found.append(message)
 
     relaxed(8)(given(messages(class_))(gather))()
@@ -211,7 +211,7 @@ def _spoil(data: bytes, chance: random.Random) -> bytes:
     return bytes(spoilt)
 
 
-def _outcome(read: Any, data: bytes, class_: Any) -> Any:  # noqa: ANN401
+def _outcome(read: Any, data: bytes, class_: Any) -> Any:
     """Return what reading gives: the message's representation, nan included, or that it was refused."""
     forge_cdr: Any = import_module("forge_cdr")
     try:

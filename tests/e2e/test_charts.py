@@ -271,7 +271,7 @@ def test_a_picture_is_the_same_for_the_same_workspace(forge: Forge, tmp_path: Pa
     first = forge("graph", "--svg", cwd=root)
     assert first.code == 0, first.err
     assert forge("graph", "--svg", cwd=root).out == first.out
-    drawing = ET.fromstring(first.out)  # noqa: S314  (ours)
+    drawing = ET.fromstring(first.out)
     names = [text.text for text in drawing.iter("{http://www.w3.org/2000/svg}text")]
     assert {*NEEDS} < set(names)
     # Only what is selected, and lines over what is not.

@@ -185,9 +185,9 @@ def test_the_table_has_exactly_the_options_of_colcon() -> None:
 def test_forge_has_every_option_of_colcon() -> None:
     for verb, options in COLCON_OPTIONS.items():
         parser = parser_of([verb])
-        commands = next(action for action in parser._actions if action.choices)  # noqa: SLF001
+        commands = next(action for action in parser._actions if action.choices)
         assert isinstance(commands.choices, dict)
-        own = frozenset(commands.choices[verb]._option_string_actions)  # noqa: SLF001
+        own = frozenset(commands.choices[verb]._option_string_actions)
         assert options <= own
         lists = {word for word in own if word.endswith("-args")}
         assert lists == PASSED_ON & own

@@ -43,7 +43,7 @@ def colcon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Colcon]:
 
 def workspace(tmp_path: Path, seed: int, **shape: bool) -> Path:
     """Return the workspace of a seed."""
-    return write_random_workspace(tmp_path / "ws", random.Random(seed), Shape(**shape))  # noqa: S311
+    return write_random_workspace(tmp_path / "ws", random.Random(seed), Shape(**shape))
 
 
 def both(colcon: Colcon, forge: Forge, root: Path, *argv: str) -> tuple[Ran, Ran]:
@@ -59,7 +59,7 @@ def test_the_same_packages_are_found_and_selected_in_the_same_order(
     colcon: Colcon, forge: Forge, tmp_path: Path, seed: int
 ) -> None:
     root = workspace(tmp_path, seed)
-    chance = random.Random(seed)  # noqa: S311
+    chance = random.Random(seed)
     for number, options in enumerate(([], *(random_options(chance) for _ in range(4)))):
         form = ["-t", chance.choice(("-n", "-p"))] if (seed + number) % 2 else []
         ours, theirs = both(colcon, forge, root, "list", *form, *options)
@@ -69,7 +69,7 @@ def test_the_same_packages_are_found_and_selected_in_the_same_order(
 @pytest.mark.parametrize("seed", SEEDS)
 def test_graphs_are_the_same(colcon: Colcon, forge: Forge, tmp_path: Path, seed: int) -> None:
     root = workspace(tmp_path, seed, faults=False)
-    chance = random.Random(seed)  # noqa: S311
+    chance = random.Random(seed)
     for number, options in enumerate(([], *(random_options(chance) for _ in range(2)))):
         if (seed + number) % 2:
             form = chance.choice(([], ["--density"]))
@@ -109,9 +109,9 @@ def test_packages_of_one_name_are_listed_both(
     colcon: Colcon, forge: Forge, tmp_path: Path, seed: int
 ) -> None:
     root = workspace(tmp_path, seed, duplicates=True)
-    chance = random.Random(seed)  # noqa: S311
+    chance = random.Random(seed)
     for options in ([], *(random_options(chance) for _ in range(2))):
-        options = [word for word in options if word not in {"--packages-start", "--packages-end"}]  # noqa: PLW2901
+        options = [word for word in options if word not in {"--packages-start", "--packages-end"}]
         ours, theirs = both(colcon, forge, root, "list", *options)
         assert ours.out == theirs.out, f"{options}"
 
@@ -155,7 +155,7 @@ def test_files_with_options_say_the_same(colcon: Colcon, forge: Forge, tree: Tre
 
 
 def test_the_same_versions_are_missed(colcon: Colcon, forge: Forge, tree: Tree) -> None:
-    chance = random.Random(3)  # noqa: S311
+    chance = random.Random(3)
     versions = ("0.1.0", "0.1", "0.2.0", "00.1.0", "1.0.0", "0.0.9", "0.1.0.1")
     words = ("lt", "lte", "eq", "gte", "gt")
     files = {"src/a/package.xml": manifest_text("a")}

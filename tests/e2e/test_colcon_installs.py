@@ -108,7 +108,7 @@ def test_install_trees_and_what_their_scripts_do_are_the_same(
 ) -> None:
     # No blank in the path: colcon's own scripts cannot be sourced then.
     root = tmp_path / f"{form}{seed}"
-    for name, text in random_installs(random.Random(seed), LINKED if form == "linked" else TYPES):  # noqa: S311
+    for name, text in random_installs(random.Random(seed), LINKED if form == "linked" else TYPES):
         (root / name).parent.mkdir(parents=True, exist_ok=True)
         (root / name).write_text(text)
         (root / name).chmod(0o755 if text.startswith("#!") else 0o644)

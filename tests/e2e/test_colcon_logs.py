@@ -151,7 +151,7 @@ def events(root: Path, verb: str) -> list[Event]:
         match = _EVENT.fullmatch(line)
         assert match is not None, line
         times.append(float(match[1]))
-        members = eval(match[4], {"OrderedDict": OrderedDict})  # noqa: S307  (this is what the format is)
+        members = eval(match[4], {"OrderedDict": OrderedDict})
         found.append((match[2], match[3], members))
     assert times[0] == 0.0
     assert times == sorted(times)

@@ -156,7 +156,7 @@ def test_results_survive_a_rebuild(colcon: Colcon, forge: Forge, tree: Tree) -> 
 
 @pytest.mark.parametrize("seed", range(25))
 def test_results_of_all_shapes_are_read_alike(colcon: Colcon, forge: Forge, tree: Tree, seed: int) -> None:
-    root = tree(dict(random_results(random.Random(seed))))  # noqa: S311  (no secrets)
+    root = tree(dict(random_results(random.Random(seed))))
     for options in ([], ["--all"], ["--verbose"], ["--all", "--verbose"], ["--result-files-only"]):
         ours = forge("test-result", *options, cwd=root)
         theirs = colcon("--log-base", "/dev/null", "test-result", *options, cwd=root)

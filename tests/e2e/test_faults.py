@@ -523,7 +523,7 @@ def test_files_that_change_and_vanish_while_they_are_read(tree: Tree) -> None:
     stop = threading.Event()
 
     def fidget() -> None:
-        chance = random.Random(SEED)  # noqa: S311  (a reproducible sequence, not a secret)
+        chance = random.Random(SEED)
         while not stop.is_set():
             path = root / f"src/a/{chance.choice('xyz')}/{chance.randrange(20)}"
             with suppress(OSError):
@@ -614,7 +614,7 @@ def test_a_lock_of_the_dead_holds_nobody_up(tree: Tree) -> None:
 
 
 def test_random_faults_at_random_times(tree: Tree) -> None:
-    chance = random.Random(f"{SEED} faults")  # noqa: S311  (a reproducible sequence, not a secret)
+    chance = random.Random(f"{SEED} faults")
     files = {**package("a"), **package("b", BIG, "a"), **package("c", PLAIN, "b")}
     root = tree({f"ws/{name}": text for name, text in files.items()}) / "ws"
     begun = time.monotonic()

@@ -166,7 +166,7 @@ def test_files_of_others_outlive_random_edits(forge: Forge, tree: Tree, options:
     root = tree(sources())
     lists = root / "src/a/CMakeLists.txt"
     lists.write_text(lists.read_text().replace("@SOURCE@", str(root / "src/a")))
-    source = random.Random(SEED)  # noqa: S311
+    source = random.Random(SEED)
     assert forge("build", *options, cwd=root).code == 0
     others, changes = Others(root, source), edits(root)
     for number in range(EDITS):

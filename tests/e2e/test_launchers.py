@@ -249,7 +249,7 @@ def started(log: Path) -> Server:
     with log.open("wb") as stderr:
         process = subprocess.Popen(
             ["distccd", *words, "--listen", "127.0.0.1", "--allow", "127.0.0.1", "--port", str(port)],
-            env={"PATH": os.environ["PATH"], "TMPDIR": "/tmp"},  # noqa: S108  (whoever it becomes may write there)
+            env={"PATH": os.environ["PATH"], "TMPDIR": "/tmp"},
             cwd="/",
             stdin=subprocess.DEVNULL,
             stdout=stderr,

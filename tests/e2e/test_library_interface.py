@@ -130,7 +130,7 @@ VARIABLE = '.data\n.globl v\nv: .long {values}\n.size v, {size}\n.section .note.
     ],
     ids=["a symbol without a type", "a constant pointer"],
 )
-def test_a_copied_variable_that_changes_links_its_users_again(  # noqa: PLR0913, PLR0917
+def test_a_copied_variable_that_changes_links_its_users_again(
     forge: Forge, tree: Tree, file: str, one: str, other: str, main: str
 ) -> None:
     library = f"enable_language(ASM)\nadd_library(base SHARED {file})\n"

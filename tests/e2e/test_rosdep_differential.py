@@ -47,13 +47,13 @@ json.dump(answers, sys.stdout)
 """Asks rosdep what a rule means; it runs where rosdep is installed."""
 
 
-def names(chance: random.Random) -> Any:  # noqa: ANN401  (whatever a file may hold)
+def names(chance: random.Random) -> Any:
     """Return names as files have them."""
     plain: tuple[Any, ...] = ("a", "a b", ["a"], ["a", "b"], [], None)
     return chance.choice([*plain, {"packages": ["p", "q"]}, {"packages": "p q"}, {"packages": []}])
 
 
-def rule(chance: random.Random, *, deep: bool = True) -> Any:  # noqa: ANN401
+def rule(chance: random.Random, *, deep: bool = True) -> Any:
     """Return a rule: names, names by package manager, or such rules by version."""
     kind = chance.randrange(3 if deep else 2)
     if kind == 0:
@@ -67,7 +67,7 @@ def rule(chance: random.Random, *, deep: bool = True) -> Any:  # noqa: ANN401
 
 @pytest.mark.needs("rosdep")
 def test_the_same_names_come_of_the_same_rules() -> None:
-    chance = random.Random(7)  # noqa: S311  (no secret)
+    chance = random.Random(7)
     cases = []
     for _ in range(CASES):
         known = chance.sample(SYSTEMS, chance.randint(1, len(SYSTEMS)))

@@ -77,9 +77,7 @@ def cost(root: Path, *words: str) -> Cost:
     assert code == "0", done.stderr[-2000:]
     found = Cost(float(seconds), float(own), int(kilobytes) / 1024, out)
     children = f" and {found.seconds - found.own:.1f} s of others" if found.seconds > found.own + 0.1 else ""
-    print(  # noqa: T201
-        f"{root.name} {' '.join(words)}: {found.own:.1f} s{children}, {found.megabytes:.0f} MB"
-    )
+    print(f"{root.name} {' '.join(words)}: {found.own:.1f} s{children}, {found.megabytes:.0f} MB")
     return found
 
 

@@ -27,7 +27,7 @@ def main() -> int:
     if len(options.names) == 1:
         return _guided(options.names[0], options.seconds)
     # Imported here, since a guided run must watch forge being imported.
-    from tests.fuzz.harnesses import HARNESSES  # noqa: PLC0415
+    from tests.fuzz.harnesses import HARNESSES
 
     names = options.names or list(HARNESSES)
     broken = [name for name in names if not _run(name, options.seconds / len(names))]
@@ -45,11 +45,11 @@ def _run(name: str, seconds: float) -> bool:
 
 def _guided(name: str, seconds: float) -> int:
     """Let atheris make inputs; it ends the process itself."""
-    import atheris  # type: ignore[import-not-found,import-untyped,unused-ignore]  # noqa: PLC0415
+    import atheris  # type: ignore[import-not-found,import-untyped,unused-ignore]
 
     with atheris.instrument_imports(include=["forge"]):
-        from tests.fuzz.food import SEEDS  # noqa: PLC0415
-        from tests.fuzz.harnesses import HARNESSES  # noqa: PLC0415
+        from tests.fuzz.food import SEEDS
+        from tests.fuzz.harnesses import HARNESSES
     corpus = FOLDER / name
     corpus.mkdir(parents=True, exist_ok=True)
     for number, seed in enumerate(SEEDS[name]):
@@ -61,16 +61,16 @@ def _guided(name: str, seconds: float) -> int:
 
 
 def _at_random(name: str, seconds: float) -> bool:
-    from tests.fuzz.food import spoilt  # noqa: PLC0415
-    from tests.fuzz.harnesses import HARNESSES  # noqa: PLC0415
+    from tests.fuzz.food import spoilt
+    from tests.fuzz.harnesses import HARNESSES
 
-    chance = random.Random(time.time_ns())  # noqa: S311  (not a secret)
+    chance = random.Random(time.time_ns())
     end, count = time.monotonic() + seconds, 0
     while time.monotonic() < end:
         data = spoilt(name, chance)
         try:
             HARNESSES[name](data)
-        except BaseException as error:  # noqa: BLE001  (whatever it is, it is what we look for)
+        except BaseException as error:
             FOLDER.mkdir(exist_ok=True)
             (FOLDER / f"{name}-crash").write_bytes(data)
             print(f"{name}: {type(error).__name__}: {error}, given {data!r}")

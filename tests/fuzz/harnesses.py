@@ -174,11 +174,11 @@ def schema(data: bytes) -> None:
 
 @cache
 def _actions() -> Iterable[argparse.Action]:
-    from forge.cli.commands import build  # noqa: PLC0415  (most harnesses need none)
+    from forge.cli.commands import build
 
     parser = Parser(prog="forge build")
     build.register(parser)
-    return tuple(parser._actions)  # noqa: SLF001  (argparse has no public name)
+    return tuple(parser._actions)
 
 
 def configuration(folder: str, name: str, data: bytes, **given: object) -> None:
@@ -229,7 +229,7 @@ def mixin(data: bytes) -> None:
                 combined([name], verb, mixins)
 
 
-def workspace(root: Path, overrides: Any = None) -> None:  # noqa: ANN401  (what read_overrides gives)
+def workspace(root: Path, overrides: Any = None) -> None:
     """Look at a folder's packages, and at each as `forge info` shows it; discovery raises nothing."""
     found = discover(root, ["."], {}, overrides=overrides)
     for package in found.packages.values():
@@ -309,7 +309,7 @@ def tables(data: bytes) -> None:
 def dsv(data: bytes) -> None:
     """Read a dsv file of an installed package, and the scripts that come of it."""
     prefix = place("dsv", "share/p/package.dsv", data)
-    sourcing._read_edits.cache_clear()  # noqa: SLF001  (two writes may have one stamp here)
+    sourcing._read_edits.cache_clear()
     with contextlib.suppress(ForgeError):
         edits = sourcing.package_edits("p", prefix)
         for shell in SHELLS:
@@ -371,7 +371,7 @@ def make_flags(data: bytes) -> None:
 @harness
 def generator_arguments(data: bytes) -> None:
     """Read the @FILE with the words of `forge interface generate`."""
-    from forge.cli.main import main  # noqa: PLC0415  (all other harnesses stay below the command line)
+    from forge.cli.main import main
 
     folder = place("arguments", "generate.args", data)
     argv = ["interface", "generate", f"@{folder}/generate.args", "--output", str(room() / "generated")]

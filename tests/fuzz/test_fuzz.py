@@ -18,7 +18,7 @@ SEED = int(os.environ.get("FORGE_TEST_SEED", "1"))
 
 @pytest.mark.parametrize("name", HARNESSES)
 def test_good_bytes_with_accidents_give_a_value_or_a_sentence(name: str) -> None:
-    chance = random.Random(f"{name} {SEED}")  # noqa: S311  (a reproducible fuzzer)
+    chance = random.Random(f"{name} {SEED}")
     for seed in SEEDS[name]:
         HARNESSES[name](seed)
     for _ in range(EXAMPLES):

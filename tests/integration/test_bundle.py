@@ -51,7 +51,7 @@ WALKER = Made(
         ("bin/cmake", False),
     ],
 )
-def test_what_only_building_needs(path: str, expected: bool) -> None:  # noqa: FBT001  (a column)
+def test_what_only_building_needs(path: str, expected: bool) -> None:
     assert for_building(path) is expected
 
 

@@ -275,7 +275,7 @@ def test_data_of_the_distribution_says_what_was_released(forge: Forge, root: Pat
     url = "https://example.org/humble/distribution.yaml"
     (cache / "index").write_text(f"yaml {url} humble\n", encoding="utf-8")
     released = {"ubuntu": {"jammy": {"apt": {"packages": ["ros-humble-nav2-msgs"]}}}, "_is_ros": True}
-    stored = cache / f"{hashlib.sha1(url.encode()).hexdigest()}.pickle"  # noqa: S324
+    stored = cache / f"{hashlib.sha1(url.encode()).hexdigest()}.pickle"
     stored.write_bytes(pickle.dumps({"nav2_msgs": released}, 2))
     env = {"ROS_HOME": str(root / "home"), "ROSDEP_SOURCE_PATH": str(root / "none"), "ROS_DISTRO": "humble"}
     jammy = forge("deps", "--os", "ubuntu:jammy", cwd=root, env=env)
@@ -294,7 +294,7 @@ def test_data_that_rosdep_cannot_read(forge: Forge, root: Path, resolver: str) -
     cache = root / "home/rosdep/sources.cache"
     cache.mkdir(parents=True)
     (cache / "index").write_text("yaml https://example.org/x.yaml\n", encoding="utf-8")
-    name = hashlib.sha1(b"https://example.org/x.yaml").hexdigest()  # noqa: S324
+    name = hashlib.sha1(b"https://example.org/x.yaml").hexdigest()
     (cache / f"{name}.pickle").write_bytes(b"torn")
     env = {"ROS_HOME": str(root / "home"), "ROSDEP_SOURCE_PATH": str(root / "none")}
     ran = forge("deps", "--rosdep-file", "keys.yaml", "--os", "ubuntu:jammy", cwd=root, env=env)

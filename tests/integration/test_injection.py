@@ -193,6 +193,6 @@ def test_make_reads_the_paths_of_a_depfile(tmp_path: Path) -> None:
 
 
 def test_every_shell_is_tried() -> None:
-    from forge.environment.shells import SHELLS  # noqa: PLC0415
+    from forge.environment.shells import SHELLS
 
     assert SHELLS.keys() == _SHELLS.keys()

@@ -189,7 +189,7 @@ def test_files_and_folders_outside_are_named(forge: Forge, tree: Tree, tmp_path:
         (3, "/other/forge", "forge now runs in '/other/forge' with Python {2}, not in '{3}' with Python {2}"),
     ],
 )
-def test_another_forge_is_named_by_what_differs(  # noqa: PLR0913, PLR0917  (three are columns)
+def test_another_forge_is_named_by_what_differs(
     part: int, word: str, text: str, forge: Forge, workspace: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Its version, its code, or only the Python that runs it."""

@@ -35,7 +35,7 @@ def test_what_the_environment_names_must_be_there(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("merged", [False, True])
-def test_users_in_the_underlay_are_named(merged: bool, tmp_path: Path) -> None:  # noqa: FBT001  (a column)
+def test_users_in_the_underlay_are_named(merged: bool, tmp_path: Path) -> None:
     """If they are not built here, too."""
     made = [Made("base"), *(Made(name, ("base",)) for name in "vwxyz"), Made("lonely")]
     root = make_install(tmp_path / "below", made, merged=merged).install
@@ -62,7 +62,7 @@ def test_what_is_overridden_in_an_underlay_is_one_warning(tmp_path: Path) -> Non
 
 @pytest.mark.parametrize("ours", [True, False])
 def test_embedded_interfaces_join_embedded_generators_of_an_underlay(
-    ours: bool,  # noqa: FBT001  (a column)
+    ours: bool,
     forge: Forge,
     tree: Tree,
     tmp_path: Path,

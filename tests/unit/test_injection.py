@@ -188,7 +188,7 @@ def test_a_member_cannot_be_called_so(line: str) -> None:
 @example("../../x", "name")
 @example("*/\n#error sprung_canary\n", "build_type")
 def test_a_manifest_with_such_names_is_refused_or_harmless(text: str, tag: str) -> None:
-    from xml.sax.saxutils import escape  # noqa: PLC0415  (an escape that is not ours)
+    from xml.sax.saxutils import escape
 
     content = manifest_text(
         "pkg", f'<depend version_gte="1">{escape(text)}</depend>' if tag == "depend" else ""

@@ -141,7 +141,7 @@ def test_the_page_of_a_graph_has_no_element_of_its_packages(text: str, name: str
 def test_the_picture_of_a_graph_has_no_element_of_its_packages(name: str) -> None:
     found, plain = (
         # Our own text, and an attack on its reader is what is sought.
-        list(ET.fromstring(picture_of(chart_of("x", each), "svg")).iter())  # noqa: S314
+        list(ET.fromstring(picture_of(chart_of("x", each), "svg")).iter())
         for each in (name, "below")
     )
     assert [(each.tag, sorted(each.attrib)) for each in found] == [

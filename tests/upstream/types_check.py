@@ -73,12 +73,12 @@ def _read_by_peer(path: Path, unread: dict[str, str]) -> dict[str, Any]:
     """Return the fields of a definition's messages as rosbags describes them; none if it cannot read it."""
     try:
         return {name: ([], _unsigned(fields)) for name, (_, fields) in _described_by_peer(path).items()}
-    except Exception as error:  # noqa: BLE001  (whatever a parser that is not ours may raise)
+    except Exception as error:
         unread[_name(path)] = str(error)[:200]
         return {}
 
 
-def _unsigned(described: Any) -> Any:  # noqa: ANN401  (rosbags' nested tuples)
+def _unsigned(described: Any) -> Any:
     """Return a description with bytes as forge and ROS 2 have them: rosbags' are signed."""
     if isinstance(described, list | tuple):
         return type(described)(_unsigned(item) for item in described)
@@ -124,21 +124,21 @@ def _classes(path: Path, faults: dict[str, str]) -> Iterator[tuple[str, Any]]:
         faults[name] = f"cannot be imported: {error}"
 
 
-def _fault(peer: Any, name: str, class_: Any) -> str | None:  # noqa: ANN401  (classes are made at run time)
+def _fault(peer: Any, name: str, class_: Any) -> str | None:
     """Return what is wrong with a type, None if both libraries agree on every example."""
-    chance = random.Random(name)  # noqa: S311  (reproducible examples)
+    chance = random.Random(name)
     try:
         for _ in range(EXAMPLES):
             message = _message(chance, class_, 0)
             fault = _difference(peer, name, message)
             if fault:
                 return fault
-    except Exception as error:  # noqa: BLE001  (a fault of the type, whatever it is)
+    except Exception as error:
         return f"{type(error).__name__}: {error}"
     return None
 
 
-def _difference(peer: Any, name: str, message: Any) -> str | None:  # noqa: ANN401
+def _difference(peer: Any, name: str, message: Any) -> str | None:
     forge_cdr: Any = import_module("forge_cdr")
     data = forge_cdr.serialize(message)
     if forge_cdr.deserialize(data, type(message)) != message:
@@ -156,12 +156,12 @@ def _difference(peer: Any, name: str, message: Any) -> str | None:  # noqa: ANN4
     return None
 
 
-def _message(chance: random.Random, class_: Any, depth: int) -> Any:  # noqa: ANN401
+def _message(chance: random.Random, class_: Any, depth: int) -> Any:
     slots = zip(class_.__slots__, class_.SLOT_TYPES, strict=True)
     return class_(**{slot[1:]: _value(chance, type_, class_, depth) for slot, type_ in slots})
 
 
-def _value(chance: random.Random, type_: Any, owner: Any, depth: int) -> Any:  # noqa: ANN401
+def _value(chance: random.Random, type_: Any, owner: Any, depth: int) -> Any:
     word = type(type_).__name__
     if word == "BasicType":
         return _number(chance, type_.typename)
@@ -178,7 +178,7 @@ def _value(chance: random.Random, type_: Any, owner: Any, depth: int) -> Any:  #
     return [_value(chance, type_.value_type, owner, depth) for _ in range(size)]
 
 
-def _number(chance: random.Random, name: str) -> Any:  # noqa: ANN401
+def _number(chance: random.Random, name: str) -> Any:
     """Return a number whose bytes differ from those of most others."""
     match name:
         case "boolean":

@@ -58,7 +58,7 @@ _SYSTEM_PROGRAMS = """
     date echo printf sleep id hostname getconf ldconfig file which pwd ls tar gzip install patch
     as ld ld.bfd ld.gold ld.lld lld mold ar gcc-ar ranlib gcc-ranlib nm gcc-nm strip objcopy objdump readelf
     addr2line c++filt size dwp gstrip gnm
-""".split()  # noqa: SIM905  (shorter than a list of seventy lines)
+""".split()
 _TOOL = rf"(?:{'|'.join(map(re.escape, _SYSTEM_PROGRAMS))})(?:-[\d.]+)?"
 
 CLOCKS = IgnoredInput("clocks")

@@ -140,8 +140,8 @@ def first_missing(path: str) -> str:
     """Return the first missing part of a path, or '' if it exists."""
     if os.path.lexists(path):
         return ""
-    parent = os.path.dirname(path)  # noqa: PTH120  (thousands: no Path for each)
-    return path if os.path.isdir(parent) else first_missing(parent)  # noqa: PTH112
+    parent = os.path.dirname(path)
+    return path if os.path.isdir(parent) else first_missing(parent)
 
 
 def _shared_inputs(
@@ -161,10 +161,10 @@ def _shared_inputs(
     for name, record in records.items():
         for path in record.files:
             owners[path] = name
-            if context.layout.symlink and os.path.islink(path):  # noqa: PTH114
+            if context.layout.symlink and os.path.islink(path):
                 real = os.path.realpath(path)
                 owners.setdefault(real, name)
-                beside_links.add(os.path.dirname(real))  # noqa: PTH120
+                beside_links.add(os.path.dirname(real))
     searched_by_name = {folder for folder in variables.get("PATH", "").split(os.pathsep) if folder}
     searched_by_name |= {
         f"{prefix}/bin" for prefix in find_underlays(variables, context.layout.install).prefixes
@@ -207,7 +207,7 @@ def _folders_of_python(python: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
 def _folders_of_compiler(compiler: str) -> tuple[str, ...]:
     """Return the folders of a compiler's own programs, headers and libraries."""
     questions = ("-print-prog-name=cc1plus", "-print-prog-name=cc1", "-print-libgcc-file-name")
-    found = [os.path.dirname(_answer((compiler, question))) for question in questions]  # noqa: PTH120
+    found = [os.path.dirname(_answer((compiler, question))) for question in questions]
     found.append(_answer((compiler, "-print-resource-dir")))
     return tuple(os.path.realpath(path) for path in found if path.startswith("/") and path not in _SYSTEM)
 

@@ -113,10 +113,10 @@ def read_named_files(paths: Sequence[str]) -> NamedFiles:
         named = in_module(text)
         content = digest_of_text(text) if len(text) < _LARGEST else stamp_files([path])
         options.append(f"{NAMED_FILE}'{path}' named by an option {content}")
-        list_dir = os.path.dirname(path)  # noqa: PTH120
+        list_dir = os.path.dirname(path)
         words |= named.words | {_expand(word, list_dir) for word in _joined_words(text)}
         for included in named.included:
-            other = os.path.normpath(os.path.join(list_dir, _expand(included, list_dir)))  # noqa: PTH118
+            other = os.path.normpath(os.path.join(list_dir, _expand(included, list_dir)))
             if other not in seen and is_text(other):
                 seen.add(other)
                 waiting.append(other)
@@ -128,7 +128,7 @@ def _stamp(paths: Sequence[str]) -> str:
     """Return a stamp of the files, or '' if one may change without a change of its stat."""
     since = time.time_ns() - RACY_NANOSECONDS
     try:
-        racy = any(os.stat(path).st_ctime_ns > since for path in paths)  # noqa: PTH116
+        racy = any(os.stat(path).st_ctime_ns > since for path in paths)
     except OSError:
         racy = True
     return "" if racy or not paths else stamp_files(paths)
@@ -149,17 +149,17 @@ def _read_texts(source_dir: str) -> tuple[References, list[str]]:
         path, reader = waiting.pop()
         found = reader(_text(path))
         named |= found
-        folder = os.path.dirname(path)  # noqa: PTH120
+        folder = os.path.dirname(path)
         for word in found.included:
-            for other in _listed(os.path.normpath(os.path.join(folder, _expand(word, folder, source_dir)))):  # noqa: PTH118
+            for other in _listed(os.path.normpath(os.path.join(folder, _expand(word, folder, source_dir)))):
                 if other not in seen and not other.startswith(f"{source_dir}/"):
                     seen.add(other)
                     outside.append(other)
-                    waiting.append((other, reader_of(os.path.basename(other), top=False) or in_module))  # noqa: PTH119
+                    waiting.append((other, reader_of(os.path.basename(other), top=False) or in_module))
         if not waiting and not mentioned:
             mentioned = True
             for other in files:
-                name = os.path.basename(other)  # noqa: PTH119
+                name = os.path.basename(other)
                 if other not in seen and name in named.scripts and (script := reader_of_script(name)):
                     seen.add(other)
                     waiting.append((other, script))
@@ -168,8 +168,8 @@ def _read_texts(source_dir: str) -> tuple[References, list[str]]:
 
 def _listed(path: str) -> tuple[str, ...]:
     """Return the files for a path: itself, the CMakeLists.txt in a folder, or the sources of a Rust crate."""
-    names = [name for name in (path, f"{path}/{LISTS}") if os.path.isfile(name)]  # noqa: PTH113
-    if os.path.isfile(f"{path}/{CARGO_MANIFEST}"):  # noqa: PTH113
+    names = [name for name in (path, f"{path}/{LISTS}") if os.path.isfile(name)]
+    if os.path.isfile(f"{path}/{CARGO_MANIFEST}"):
         names += [name for name in source_files(path) if name.endswith((".rs", CARGO_MANIFEST))]
     return tuple(names)
 

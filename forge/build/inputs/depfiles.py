@@ -83,14 +83,14 @@ def cmake_root(build: Path) -> str:
 def _programs(build: Path, graph: NativeGraph) -> Iterator[str]:
     """Yield the files that CMake has found, and those in the package's custom commands."""
     for path in _FOUND.findall(_text(build / "CMakeCache.txt")):
-        if os.path.isfile(path):  # noqa: PTH113
+        if os.path.isfile(path):
             yield path
     for edge in graph.edges:
         if edge.outputs_known:
             continue
         for word in _WORD.findall(edge.text):
             path = os.path.normpath(re.sub(r"[\\$](.)", r"\1", word))
-            if os.path.isfile(path):  # noqa: PTH113
+            if os.path.isfile(path):
                 yield path
 
 
@@ -134,7 +134,7 @@ def _searched_by_linkers(build: Path) -> tuple[str, ...]:
 def _read_by_backend(build: Path, inside: Sequence[Path]) -> Iterator[str]:
     """Yield what the build backend of a Python package or cargo read; a folder includes all its files."""
     for path in _listed(build, READ_BY_BACKEND):
-        is_folder = not path.endswith(DIR_LISTING_SUFFIX) and os.path.isdir(path)  # noqa: PTH112
+        is_folder = not path.endswith(DIR_LISTING_SUFFIX) and os.path.isdir(path)
         yield from _files_of(path, inside) if is_folder else (path,)
 
 
@@ -176,13 +176,13 @@ def _named_outside(source: Path, graph: NativeGraph) -> Iterator[str]:
     for path in graph.read_by_cmake:
         if not path.startswith(home) or not path.endswith((".cmake", "CMakeLists.txt")):
             continue
-        here = os.path.dirname(path)  # noqa: PTH120
+        here = os.path.dirname(path)
         text = _HERE.sub(
             lambda match, here=here: here if "CURRENT" in match.group(1) else str(source),  # type: ignore[misc]
             _COMMENT.sub("", _text(Path(path))),
         )
         for word in _OUTSIDE.findall(text):
-            named = os.path.normpath(os.path.join(here, word))  # noqa: PTH118
+            named = os.path.normpath(os.path.join(here, word))
             if not f"{named}/".startswith(home) and not home.startswith(f"{named}/"):
                 yield named
 
@@ -190,7 +190,7 @@ def _named_outside(source: Path, graph: NativeGraph) -> Iterator[str]:
 def _matched(pattern: str) -> Iterator[str]:
     """Yield the folders whose file names affect a pattern of file(GLOB) or file(GLOB_RECURSE)."""
     fixed = _GLOB.split(pattern, maxsplit=1)[0].rpartition("/")[0]
-    folders = itertools.islice(source_folders(fixed), _TREE_LIMIT) if os.path.isdir(fixed) else ()  # noqa: PTH112
+    folders = itertools.islice(source_folders(fixed), _TREE_LIMIT) if os.path.isdir(fixed) else ()
     yield from (f"{folder}{DIR_LISTING_SUFFIX}" for folder, _ in folders)
 
 
@@ -201,7 +201,7 @@ def _files_of(path: str, inside: Iterable[Path]) -> Iterator[str]:
     if _GLOB.search(path):
         yield from _matched(path)
         return
-    if not os.path.isdir(path):  # noqa: PTH112
+    if not os.path.isdir(path):
         yield path
         return
     files = []
@@ -221,18 +221,18 @@ def _searched(graph: NativeGraph, outside: Iterable[str]) -> Iterator[str]:
         for word in _SEARCHED.findall(edge.text)
         if word.startswith("/")
     }
-    below = {os.path.dirname(path) for path in outside}  # noqa: PTH120
+    below = {os.path.dirname(path) for path in outside}
     relative = {
         folder[len(top) + 1 :] for top in searched for folder in below if folder.startswith(f"{top}/")
     }
     for top in searched:
         for folder in ("", *relative):
             path = f"{top}/{folder}" if folder else top
-            if os.path.isdir(path):  # noqa: PTH112
+            if os.path.isdir(path):
                 yield f"{path}{DIR_LISTING_SUFFIX}"
-        if not os.path.isdir(top):  # noqa: PTH112
-            above = os.path.dirname(top)  # noqa: PTH120
-            if os.path.isdir(above):  # noqa: PTH112
+        if not os.path.isdir(top):
+            above = os.path.dirname(top)
+            if os.path.isdir(above):
                 yield f"{above}{DIR_LISTING_SUFFIX}"
 
 

@@ -168,7 +168,7 @@ def file_state(path: str) -> str:
 def content_digest(path: str) -> str:
     """Return the digest of a file's content; raises OSError like open()."""
     digest = hashlib.blake2b(digest_size=16)
-    with open(path, "rb", buffering=0) as stream:  # noqa: PTH123  (thousands of files: no Path for each)
+    with open(path, "rb", buffering=0) as stream:
         while block := stream.read(_BLOCK):
             digest.update(block)
     return digest.hexdigest()
@@ -255,7 +255,7 @@ def _entries(folder: str, root: str) -> list[os.DirEntry[str]] | None:
     names = {entry.name for entry in entries}
     if IGNORE_MARK in names and names & _RESULTS:
         return None
-    by_ide = "CMakeCache.txt" in names and os.path.basename(folder).startswith("cmake-build-")  # noqa: PTH119
+    by_ide = "CMakeCache.txt" in names and os.path.basename(folder).startswith("cmake-build-")
     return None if folder != root and (by_ide or is_environment(names.__contains__)) else entries
 
 
@@ -357,7 +357,7 @@ def _content(path: str, status: os.stat_result | None, table: FileTable) -> str:
         if path.endswith("/"):
             return f"folder {stat.S_IMODE(status.st_mode):o}"
         if path.endswith(DIR_LISTING_SUFFIX):
-            return f"names {_digest(os.fsencode(chr(0).join(sorted(os.listdir(path)))))}"  # noqa: PTH208
+            return f"names {_digest(os.fsencode(chr(0).join(sorted(os.listdir(path)))))}"
         if stat.S_ISREG(status.st_mode):
             return f"{stat.S_IMODE(status.st_mode):o} {table.digest(path, status)}"
         return _target(path, table) if stat.S_ISLNK(status.st_mode) else "special"
@@ -367,7 +367,7 @@ def _content(path: str, status: os.stat_result | None, table: FileTable) -> str:
 
 def _target(path: str, table: FileTable) -> str:
     """Return the target of a link, with mode and content digest of a regular file."""
-    target = os.readlink(path)  # noqa: PTH115
+    target = os.readlink(path)
     real = _status(path, follow=True)
     if real is None or not stat.S_ISREG(real.st_mode):
         return f"link {target}"
@@ -376,7 +376,7 @@ def _target(path: str, table: FileTable) -> str:
 
 def _status(path: str, *, follow: bool = False) -> os.stat_result | None:
     try:
-        return os.stat(path, follow_symlinks=follow)  # noqa: PTH116
+        return os.stat(path, follow_symlinks=follow)
     except OSError:
         return None
 

@@ -78,7 +78,7 @@ def compare(
 
 def write_manifest(path: Path, manifest: Mapping[str, FileState]) -> None:
     """Write a manifest as JSON."""
-    from forge.base.files import replace_file  # noqa: PLC0415  (a build of nothing writes none)
+    from forge.base.files import replace_file
 
     data = {name: [state.stats, state.content] for name, state in manifest.items()}
     replace_file(path, json.dumps(data).encode())

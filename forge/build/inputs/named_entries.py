@@ -97,5 +97,5 @@ def _uses(variables: list[str], packages: list[str], programs: list[str], config
     return Uses(frozenset(variables), frozenset(packages), frozenset(programs), found)
 
 
-def _tuple(data: list[str] | str) -> Any:  # noqa: ANN401  (a field of one type or the other)
+def _tuple(data: list[str] | str) -> Any:
     return data if isinstance(data, str) else tuple(data)

@@ -140,7 +140,7 @@ class ReferencedInputs:
 
     def _scan(self) -> Scanner:
         if self._scanner is None:
-            from forge.build.inputs.build_texts import Scanner  # noqa: PLC0415  (most builds read no text)
+            from forge.build.inputs.build_texts import Scanner
 
             context = self._context
             self._scanner = Scanner(context.root, context.cmake, self._variables, self._lookup)
@@ -218,7 +218,7 @@ def named_paths(
 
 def read_files(paths: Sequence[str]) -> NamedFiles:
     """Read files named by CMake arguments."""
-    from forge.build.inputs.build_texts import read_named_files  # noqa: PLC0415  (most builds read no text)
+    from forge.build.inputs.build_texts import read_named_files
 
     return read_named_files(paths)
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 def files(folder: Path, context: BuildContext) -> tuple[tuple[Path, str], ...]:
     """Return the file, to be written into forge's folder of a build folder; none if the user opted out."""
-    from forge.base.templating import render  # noqa: PLC0415  (an up-to-date package needs no templates)
+    from forge.base.templating import render
 
     if not context.script_launcher:
         return ()

@@ -114,14 +114,14 @@ def _cargo(command: list[str], source: Path, name: str, stderr: int | None = Non
 
 def _forward(cargo: subprocess.Popen[str]) -> str:
     """Print what cargo prints, with its status lines on stdout, where they are no warnings; return stdout."""
-    assert cargo.stdout is not None  # noqa: S101  (a pipe)
-    assert cargo.stderr is not None  # noqa: S101  (as above)
+    assert cargo.stdout is not None
+    assert cargo.stderr is not None
     status = Thread(target=_forward_status, args=(cargo.stderr,))
     status.start()
     lines = []
     for line in cargo.stdout:
         lines.append(line)
-        print(line, end="", flush=True)  # noqa: T201  (for forge)
+        print(line, end="", flush=True)
     status.join()
     return "".join(lines)
 

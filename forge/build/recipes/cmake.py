@@ -72,8 +72,8 @@ def _is_accelerated(package: Package, context: BuildContext) -> bool:
 
 def tests(package: Package, context: TestContext) -> Recipe:
     """Return the CTest run of a built package."""
-    from forge.build.tests.detection import inspect_tests  # noqa: PLC0415  (a build tests nothing)
-    from forge.build.tests.recipes import ctest_recipe  # noqa: PLC0415  (as above)
+    from forge.build.tests.detection import inspect_tests
+    from forge.build.tests.recipes import ctest_recipe
 
     source, build = context.source(package), context.layout.build_dir(package.name)
     return ctest_recipe(package, context, inspect_tests(package, source, build))
@@ -98,7 +98,7 @@ def _recipe(
 ) -> Recipe:
     """Return the steps; `ament` are CMake variables, and `parts` files of which CMake includes some."""
     build = context.layout.build_dir(package.name)
-    from forge.build.recipes import initial_cache  # noqa: PLC0415  (an up-to-date package needs no templates)
+    from forge.build.recipes import initial_cache
 
     folder = scratch_folder(build)
     manifest = folder / "manifest.cmake"

@@ -24,6 +24,6 @@ def is_accelerated(package: Package, context: BuildContext) -> bool:
 
 def files(folder: Path) -> tuple[tuple[Path, str], ...]:
     """Return the file, to be written into forge's folder of a build folder."""
-    from forge.base.templating import render  # noqa: PLC0415  (an up-to-date package needs no templates)
+    from forge.base.templating import render
 
     return ((folder / "component_nodes.cmake", render("cmake/component_nodes.cmake.j2")),)

@@ -42,7 +42,7 @@ def is_accelerated(package: Package, context: BuildContext) -> bool:
 
 def files(folder: Path, context: BuildContext) -> tuple[tuple[Path, str], ...]:
     """Return the files that CMake and its rules use, to be written into forge's folder of a build folder."""
-    from forge.base.templating import render  # noqa: PLC0415  (an up-to-date package needs no templates)
+    from forge.base.templating import render
 
     marker, script = _marker(folder), folder / "compile_generated.sh"
     include = render(

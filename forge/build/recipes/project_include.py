@@ -17,7 +17,7 @@ def cache_entries(folder: Path) -> Pairs:
 
 def files(folder: Path, parts: tuple[tuple[Path, str], ...]) -> tuple[tuple[Path, str], ...]:
     """Return the file and its `parts`, to be written into that folder; it includes those for CMake."""
-    from forge.base.templating import render  # noqa: PLC0415  (an up-to-date package needs no templates)
+    from forge.base.templating import render
 
     included = [path.name for path, _ in parts if path.suffix == ".cmake"]
     return (_include(folder), render("cmake/project.cmake.j2", parts=included)), *parts

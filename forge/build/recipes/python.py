@@ -25,8 +25,8 @@ def plain_recipe(package: Package, context: BuildContext) -> Recipe:
 
 def tests(package: Package, context: TestContext) -> Recipe:
     """Return the pytest or unittest run."""
-    from forge.build.tests.detection import inspect_tests  # noqa: PLC0415  (a build tests nothing)
-    from forge.build.tests.recipes import python_recipe  # noqa: PLC0415  (as above)
+    from forge.build.tests.detection import inspect_tests
+    from forge.build.tests.recipes import python_recipe
 
     source, build = context.source(package), context.layout.build_dir(package.name)
     return python_recipe(package, context, inspect_tests(package, source, build))

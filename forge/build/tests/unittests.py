@@ -38,39 +38,37 @@ class Result(unittest.TextTestResult):
 
     records: list[CaseRecord]
 
-    def startTestRun(self) -> None:  # noqa: N802  (unittest's name)
+    def startTestRun(self) -> None:
         """Start without records."""
         super().startTestRun()
         self.records = []
 
-    def startTest(self, test: unittest.TestCase) -> None:  # noqa: N802
+    def startTest(self, test: unittest.TestCase) -> None:
         """Start the record of a test."""
         super().startTest(test)
         self.records.append(CaseRecord(test.id()))
 
-    def stopTest(self, test: unittest.TestCase) -> None:  # noqa: N802
+    def stopTest(self, test: unittest.TestCase) -> None:
         """Record the duration."""
         super().stopTest(test)
         self.records[-1].stop()
 
-    def addError(self, test: unittest.TestCase, err: Fault) -> None:  # noqa: N802
+    def addError(self, test: unittest.TestCase, err: Fault) -> None:
         """Record an error, also of the set-up of a class or module."""
         super().addError(test, err)
         self._record(test).add("error", self._message(err), self.errors[-1][1])
 
-    def addFailure(self, test: unittest.TestCase, err: Fault) -> None:  # noqa: N802
+    def addFailure(self, test: unittest.TestCase, err: Fault) -> None:
         """Record a failure."""
         super().addFailure(test, err)
         self._record(test).add("failure", self._message(err), self.failures[-1][1])
 
-    def addSkip(self, test: unittest.TestCase, reason: str) -> None:  # noqa: N802
+    def addSkip(self, test: unittest.TestCase, reason: str) -> None:
         """Record a skipped test."""
         super().addSkip(test, reason)
         self._record(test).add("skipped", reason, "")
 
-    def addSubTest(  # noqa: N802
-        self, test: unittest.TestCase, subtest: unittest.TestCase, err: Fault | None
-    ) -> None:
+    def addSubTest(self, test: unittest.TestCase, subtest: unittest.TestCase, err: Fault | None) -> None:
         """Record a failed subtest."""
         super().addSubTest(test, subtest, err)
         if err is not None:
@@ -81,7 +79,7 @@ class Result(unittest.TextTestResult):
             message = f"{part} {self._message(err)}"
             self._record(test).add("failure" if failed else "error", message, text)
 
-    def addUnexpectedSuccess(self, test: unittest.TestCase) -> None:  # noqa: N802
+    def addUnexpectedSuccess(self, test: unittest.TestCase) -> None:
         """Record an unexpected success."""
         super().addUnexpectedSuccess(test)
         self._record(test).add("failure", "unexpected success of a test marked as expected failure", "")
@@ -135,7 +133,7 @@ def main(words: Sequence[str]) -> int:
         module=None, argv=["python -m unittest", *arguments], testRunner=Runner, exit=False
     )
     result = program.result
-    assert isinstance(result, Result)  # noqa: S101  (the runner above makes one)
+    assert isinstance(result, Result)
     path = Path(junit)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -82,13 +82,13 @@ def parse_make_rules(text: str, folder: str) -> Iterator[str]:
     for line in text.replace("\\\n", " ").split("\n"):
         for word in _MAKE_WORD.findall(line.partition(": ")[2]):
             path = re.sub(r"\\(.)", r"\1", word.replace("$$", "$"))
-            yield os.path.normpath(os.path.join(folder, path))  # noqa: PTH118
+            yield os.path.normpath(os.path.join(folder, path))
 
 
 def parse_list(text: str, folder: str) -> Iterator[str]:
     """Yield the files of a list with one per line; relative paths are relative to `folder`."""
     for line in filter(None, text.split("\n")):
-        yield os.path.normpath(os.path.join(folder, line))  # noqa: PTH118
+        yield os.path.normpath(os.path.join(folder, line))
 
 
 def external_files(traced: Traced, headers: Iterable[str], inside: Sequence[str]) -> tuple[str, ...]:
@@ -111,19 +111,19 @@ def external_files(traced: Traced, headers: Iterable[str], inside: Sequence[str]
     for started in traced.started:
         _add_command(started, read, folders)
     candidates = set(filter(is_input, _candidates(traced.missing, traced.search_path)))
-    absent = {path for path in candidates if not os.path.exists(path)}  # noqa: PTH110
+    absent = {path for path in candidates if not os.path.exists(path)}
     read.update(candidates - absent)
     condensed = _by_distribution(filter(is_input, read), sorted(traced.search_path))
     files = (path for path in condensed if _may_be_a_file(path, traced.search_path))
     listed = {os.path.realpath(path) for path in folders if is_input(path)} - traced.search_path
-    folders = {f"{path}{DIR_LISTING_SUFFIX}" for path in listed if os.path.isdir(path) and is_input(path)}  # noqa: PTH112
+    folders = {f"{path}{DIR_LISTING_SUFFIX}" for path in listed if os.path.isdir(path) and is_input(path)}
     return tuple(sorted({*files, *absent, *folders}))
 
 
 def _may_be_a_file(path: str, search_path: set[str]) -> bool:
     """Return True for a regular file or a missing one, which the build may have looked for."""
     try:
-        return stat.S_ISREG(os.stat(path).st_mode)  # noqa: PTH116
+        return stat.S_ISREG(os.stat(path).st_mode)
     except FileNotFoundError:
         return path not in search_path
     except OSError:
@@ -136,15 +136,15 @@ def _add_command(started: Started, read: set[str], folders: set[str]) -> None:
     Include folders are added to `folders`, since a new header may shadow another one.
     """
     words = started.words
-    if os.path.basename(started.program) in _SHELLS and words[1:2] == ("-c",):  # noqa: PTH119
+    if os.path.basename(started.program) in _SHELLS and words[1:2] == ("-c",):
         words = _shell_words(" ".join(words[2:3]))
         for word in words:
             _add_program(word, started.folder, read)
     _add_program(started.program, started.folder, read)
-    at: Callable[[str], str] = lambda word: os.path.normpath(os.path.join(started.folder, word))  # noqa: E731, PTH118
+    at: Callable[[str], str] = lambda word: os.path.normpath(os.path.join(started.folder, word))  # noqa: E731
     for word in words:
         for name in {word, word.partition("=")[2]} - {""}:
-            if os.path.isfile(at(name)):  # noqa: PTH113
+            if os.path.isfile(at(name)):
                 read.add(at(name))
     directories = [at(word[2:]) for word in words if word.startswith("-L") and word[2:]]
     for library in (word[2:] for word in words if word.startswith("-l") and word[2:]):
@@ -154,7 +154,7 @@ def _add_command(started: Started, read: set[str], folders: set[str]) -> None:
 
 def _shell_words(text: str) -> tuple[str, ...]:
     """Return the words of a shell command without expansion."""
-    import shlex  # noqa: PLC0415  (few backends start a shell)
+    import shlex
 
     try:
         return tuple(shlex.shlex(text, posix=True, punctuation_chars=True))
@@ -163,8 +163,8 @@ def _shell_words(text: str) -> tuple[str, ...]:
 
 
 def _add_program(program: str, folder: str, read: set[str]) -> None:
-    path = os.path.join(folder, program) if os.sep in program else shutil.which(program)  # noqa: PTH118
-    if path and os.access(path, os.X_OK) and os.path.isfile(path):  # noqa: PTH113
+    path = os.path.join(folder, program) if os.sep in program else shutil.which(program)
+    if path and os.access(path, os.X_OK) and os.path.isfile(path):
         read.add(os.path.normpath(path))
 
 
@@ -172,7 +172,7 @@ def _found_library(name: str, directories: Sequence[str]) -> Iterator[str]:
     """Yield the library that a linker finds first in `directories` or the system's default folders."""
     for folder in (*directories, *_LIBRARIES):
         for path in (f"{folder}/lib{name}.so", f"{folder}/lib{name}.a"):
-            if os.path.isfile(path):  # noqa: PTH113
+            if os.path.isfile(path):
                 yield path
                 return
 
@@ -219,7 +219,7 @@ class _Modules:
         if not path.startswith(self._start):
             return ""
         name = path[len(self._start) :]
-        key = os.path.dirname(name) or name, all_distributions  # noqa: PTH120
+        key = os.path.dirname(name) or name, all_distributions
         if key not in self._found:
             self._found[key] = self._look_up(name, all_distributions=all_distributions)
         return self._found[key]
@@ -239,7 +239,7 @@ class _Modules:
         if self._infos is None:
             self._infos = {}
             with contextlib.suppress(OSError):
-                for entry in sorted(os.listdir(self._start)):  # noqa: PTH208
+                for entry in sorted(os.listdir(self._start)):
                     if entry.endswith(_INFO):
                         self._infos.setdefault(_plain(entry.partition("-")[0]), []).append(entry)
         return self._infos
@@ -256,7 +256,7 @@ class _Modules:
 
     def _description(self, info: str) -> str:
         paths = [*(f"{self._start}{info}/{name}" for name in _DESCRIPTIONS), f"{self._start}{info}"]
-        return next((path for path in paths if os.path.isfile(path)), "")  # noqa: PTH113
+        return next((path for path in paths if os.path.isfile(path)), "")
 
 
 def _candidates(modules: Mapping[str, bool], search_path: Iterable[str]) -> Iterator[str]:
@@ -266,7 +266,7 @@ def _candidates(modules: Mapping[str, bool], search_path: Iterable[str]) -> Iter
     """
     for folder in search_path:
         # No modules are installed into folders of the standard library or of a distribution.
-        if os.path.isdir(folder) and not _CLOSED.search(folder) and not os.path.exists(f"{folder}/os.py"):  # noqa: PTH110, PTH112
+        if os.path.isdir(folder) and not _CLOSED.search(folder) and not os.path.exists(f"{folder}/os.py"):
             for module, optional in modules.items():
                 yield f"{folder}/{module}/__init__.py"
                 if not optional:
@@ -279,7 +279,7 @@ def _plain(name: str) -> str:
 
 def _text(path: str) -> str:
     try:
-        with open(path, encoding="utf-8", errors="surrogateescape") as stream:  # noqa: PTH123
+        with open(path, encoding="utf-8", errors="surrogateescape") as stream:
             return stream.read()
     except OSError:
         return ""

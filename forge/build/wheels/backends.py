@@ -374,7 +374,7 @@ def _backend_environment(
     return variables
 
 
-def _run_backend(  # noqa: PLR0913  (pyproject_hooks passes three of them)
+def _run_backend(
     cmd: Sequence[str],
     cwd: str | None = None,
     extra_environ: Mapping[str, str] | None = None,

@@ -176,7 +176,7 @@ class _Wheel(WheelFile):
 class _Prefix(SchemeDictionaryDestination):
     """A destination that rejects paths outside its folders."""
 
-    def write_to_fs(self, scheme: Scheme, path: str, stream: BinaryIO, is_executable: bool) -> RecordEntry:  # noqa: FBT001  (installer's own signature)
+    def write_to_fs(self, scheme: Scheme, path: str, stream: BinaryIO, is_executable: bool) -> RecordEntry:
         """Write a file of the wheel; raises WorkspaceError for one that would leave its folder."""
         if Path(path).is_absolute() or ".." in Path(path).parts:
             message = f"the package would install '{path}', which is outside its prefix"

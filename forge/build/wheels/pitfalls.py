@@ -34,7 +34,7 @@ def refuse_what_no_backend_reads(source: Path, site: Path) -> None:
 
 
 def _is_named(path: Path) -> bool:
-    from forge.workspace.python_metadata import read_setup_cfg  # noqa: PLC0415  (few packages have a setup.cfg alone)
+    from forge.workspace.python_metadata import read_setup_cfg
 
     return bool(read_setup_cfg(text_or_nothing(path)).name)
 

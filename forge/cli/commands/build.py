@@ -65,7 +65,7 @@ def run(namespace: argparse.Namespace) -> int:
     options = read_build_options(namespace)
     options.check()
     if options.watch:
-        from forge.cli.watch.watching import watch  # noqa: PLC0415  (rarely needed)
+        from forge.cli.watch.watching import watch
 
         return watch(options, lambda: read_build_options(namespace.read_again()), build)
     return build(options, BuildMode())
@@ -122,7 +122,7 @@ def build(options: BuildOptions, mode: BuildMode) -> int:
         if plan.tasks:
             if cross:
                 mode.warn(cross.prepare_compilers(task.package for task in plan.tasks.values()))
-            from forge.cli.build_run import PreparedBuild, run_plan  # noqa: PLC0415  (not needed if up to date)
+            from forge.cli.build_run import PreparedBuild, run_plan
 
             prepared = PreparedBuild(options, loaded, context, interpreter, variables, mode, audit, began)
             code = run_plan(plan, prepared, state)
@@ -137,13 +137,13 @@ def build(options: BuildOptions, mode: BuildMode) -> int:
 
 def _print_last_command(layout: Layout, name: str) -> int:
     """Print the last build command of a package; returns 0."""
-    from forge.output.explaining import last_command  # noqa: PLC0415  (rarely needed)
+    from forge.output.explaining import last_command
 
     print(last_command(layout, name))
     return 0
 
 
-def _make_plan(  # noqa: PLR0913, PLR0917  (what the first stages found)
+def _make_plan(
     options: BuildOptions,
     loaded: LoadedWorkspace,
     names: Sequence[str],
@@ -166,7 +166,7 @@ def _make_plan(  # noqa: PLR0913, PLR0917  (what the first stages found)
     state.confirm_up_to_date(plan, snapshot, hashes)
     if not plan.tasks:
         return plan, ()
-    from forge.build.announcing import announcements  # noqa: PLC0415  (not needed if all is up to date)
+    from forge.build.announcing import announcements
 
     return plan, tuple(announcements(plan, snapshot))
 
@@ -175,7 +175,7 @@ def _cross_build(options: BuildOptions, layout: Layout, variables: Mapping[str, 
     """Return how to build for --target, None for this machine; raises EnvironmentFault without compilers."""
     if options.folders.target is None:
         return None
-    from forge.toolchain.cross.toolchain import prepare_cross_build  # noqa: PLC0415  (only with --target)
+    from forge.toolchain.cross.toolchain import prepare_cross_build
 
     given = options.cross
     return prepare_cross_build(
@@ -192,7 +192,7 @@ def _audit(options: BuildOptions, layout: Layout, variables: Mapping[str, str]) 
     """Return the audit of this build, None without --audit; raises EnvironmentFault if strace is missing."""
     if not options.audit:
         return None
-    from forge.build.audit.tracing import start_audit  # noqa: PLC0415  (rarely needed)
+    from forge.build.audit.tracing import start_audit
 
     return start_audit(layout.build, variables)
 
@@ -209,7 +209,7 @@ def _check_output(options: BuildOptions, layout: Layout) -> None:
 def _print_plan(plan: BuildPlan, options: BuildOptions, packages: Mapping[str, Package]) -> None:
     """Print the plan for --explain and --dry-run on stdout, or for --log-level info on stderr."""
     if options.report.json and options.dry_run:
-        from forge.output.json_events import JsonEvents  # noqa: PLC0415  (rarely needed)
+        from forge.output.json_events import JsonEvents
 
         JsonEvents(plan, packages, printed=True).announce(steps=True)
         return
@@ -218,7 +218,7 @@ def _print_plan(plan: BuildPlan, options: BuildOptions, packages: Mapping[str, P
     level = options.folders.level
     if not requested and level > LOG_LEVELS["info"]:
         return
-    from forge.output.explaining import commands, explain  # noqa: PLC0415  (rarely needed)
+    from forge.output.explaining import commands, explain
 
     with_commands = options.dry_run if requested else level <= LOG_LEVELS["debug"]
     lines = (*explain(plan, packages, options.query.named), *(commands(plan) if with_commands else ()))
@@ -235,7 +235,7 @@ def _report_up_to_date(
     if not options.report.json:
         mode.conclude(plan, report, seconds)
         return
-    from forge.output.json_events import JsonEvents  # noqa: PLC0415  (rarely needed)
+    from forge.output.json_events import JsonEvents
 
     json_events = JsonEvents(plan, packages, printed=not mode.silent_if_up_to_date)
     json_events.announce()

@@ -79,11 +79,11 @@ def _contexts() -> Iterator[CompletionContext]:
 
 
 def _context(path: tuple[str, ...], parser: argparse.ArgumentParser) -> CompletionContext:
-    actions = [action for action in parser._actions if action.help != argparse.SUPPRESS]  # noqa: SLF001  (no public name)
+    actions = [action for action in parser._actions if action.help != argparse.SUPPRESS]
     verbs = _verbs(parser)
     options = tuple(_option(action, path) for action in actions if action.option_strings)
     positionals = [action for action in actions if not action.option_strings and action is not verbs]
-    words = tuple((a.dest, a.help or "") for a in verbs._choices_actions) if verbs else ()  # noqa: SLF001
+    words = tuple((a.dest, a.help or "") for a in verbs._choices_actions) if verbs else ()
     first = _first_words(parser)
     if first:
         words = tuple((word, "") for word in first)
@@ -95,7 +95,7 @@ def _context(path: tuple[str, ...], parser: argparse.ArgumentParser) -> Completi
 
 def _first_words(parser: argparse.ArgumentParser) -> tuple[str, ...]:
     """Return the choices of the first positional argument if others follow it; they act like verbs."""
-    positionals = [action for action in parser._actions if not action.option_strings]  # noqa: SLF001
+    positionals = [action for action in parser._actions if not action.option_strings]
     return tuple(positionals[0].choices or ()) if len(positionals) > 1 else ()
 
 
@@ -139,4 +139,4 @@ def _expected(action: argparse.Action, path: tuple[str, ...]) -> Expected:
 
 
 def _verbs(parser: argparse.ArgumentParser) -> argparse._SubParsersAction[argparse.ArgumentParser] | None:
-    return next((a for a in parser._actions if isinstance(a, argparse._SubParsersAction)), None)  # noqa: SLF001
+    return next((a for a in parser._actions if isinstance(a, argparse._SubParsersAction)), None)

@@ -147,7 +147,7 @@ def run(options: argparse.Namespace) -> int:
     # It is unknown what is installed on another system.
     have = frozenset() if options.os else _installed(needs, python)
     if options.json:
-        import json  # noqa: PLC0415  (only needed with --json)
+        import json
 
         print(json.dumps(_plain(needs, have, system), indent=2))
         return 0

@@ -67,7 +67,7 @@ def run(options: argparse.Namespace) -> int:
     checks = (*_ANYWHERE, *(_IN_WORKSPACE if subject.packages else ()))
     results = (workspace, *(check(subject) for check in checks))
     if options.json:
-        import json  # noqa: PLC0415  (only needed with --json)
+        import json
 
         print(json.dumps(plain(results), indent=2))
     else:

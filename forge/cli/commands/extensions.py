@@ -26,7 +26,7 @@ def register(parser: Parser) -> None:
     """Do nothing: `forge extensions` has no options."""
 
 
-def run(options: argparse.Namespace) -> int:  # noqa: ARG001  (every command is run with its options)
+def run(options: argparse.Namespace) -> int:
     """Print each kind of extension, and below it the extensions with their distributions."""
     handlers = (f"{name}{'+' if on else '-'}" for name, on in HANDLERS.items())
     _print("build types", OWN, BUILD_TYPE_GROUP)

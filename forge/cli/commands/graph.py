@@ -55,7 +55,7 @@ def run(options: argparse.Namespace) -> int:
     if options.output is None:
         print(text, end="")
         return 0
-    from forge.base.files import write_if_changed  # noqa: PLC0415  (only needed with --output)
+    from forge.base.files import write_if_changed
 
     write_if_changed(root / options.output, text)
     return 0
@@ -79,9 +79,9 @@ def _text(chart: PackageGraph, options: argparse.Namespace, root: Path) -> str:
 
 def _picture(chart: PackageGraph, options: argparse.Namespace, root: Path) -> str:
     """Return the graph as an image in which the height of a package shows its last build time."""
-    from forge.base.templating import render  # noqa: PLC0415
-    from forge.build.journal import open_journal  # noqa: PLC0415  (only images show times)
-    from forge.output.charts.drawing import drawn, facts  # noqa: PLC0415
+    from forge.base.templating import render
+    from forge.build.journal import open_journal
+    from forge.output.charts.drawing import drawn, facts
 
     records = open_journal(root / options.build_base).records
     seconds = {name: record.seconds for name, record in records.items() if record.seconds}

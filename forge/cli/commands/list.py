@@ -77,7 +77,7 @@ def _line(package: Package, options: argparse.Namespace) -> str:
 
 def _graph(options: argparse.Namespace) -> int:
     """Run `forge graph` with the corresponding options."""
-    from forge.cli.commands import graph  # noqa: PLC0415  (not needed to list packages)
+    from forge.cli.commands import graph
 
     options.dot = options.topological_graph_dot
     if not (options.dot or options.topological_graph):

@@ -33,7 +33,7 @@ from forge.workspace.root import find_install, source_packages
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    Verbs = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001  (no public name)
+    Verbs = argparse._SubParsersAction[argparse.ArgumentParser]
 
 
 def register(parser: argparse.ArgumentParser) -> None:

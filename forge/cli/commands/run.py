@@ -84,7 +84,7 @@ def _environment(package: str, install: Path | None, plain: Path | None) -> Mapp
     """Return the environment, with the enclosing workspace sourced if only that contains the package."""
     if install is None or not (plain or is_unsourced(package, os.environ, install)):
         return os.environ
-    from forge.environment.sourcing import sourced_environment  # noqa: PLC0415  (not needed if sourced)
+    from forge.environment.sourcing import sourced_environment
 
     return sourced_environment(install, os.environ)
 

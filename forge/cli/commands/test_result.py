@@ -118,9 +118,9 @@ def _sum(outcomes: Sequence[Outcome]) -> Counts:
 
 def _gone(base: Path) -> frozenset[str]:
     """Return the packages built below `base` that are no longer in the workspace."""
-    from forge.build.cleaning import is_removed_package  # noqa: PLC0415
-    from forge.build.journal import open_journal  # noqa: PLC0415
-    from forge.workspace.discovery import discover  # noqa: PLC0415  (rarely needed)
+    from forge.build.cleaning import is_removed_package
+    from forge.build.journal import open_journal
+    from forge.workspace.discovery import discover
 
     lost = {
         name

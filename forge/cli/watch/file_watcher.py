@@ -76,19 +76,19 @@ def watch_specs(
         found[folder] = found[folder].joined(spec) if folder in found else spec
 
     packages = [*workspace.packages.values(), *workspace.duplicates]
-    homes = {os.path.normpath(os.path.join(root, package.path)) for package in packages}  # noqa: PTH118  (like discovery)
+    homes = {os.path.normpath(os.path.join(root, package.path)) for package in packages}
     for home in sorted(homes):
         for folder, targets in source_folders(home):
             add(folder, WatchSpec())
             for target in targets:
-                add(os.path.dirname(target), WatchSpec(frozenset({os.path.basename(target)}), folders=False))  # noqa: PTH119, PTH120
+                add(os.path.dirname(target), WatchSpec(frozenset({os.path.basename(target)}), folders=False))
     for base in base_paths:
-        for folder, spec in _bare(os.path.normpath(os.path.join(root, base)), homes | results):  # noqa: PTH118
+        for folder, spec in _bare(os.path.normpath(os.path.join(root, base)), homes | results):
             add(folder, spec)
     for file in files:
-        path = os.path.normpath(os.path.join(root, file))  # noqa: PTH118
-        if os.path.isdir(os.path.dirname(path)):  # noqa: PTH112, PTH120
-            add(os.path.dirname(path), WatchSpec(frozenset({os.path.basename(path)}), folders=False))  # noqa: PTH119, PTH120
+        path = os.path.normpath(os.path.join(root, file))
+        if os.path.isdir(os.path.dirname(path)):
+            add(os.path.dirname(path), WatchSpec(frozenset({os.path.basename(path)}), folders=False))
     return found
 
 
@@ -98,7 +98,7 @@ def _bare(base: str, without: frozenset[str] | set[str]) -> Iterator[tuple[str, 
     while waiting:
         folder = waiting.pop()
         try:
-            status = os.stat(folder)  # noqa: PTH116
+            status = os.stat(folder)
             with os.scandir(folder) as entries:
                 inside = [(entry.name, entry.is_dir()) for entry in entries]
         except OSError:
@@ -157,7 +157,7 @@ class FileWatcher:
 
         Raises KeyboardInterrupt.
         """
-        assert self._changes is not None  # noqa: S101  (watch() comes first)
+        assert self._changes is not None
         due = time.monotonic() + _SECOND if self._polling and not self.second_check else float("inf")
         self.second_check = False
         while time.monotonic() < due:
@@ -182,9 +182,9 @@ class FileWatcher:
         """Tell whether the set of watched folders may have changed."""
         return not changed or any(
             path in self._watched
-            or os.path.basename(path) in MARKER_FILES  # noqa: PTH119
-            or os.path.islink(path)  # noqa: PTH114
-            or os.path.isdir(path)  # noqa: PTH112
+            or os.path.basename(path) in MARKER_FILES
+            or os.path.islink(path)
+            or os.path.isdir(path)
             for path in changed
         )
 
@@ -205,7 +205,7 @@ class FileWatcher:
             return spec is not None and name in _IGNORE_MARKERS
         if spec.names is None or name in spec.names:
             return True
-        return spec.folders and os.path.isdir(path) and may_contain_packages(name)  # noqa: PTH112
+        return spec.folders and os.path.isdir(path) and may_contain_packages(name)
 
     def _begin(self, folders: list[str]) -> Iterator[set[FileChange]]:
         """Watch these folders natively, or by polling if the system's limits are exceeded."""
@@ -222,7 +222,7 @@ class FileWatcher:
 
 def _changes_in(folders: list[str], *, polling: bool) -> Iterator[set[FileChange]]:
     """Watch folders from now on, and yield their changes; an empty set after a timeout without any."""
-    from watchfiles import watch  # noqa: PLC0415  (rarely needed)
+    from watchfiles import watch
 
     changes = watch(
         *folders,

@@ -134,7 +134,7 @@ class WatchLoop(BuildMode):
             hint = "let packages write only into their build folders; forge now pauses between builds"
             self.warn([Problem(message, hint=hint)])
 
-    def worker(self, plan: BuildPlan, *, has_rosidl: bool) -> AbstractContextManager[dict[str, str]]:  # noqa: ARG002
+    def worker(self, plan: BuildPlan, *, has_rosidl: bool) -> AbstractContextManager[dict[str, str]]:
         """Return the variables to connect to the worker shared by all builds."""
         self._warm(task.package for task in plan.tasks.values())
         return nullcontext(self._worker or {})
@@ -191,7 +191,7 @@ class WatchLoop(BuildMode):
     def _warm(self, packages: Iterable[Package]) -> None:
         """Start the worker if packages need it."""
         if self._worker is None and any(_uses_worker(package) for package in packages):
-            from forge.cli.worker import (  # noqa: PLC0415  (only for some packages)
+            from forge.cli.worker import (
                 INTERFACE_MODULES,
                 WHEEL_MODULES,
                 worker,

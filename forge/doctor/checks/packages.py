@@ -82,7 +82,7 @@ def modules_of(subject: CheckContext, package: Package) -> frozenset[str]:
         for name, _ in subject.files.get(package.name, ()):
             parts = PurePath(name).parts
             parts = parts[1:] if parts[0] == "src" else parts
-            if len(parts) == 2 and parts[1] == "__init__.py" and parts[0] not in _TEST_FOLDERS:  # noqa: PLR2004
+            if len(parts) == 2 and parts[1] == "__init__.py" and parts[0] not in _TEST_FOLDERS:
                 found.add(parts[0])
     elif package.build_type == "ament_cmake":
         for call in calls(subject.text(package, "CMakeLists.txt")):
@@ -92,7 +92,7 @@ def modules_of(subject: CheckContext, package: Package) -> frozenset[str]:
 
 
 def _surroundings(subject: CheckContext) -> KnownPackages:
-    assert subject.resolution is not None  # noqa: S101  (there are packages)
+    assert subject.resolution is not None
     resolution = subject.resolution
     near = frozenset(name for name, package in resolution.packages.items() if not package.embedded)
     installed = {

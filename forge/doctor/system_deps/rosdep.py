@@ -145,7 +145,7 @@ def _cached(home: Path, url: str) -> dict[str, Any]:
             value = _Plain(stream).load()
     except OSError:
         return _quietly(home / name)
-    except Exception:  # noqa: BLE001  (corrupt pickles raise arbitrary exceptions)
+    except Exception:
         return {}
     return value if isinstance(value, dict) else {}
 
@@ -153,7 +153,7 @@ def _cached(home: Path, url: str) -> dict[str, Any]:
 class _Plain(pickle.Unpickler):
     """Unpickles mappings, lists, strings and numbers; rejects anything that needs imports."""
 
-    def find_class(self, module: str, name: str) -> Any:  # noqa: ANN401  (as in the standard library)
+    def find_class(self, module: str, name: str) -> Any:
         raise pickle.UnpicklingError(f"{module}.{name} is not a plain value")
 
 

@@ -25,7 +25,7 @@ def cached_databases(system: System, rosdistro: str) -> list[Database]:
 
     Raises EnvironmentFault if rosdep cannot read it.
     """
-    from rosdep2.sources_list import DataSourceMatcher, SourcesListLoader  # noqa: PLC0415  (optional)
+    from rosdep2.sources_list import DataSourceMatcher, SourcesListLoader
 
     tags = [tag for tag in (rosdistro, system.name, system.version) if tag]
     try:
@@ -38,9 +38,9 @@ def cached_databases(system: System, rosdistro: str) -> list[Database]:
 
 def resolver(databases: Sequence[Database], system: System) -> Callable[[str], Resolved | None]:
     """Return a function from a key to its packages, None if there are none, with the rules of rosdep."""
-    from rosdep2 import create_default_installer_context  # noqa: PLC0415  (optional)
-    from rosdep2.core import InvalidData  # noqa: PLC0415
-    from rosdep2.lookup import ResolutionError, RosdepDefinition  # noqa: PLC0415
+    from rosdep2 import create_default_installer_context
+    from rosdep2.core import InvalidData
+    from rosdep2.lookup import ResolutionError, RosdepDefinition
 
     context = create_default_installer_context()
     context.set_os_override(system.name, system.version)

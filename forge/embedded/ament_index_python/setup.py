@@ -1,7 +1,5 @@
 """Installs the package and its marker in the index."""
 
-# ruff: noqa: INP001  (a setup.py belongs to no package)
-
 from setuptools import setup
 
 setup(

@@ -102,7 +102,7 @@ def connected_cluster(address: str, build: Path, programs: Mapping[str, str]) ->
 
 def _client(address: str) -> Client:
     try:
-        from distributed import Client  # noqa: PLC0415  (an extra, and slow)
+        from distributed import Client
     except ImportError:
         problem = Problem("'--executor dask' needs Dask", hint=f"run: {extra_command('dask')}")
         raise EnvironmentFault(problem) from None
@@ -129,8 +129,8 @@ def _client(address: str) -> Client:
 
 def _connect_timeout() -> float:
     """Return the connection timeout: the smaller one of Dask's setting and forge's."""
-    import dask.config  # noqa: PLC0415  (with Dask)
-    from dask.utils import parse_timedelta  # noqa: PLC0415
+    import dask.config
+    from dask.utils import parse_timedelta
 
     theirs = parse_timedelta(dask.config.get("distributed.comm.timeouts.connect"))
     return min(float(_CONNECT_SECONDS), float(theirs))

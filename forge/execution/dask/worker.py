@@ -74,7 +74,7 @@ class Attempt:
 
 async def run_remote_task(topic: str, key: str) -> None:
     """Run one task in Dask: request the RemoteTask, wait for it, forward its events."""
-    from distributed import get_worker  # noqa: PLC0415  (an extra, which a worker has)
+    from distributed import get_worker
 
     worker = get_worker()
     attempt = Attempt(worker, topic, key)
@@ -123,12 +123,12 @@ async def send_command(topic: str, command: str, attempt: str = "") -> int:
 def forget(topic: str, dask_scheduler: Scheduler) -> None:
     """Remove the messages of an ended build from the scheduler."""
     with contextlib.suppress(AttributeError):
-        dask_scheduler._broker.truncate(topic)  # noqa: SLF001  (there is no public API)
+        dask_scheduler._broker.truncate(topic)
 
 
 async def _watch(attempt: Attempt) -> None:
     """Interrupt the step runner when the result is no longer needed."""
-    while attempt.is_wanted:  # noqa: ASYNC110  (Dask does not notify)
+    while attempt.is_wanted:
         await asyncio.sleep(_POLL_SECONDS)
     attempt.commands.put_nowait(INTERRUPT)
     # There will be no further acknowledgements.
@@ -148,7 +148,7 @@ async def _run(attempt: Attempt, remote_task: RemoteTask, worker: Worker) -> Non
             env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
             start_new_session=True,
         )
-        assert process.stdin is not None  # noqa: S101  (created above)
+        assert process.stdin is not None
         process.stdin.write(with_length(pickle.dumps(remote_task)))
         passing = asyncio.ensure_future(_forward_commands(attempt, process.stdin))
         try:
@@ -171,7 +171,7 @@ async def _forward_commands(attempt: Attempt, stdin: asyncio.StreamWriter) -> No
 
 
 async def _forward_messages(attempt: Attempt, process: asyncio.subprocess.Process) -> None:
-    assert process.stdout is not None  # noqa: S101  (created by the caller)
+    assert process.stdout is not None
     with contextlib.suppress(asyncio.IncompleteReadError):
         while True:
             size = int.from_bytes(await process.stdout.readexactly(LENGTH), "big")

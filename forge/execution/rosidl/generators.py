@@ -91,8 +91,8 @@ class Generators:
 
     def _accelerate(self) -> None:
         """Make EmPy and rosidl_parser faster, once in this process."""
-        from forge.execution.rosidl.idl_trees import IdlTrees  # noqa: PLC0415  (needs lark)
-        from forge.execution.rosidl.templates import CompiledTemplates, install  # noqa: PLC0415  (as above)
+        from forge.execution.rosidl.idl_trees import IdlTrees
+        from forge.execution.rosidl.templates import CompiledTemplates, install
 
         self._accelerated = True
         em, parser = self._modules["em"], self._modules["rosidl_parser.parser"]
@@ -191,7 +191,7 @@ def _agrees(trees: IdlTrees, parser: Any, text: str) -> bool:
     try:
         fast = parser.extract_content_from_ast(trees.parse(text))
         return described(fast) == described(parser.parse_idl_string(text))
-    except Exception:  # noqa: BLE001  (of either parser: then the distribution's is used)
+    except Exception:
         return False
 
 

@@ -80,7 +80,7 @@ def install(em: ModuleType, templates: CompiledTemplates) -> None:
     """Let EmPy's interpreters run compiled templates, where these behave the same."""
     interpreted = em.Interpreter.string
 
-    def string_3(self: Any, data: str, name: str = "<string>", locals: Any = None) -> None:  # noqa: A002
+    def string_3(self: Any, data: str, name: str = "<string>", locals: Any = None) -> None:
         code = templates.code(data) if locals is not None and _is_plain_3(self) else None
         if code is None:
             interpreted(self, data, name, locals)
@@ -91,7 +91,7 @@ def install(em: ModuleType, templates: CompiledTemplates) -> None:
         _execute(self, code, locals)
         self.contexts.pop()
 
-    def string_4(self: Any, string: str, locals: Any = None, dispatcher: Any = None) -> None:  # noqa: A002
+    def string_4(self: Any, string: str, locals: Any = None, dispatcher: Any = None) -> None:
         code = templates.code(string) if locals is not None and _is_plain_4(self) else None
         if code is None:
             interpreted(self, string, locals, dispatcher)
@@ -166,7 +166,7 @@ def _tokens(em: ModuleType, text: str) -> list[Any]:
     found: list[Any] = []
 
     class Recorder(em.Interpreter):  # type: ignore[misc, name-defined]
-        def parse(self, scanner: Any, locals: object = None) -> bool:  # noqa: A002, ARG002  (EmPy's name)
+        def parse(self, scanner: Any, locals: object = None) -> bool:
             while (token := scanner.one()) is not None:
                 found.append(token)
                 if not version_3:
@@ -188,7 +188,7 @@ def _tokens(em: ModuleType, text: str) -> list[Any]:
         scanner = em.Scanner(
             recorder.config, context, em.Stack([recorder.config.renderContext(context)]), text
         )
-    recorder.safe(scanner, True)  # noqa: FBT003  (the signature of EmPy)
+    recorder.safe(scanner, True)
     return found
 
 
@@ -334,7 +334,7 @@ def _are_names(target: ast.expr) -> bool:
 
 def _partition(pattern: Any, text: str) -> tuple[str, bool, str]:
     parts = pattern.split(text, 1)
-    return (parts[0], True, parts[1]) if len(parts) == 2 else (text, False, "")  # noqa: PLR2004
+    return (parts[0], True, parts[1]) if len(parts) == 2 else (text, False, "")
 
 
 def _call(function: str, argument: ast.expr) -> list[ast.stmt]:

@@ -22,7 +22,7 @@ if __name__ == "__main__":
     spec = spec_from_file_location(
         "forge", _PACKAGE / "__init__.py", submodule_search_locations=[str(_PACKAGE)]
     )
-    assert spec  # noqa: S101  (for type checkers)
+    assert spec
     sys.modules["forge"] = module_from_spec(spec)
 
 from forge.execution.fork_server import Call, serve
@@ -47,7 +47,7 @@ def main(descriptor: str, grammar: str, cache: str = "") -> int:
     def run(call: Call) -> int:
         try:
             if Path(call.argv[0]) != Path(sys.executable) or _settings(call.environment) != settings:
-                raise DeclinedError("it has an interpreter or a locale of its own")  # noqa: TRY301
+                raise DeclinedError("it has an interpreter or a locale of its own")
             _run_quietly(generators, call)
         except DeclinedError as reason:
             name = Path(call.argv[1]).name

@@ -73,7 +73,7 @@ def read_idl(source: Source) -> FileReader:
 
     Raises InterfaceError with the first syntax error.
     """
-    from lark.exceptions import UnexpectedInput  # noqa: PLC0415  (takes 40 ms; needed only for .idl files)
+    from lark.exceptions import UnexpectedInput
 
     text = source.text.removeprefix("\ufeff")
     reader = FileReader(source, text)
@@ -92,7 +92,7 @@ def read_idl(source: Source) -> FileReader:
 
 @cache
 def _grammar() -> Lark:
-    from lark import Lark  # noqa: PLC0415  (as above)
+    from lark import Lark
 
     return Lark.open("grammar.lark", rel_to=__file__, parser="lalr")
 

@@ -187,7 +187,7 @@ def _one_character(written: Expression, name: str) -> str:
 
 def _collection(written: Expression, of: Element) -> tuple[bool | int | float | str, ...]:
     """Parse a Python tuple in a string, which is the form of array defaults in .idl files of rosidl."""
-    import ast  # noqa: PLC0415  (only defaults of arrays come here)
+    import ast
 
     if isinstance(of, Named):
         raise ParseError("a member of a struct's type cannot have a default", hint="leave it out")
@@ -215,7 +215,7 @@ def _within_size(values: tuple[bool | int | float | str, ...], type_: Array | Se
 
 def _element(node: ast.expr) -> Expression:
     """Convert an element of the tuple to an expression."""
-    import ast  # noqa: PLC0415  (as above)
+    import ast
 
     match node:
         case ast.UnaryOp(ast.USub(), ast.Constant() | ast.Name() as operand):

@@ -98,7 +98,7 @@ def read_declaration(text: str, package: str) -> Declaration:
 @cache
 def _read_type(written: str, package: str) -> Type:
     """Parse a type; cached, because a package repeats few types many times."""
-    from lark.exceptions import UnexpectedInput  # noqa: PLC0415  (takes 40 ms; needed only to compile)
+    from lark.exceptions import UnexpectedInput
 
     try:
         tree = _grammar().parse(written)
@@ -110,7 +110,7 @@ def _read_type(written: str, package: str) -> Type:
 
 @cache
 def _grammar() -> Lark:
-    from lark import Lark  # noqa: PLC0415  (as above)
+    from lark import Lark
 
     return Lark.open("declaration.lark", rel_to=__file__, parser="lalr", start="type")
 

@@ -50,7 +50,7 @@ def lint(parsed: Iterable[Parsed]) -> list[Problem]:
     found = []
     for each in parsed:
         if each.source.relative.endswith(".idl"):
-            from forge.interfaces.idl.parsing import read_idl  # noqa: PLC0415  (few packages have such files)
+            from forge.interfaces.idl.parsing import read_idl
 
             problems = read_idl(each.source).warnings
         else:

@@ -119,7 +119,7 @@ def _in_line(code: str, line: int, owner: TypeName) -> Iterator[Occurrence]:
 
 
 def _read_idl(source: Source) -> Reading:
-    from forge.interfaces.idl.parsing import read_idl  # noqa: PLC0415  (few packages have such files)
+    from forge.interfaces.idl.parsing import read_idl
 
     try:
         reader = read_idl(source)

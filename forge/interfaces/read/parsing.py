@@ -67,7 +67,7 @@ def parse(source: Source) -> Interface:
     Raises InterfaceError with all problems of the file, sorted by line.
     """
     if source.relative.endswith(".idl"):
-        from forge.interfaces.idl.parsing import parse_idl  # noqa: PLC0415  (few packages have such files)
+        from forge.interfaces.idl.parsing import parse_idl
 
         return parse_idl(source)
     interface, problems = parse_leniently(source)

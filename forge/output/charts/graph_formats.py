@@ -109,7 +109,7 @@ def drawn_graph(chart: PackageGraph) -> nx.DiGraph[str]:
 
     Nodes and their successors are in topological order.
     """
-    import networkx as nx  # noqa: PLC0415  (the matrix and dot can do without)
+    import networkx as nx
 
     needs = contracted(chart.needs, chart.selected)
     graph = nx.DiGraph((node, need) for node in chart.shown for need in needs[node])

@@ -60,7 +60,7 @@ class CrossBuild:
         return warnings
 
 
-def prepare_cross_build(  # noqa: PLR0913  (what describes a target)
+def prepare_cross_build(
     target: Target,
     layout: Layout,
     variables: Mapping[str, str],

@@ -91,13 +91,13 @@ class Zig:
         """Compile the C++ library for the target unless that was done before; return a warning on failure."""
         if self.library.exists():
             return ()
-        print(  # noqa: T201  (the reader wonders why nothing happens)
+        print(
             f"zig compiles its C++ library for {self.target.with_glibc}, once for this machine: "
             "this takes a few minutes",
             file=sys.stderr,
             flush=True,
         )
-        from forge.toolchain.cross.cxx_library import compile_cxx_library  # noqa: PLC0415  (rarely needed)
+        from forge.toolchain.cross.cxx_library import compile_cxx_library
 
         failure = compile_cxx_library(self.program, folder, self.library)
         if not failure:

@@ -47,15 +47,15 @@ def cases() -> list[Cases]:
     std, sensor, geometry, nav = (import_module(f"{package}.msg") for package in PACKAGES)
     words = [("frame_id_" * 4)[:length] for length in LENGTHS]
 
-    def pose(word: str) -> Any:  # noqa: ANN401  (classes that were generated a moment ago)
+    def pose(word: str) -> Any:
         message = geometry.PoseStamped(header=_header(std, word))
         message.pose.position.x, message.pose.position.y = 1.5, -2.5
         return message
 
-    def scan(word: str) -> Any:  # noqa: ANN401
+    def scan(word: str) -> Any:
         return sensor.LaserScan(header=_header(std, word), ranges=[math.pi] * 720, intensities=[])
 
-    def image(word: str) -> Any:  # noqa: ANN401
+    def image(word: str) -> Any:
         return sensor.Image(header=_header(std, word), encoding="rgb8", data=bytes(MEGABYTE))
 
     makers: Mapping[str, tuple[type, Callable[[str], Any]]] = {
@@ -70,13 +70,13 @@ def cases() -> list[Cases]:
     return [Cases(name, type_, [make(word) for word in words]) for name, (type_, make) in makers.items()]
 
 
-def _header(std: Any, word: str) -> Any:  # noqa: ANN401
+def _header(std: Any, word: str) -> Any:
     header = std.Header(frame_id=word)
     header.stamp.sec, header.stamp.nanosec = 1_700_000_000, 123_456_789
     return header
 
 
-def _cloud(sensor: Any, header: Any) -> Any:  # noqa: ANN401
+def _cloud(sensor: Any, header: Any) -> Any:
     fields = [
         sensor.PointField(name=name, offset=4 * index, datatype=7, count=1)
         for index, name in enumerate(("x", "y", "z", "intensity"))

@@ -76,7 +76,7 @@ class RunningSteps:
         """Yield its events, up to the last one."""
         with os.fdopen(self.target, "rb") as stream:
             while True:
-                event = pickle.loads(read_message(stream))  # noqa: S301  (our own)
+                event = pickle.loads(read_message(stream))
                 yield event
                 if isinstance(event, Finished | Aborted):
                     break
@@ -167,5 +167,5 @@ def test_a_cluster_within_this_process_builds(forge: Forge, tree: Tree) -> None:
         assert ran.code == 0, ran.err
         log = root / "log/latest_build/a/stdout.log"
         assert log.read_bytes().count(b"0123456789\n") == 1_500_000
-        while worker._attempts:  # noqa: SLF001  (the last step runner ends a moment after its last event)
+        while worker._attempts:
             time.sleep(0.01)

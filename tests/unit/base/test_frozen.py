@@ -69,7 +69,7 @@ def test_they_are_made_compared_hashed_and_shown_alike(one: dict[str, Any], othe
     assert repr(ours[0]) == repr(theirs[0]).replace("Theirs", "Ours")
     assert asdict(ours[0]) == asdict(theirs[0])
     assert asdict(replace(ours[0], count=9)) == asdict(replace(theirs[0], count=9))
-    for copied in (pickle.loads(pickle.dumps(ours[0])), copy.deepcopy(ours[0]), copy.copy(ours[0])):  # noqa: S301
+    for copied in (pickle.loads(pickle.dumps(ours[0])), copy.deepcopy(ours[0]), copy.copy(ours[0])):
         assert copied == ours[0]
         assert copied.remark == ours[0].remark
 

@@ -29,4 +29,4 @@ def test_it_is_equal_to_the_tuple_and_pickled_as_it() -> None:
     assert lazy != [1, 2]
     assert hash(lazy) == hash((1, 2))
     assert repr(lazy) == "(1, 2)"
-    assert type(pickle.loads(pickle.dumps(lazy))) is tuple  # noqa: S301  (our own)
+    assert type(pickle.loads(pickle.dumps(lazy))) is tuple

@@ -26,7 +26,7 @@ def afresh() -> Iterator[None]:
     """Forget the environment that other tests share, before and after."""
     templating.environment.cache_clear()
     yield
-    templating._COMPILED.clear()  # noqa: SLF001  (a process keeps this to its end)
+    templating._COMPILED.clear()
     templating.environment.cache_clear()
 
 

@@ -67,7 +67,7 @@ def test_two_sizes_are_no_growth() -> None:
 
 
 @pytest.mark.parametrize(("limit", "met"), [(200, True), (199, False)])
-def test_a_verdict_compares_what_is_shown(limit: float, met: bool) -> None:  # noqa: FBT001
+def test_a_verdict_compares_what_is_shown(limit: float, met: bool) -> None:
     words = "nothing changed in 100 packages of 20 files"
     target = next(target for target in TARGETS if target.words == words)
     other = Target(4, words, "<=", limit, "ms", target.value)
@@ -104,7 +104,7 @@ def test_charts_are_pictures_that_say_what_they_show() -> None:
     names = {path for path in found if path.endswith(".svg")}
     assert names == {f"{IMAGES}/no-op.svg", f"{IMAGES}/growth.svg"}
     for name in names:
-        picture = ET.fromstring(found[name])  # noqa: S314  (made a moment ago)
+        picture = ET.fromstring(found[name])
         assert picture.find("{http://www.w3.org/2000/svg}title") is not None
         assert "prefers-color-scheme: dark" in found[name]
 

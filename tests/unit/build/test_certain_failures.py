@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 CERTAIN = "cmake_minimum_required(VERSION 3.16)\nproject(a)\nfind_package(rclcpp REQUIRED)\n"
 
 
-def is_certain(  # noqa: PLR0913  (each is one way to find a package)
+def is_certain(
     root: Path,
     *others: Package,
     text: str = CERTAIN,

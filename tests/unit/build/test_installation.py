@@ -36,7 +36,7 @@ def files_below(root: Path) -> set[str]:
 
 
 @pytest.mark.parametrize("merged", [False, True])
-def test_folders_begin_with_their_markers(merged: bool, tmp_path: Path) -> None:  # noqa: FBT001  (a column)
+def test_folders_begin_with_their_markers(merged: bool, tmp_path: Path) -> None:
     """Those that colcon looks for, and says so a second time without touching anything."""
     layout = layout_in(tmp_path, merged=merged)
     create_output_folders(layout)
@@ -219,7 +219,7 @@ def test_a_caller_may_say_what_was_installed(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("symlink", [False, True])
-def test_python_packages_get_what_their_setup_forgot(symlink: bool, tmp_path: Path) -> None:  # noqa: FBT001
+def test_python_packages_get_what_their_setup_forgot(symlink: bool, tmp_path: Path) -> None:
     """The index marker and the manifest, unless they are there."""
     layout = layout_in(tmp_path, symlink=symlink)
     made = package("p", build_type="ament_python")

@@ -69,7 +69,7 @@ def test_an_action_gets_its_entry_and_those_of_all_its_parts(msg: ModuleType) ->
 
 
 def _type_support(class_: type) -> object:
-    return type(class_)._TYPE_SUPPORT  # type: ignore[attr-defined]  # noqa: SLF001  (rosidl's API)
+    return type(class_)._TYPE_SUPPORT  # type: ignore[attr-defined]
 
 
 def test_a_namesake_in_the_module_is_not_taken_for_the_part(tmp_path: Path) -> None:
@@ -77,5 +77,5 @@ def test_a_namesake_in_the_module_is_not_taken_for_the_part(tmp_path: Path) -> N
     generate(tmp_path, catalog_of("walk", {"msg/Point.msg": "geometry_msgs/Point at\n"}))
     with importable(tmp_path):
         messages = import_module("forge_rosidl.messages")
-        found = messages._nested_messages(import_module("walk.msg").Point)  # noqa: SLF001  (its one reader is in C)
+        found = messages._nested_messages(import_module("walk.msg").Point)
         assert found == [import_module("geometry_msgs.msg").Point]

@@ -90,7 +90,7 @@ def test_flow_style_puts_lists_on_one_line(msg: ModuleType, runtime: ModuleType)
 
 
 def test_yaml_leaves_the_dumpers_of_others_alone(msg: ModuleType, runtime: ModuleType) -> None:
-    from collections import OrderedDict  # noqa: PLC0415
+    from collections import OrderedDict
 
     before = yaml.dump(OrderedDict(a=1))
     runtime.message_to_yaml(msg.Point())
@@ -133,9 +133,9 @@ def test_a_class_written_by_hand_needs_only_slots(runtime: ModuleType) -> None:
 
 
 def test_a_single_value_is_converted_with_the_keys_of_a_dictionary_whole(runtime: ModuleType) -> None:
-    convert = import_module("rosidl_runtime_py.convert")._convert_value  # noqa: SLF001  (see its docstring)
+    convert = import_module("rosidl_runtime_py.convert")._convert_value
     assert convert({1: "abc", "key": b"abc"}, truncate_length=1) == {1: "a...", "key": "a..."}
-    assert runtime.convert._convert_value((1, 2), truncate_length=1) == (1, "...")  # noqa: SLF001
+    assert runtime.convert._convert_value((1, 2), truncate_length=1) == (1, "...")
 
 
 # From dictionaries to fields

@@ -111,7 +111,7 @@ def test_the_system_is_looked_at_beside_the_path_too(tree: Tree) -> None:
 
 
 @pytest.mark.parametrize("merged", [False, True])
-def test_installed_packages_come_from_the_index(merged: bool, tmp_path: Path) -> None:  # noqa: FBT001  (a column)
+def test_installed_packages_come_from_the_index(merged: bool, tmp_path: Path) -> None:
     """With their prefixes and dependencies, without hidden files and stray folders."""
     layout = make_install(tmp_path, [Made("a", ("b", "c")), Made("b")], merged=merged)
     (layout.prefix("a") / "share/colcon-core/packages/.hidden").touch()

@@ -143,7 +143,7 @@ def test_a_worker_that_does_not_respond_is_abandoned(tmp_path: Path) -> None:
     ]
 
 
-class KilledWorker(Exception):  # noqa: N818  (Dask's name)
+class KilledWorker(Exception):
     """What Dask raises."""
 
 

@@ -31,7 +31,7 @@ def test_a_task_ends_once_after_its_needs_and_at_most_limit_run(
     graph: dict[str, frozenset[str]],
     limit: int,
     bad: set[int],
-    continue_on_error: bool,  # noqa: FBT001  (hypothesis draws it)
+    continue_on_error: bool,
     random: st.randoms,  # type: ignore[valid-type]
 ) -> None:
     plan = plan_of(graph)

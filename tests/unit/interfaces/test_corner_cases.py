@@ -128,14 +128,14 @@ def message(text: str) -> Message:
     return interface
 
 
-def embedded(name: str) -> Any:  # noqa: ANN401  (whichever it is)
+def embedded(name: str) -> Any:
     """Return an interface that forge brings along."""
     parsed = Library().find(TypeName(*name.split("/")))
     assert parsed
     return parsed.interface
 
 
-def made(text: str) -> Any:  # noqa: ANN401  (a class that nobody knew when this was written)
+def made(text: str) -> Any:
     """Return the Python class of a message."""
     return load(text, "tour/msg/A")["tour/msg/A"]
 

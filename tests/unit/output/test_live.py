@@ -38,7 +38,7 @@ def test_nothing_is_redrawn_between_counting_the_lines_to_erase_and_erasing_them
 
     def redraw() -> None:  # as the thread of rich does
         started.set()
-        with live._lock:  # noqa: SLF001
+        with live._lock:
             live.refresh()
         redrawn.set()
 

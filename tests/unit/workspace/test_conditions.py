@@ -25,7 +25,7 @@ VARIABLES = {"ROS_VERSION": "2", "ROS_DISTRO": "humble"}
         ("  a   <=b ", True),
     ],
 )
-def test_a_condition_compares_texts_and_binds_and_before_or(condition: str, expected: bool) -> None:  # noqa: FBT001
+def test_a_condition_compares_texts_and_binds_and_before_or(condition: str, expected: bool) -> None:
     assert holds(condition, VARIABLES) is expected
 
 

@@ -176,7 +176,7 @@ def test_all_invalid_properties_are_reported_together() -> None:
 
 
 @pytest.mark.parametrize(("node", "fits"), [("walk-far", True), ("3walk", False), ("", False)])
-def test_a_node_in_cpp_is_named_like_a_file(node: str, fits: bool) -> None:  # noqa: FBT001  (a table's column)
+def test_a_node_in_cpp_is_named_like_a_file(node: str, fits: bool) -> None:
     if fits:
         assert f"src/{node}.cpp" in files_of(NewPackage("walker", ADA, node=node))
     else:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from forge.interfaces.model import TypeName
     from forge.interfaces.read.sources import Library
 
-    Verbs = argparse._SubParsersAction[Parser]  # noqa: SLF001  (no public name)
+    Verbs = argparse._SubParsersAction[Parser]
 
 _HEADINGS = {"msg": "Messages:", "srv": "Services:", "action": "Actions:"}
 
@@ -109,7 +109,7 @@ def _packages(options: argparse.Namespace) -> int:
 
 
 def _show(options: argparse.Namespace) -> int:
-    from forge.interfaces.show import Comments, parse_type_name, show  # noqa: PLC0415  (not needed by the lists)
+    from forge.interfaces.show import Comments, parse_type_name, show
 
     library = known_library(options)
     text = sys.stdin.readline().strip() if options.type == "-" else options.type
@@ -126,9 +126,9 @@ def _show(options: argparse.Namespace) -> int:
 
 
 def _proto(options: argparse.Namespace) -> int:
-    from forge.interfaces.prototype import to_yaml  # noqa: PLC0415  (as above)
-    from forge.interfaces.resolve.resolution import nested_messages  # noqa: PLC0415
-    from forge.interfaces.show import parse_type_name  # noqa: PLC0415
+    from forge.interfaces.prototype import to_yaml
+    from forge.interfaces.resolve.resolution import nested_messages
+    from forge.interfaces.show import parse_type_name
 
     library = known_library(options)
     name = parse_type_name(options.type, library.names)

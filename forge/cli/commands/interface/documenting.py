@@ -42,6 +42,6 @@ def register(verbs: Verbs) -> None:
 
 
 def _docs(options: argparse.Namespace) -> int:
-    from forge.cli.commands.interface.pages import make_site  # noqa: PLC0415  (not needed to generate code)
+    from forge.cli.commands.interface.pages import make_site
 
     return make_site(options, _OUTPUT)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from forge.cli.main import Parser
     from forge.interfaces.model import Catalog
 
-    Verbs = argparse._SubParsersAction[Parser]  # noqa: SLF001  (no public name)
+    Verbs = argparse._SubParsersAction[Parser]
 
 
 def add_inputs(parser: Parser) -> None:
@@ -140,7 +140,7 @@ def catalog_of(options: argparse.Namespace, folder: str | None, library: Library
         raise ForgeError(Problem("no interface definitions found", hint=hint))
     parsed = parse_all(sources)
     if options.strict:
-        from forge.interfaces.read.lint import lint  # noqa: PLC0415  (only needed with --strict)
+        from forge.interfaces.read.lint import lint
 
         raise_if_any(lint(parsed), InterfaceError)
     return resolve(package, parsed, library, _unlisted(options), events=library.has_events)

@@ -38,16 +38,16 @@ def get_package_prefix(package_name: str) -> str:
     return prefix
 
 
-def get_package_share_directory(package_name: str, print_warning: bool = True) -> str:  # noqa: FBT001, FBT002  (ament's signature)
+def get_package_share_directory(package_name: str, print_warning: bool = True) -> str:
     """Return the share folder of a package, and warn if it is missing; raises as `get_package_prefix`."""
     path = Path(get_package_prefix(package_name), "share", package_name)
     if print_warning and not path.is_dir():
-        import warnings  # noqa: PLC0415  (a broken install is rare)
+        import warnings
 
         warnings.warn(f"share directory of '{package_name}' ({path}) does not exist", stacklevel=2)
     return str(path)
 
 
-def get_package_share_path(package_name: str, print_warning: bool = True) -> Path:  # noqa: FBT001, FBT002
+def get_package_share_path(package_name: str, print_warning: bool = True) -> Path:
     """Return the share folder of a package as a path; raises as `get_package_prefix`."""
     return Path(get_package_share_directory(package_name, print_warning))

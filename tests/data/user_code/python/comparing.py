@@ -31,4 +31,4 @@ assert bytes(deep.sketch) == b"abc"
 
 for original in (route, Imu(), Path(), PointStamped(point=Point(y=2.0))):
     for protocol in range(2, pickle.HIGHEST_PROTOCOL + 1):
-        assert pickle.loads(pickle.dumps(original, protocol)) == original  # noqa: S301  (our own bytes)
+        assert pickle.loads(pickle.dumps(original, protocol)) == original

@@ -101,7 +101,7 @@ def test_what_cargo_built_is_staged_and_what_rustc_read_is_listed(
     ],
 )
 def test_crates_from_folders_are_recognized(package_id: str, crate: str) -> None:
-    assert cargo_run._local_crate(package_id) == crate  # noqa: SLF001  (of cargo's formats, one machine has one)
+    assert cargo_run._local_crate(package_id) == crate
 
 
 def artifact(root: Path, folder: str, kind: list[str], file: str, executable: str | None = None) -> object:
@@ -171,7 +171,7 @@ def test_a_test_program_that_ends_before_its_last_test_has_failed(
     ],
 )
 def test_the_message_of_a_failed_test_is_its_panic(output: str, message: str) -> None:
-    assert cargo_run._message(output) == message  # noqa: SLF001  (of cargo's formats, one machine has one)
+    assert cargo_run._message(output) == message
 
 
 def test_status_lines_of_cargo_are_no_errors(

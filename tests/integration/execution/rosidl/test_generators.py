@@ -79,7 +79,7 @@ def test_files_of_another_package_replace_those_of_the_first(
 ) -> None:
     for name in ("a", "b", "b"):
         shared.prepare(generator(tmp_path / name, ""), environment)
-        assert {Path(path).parent.name for path in shared._contents} == {name}  # noqa: SLF001  (not seen otherwise)
+        assert {Path(path).parent.name for path in shared._contents} == {name}
 
 
 @pytest.mark.parametrize(

@@ -119,7 +119,7 @@ def test_interfaces_of_the_workspace_around_need_not_be_sourced(forge: Forge, tr
 def test_questions_name_the_command_for_a_package_that_is_not_built(
     forge: Forge,
     tree: Tree,
-    built: bool,  # noqa: FBT001
+    built: bool,
 ) -> None:
     files = {
         "src/robot_msgs/package.xml": manifest_text("robot_msgs"),

@@ -187,7 +187,7 @@ def test_what_has_no_literal_is_our_mistake(type_: Type) -> None:
 
 
 @given(st.text(st.characters(exclude_characters="\0"), max_size=20), st.booleans())
-def test_a_text_is_understood_as_it_was_meant(value: str, wide: bool) -> None:  # noqa: FBT001  (hypothesis)
+def test_a_text_is_understood_as_it_was_meant(value: str, wide: bool) -> None:
     """A literal is printable ASCII without trigraphs, and C++ reads the value back from it."""
     text = literal(value, String(wide=wide))
     assert text.isascii()

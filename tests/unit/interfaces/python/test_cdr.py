@@ -1,7 +1,5 @@
 """The wire format in Python: vectors, odd input, laziness, and what errors say."""
 
-# ruff: noqa: ANN401, S301, SLF001  (classes made a moment ago; own pickles; slots and tables are looked into)
-
 from __future__ import annotations
 
 import copy

@@ -1,7 +1,5 @@
 """Single fields of generated Python: defaults, accepted and rejected values."""
 
-# ruff: noqa: S301  (the test unpickles what it has pickled)
-
 from __future__ import annotations
 
 import copy

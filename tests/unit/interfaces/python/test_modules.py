@@ -1,7 +1,5 @@
 """Generated Python, imported and used: modules, messages, services, actions."""
 
-# ruff: noqa: S102, S301, SLF001  (its own text is run and unpickled; the names with '_' are rosidl's API)
-
 from __future__ import annotations
 
 import copy

@@ -52,13 +52,13 @@ def size_of(name: TypeName) -> tuple[Message, MessageSize]:
     return message, SizeCalculator(CATALOG.known).of(message)
 
 
-def content_of(message: Any) -> bytes:  # noqa: ANN401  (a class made a moment ago)
+def content_of(message: Any) -> bytes:
     """Return the bytes of a message behind its header."""
     content: bytes = import_module("forge_cdr").serialize(message)
     return content[4:]
 
 
-def size(message: Any) -> int:  # noqa: ANN401  (as above)
+def size(message: Any) -> int:
     return len(content_of(message))
 
 

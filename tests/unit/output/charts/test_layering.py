@@ -112,7 +112,7 @@ def test_nothing_is_drawn_of_nothing() -> None:
 
 
 def test_a_large_workspace_is_laid_out_without_overlaps_and_always_the_same() -> None:
-    chance = random.Random(7)  # noqa: S311  (any numbers will do)
+    chance = random.Random(7)
     graph: dict[str, frozenset[str]] = {}
     for number in range(400):
         known = list(graph)

@@ -3,8 +3,6 @@
 Called as `entry_points.py SETUP_CFG EGG_INFO_FOLDER SCRIPTS_FOLDER`. Uses only the standard library.
 """
 
-# ruff: noqa: INP001  (a program that CMake runs, not a module)
-
 from __future__ import annotations
 
 import configparser

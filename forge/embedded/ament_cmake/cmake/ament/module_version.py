@@ -3,8 +3,6 @@
 Called as `module_version.py MODULE`. To import pytest would read the metadata of every distribution found.
 """
 
-# ruff: noqa: INP001, T201  (a program that CMake runs, not a module; what it prints is its result)
-
 from __future__ import annotations
 
 import sys

@@ -4,8 +4,6 @@ Called as `package_xml_to_cmake.py PACKAGE_XML` if forge does not provide the va
 standard library.
 """
 
-# ruff: noqa: INP001  (a program that CMake runs, not a module)
-
 from __future__ import annotations
 
 import operator

@@ -9,8 +9,6 @@ does not replace it, this program does. Exits with the code of the command, or w
 contains failures. Uses only the standard library.
 """
 
-# ruff: noqa: INP001  (a program that CMake runs, not a module)
-
 from __future__ import annotations
 
 import argparse

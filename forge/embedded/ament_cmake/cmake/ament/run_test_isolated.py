@@ -4,8 +4,6 @@ A local port locks the domain. DISABLE_ROS_ISOLATION disables this, and an exist
 precedence.
 """
 
-# ruff: noqa: INP001  (a program that CMake runs, not a module)
-
 from __future__ import annotations
 
 import os

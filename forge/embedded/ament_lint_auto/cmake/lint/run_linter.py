@@ -9,8 +9,6 @@ programs; options of other linters are ignored, because packages mix them up. Th
 as command-line options support it. Exits with 1 if there are findings. Uses only the standard library.
 """
 
-# ruff: noqa: INP001  (a program that CMake runs, not a module)
-
 from __future__ import annotations
 
 import argparse

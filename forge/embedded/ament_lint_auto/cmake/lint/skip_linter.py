@@ -5,8 +5,6 @@
 Exits with 77, by which CTest knows that the test is skipped. Uses only the standard library.
 """
 
-# ruff: noqa: INP001  (a program that CMake runs, not a module)
-
 from __future__ import annotations
 
 import sys

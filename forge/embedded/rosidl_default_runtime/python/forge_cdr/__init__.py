@@ -17,7 +17,7 @@ from __future__ import annotations
 import sys
 from importlib import import_module
 from importlib.util import find_spec
-from struct import error as _StructError  # noqa: N812  (that is its name there)
+from struct import error as _StructError
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from forge_cdr.errors import CdrError
@@ -51,7 +51,7 @@ def serialize(message: object) -> bytes:
         return _serialize_exactly(message)
 
 
-def deserialize(data: bytes | bytearray | memoryview, type: type[_M], copy: bool = True) -> _M:  # noqa: A002, FBT001, FBT002  (the words of rclpy)
+def deserialize(data: bytes | bytearray | memoryview, type: type[_M], copy: bool = True) -> _M:
     """Deserialize a message of a type.
 
     Never allocates more memory than the data can fill. Raises CdrError if the data is invalid, and TypeError
@@ -72,7 +72,7 @@ def view(message: object, field: str) -> memoryview:
 
     Raises AttributeError if there is no such field, and TypeError if it is not a sequence of numbers.
     """
-    from forge_cdr.lazy import postponed  # noqa: PLC0415  (few programs ask)
+    from forge_cdr.lazy import postponed
 
     found = postponed(message, f"_{field}")
     return memoryview(getattr(message, field)) if found is None else found
@@ -89,17 +89,17 @@ def _serialize_exactly(message: object) -> bytes:
     if class_ not in _WRITERS and (made := _generated(class_, "writer")):
         _WRITERS[class_] = made
         return serialize(message)
-    from forge_cdr import described  # noqa: PLC0415  (only what is unusual needs it)
+    from forge_cdr import described
 
     return described.write(message)
 
 
-def _deserialize_exactly(data: bytes | memoryview, class_: type, copy: bool) -> Any:  # noqa: ANN401, FBT001  (any message)
+def _deserialize_exactly(data: bytes | memoryview, class_: type, copy: bool) -> Any:
     """Deserialize a message of a new class, or one that generated code has rejected."""
     if class_ not in _READERS and (made := _generated(class_, "reader")):
         _READERS[class_] = made
         return deserialize(data, class_, copy)
-    from forge_cdr import described  # noqa: PLC0415  (as above)
+    from forge_cdr import described
 
     return described.read(data, class_)
 

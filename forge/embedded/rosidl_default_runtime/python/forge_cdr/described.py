@@ -5,8 +5,6 @@ and reports errors with their location. It needs only `__slots__` and `SLOT_TYPE
 the classes of rosidl.
 """
 
-# ruff: noqa: ANN401  (fields hold anything)
-
 from __future__ import annotations
 
 import struct
@@ -317,6 +315,6 @@ class _Reader(_Walk):
 
 
 def _to_numpy(values: array[Any]) -> Any:
-    import numpy as np  # noqa: PLC0415  (messages without fixed arrays need none)
+    import numpy as np
 
     return np.array(values)

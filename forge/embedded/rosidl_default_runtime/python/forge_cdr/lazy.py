@@ -5,8 +5,6 @@ numbers, and the first access creates the array. Once all are created, the messa
 which `__class__` reports all the time. Messages without such sequences have no overhead.
 """
 
-# ruff: noqa: ANN401  (messages of any class)
-
 from __future__ import annotations
 
 from array import array

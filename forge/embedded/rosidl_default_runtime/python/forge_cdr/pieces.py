@@ -32,7 +32,7 @@ _HIGHEST_UNIT: Final = "\uffff"
 _HIGHEST_CHAR: Final = 127
 
 
-class Refused(ValueError):  # noqa: N818  (it says what happened; users never see it)
+class Refused(ValueError):
     """Generated code does not support the value or data; the generic codec handles it or reports an error."""
 
 

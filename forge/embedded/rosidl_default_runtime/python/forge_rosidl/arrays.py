@@ -1,7 +1,5 @@
 """Checks for fixed-size numeric arrays; the only part of the run time that needs numpy."""
 
-# ruff: noqa: ANN401, S101  (users assign anything; assertions, so that python -O turns the checks off and leaves the conversions)
-
 from __future__ import annotations
 
 from typing import Any, Final

@@ -3,7 +3,7 @@
 The checks are assertions, so `python -O` disables them, but not the conversions.
 """
 
-# ruff: noqa: ANN401, PT018, S101  (users assign anything; one message for one check; see above)
+# ruff: noqa: PT018  (users assign anything; one message for one check; see above)
 
 from __future__ import annotations
 

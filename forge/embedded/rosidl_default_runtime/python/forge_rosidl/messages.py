@@ -4,8 +4,6 @@ The interface is that of rosidl: read-only constants, `__slots__`, `SLOT_TYPES`,
 client libraries find the C type support.
 """
 
-# ruff: noqa: ANN401  (a C extension and the classes of unknown packages hold whatever they hold)
-
 from __future__ import annotations
 
 import sys
@@ -33,7 +31,7 @@ class InterfaceType(type):
         """Store the constants of the generated class; derived classes share them."""
         super().__init__(name, bases, namespace)
         if "_CONSTANTS" not in type(cls).__dict__:
-            type(cls)._CONSTANTS = {  # noqa: SLF001  (the metaclass is this very code)
+            type(cls)._CONSTANTS = {
                 name: value
                 for name, value in namespace.items()
                 if not (name.startswith("_") or isinstance(value, _NOT_CONSTANT))
@@ -172,8 +170,8 @@ def _refuse_constant(cls: InterfaceType, name: str) -> None:
 
 def _extension(module: str) -> Any:
     """Return the C extension of the module's package, or None when it cannot be imported."""
-    import importlib  # noqa: PLC0415  (only client libraries come here)
-    import logging  # noqa: PLC0415
+    import importlib
+    import logging
 
     package = module.partition(".")[0]
     try:
@@ -185,7 +183,7 @@ def _extension(module: str) -> Any:
 
 def _symbol_suffix(cls: type, kind: str) -> str:
     """Return the suffix of names in the C extension, such as 'msg__srv__set_bool__request'."""
-    import re  # noqa: PLC0415
+    import re
 
     name = cls.__name__.partition("_")[2]
     name = re.sub(r"(.)([A-Z][a-z]+)", r"\1_\2", name)
@@ -200,7 +198,7 @@ def _instance_of(cls: type) -> Any:
 
 def _nested_messages(message: type[Message]) -> list[Any]:
     """Return the classes of the message's fields and of elements of collections."""
-    import importlib  # noqa: PLC0415  (only client libraries come here)
+    import importlib
 
     found = []
     for slot_type in message.SLOT_TYPES:

@@ -1,7 +1,5 @@
 """Messages as dictionaries, YAML and comma-separated values."""
 
-# ruff: noqa: ANN401  (a message is any class that a generator made, and its fields hold anything)
-
 from __future__ import annotations
 
 import sys
@@ -199,7 +197,7 @@ def _type_name(type_: Any) -> str:
 def _yaml() -> ModuleType:
     """Import PyYAML; raises ImportError with installation instructions."""
     try:
-        import yaml  # noqa: PLC0415  (not everybody who converts messages wants YAML)
+        import yaml
     except ImportError as error:
         message = f"messages as YAML need PyYAML: '{sys.executable} -m pip install PyYAML'"
         raise ImportError(message, name="yaml") from error

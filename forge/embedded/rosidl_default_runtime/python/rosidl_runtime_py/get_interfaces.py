@@ -68,7 +68,7 @@ def get_interface_path(interface_name: str) -> str:
     raise LookupError(f"Could not find the interface '{candidates[-1]}'")
 
 
-def _index() -> Any:  # noqa: ANN401  (a module of another package)
+def _index() -> Any:
     """Import ament_index_python lazily, because conversions work without it."""
     return import_module("ament_index_python")
 

@@ -15,7 +15,7 @@ _PARTS: Final = {
 }
 
 
-def import_message_from_namespaced_type(message_type: NamespacedType | AbstractNestedType) -> Any:  # noqa: ANN401
+def import_message_from_namespaced_type(message_type: NamespacedType | AbstractNestedType) -> Any:
     """Return the class of a message, including parts of services and actions.
 
     For a collection, returns the class of its elements, which is deprecated. Raises ModuleNotFoundError if

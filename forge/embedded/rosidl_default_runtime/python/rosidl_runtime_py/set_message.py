@@ -1,7 +1,5 @@
 """Set the fields of messages from dictionaries, as on command lines or in YAML."""
 
-# ruff: noqa: ANN401  (a message is any class that a generator made, and values are what a user typed)
-
 from __future__ import annotations
 
 from array import array
@@ -27,8 +25,8 @@ _OCTET: Final = BasicType("octet")
 def set_message_fields(
     msg: Any,
     values: Mapping[str, Any],
-    expand_header_auto: bool = False,  # noqa: FBT001, FBT002  (rosidl's signature)
-    expand_time_now: bool = False,  # noqa: FBT001, FBT002
+    expand_header_auto: bool = False,
+    expand_time_now: bool = False,
 ) -> list[Callable[[Any], None]]:
     """Set the fields in `values`, converted to the types of the fields; others are unchanged.
 
@@ -110,7 +108,7 @@ class _Setting:
 
 def _like(now: Any, value: Any) -> Any:
     """Return a numpy array of the same type, or a number if the field contains a numpy scalar."""
-    import numpy as np  # noqa: PLC0415  (there is something of numpy's, so it is loaded)
+    import numpy as np
 
     return np.array(value, dtype=now.dtype) if now.shape else type(now)(value)
 

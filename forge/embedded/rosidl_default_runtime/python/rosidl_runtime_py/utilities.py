@@ -1,7 +1,5 @@
 """Find interface classes by name, such as 'std_msgs/msg/String'."""
 
-# ruff: noqa: ANN401  (an interface is any class that a generator made)
-
 from __future__ import annotations
 
 from typing import Any
