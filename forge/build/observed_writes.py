@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 LOG_VARIABLE = "FORGE_OBSERVER_LOG"
 PREFIX_VARIABLE, REAL_PREFIX_VARIABLE = "FORGE_OBSERVER_PREFIX", "FORGE_OBSERVER_REAL_PREFIX"
+LINKS_VARIABLE = "FORGE_OBSERVER_LINKS"
 
 _COUNTERS = struct.Struct("=QQ")
 
@@ -28,12 +29,14 @@ _COUNTERS = struct.Struct("=QQ")
 class ObservedWrites:
     """What the steps wrote and `removed`, as absolute paths; a renamed folder stands for all that is in it.
 
-    `complete` is False if some process could not be observed.
+    They tried to change what is `refused`, behind links of somebody else. `complete` is False if some process
+    could not be observed.
     """
 
     files: frozenset[str] = frozenset()
     folders: frozenset[str] = frozenset()
     removed: frozenset[str] = frozenset()
+    refused: frozenset[str] = frozenset()
     complete: bool = False
 
     def contain(self, path: str) -> bool:
@@ -63,7 +66,7 @@ def read_log(log: Path, prefix: Path) -> ObservedWrites:
         return ObservedWrites()
     records = content[_COUNTERS.size :].split(b"\0")
     below, real = f"{prefix}/", ""
-    words: dict[bytes, set[str]] = {b"W": set(), b"D": set(), b"U": set()}
+    words: dict[bytes, set[str]] = {b"W": set(), b"D": set(), b"U": set(), b"L": set()}
     steps, complete = 0, records.pop() == b""
     for record in records:
         kind, word = record[:1], os.fsdecode(record[1:])
@@ -77,8 +80,8 @@ def read_log(log: Path, prefix: Path) -> ObservedWrites:
         else:
             complete = False
     complete = complete and steps > 0 and loaded == executed + steps
-    files, folders, removed = (frozenset(words[kind]) for kind in (b"W", b"D", b"U"))
-    return ObservedWrites(files, folders, removed, complete)
+    files, folders, removed, refused = (frozenset(words[kind]) for kind in (b"W", b"D", b"U", b"L"))
+    return ObservedWrites(files, folders, removed, refused, complete)
 
 
 def begin_log(log: Path) -> None:

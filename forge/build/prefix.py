@@ -129,6 +129,11 @@ def written_log(name: str, layout: Layout) -> Path:
     return _folder(name, layout, "written")
 
 
+def guarded_links(name: str, layout: Layout) -> Path:
+    """Return the list of links in a prefix through which the steps of a package must not write."""
+    return _folder(name, layout, "links")
+
+
 def leftover_backups(name: str, layout: Layout) -> list[Path]:
     """Return what a killed build left of a package in the backup folder."""
     folder = _folder(name, layout)
@@ -147,7 +152,7 @@ class PrefixExchange:
     In the backup folder are, for a package P: `P`, the moved files; `P.part`, the same while they are being
     moved; `P.copies`, the copies of shared files; `P.others`, those of other people's files; `P.state`, the
     folders before the build; `P.list`, the list of files before the build; `P.written`, the log of what the
-    steps write.
+    steps write; `P.links`, the links through which they must not write.
     """
 
     def __init__(self, name: str, layout: Layout) -> None:
@@ -183,6 +188,7 @@ class PrefixExchange:
         begin_log(written_log(self._name, self._layout))
         if not self._layout.merged:
             self._copy_others()
+        self._guard_links()
 
     def moved_files(self) -> dict[str, tuple[str, os.stat_result]]:
         """Return the path of the backup and its stat for each file of the last build, by its path."""
@@ -206,11 +212,13 @@ class PrefixExchange:
         """Yield a problem for each file of somebody else where the package is about to install one."""
         others = self.others()
         above = {parent: path for path in others for parent in _parents(path, self._prefix)}
+        base = os.path.realpath(self._layout.install)
         for path in sorted(paths) if others else ():
             blocking = next(
                 (other for other in (path, *_parents(path, self._prefix)) if other in others), None
             )
-            if blocking and not (blocking != path and os.path.isdir(blocking)):
+            passes = blocking and blocking != path and os.path.isdir(blocking)
+            if blocking and not (passes and not _leads_out(blocking, base)):
                 yield self._problem(path, blocking)
             elif path in above:
                 yield self._problem(path, above[path])
@@ -224,15 +232,12 @@ class PrefixExchange:
         """Give back files of others that lay where the package has installed some; yield a problem for each.
 
         What the steps were observed to remove without installing something there is given back as well.
-
-        Of a package that another tool or an older forge installed, nobody knows which files are whose.
         """
-        others = self.others() if self._noted("state").get("listed") else {}
+        others, unclaimed = self._known_others()
         if not others:
             return
+        yield from self.refused()
         copies = {path: self._others / number for number, path, *_ in _listed(self._others)}
-        known = _read_list(self._list, str(self._layout.install))
-        unclaimed = known.unclaimed if known else frozenset()
         for path in sorted(set(installed)):
             if path in others and path not in unclaimed and _stats(path) != others[path]:
                 _give_back(path, others[path], copies[path])
@@ -248,6 +253,16 @@ class PrefixExchange:
                 _give_back(path, others[path], copies[path])
                 if blocking:
                     yield self._problem(blocking, path)
+
+    def refused(self) -> Iterator[Problem]:
+        """Yield a problem for each link of somebody else through which a step tried to write."""
+        others, found = self.others(), dict[str, str]()
+        for path in sorted(self.writes().refused):
+            link = next((place for place in (path, *_parents(path, self._prefix)) if place in others), None)
+            if link:
+                found.setdefault(link, path)
+        for link, path in found.items():
+            yield self._problem(path, link)
 
     def commit(self) -> tuple[Problem, ...]:
         """Drop the backup, once the new files are listed.
@@ -312,7 +327,8 @@ class PrefixExchange:
                 remove_tree(str(trash))
                 folder.rename(trash)
                 remove_tree(str(trash))
-        for file in (self._state, self._list, written_log(self._name, self._layout)):
+        log, links = written_log(self._name, self._layout), guarded_links(self._name, self._layout)
+        for file in (self._state, self._list, log, links):
             file.unlink(missing_ok=True)
 
     def _recover(self) -> None:
@@ -437,6 +453,31 @@ class PrefixExchange:
         files, empty = foreign_entries(self._prefix)
         if files or empty:
             _copy_all(self._others, (*files, *empty), all_kinds=True)
+
+    def _guard_links(self) -> None:
+        """List the links of others that lead out of the prefix: what is behind them was not copied."""
+        file = guarded_links(self._name, self._layout)
+        file.unlink(missing_ok=True)
+        others, unclaimed = self._known_others()
+        base = os.path.realpath(self._layout.install)
+        links = [
+            path
+            for path, status in others.items()
+            if stat.S_ISLNK(status[_MODE]) and path not in unclaimed and _leads_out(path, base)
+        ]
+        if links:
+            real = os.path.realpath(self._prefix)
+            spelled = {*links, *(f"{real}{path[len(self._prefix) :]}" for path in links)}
+            file.write_bytes(b"".join(b"%s\0" % os.fsencode(path) for path in sorted(spelled)))
+
+    def _known_others(self) -> tuple[Mapping[str, list[int]], Collection[str]]:
+        """Return what certainly was not the package's before the build, and what nobody claimed.
+
+        Of a package that another tool or an older forge installed, nobody knows which files are whose.
+        """
+        others = self.others() if self._noted("state").get("listed") else {}
+        known = _read_list(self._list, str(self._layout.install)) if others else None
+        return others, known.unclaimed if known else frozenset()
 
     def _problem(self, path: str, other: str) -> Problem:
         message = (
@@ -651,6 +692,11 @@ def _copy(source: Path, target: Path, *, linked: bool) -> None:
             target.hardlink_to(source)
             return
     shutil.copy2(source, target, follow_symlinks=False)
+
+
+def _leads_out(path: str, base: str) -> bool:
+    """Tell whether a link leads out of a folder; `base` has no links."""
+    return os.path.islink(path) and not f"{os.path.realpath(path)}/".startswith(f"{base}/")
 
 
 def _is_no_folder(path: str) -> bool:

@@ -14,6 +14,10 @@
  *   D path   a folder was created
  *   U path   a file, link or folder was removed, or renamed to another path
  *   P pid    forge has started a step
+ *   L path   this call was refused, since a link of somebody else leads out of the prefix there
+ *
+ * FORGE_OBSERVER_LINKS names a file with these links, if there are any, each ending with NUL. To write through
+ * one would change files that forge neither knows nor can give back, so that the call fails with EACCES.
  *
  * The log is opened for each record, since programs close descriptors that they do not know.
  */
@@ -40,6 +44,7 @@ struct counters {
 };
 
 static char log_file[PATH_MAX], prefix[PATH_MAX], real_prefix[PATH_MAX];
+static const char *links, *links_end;
 static struct counters *counters;
 
 #define NEXT(name) ((__typeof__(&name))next(#name))
@@ -95,14 +100,15 @@ static int is_below(const char *path, const char *folder)
     return size && !strncmp(path, folder, size) && (!path[size] || path[size] == '/');
 }
 
-static void written(char kind, int folder, const char *path)
+/* Store the absolute path of a name, and return 1 if it is below the prefix. */
+static int locate(int folder, const char *path, char *absolute)
 {
-    char absolute[2 * PATH_MAX + 1], link[40];
+    char link[40];
     int saved = errno;
     ssize_t size = 0;
 
     if (!*log_file || !path || strlen(path) >= PATH_MAX)
-        return;
+        return 0;
     if (*path != '/') {
         if (folder == AT_FDCWD)
             size = syscall(SYS_getcwd, absolute, PATH_MAX) > 0 ? (ssize_t)strlen(absolute) : -1;
@@ -113,13 +119,35 @@ static void written(char kind, int folder, const char *path)
         if (size > 0)
             absolute[size++] = '/';
     }
-    if (size >= 0) {
-        strcpy(absolute + size, path);
-        normalize(absolute);
-        if (is_below(absolute, prefix) || is_below(absolute, real_prefix))
-            append(kind, absolute);
-    }
     errno = saved;
+    if (size < 0)
+        return 0;
+    strcpy(absolute + size, path);
+    normalize(absolute);
+    return is_below(absolute, prefix) || is_below(absolute, real_prefix);
+}
+
+static void written(char kind, int folder, const char *path)
+{
+    char absolute[2 * PATH_MAX + 1];
+
+    if (locate(folder, path, absolute))
+        append(kind, absolute);
+}
+
+static int refused(int folder, const char *path)
+{
+    char absolute[2 * PATH_MAX + 1];
+
+    if (!links || !locate(folder, path, absolute))
+        return 0;
+    for (const char *link = links; link < links_end; link += strlen(link) + 1)
+        if (is_below(absolute, link)) {
+            append('L', absolute);
+            errno = EACCES;
+            return 1;
+        }
+    return 0;
 }
 
 static int read_variable(const char *name, char *value)
@@ -130,6 +158,36 @@ static int read_variable(const char *name, char *value)
         return 0;
     strcpy(value, found);
     return 1;
+}
+
+static int exists(int folder, const char *path)
+{
+    int saved = errno, found = !faccessat(folder, path, F_OK, AT_SYMLINK_NOFOLLOW);
+
+    errno = saved;
+    return found;
+}
+
+static void read_links(void)
+{
+    char file[PATH_MAX];
+    struct stat status;
+    void *content;
+    int descriptor;
+
+    if (!read_variable("FORGE_OBSERVER_LINKS", file))
+        return;
+    descriptor = syscall(SYS_openat, AT_FDCWD, file, O_RDONLY | O_CLOEXEC);
+    if (descriptor < 0)
+        return;
+    if (!fstat(descriptor, &status) && status.st_size > 0) {
+        content = mmap(NULL, status.st_size, PROT_READ, MAP_PRIVATE, descriptor, 0);
+        if (content != MAP_FAILED) {
+            links_end = (const char *)content + status.st_size;
+            links = content;
+        }
+    }
+    syscall(SYS_close, descriptor);
 }
 
 __attribute__((constructor)) static void start(void)
@@ -151,6 +209,7 @@ __attribute__((constructor)) static void start(void)
             __atomic_add_fetch(&counters->loaded, 1, __ATOMIC_SEQ_CST);
         }
     }
+    read_links();
     errno = saved;
 }
 
@@ -178,6 +237,8 @@ static mode_t mode_of(int flags, va_list arguments)
         va_start(arguments, flags);                                     \
         mode = mode_of(flags, arguments);                               \
         va_end(arguments);                                              \
+        if (flags & WRITES && refused(AT_FDCWD, path))                  \
+            return -1;                                                  \
         result = NEXT(name)(path, flags, mode);                         \
         if (result >= 0 && flags & WRITES)                              \
             written('W', AT_FDCWD, path);                               \
@@ -193,6 +254,8 @@ static mode_t mode_of(int flags, va_list arguments)
         va_start(arguments, flags);                                     \
         mode = mode_of(flags, arguments);                               \
         va_end(arguments);                                              \
+        if (flags & WRITES && refused(folder, path))                    \
+            return -1;                                                  \
         result = NEXT(name)(folder, path, flags, mode);                 \
         if (result >= 0 && flags & WRITES)                              \
             written('W', folder, path);                                 \
@@ -202,7 +265,7 @@ static mode_t mode_of(int flags, va_list arguments)
 #define CREAT(name)                                                     \
     int name(const char *path, mode_t mode)                             \
     {                                                                   \
-        int result = NEXT(name)(path, mode);                            \
+        int result = refused(AT_FDCWD, path) ? -1 : NEXT(name)(path, mode); \
         if (result >= 0)                                                \
             written('W', AT_FDCWD, path);                               \
         return result;                                                  \
@@ -211,7 +274,8 @@ static mode_t mode_of(int flags, va_list arguments)
 #define FOPEN(name)                                                     \
     FILE *name(const char *path, const char *mode)                      \
     {                                                                   \
-        FILE *result = NEXT(name)(path, mode);                          \
+        int writes = strpbrk(mode, "wa+") && refused(AT_FDCWD, path);    \
+        FILE *result = writes ? NULL : NEXT(name)(path, mode);          \
         if (result && strpbrk(mode, "wa+"))                             \
             written('W', AT_FDCWD, path);                               \
         return result;                                                  \
@@ -220,7 +284,8 @@ static mode_t mode_of(int flags, va_list arguments)
 #define FREOPEN(name)                                                   \
     FILE *name(const char *path, const char *mode, FILE *stream)        \
     {                                                                   \
-        FILE *result = NEXT(name)(path, mode, stream);                  \
+        int writes = path && strpbrk(mode, "wa+") && refused(AT_FDCWD, path); \
+        FILE *result = writes ? NULL : NEXT(name)(path, mode, stream);  \
         if (result && path && strpbrk(mode, "wa+"))                     \
             written('W', AT_FDCWD, path);                               \
         return result;                                                  \
@@ -249,7 +314,7 @@ int __openat64_2(int folder, const char *path, int flags) { return openat64(fold
 
 int rename(const char *old, const char *path)
 {
-    int result = NEXT(rename)(old, path);
+    int result = refused(AT_FDCWD, old) || refused(AT_FDCWD, path) ? -1 : NEXT(rename)(old, path);
     if (!result) {
         written('U', AT_FDCWD, old);
         written('W', AT_FDCWD, path);
@@ -259,7 +324,7 @@ int rename(const char *old, const char *path)
 
 int renameat(int from, const char *old, int folder, const char *path)
 {
-    int result = NEXT(renameat)(from, old, folder, path);
+    int result = refused(from, old) || refused(folder, path) ? -1 : NEXT(renameat)(from, old, folder, path);
     if (!result) {
         written('U', from, old);
         written('W', folder, path);
@@ -270,7 +335,7 @@ int renameat(int from, const char *old, int folder, const char *path)
 #ifdef __GLIBC__
 int renameat2(int from, const char *old, int folder, const char *path, unsigned int flags)
 {
-    int result = NEXT(renameat2)(from, old, folder, path, flags);
+    int result = refused(from, old) || refused(folder, path) ? -1 : NEXT(renameat2)(from, old, folder, path, flags);
     if (!result) {
         written('U', from, old);
         written('W', folder, path);
@@ -282,7 +347,8 @@ int renameat2(int from, const char *old, int folder, const char *path, unsigned 
 #define REMOVE(name)                                                    \
     int name(const char *path)                                          \
     {                                                                   \
-        int result = NEXT(name)(path);                                  \
+        int keep = exists(AT_FDCWD, path) && refused(AT_FDCWD, path);   \
+        int result = keep ? -1 : NEXT(name)(path);                      \
         if (!result)                                                    \
             written('U', AT_FDCWD, path);                               \
         return result;                                                  \
@@ -294,7 +360,7 @@ REMOVE(remove)
 
 int unlinkat(int folder, const char *path, int flags)
 {
-    int result = NEXT(unlinkat)(folder, path, flags);
+    int result = exists(folder, path) && refused(folder, path) ? -1 : NEXT(unlinkat)(folder, path, flags);
     if (!result)
         written('U', folder, path);
     return result;
@@ -302,7 +368,7 @@ int unlinkat(int folder, const char *path, int flags)
 
 int link(const char *old, const char *path)
 {
-    int result = NEXT(link)(old, path);
+    int result = refused(AT_FDCWD, path) ? -1 : NEXT(link)(old, path);
     if (!result)
         written('W', AT_FDCWD, path);
     return result;
@@ -310,7 +376,7 @@ int link(const char *old, const char *path)
 
 int linkat(int from, const char *old, int folder, const char *path, int flags)
 {
-    int result = NEXT(linkat)(from, old, folder, path, flags);
+    int result = refused(folder, path) ? -1 : NEXT(linkat)(from, old, folder, path, flags);
     if (!result)
         written('W', folder, path);
     return result;
@@ -318,7 +384,7 @@ int linkat(int from, const char *old, int folder, const char *path, int flags)
 
 int symlink(const char *target, const char *path)
 {
-    int result = NEXT(symlink)(target, path);
+    int result = refused(AT_FDCWD, path) ? -1 : NEXT(symlink)(target, path);
     if (!result)
         written('W', AT_FDCWD, path);
     return result;
@@ -326,7 +392,7 @@ int symlink(const char *target, const char *path)
 
 int symlinkat(const char *target, int folder, const char *path)
 {
-    int result = NEXT(symlinkat)(target, folder, path);
+    int result = refused(folder, path) ? -1 : NEXT(symlinkat)(target, folder, path);
     if (!result)
         written('W', folder, path);
     return result;
@@ -334,7 +400,7 @@ int symlinkat(const char *target, int folder, const char *path)
 
 int mkfifo(const char *path, mode_t mode)
 {
-    int result = NEXT(mkfifo)(path, mode);
+    int result = refused(AT_FDCWD, path) ? -1 : NEXT(mkfifo)(path, mode);
     if (!result)
         written('W', AT_FDCWD, path);
     return result;
@@ -342,7 +408,7 @@ int mkfifo(const char *path, mode_t mode)
 
 int mkdir(const char *path, mode_t mode)
 {
-    int result = NEXT(mkdir)(path, mode);
+    int result = !exists(AT_FDCWD, path) && refused(AT_FDCWD, path) ? -1 : NEXT(mkdir)(path, mode);
     if (!result)
         written('D', AT_FDCWD, path);
     return result;
@@ -350,7 +416,7 @@ int mkdir(const char *path, mode_t mode)
 
 int mkdirat(int folder, const char *path, mode_t mode)
 {
-    int result = NEXT(mkdirat)(folder, path, mode);
+    int result = !exists(folder, path) && refused(folder, path) ? -1 : NEXT(mkdirat)(folder, path, mode);
     if (!result)
         written('D', folder, path);
     return result;

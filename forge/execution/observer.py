@@ -16,8 +16,14 @@ from shutil import which
 from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
-from forge.build.observed_writes import LOG_VARIABLE, PREFIX_VARIABLE, REAL_PREFIX_VARIABLE, append
-from forge.build.prefix import written_log
+from forge.build.observed_writes import (
+    LINKS_VARIABLE,
+    LOG_VARIABLE,
+    PREFIX_VARIABLE,
+    REAL_PREFIX_VARIABLE,
+    append,
+)
+from forge.build.prefix import guarded_links, written_log
 from forge.toolchain.programs import CARGO_TYPES
 
 if TYPE_CHECKING:
@@ -43,6 +49,7 @@ class Observer:
         found = {
             **variables,
             LOG_VARIABLE: str(written_log(task.name, self.layout)),
+            LINKS_VARIABLE: str(guarded_links(task.name, self.layout)),
             PREFIX_VARIABLE: str(task.prefix),
             REAL_PREFIX_VARIABLE: os.path.realpath(task.prefix),
         }

@@ -86,7 +86,8 @@ class TaskLifecycle:
     `restore(task)` is called first: if it returns a record, no step runs. `environment(task)` returns the
     environment of the steps. `begin(task, environment)` is called before the first step and `install(task)`
     after the last; it returns the record. `undo(task)` is called instead if a step failed or the build was
-    stopped. `remark(task)` returns the package cache's remark at the end.
+    stopped. `remark(task)` returns the package cache's remark at the end. `check(task)` raises ForgeError if
+    forge made a step fail.
     """
 
     environment: Callable[[Task], Mapping[str, str]]
@@ -95,6 +96,7 @@ class TaskLifecycle:
     undo: Callable[[Task], None] = lambda _: None
     restore: Callable[[Task], BuildRecord | None] = lambda _: None
     remark: Callable[[Task], str] = lambda _: ""
+    check: Callable[[Task], None] = lambda _: None
 
     def open(self, task: Task) -> Mapping[str, str]:
         """Prepare the first step; return the environment of the steps."""
@@ -125,6 +127,7 @@ class TaskLifecycle:
         environment = self.open(task)
         failure = steps(task, environment, put, started)
         if failure is not None:
+            self.check(task)
             self.undo(task)
             return failure
         record = self.install(task)

@@ -82,7 +82,9 @@ class TaskSetup:
             if toolchain is not None and same_compilers and task.package.build_type in CMAKE_TYPES:
                 toolchain.seed(self.state.source(task), task.build_dir, self.variables)
 
-        return TaskLifecycle(self._environment, begin, self._install, self._undo, self._restore, self._remark)
+        return TaskLifecycle(
+            self._environment, begin, self._install, self._undo, self._restore, self._remark, self._check
+        )
 
     def _environment(self, task: Task) -> Mapping[str, str]:
         below = ((need, self.layout.prefix(need)) for need in task.needs)
@@ -165,6 +167,9 @@ class TaskSetup:
         record = self.recorder.make_record(task, installed)
         self._commit(task)
         return self.cache.keep(task, record) if self.cache else record
+
+    def _check(self, task: Task) -> None:
+        raise_if_any(PrefixExchange(task.name, self.layout).refused(), WorkspaceError)
 
     def _undo(self, task: Task) -> None:
         try:

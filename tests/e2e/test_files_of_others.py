@@ -329,6 +329,87 @@ def test_a_file_that_nobody_claimed_may_be_written_by_the_package_later(forge: F
 
 
 @MERGED
+@pytest.mark.parametrize("linked", [(), ("--symlink-install",)], ids=["copied", "linked"])
+@pytest.mark.parametrize(
+    "body",
+    [
+        "install(FILES d/f DESTINATION share/a/link)",
+        "install(FILES d/f DESTINATION share/a RENAME link)",
+        "install(DIRECTORY d/ DESTINATION share/a/link)",
+        'install(CODE "file(WRITE \\${CMAKE_INSTALL_PREFIX}/share/a/file 2)")',
+        'install(CODE "file(APPEND \\${CMAKE_INSTALL_PREFIX}/share/a/link/f 2)")',
+        'install(CODE "file(REMOVE_RECURSE \\${CMAKE_INSTALL_PREFIX}/share/a/link/deep)")',
+        'install(CODE "execute_process(COMMAND ln -sfn f \\${CMAKE_INSTALL_PREFIX}/share/a/file)")',
+    ],
+    ids=["file", "file over folder", "folder", "through", "append", "remove", "replace"],
+)
+def test_nothing_is_written_through_a_link_that_leads_out(
+    forge: Forge, tree: Tree, options: tuple[str, ...], linked: tuple[str, ...], body: str
+) -> None:
+    """The link of somebody else stays, and so does what is behind it, permissions included."""
+    options = (*options, *linked)
+    root = tree(plain(""))
+    assert forge("build", *options, cwd=root).code == 0
+    share = root / "install" / ("a" if "--merge-install" not in options else "") / "share/a"
+    precious = tree({"precious/f": "mine", "precious/deep/g": "mine"}) / "precious"
+    (share / "link").symlink_to(precious)
+    (share / "file").symlink_to(precious / "f")
+    (share / "unused").symlink_to("/nowhere")
+    before = installed(root)
+    lists = root / "src/a/CMakeLists.txt"
+    lists.write_text(f"{lists.read_text()}{body}\n")
+    for _ in range(2):
+        refuse(forge("build", *options, cwd=root), str(share / ("file" if "/file" in body else "link")))
+        assert installed(root) == before
+        assert {path.name: path.stat().st_mode & 0o777 for path in precious.rglob("*")} == {
+            "f": 0o644,
+            "deep": 0o755,
+            "g": 0o644,
+        }
+        assert [(precious / path).read_text() for path in ("f", "deep/g")] == ["mine"] * 2
+    for name in ("file", "link"):
+        (share / name).unlink()
+    lists.write_text(plain("install(FILES d/f DESTINATION share/a RENAME link)")["src/a/CMakeLists.txt"])
+    assert forge("build", *options, cwd=root).code == 0
+    assert str((share / "unused").readlink()) == "/nowhere"
+
+
+@MERGED
+def test_python_modules_are_not_installed_through_a_link(
+    forge: Forge, tree: Tree, options: tuple[str, ...]
+) -> None:
+    files = {path: text for path, text in sources().items() if path.startswith("src/p/")}
+    root = tree({**files, "precious/__init__.py": "mine = 1"})
+    assert forge("build", *options, cwd=root).code == 0
+    site = next((root / "install").rglob("p/one.py")).parents[1]
+    (site / "q").symlink_to(root / "precious")
+    setup = root / "src/p/setup.py"
+    setup.write_text(setup.read_text().replace("['p']", "['p', 'q']"))
+    (root / "src/p/q").mkdir()
+    (root / "src/p/q/__init__.py").touch()
+    for more in ((), ("--symlink-install",)):
+        refuse(forge("build", *options, *more, cwd=root), str(site / "q"))
+        assert (site / "q").readlink() == root / "precious"
+        assert (root / "precious/__init__.py").read_text() == "mine = 1"
+
+
+def test_nothing_is_restored_from_a_cache_through_a_link(forge: Forge, tree: Tree, tmp_path: Path) -> None:
+    root = tree(plain("install(FILES d/f DESTINATION share/a/link)"))
+    cache = ("--cache", str(tmp_path / "cache"))
+    assert forge("build", *cache, cwd=root).code == 0
+    for body in ("", "install(FILES d/f DESTINATION share/a/link)"):
+        (root / "src/a/CMakeLists.txt").write_text(plain(body)["src/a/CMakeLists.txt"])
+        if body:
+            precious = tree({"precious/f": "mine"}) / "precious"
+            link = root / "install/a/share/a/link"
+            link.symlink_to(precious)
+            refuse(forge("build", *cache, cwd=root), str(link))
+            assert (precious / "f").read_text() == "mine"
+        else:
+            assert forge("build", *cache, cwd=root).code == 0
+
+
+@MERGED
 def test_a_link_in_place_of_an_installed_folder_is_not_followed(
     forge: Forge, tree: Tree, options: tuple[str, ...]
 ) -> None:
