@@ -21,6 +21,11 @@ EXECUTORS = ("parallel", SEQUENTIAL)
 _USER = re.compile(r"(?<=://)[^/\s]*@")
 
 
+def expand_home(path: str) -> Path:
+    """Return a path with the home folder in place of '~'; like a shell, keep the name of an unknown user."""
+    return Path(os.path.expanduser(path))  # noqa: PTH111  (which raises RuntimeError for an unknown user)
+
+
 def setting(name: str, variables: Mapping[str, str]) -> str | None:
     """Return the value of FORGE_`name`, else of COLCON_`name`, else None."""
     return variables.get(f"FORGE_{name}") or variables.get(f"COLCON_{name}") or None

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import os
 from contextlib import contextmanager
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.base.env_vars import cache_home
+from forge.base.env_vars import cache_home, expand_home
 from forge.base.errors import Problem, SelectionError, raise_if_any
 from forge.base.frozen import frozen
 from forge.base.options import option
@@ -15,6 +14,7 @@ from forge.toolchain.resources import memory_limit
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
+    from pathlib import Path
 
     from forge.build.state import BuildState
     from forge.cache.folder_store import FolderStore
@@ -88,7 +88,7 @@ class CacheOptions:
 
 def cache_folder(option: str | None, variables: Mapping[str, str]) -> Path:
     """Return the cache folder: the option's value, else $FORGE_CACHE_DIR/packages, else the user's cache."""
-    return Path(option).expanduser().absolute() if option else cache_home(variables) / "packages"
+    return expand_home(option).absolute() if option else cache_home(variables) / "packages"
 
 
 def foreign_store(folder: Path) -> Iterator[Problem]:

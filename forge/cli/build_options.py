@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import os
 from dataclasses import fields, is_dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from forge.base.distributions import check_distribution, distribution_option
+from forge.base.env_vars import expand_home
 from forge.base.errors import Problem, SelectionError
 from forge.base.frozen import frozen
 from forge.base.options import default_of, option, option_of
@@ -21,6 +21,7 @@ from forge.toolchain.compiler_launchers.choice import LAUNCHERS, NONE, selected_
 if TYPE_CHECKING:
     import argparse
     from collections.abc import Iterator
+    from pathlib import Path
 
     from forge.cli.main import Parser
     from forge.workspace.selection import Query
@@ -32,7 +33,7 @@ _NO_EFFECT = "no effect, for compatibility with colcon"
 
 
 def _absolute(path: str) -> Path:
-    return Path(path).expanduser().absolute()
+    return expand_home(path).absolute()
 
 
 def _python_version(text: str) -> tuple[int, int]:

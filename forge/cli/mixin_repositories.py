@@ -12,7 +12,7 @@ from contextlib import suppress
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
-from forge.base.env_vars import without_passwords
+from forge.base.env_vars import expand_home, without_passwords
 from forge.base.errors import Location, Problem, SelectionError, WorkspaceError
 from forge.base.files import read_file, replace_file
 from forge.base.formats import read_yaml, yaml_text
@@ -121,7 +121,7 @@ def _index_url(text: str) -> str:
     """Return the URL of an index, also if it is given as a path; raises SelectionError."""
     scheme, separator, _ = text.partition("://")
     if not separator:
-        path = Path(text).expanduser().absolute()
+        path = expand_home(text).absolute()
         if not path.is_file():
             hint = f"give the path or URL of an index, such as {_EXAMPLE}"
             raise SelectionError(Problem(f"there is no file '{text}'", hint=hint))

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from forge.base.distributions import distribution_option
-from forge.base.env_vars import setting
+from forge.base.env_vars import expand_home, setting
 from forge.base.errors import Problem, SelectionError
 from forge.base.frozen import frozen
 from forge.base.layout import Layout
@@ -212,4 +212,4 @@ def displayed_below(root: Path, origin: str, path: Path) -> str:
 
 def _absolute(path: str, root: Path) -> Path:
     """Return a path from the command line as an absolute path, without resolving links."""
-    return Path(os.path.normpath(root / Path(path).expanduser()))
+    return Path(os.path.normpath(root / expand_home(path)))

@@ -9,6 +9,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+from forge.base.env_vars import expand_home
 from forge.base.errors import ForgeError, WorkspaceError, raise_if_any
 from forge.build import folder_marks
 from forge.build.journal import open_journal
@@ -40,7 +41,7 @@ def output_problems(
     workspace = loaded.workspace
     sources = _sources(workspace.root, workspace)
     others = {**others, "FORGE_CACHE_DIR": os.environ.get("FORGE_CACHE_DIR")}
-    folders = {option: Path(value).expanduser() for option, value in others.items() if value}
+    folders = {option: expand_home(str(value)) for option, value in others.items() if value}
     bases = folder_marks.bases_of(layout) | {
         option: workspace.root / path for option, path in folders.items()
     }

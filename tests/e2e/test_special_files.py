@@ -181,6 +181,19 @@ def test_a_source_may_be_larger_than_the_memory(root: Path) -> None:
     assert "1 package unchanged" in run(root, "build")[1]
 
 
+def test_results_in_a_folder_that_may_not_be_read_are_told(root: Path) -> None:
+    assert run(root, "build")[0] == 0
+    results = root / "build"
+    results.chmod(0)
+    try:
+        code, said = as_nobody(root, "test-result")
+        assert code == 1
+        assert "build" in said
+        assert "permission denied" in said.lower()
+    finally:
+        results.chmod(0o755)
+
+
 def test_a_folder_that_may_not_be_read_is_told(root: Path) -> None:
     secret = root / "src/secret"
     secret.mkdir()

@@ -186,6 +186,15 @@ def test_one_folder_for_build_and_install_results_is_refused(forge: Forge, tree:
 
 
 @pytest.mark.needs("cmake", "ninja")
+def test_the_name_of_an_unknown_user_is_the_name_of_a_folder(forge: Forge, tree: Tree) -> None:
+    """As in a shell, for every option with a folder."""
+    root = tree({"src/.keep": ""})
+    for option in ("--build-base", "--install-base", "--test-result-base", "--cache", "--mixin-files"):
+        ran = forge("build", option, "~nobody-of-this-name", cwd=root)
+        assert ran.code in {0, 2}, ran.err
+    assert forge("--log-base", "~nobody-of-this-name", "build", cwd=root).code in {0, 2}
+
+
 def test_a_bundle_overwrites_only_a_bundle(forge: Forge, tree: Tree) -> None:
     root = tree({**cmake_package("a"), "mine": "mine"})
     assert forge("build", cwd=root).code == 0

@@ -132,8 +132,11 @@ def _gone(base: Path) -> frozenset[str]:
 
 
 def _package_of(path: str, base: Path) -> str:
-    """Return the folder directly below `base` that contains a result: usually that of a package."""
-    return Path(path).relative_to(base).parts[0]
+    """Return the folder directly below `base` that contains a result: usually that of a package.
+
+    It is '' for `base` itself, which may be unreadable.
+    """
+    return next(iter(Path(path).relative_to(base).parts), "")
 
 
 def _folder(path: str) -> Path:

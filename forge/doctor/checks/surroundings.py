@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.distributions import VARIABLE
+from forge.base.env_vars import expand_home
 from forge.base.errors import EnvironmentFault, Location, Problem, WorkspaceError
 from forge.base.layout import INSTALL_STATE_FILE, LAYOUT_MARKER
 from forge.build.markers import foreign_build, other_layout
@@ -176,7 +177,7 @@ def _leading_nowhere(variables: Mapping[str, str]) -> Iterator[Problem]:
             yield Problem(f"'{name}' names {_listed(gone)}, which does not exist", hint=hint)
     for name in _FILES:
         value = variables.get(name)
-        if value and os.sep in value and not os.path.lexists(Path(value).expanduser()):
+        if value and os.sep in value and not os.path.lexists(expand_home(value)):
             yield Problem(f"'{name}' names '{value}', which does not exist", hint=f"unset {name}")
 
 
