@@ -46,7 +46,7 @@ _OF_BASE = re.compile(
 """What forge and colcon write at the top of an install folder."""
 _SCRIPTS = frozenset({".bash", ".bat", ".dsv", ".fish", ".ps1", ".sh", ".zsh"})
 _SMALL = 65536
-"""The size in bytes up to which a file is copied; larger files are hard-linked in constant time."""
+"""The size in bytes up to which an installed file is copied; larger ones are hard-linked in constant time."""
 
 
 @frozen
@@ -617,7 +617,11 @@ def _stats(path: str) -> list[int]:
 
 
 def _copy_all(folder: Path, paths: Iterable[str], *, all_kinds: bool = False) -> None:
-    """Copy files to the backup, unless an older backup still exists; with `all_kinds`, list folders, too."""
+    """Copy files to the backup, unless an older backup still exists.
+
+    With `all_kinds`, which are those of others, list folders, too, and copy large files: a step that writes
+    to a file in place would also write to its hard link.
+    """
     if (folder / _LIST).is_file():
         return
     remove_tree(str(folder))
@@ -627,7 +631,7 @@ def _copy_all(folder: Path, paths: Iterable[str], *, all_kinds: bool = False) ->
         with contextlib.suppress(FileNotFoundError, NotADirectoryError, IsADirectoryError):
             status = os.lstat(path)
             if stat.S_ISREG(status.st_mode) or stat.S_ISLNK(status.st_mode):
-                _copy(Path(path), folder / str(number), linked=status.st_size > _SMALL)
+                _copy(Path(path), folder / str(number), linked=not all_kinds and status.st_size > _SMALL)
             elif all_kinds and not stat.S_ISDIR(status.st_mode):
                 with contextlib.suppress(OSError):  # another file system: no copy of a socket or pipe
                     os.link(path, folder / str(number))

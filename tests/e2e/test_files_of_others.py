@@ -316,6 +316,36 @@ def test_what_code_of_a_package_removes_is_given_back(
     assert (share / "mine/empty").is_dir()
 
 
+@MERGED
+@pytest.mark.parametrize("linked", [(), ("--symlink-install",)], ids=["copied", "linked"])
+@pytest.mark.parametrize("size", [1, 100_000])
+@pytest.mark.parametrize(
+    "command", ["echo 2 >FILE", "echo 2 >>FILE", "truncate -s 1 FILE", "dd if=x of=FILE conv=notrunc"]
+)
+@pytest.mark.parametrize("end", ["", "install(CODE [[message(FATAL_ERROR no)]])\n"], ids=["well", "failing"])
+def test_what_code_of_a_package_writes_in_place_is_given_back(
+    forge: Forge,
+    tree: Tree,
+    options: tuple[str, ...],
+    linked: tuple[str, ...],
+    size: int,
+    command: str,
+    end: str,
+) -> None:
+    options = (*options, *linked)
+    root = tree(plain(""))
+    assert forge("build", *options, cwd=root).code == 0
+    path = root / "install" / ("" if "--merge-install" in options else "a") / "share/a/mine"
+    path.write_text("mine" * size)
+    lists = root / "src/a/CMakeLists.txt"
+    script = command.replace("FILE", "${CMAKE_INSTALL_PREFIX}/share/a/mine").replace("if=x", f"if={lists}")
+    code = f'install(CODE [[execute_process(COMMAND sh -c "{script}" COMMAND_ERROR_IS_FATAL ANY)]])'
+    lists.write_text(f"{lists.read_text()}{code}\n{end}")
+    ran = forge("build", *options, cwd=root)
+    assert ran.code == (1 if end else 2), ran.out + ran.err
+    assert path.read_text() == "mine" * size
+
+
 def test_a_file_that_nobody_claimed_may_be_written_by_the_package_later(forge: Forge, tree: Tree) -> None:
     """At first, the program that writes it is not observed."""
     write = "sh -c 'echo 2 > ${CMAKE_INSTALL_PREFIX}/share/a/f'"
