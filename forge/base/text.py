@@ -29,10 +29,10 @@ def duration(seconds: float) -> str:
     return f"{hours}h {minutes}min {rest}s" if hours else f"{minutes}min {rest}s"
 
 
-def listed(names: Sequence[str]) -> str:
+def listed(names: Sequence[str], most: int = _NAMES_SHOWN) -> str:
     """Return the first few names and the number of others."""
-    shown = ", ".join(f"'{name}'" for name in names[:_NAMES_SHOWN])
-    return f"{shown} and {len(names) - _NAMES_SHOWN} more" if len(names) > _NAMES_SHOWN else shown
+    shown = ", ".join(f"'{name}'" for name in names[:most])
+    return f"{shown} and {len(names) - most} more" if len(names) > most else shown
 
 
 def split_lines(output: bytes) -> list[bytes]:

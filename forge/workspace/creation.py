@@ -53,6 +53,10 @@ _CPP_KEYWORDS = """
     static_cast std struct switch template this thread_local throw true try typedef typeid typename union
     unsigned using virtual void volatile wchar_t while xor xor_eq
 """
+_TEST_TOOLS = {
+    "ament_cmake": ("ament_lint_auto", "ament_lint_common"),
+    "ament_python": ("ament_copyright", "ament_flake8", "ament_pep257", "python3-pytest"),
+}
 _ESCAPES = str.maketrans({"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;"})
 
 
@@ -100,7 +104,14 @@ def render_package(blueprint: NewPackage) -> tuple[GeneratedFile, ...]:
         case _ if blueprint.interfaces:
             items = _interface_items(blueprint)
         case _:
-            items = (*_cpp_folders(blueprint), _ament_item(blueprint), *_cpp_items(blueprint))
+            tools = ("ament_cmake", "ament_cmake_ros") if blueprint.library else ("ament_cmake",)
+            found = tuple(name for name in blueprint.dependencies if name not in tools)
+            names = {**_names(blueprint), "tools": tools, "dependencies": found}
+            items = (
+                *_cpp_folders(blueprint),
+                GeneratedFile("CMakeLists.txt", render("pkg/ament_cmake/CMakeLists.txt.j2", **names)),
+                *_cpp_items(blueprint),
+            )
     return (GeneratedFile("package.xml", _manifest(blueprint)), *items, *_license_items(blueprint))
 
 
@@ -190,7 +201,7 @@ def _manifest(blueprint: NewPackage) -> str:
         groups += ((("exec_depend", "rosidl_default_runtime"),),)
         groups += ((("member_of_group", "rosidl_interface_packages"),),)
     else:
-        groups += (tuple(("test_depend", name) for name in _test_tools(blueprint.build_type)),)
+        groups += (tuple(("test_depend", name) for name in _TEST_TOOLS.get(blueprint.build_type, ())),)
     return render(
         "pkg/package.xml.j2",
         schema=_SCHEMA.format(blueprint.format),
@@ -221,13 +232,6 @@ def _dependencies(blueprint: NewPackage) -> tuple[str, ...]:
     return blueprint.dependencies
 
 
-def _test_tools(build_type: str) -> tuple[str, ...]:
-    return {
-        "ament_cmake": ("ament_lint_auto", "ament_lint_common"),
-        "ament_python": ("ament_copyright", "ament_flake8", "ament_pep257", "python3-pytest"),
-    }.get(build_type, ())
-
-
 def _license_items(blueprint: NewPackage) -> tuple[GeneratedFile, ...]:
     template = LICENSES.get(blueprint.license)
     if template is None:
@@ -237,13 +241,6 @@ def _license_items(blueprint: NewPackage) -> tuple[GeneratedFile, ...]:
 
 def _cpp_folders(blueprint: NewPackage) -> tuple[GeneratedFile, ...]:
     return (GeneratedFile("src"), GeneratedFile(f"include/{blueprint.name}"))
-
-
-def _ament_item(blueprint: NewPackage) -> GeneratedFile:
-    tools = ("ament_cmake", "ament_cmake_ros") if blueprint.library else ("ament_cmake",)
-    found = tuple(name for name in blueprint.dependencies if name not in tools)
-    names = {**_names(blueprint), "tools": tools, "dependencies": found}
-    return GeneratedFile("CMakeLists.txt", render("pkg/ament_cmake/CMakeLists.txt.j2", **names))
 
 
 def _interface_items(blueprint: NewPackage) -> Iterator[GeneratedFile]:

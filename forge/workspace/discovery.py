@@ -62,14 +62,14 @@ def discover_embedded(rosdistro: str = OLDEST) -> Mapping[str, Package]:
     folders = sorted(path.parent for path in EMBEDDED.glob("*/package.xml"))
     folders = [path for path in folders if not (path / SINCE).is_dir() or has_definitions(path, rosdistro)]
     packages = (read_package(EMBEDDED, folder, {**ROS_DEFAULTS, VARIABLE: rosdistro}) for folder in folders)
-    return {p.name: _as_embedded(p, rosdistro) for p in packages}
-
-
-def _as_embedded(package: Package, rosdistro: str) -> Package:
-    """Return a package of forge, which may have services only in newer distributions."""
-    folders = () if package.has_services else definition_folders(package.path, rosdistro)
-    has_services = package.has_services or any((folder / "srv").is_dir() for folder in folders)
-    return replace(package, embedded=True, has_services=has_services)
+    found = {}
+    for package in packages:
+        # A package may have services only in newer distributions.
+        has_services = package.has_services or any(
+            (folder / "srv").is_dir() for folder in definition_folders(package.path, rosdistro)
+        )
+        found[package.name] = replace(package, embedded=True, has_services=has_services)
+    return found
 
 
 def special_files(root: Path, folder: Path) -> Iterator[Problem]:
@@ -125,7 +125,12 @@ class _Walk:
             try:
                 entries = _entries(folder, self.visited)
             except PermissionError as error:
-                self.notes.append(_unreadable(spelling, error))
+                reason = (error.strerror or str(error)).lower()
+                message = f"ignoring unreadable folder: {reason}"
+                ignore = "ignore it with an empty file COLCON_IGNORE in its parent folder"
+                self.notes.append(
+                    Problem(message, Location(Path(spelling)), f"grant read permission, or {ignore}")
+                )
                 continue
             # An environment may be active at the root of a workspace, which is then still one.
             if entries is None or (at != top and is_environment(entries.__contains__)):
@@ -193,12 +198,6 @@ def _entries(folder: str, visited: set[tuple[int, int]]) -> dict[str, bool] | No
     except OSError:
         # The folder was removed meanwhile, or is a dangling link.
         return None
-
-
-def _unreadable(spelling: str, error: PermissionError) -> Problem:
-    reason = (error.strerror or str(error)).lower()
-    hint = "grant read permission, or ignore it with an empty file COLCON_IGNORE in its parent folder"
-    return Problem(f"ignoring unreadable folder: {reason}", Location(Path(spelling)), hint)
 
 
 def _is_folder(entry: os.DirEntry[str]) -> bool:

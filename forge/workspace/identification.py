@@ -51,13 +51,18 @@ def identify(
         return IGNORED
     folder = Folder(path, root / path, entries)
     try:
-        own = _colcon_pkg(folder)
+        there = COLCON_PKG in folder.entries and (folder.place / COLCON_PKG).exists()
+        own = read_colcon_pkg(folder.place) if there else {}
         said = overrides.placed(folder.place)
         conflicts = _claim(folder, own, said, overrides)
         identity = _identify(folder, variables, overrides.build_types)
         package = identity.package
         if package is not None:
-            _check_name(package)
+            if not is_word(package.name):
+                message = f"invalid package name '{package.name}'"
+                signs = "letters, digits, '_', '-' and '.'"
+                hint = f"write 'name: NAME' into '{package.path / COLCON_PKG}', with {signs}"
+                raise WorkspaceError(Problem(message, Location(package.manifest.path), hint))
             sources = (own, overrides.named(package.name), said)
             identity = replace(identity, package=with_overrides(package, sources))
     except WorkspaceError as error:
@@ -85,29 +90,12 @@ def read_package(root: Path, folder: Path, variables: Mapping[str, str]) -> Pack
     except OSError as error:
         raise WorkspaceError(Problem(f"cannot read the manifest: {error.strerror}", Location(path))) from None
     manifest = parse_manifest(content, path, variables)
-    has_actions, has_services = (_has_definitions(root / folder / kind) for kind in ("action", "srv"))
+    has_actions, has_services = (
+        (root / folder / kind).is_dir()
+        and any(path.suffix in {f".{kind}", ".idl"} for path in (root / folder / kind).iterdir())
+        for kind in ("action", "srv")
+    )
     return Package(folder, manifest, has_actions=has_actions, has_services=has_services)
-
-
-def _has_definitions(folder: Path) -> bool:
-    """Tell whether a folder such as 'srv' contains .idl files or files with its name as extension."""
-    endings = (f".{folder.name}", ".idl")
-    return folder.is_dir() and any(path.suffix in endings for path in folder.iterdir())
-
-
-def _colcon_pkg(folder: Folder) -> dict[str, Any]:
-    there = COLCON_PKG in folder.entries and (folder.place / COLCON_PKG).exists()
-    return read_colcon_pkg(folder.place) if there else {}
-
-
-def _check_name(package: Package) -> None:
-    """Raise WorkspaceError for names that are unsafe in paths, scripts or CMake."""
-    if not is_word(package.name):
-        message = f"invalid package name '{package.name}'"
-        hint = (
-            f"write 'name: NAME' into '{package.path / COLCON_PKG}', with letters, digits, '_', '-' and '.'"
-        )
-        raise WorkspaceError(Problem(message, Location(package.manifest.path), hint))
 
 
 def _claim(
@@ -179,23 +167,18 @@ def _as_ros(folder: Folder, variables: Mapping[str, str]) -> Identity | None:
         (folder.place / mark).exists() for mark in ROS_IGNORE_FILES if mark in folder.entries
     )
     if not hidden and "package.xml" in folder.entries:
-        return Identity(_ros_package(folder, variables))
+        package = read_package(folder.place, Path(), variables)
+        warnings = _relative(package.manifest.warnings, folder)
+        manifest = replace(package.manifest, path=folder.path / "package.xml", warnings=warnings)
+        if folder.name:
+            manifest = replace(manifest, name=folder.name)
+        if folder.type and folder.type != "ros":
+            manifest = replace(manifest, build_type=folder.type.removeprefix("ros."))
+        return Identity(replace(package, path=folder.path, manifest=manifest))
     if hidden or "manifest.xml" in folder.entries:
         # The latter is a rosbuild package, whose CMakeLists.txt is incompatible.
         return IGNORED
     return None if whole else _incomplete(folder, "package.xml is missing")
-
-
-def _ros_package(folder: Folder, variables: Mapping[str, str]) -> Package:
-    """Return the package described by package.xml, with the name and type assigned by the user."""
-    package = read_package(folder.place, Path(), variables)
-    warnings = _relative(package.manifest.warnings, folder)
-    manifest = replace(package.manifest, path=folder.path / "package.xml", warnings=warnings)
-    if folder.name:
-        manifest = replace(manifest, name=folder.name)
-    if folder.type and folder.type != "ros":
-        manifest = replace(manifest, build_type=folder.type.removeprefix("ros."))
-    return replace(package, path=folder.path, manifest=manifest)
 
 
 def _incomplete(folder: Folder, why: str, hint: str | None = None) -> Identity:

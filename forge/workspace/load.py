@@ -32,7 +32,7 @@ from forge.workspace.selection import duplicate_node, ignored, select
 from forge.workspace.versions import unmet_versions
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+    from collections.abc import Callable, Collection, Iterable, Mapping
     from pathlib import Path
 
     from forge.workspace.model import BrokenPackage, Workspace
@@ -148,9 +148,11 @@ def _without_broken(loaded: LoadedWorkspace, names: frozenset[str], *, listing: 
     """
     reached = closure(loaded.needs, loaded.selection.names) | frozenset(loaded.selection.names)
     needed = [broken for broken in loaded.workspace.broken if broken.name in reached]
-    others = (
-        () if listing else map(_skipped, (each for each in loaded.workspace.broken if each not in needed))
-    )
+    others = [
+        replace(each.problems[0], message=f"skipping '{each.name}': {each.problems[0].message}")
+        for each in (() if listing else loaded.workspace.broken)
+        if each not in needed
+    ]
     selection, resolution = loaded.selection, loaded.resolution
     return replace(
         loaded,
@@ -170,11 +172,6 @@ def _without_broken(loaded: LoadedWorkspace, names: frozenset[str], *, listing: 
     )
 
 
-def _skipped(broken: BrokenPackage) -> Problem:
-    first = broken.problems[0]
-    return replace(first, message=f"skipping '{broken.name}': {first.message}")
-
-
 def _with_remedy(broken: BrokenPackage) -> BrokenPackage:
     """Return a broken package whose last problem tells how to build without it."""
     *first, last = broken.problems
@@ -192,13 +189,12 @@ def find_packages(root: Path, search: SearchPaths, variables: Mapping[str, str])
     """Return all packages below the search paths; raises WorkspaceError for invalid package options."""
     overrides = read_overrides(root, search.metas, home(variables) if search.user_metas else None)
     found = discover(root, search.base_paths, variables, paths=search.paths, overrides=overrides)
-    return found if found.packages else replace(found, notes=(*found.notes, *_missing_folders(root, search)))
-
-
-def _missing_folders(root: Path, search: SearchPaths) -> Iterator[Problem]:
-    for base in search.base_paths:
-        if "*" not in base and not (root / base).exists():
-            yield Problem(f"--base-paths: '{base}' does not exist")
+    if found.packages:
+        return found
+    missing = [base for base in search.base_paths if "*" not in base and not (root / base).exists()]
+    return replace(
+        found, notes=(*found.notes, *(Problem(f"--base-paths: '{base}' does not exist") for base in missing))
+    )
 
 
 def _without(workspace: Workspace, names: frozenset[str]) -> Workspace:

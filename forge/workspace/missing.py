@@ -45,6 +45,10 @@ def missing_dependencies(
     most warnings, and only for build dependencies, unless they resemble a package that exists. `whereabouts`
     returns a remedy for a name if it is known where that package is.
     """
+
+    def is_misspelt(name: str) -> bool:
+        return resembles_ros_name(name) and similar_package(name, resolution.known()) is not None
+
     errors: dict[str, list[str]] = {}
     warnings: dict[str, list[str]] = {}
     for name in names:
@@ -60,21 +64,16 @@ def missing_dependencies(
         candidates = [other for other in unresolved if is_ros_name(other) and other in built_with]
         required = certainly_missing(package, candidates) if candidates else ()
         for dependency in unresolved:
-            sure = is_ros_name(dependency)
             if dependency in required:
                 errors.setdefault(dependency, []).append(name)
             elif dependency in built_with or (
-                dependency in used and (sure or _is_misspelt(dependency, resolution))
+                dependency in used and (is_ros_name(dependency) or is_misspelt(dependency))
             ):
                 warnings.setdefault(dependency, []).append(name)
     unbuildable = frozenset(name for users in errors.values() for name in users)
     return MissingDependencies(
         _together(errors, resolution, whereabouts), _together(warnings, resolution, whereabouts), unbuildable
     )
-
-
-def _is_misspelt(dependency: str, resolution: DependencyResolution) -> bool:
-    return resembles_ros_name(dependency) and similar_package(dependency, resolution.known()) is not None
 
 
 def _together(
@@ -86,70 +85,46 @@ def _together(
 
     Names that are probably misspelt have a problem each.
     """
+
+    def problem(names: Sequence[str], users: Sequence[str], what: str, hint: str) -> Problem:
+        location = declaration(resolution.packages[users[0]].manifest.path, names[0])
+        verb = "needs" if len(users) == 1 else "need"
+        return Problem(f"{quoted_names(users)} {verb} {quoted_names(names)}, {what}", location, hint)
+
     known = tuple(resolution.known()) if found else ()
     problems: list[Problem] = []
     groups: dict[tuple[tuple[str, ...], str, str | None, str | None], list[str]] = {}
     ignored: dict[tuple[str, ...], list[str]] = {}
-    for dependency, users in sorted(found.items()):
+    for dependency, unsorted in sorted(found.items()):
+        users = tuple(sorted(unsorted))
         if dependency in resolution.ignored:
-            ignored.setdefault(tuple(sorted(users)), []).append(dependency)
-            continue
-        reason = resolution.withheld.get(dependency, "")
-        if hint := resolution.elsewhere.get(dependency):
-            problems.append(_of_another_distribution(dependency, users, resolution, hint))
-            continue
-        near = similar_package(dependency, known)
-        place = whereabouts(dependency)
-        groups.setdefault((tuple(sorted(users)), reason, near, place), []).append(dependency)
-    problems += (
-        _missing(
-            names, resolution.packages[users[0]], _dependents(users), reason, place or _remedy(names, near)
-        )
-        for (users, reason, near, place), names in groups.items()
-    )
-    problems += (_ignored(names, users, resolution) for users, names in ignored.items())
+            ignored.setdefault(users, []).append(dependency)
+        elif hint := resolution.elsewhere.get(dependency):
+            what = "which the chosen ROS distribution does not have"
+            problems.append(problem([dependency], users, what, hint))
+        else:
+            reason = resolution.withheld.get(dependency, "")
+            near, place = similar_package(dependency, known), whereabouts(dependency)
+            groups.setdefault((users, reason, near, place), []).append(dependency)
+    for (users, reason, near, place), names in groups.items():
+        one = len(names) == 1
+        what = f"which {'is' if one else 'are'} neither in the workspace nor in a sourced underlay"
+        if reason:
+            what += f"; the embedded packages cannot be used, because {reason}"
+            hint = (
+                f"add {quoted_names(names)} from the same source, or remove that package to use the embedded "
+                f"ones for all; see {docs_url('explanation/embedded.md')}"
+            )
+        else:
+            what += ", nor embedded in forge"
+            them, their = ("it", "its") if one else ("them", "their")
+            remedy = f"source an installation that contains {them}, or add {their} sources to the workspace"
+            question = f"did you mean '{near}'? otherwise " if near else ""
+            hint = place or f"{question}{remedy}; see {docs_url('how-to/rclcpp.md')}"
+        problems.append(problem(names, users, what, hint))
+    for users, names in ignored.items():
+        which, them = ("is", "it") if len(names) == 1 else ("are", "them")
+        what = f"which {which} in the workspace, but ignored"
+        hint = f"if the build needs {them}, remove {them} from --packages-ignore and --packages-ignore-regex"
+        problems.append(problem(names, users, what, hint))
     return tuple(problems)
-
-
-def _ignored(names: Sequence[str], users: Sequence[str], resolution: DependencyResolution) -> Problem:
-    which, them = ("which is", "it") if len(names) == 1 else ("which are", "them")
-    message = f"{_dependents(users)} {quoted_names(names)}, {which} in the workspace, but ignored"
-    location = declaration(resolution.packages[users[0]].manifest.path, names[0])
-    hint = f"if the build needs {them}, remove {them} from --packages-ignore and --packages-ignore-regex"
-    return Problem(message, location, hint)
-
-
-def _of_another_distribution(
-    dependency: str, users: Sequence[str], resolution: DependencyResolution, hint: str
-) -> Problem:
-    location = declaration(resolution.packages[min(users)].manifest.path, dependency)
-    message = f"{_dependents(sorted(users))} '{dependency}', which the chosen ROS distribution does not have"
-    return Problem(message, location, hint)
-
-
-def _dependents(users: Sequence[str]) -> str:
-    return quoted_names(users) + (" needs" if len(users) == 1 else " need")
-
-
-def _missing(names: Sequence[str], user: Package, dependents: str, reason: str, hint: str) -> Problem:
-    """Return the problem of dependencies that `user` and others lack."""
-    quoted = quoted_names(names)
-    which = "which is" if len(names) == 1 else "which are"
-    message = f"{dependents} {quoted}, {which} neither in the workspace nor in a sourced underlay"
-    location = declaration(user.manifest.path, names[0])
-    if reason:
-        return Problem(
-            f"{message}; the embedded packages cannot be used, because {reason}",
-            location,
-            f"add {quoted} from the same source, or remove that package to use the embedded ones for all; "
-            f"see {docs_url('explanation/embedded.md')}",
-        )
-    return Problem(f"{message}, nor embedded in forge", location, hint)
-
-
-def _remedy(names: Sequence[str], near: str | None) -> str:
-    """Return where to get packages of which nothing is known but `near`, a similar name."""
-    them, their = ("it", "its") if len(names) == 1 else ("them", "their")
-    remedy = f"source an installation that contains {them}, or add {their} sources to the workspace"
-    question = f"did you mean '{near}'? otherwise " if near else ""
-    return f"{question}{remedy}; see {docs_url('how-to/rclcpp.md')}"

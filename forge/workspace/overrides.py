@@ -64,7 +64,8 @@ def read_overrides(root: Path, metas: Iterable[str], home: Path | None) -> Overr
         options = read_yaml(read_file(path), path)
         for key, target in (("names", by_name), ("paths", by_path)):
             for name, values in _section(options, key, path).items():
-                merged = target.setdefault(str(name) if key == "names" else _real(path, str(name)), {})
+                folder = path.parent / str(name).replace("\0", "")
+                merged = target.setdefault(str(name) if key == "names" else os.path.realpath(folder), {})
                 merge(merged, values)
     content = read_forge_toml(root)
     for name, values in package_options(content, root).items():
@@ -160,8 +161,3 @@ def _section(options: Mapping[str, Any], key: str, path: Path) -> Mapping[str, M
         hint = f"the format is '{key}:', below it 'NAME_OR_PATH:', below that 'option: value'"
         raise WorkspaceError(Problem(f"'{key}' is not a mapping of names to options", Location(path), hint))
     return section
-
-
-def _real(path: Path, name: str) -> str:
-    """Return the real path of a folder named relative to a file."""
-    return os.path.realpath(path.parent / name.replace("\0", ""))

@@ -126,7 +126,13 @@ def ignored(query: Query, names: Iterable[str]) -> frozenset[str]:
 
 def _filters(query: Query, ordered: Sequence[str], needs: Graph) -> Iterator[FilterResult]:
     """Yield the packages that each given option keeps."""
-    yield from _by_name(query, ordered)
+    if query.skip or query.skip_regex:
+        gone = {node for node in ordered if _named(node, query.skip, query.skip_regex)}
+        yield "named by --packages-skip", frozenset(ordered) - gone
+    if query.select is not None or query.select_regex is not None:
+        by_name, patterns = query.select or (), query.select_regex or ()
+        chosen = frozenset(node for node in ordered if _named(node, by_name, patterns))
+        yield "not named by --packages-select", chosen
     nodes = frozenset(ordered)
     if query.up_to:
         yield "not a dependency of --packages-up-to", closure(needs, _nodes(query.up_to, ordered))
@@ -156,17 +162,17 @@ def _filters(query: Query, ordered: Sequence[str], needs: Graph) -> Iterator[Fil
         skipped = closure(needs, _nodes(query.skip_up_to, ordered))
         yield "dependency of --packages-skip-up-to", nodes - skipped
     if query.start or query.end:
-        yield "outside of --packages-start and --packages-end", frozenset(_range(query, ordered))
-
-
-def _by_name(query: Query, ordered: Sequence[str]) -> Iterator[FilterResult]:
-    if query.skip or query.skip_regex:
-        gone = {node for node in ordered if _named(node, query.skip, query.skip_regex)}
-        yield "named by --packages-skip", frozenset(ordered) - gone
-    if query.select is not None or query.select_regex is not None:
-        by_name, patterns = query.select or (), query.select_regex or ()
-        kept = frozenset(node for node in ordered if _named(node, by_name, patterns))
-        yield "not named by --packages-select", kept
+        positions = {
+            name: [i for i, node in enumerate(ordered) if name_of(node) == name]
+            for name in (query.start, query.end)
+            if name
+        }
+        first = min(positions.get(query.start or "", ()), default=0)
+        last = max(positions.get(query.end or "", ()), default=len(ordered) - 1)
+        if last < first:
+            message = f"--packages-end '{query.end}' comes before --packages-start '{query.start}'"
+            raise SelectionError(Problem(message, hint="'forge list -t' prints the order"))
+        yield "outside of --packages-start and --packages-end", frozenset(ordered[first : last + 1])
 
 
 def _named(node: str, names: Collection[str], patterns: Iterable[str]) -> bool:
@@ -186,23 +192,6 @@ def _near(dependents: Graph, nodes: Iterable[str], depth: int) -> frozenset[str]
             break
         found |= layer
     return found
-
-
-def _range(query: Query, ordered: Sequence[str]) -> Sequence[str]:
-    """Return the part of the order from --packages-start to --packages-end, inclusive."""
-    positions = {
-        name: [i for i, node in enumerate(ordered) if name_of(node) == name] for name in _ends(query)
-    }
-    first = min(positions.get(query.start or "", ()), default=0)
-    last = max(positions.get(query.end or "", ()), default=len(ordered) - 1)
-    if last < first:
-        message = f"--packages-end '{query.end}' comes before --packages-start '{query.start}'"
-        raise SelectionError(Problem(message, hint="'forge list -t' prints the order"))
-    return ordered[first : last + 1]
-
-
-def _ends(query: Query) -> tuple[str, ...]:
-    return tuple(filter(None, (query.start, query.end)))
 
 
 def _fits(name: str, patterns: Iterable[str]) -> bool:

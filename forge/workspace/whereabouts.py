@@ -10,7 +10,6 @@ from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
     from pathlib import Path
 
     from forge.base.layout import Layout
@@ -35,7 +34,10 @@ class Whereabouts:
         if empty := unchecked_submodules(self.root):
             fitting = [path for path in empty if path.name == name] or empty
             return submodule_remedy(fitting)
-        beside = (folder / "install" for folder in _siblings(self.root))
+        try:
+            beside = sorted(path / "install" for path in self.root.parent.iterdir() if path != self.root)
+        except OSError:
+            beside = []
         other = next((install for install in beside if self._holds(install, name)), None)
         return f"source the workspace that contains it: . {other}/setup.sh" if other else None
 
@@ -54,24 +56,19 @@ def submodule_remedy(paths: list[Path]) -> str:
 
 def unchecked_submodules(root: Path) -> list[Path]:
     """Return the submodules of the repositories in a workspace whose folders are empty, relative to it."""
-    return [path for file in _gitmodules(root) for path in _empty(root, file)]
-
-
-def _gitmodules(root: Path) -> Iterator[Path]:
-    for pattern in (".gitmodules", "*/.gitmodules", "*/*/.gitmodules"):
-        yield from sorted(root.glob(pattern))
-
-
-def _empty(root: Path, file: Path) -> Iterator[Path]:
-    parser = configparser.RawConfigParser(strict=False)
-    try:
-        parser.read_string("\n".join(line.strip() for line in text_or_nothing(file).splitlines()))
-    except configparser.Error:
-        return
-    for section in parser.sections():
-        folder = file.parent / parser[section].get("path", ".")
-        if folder != file.parent and folder.is_relative_to(root) and not _has_entries(folder):
-            yield folder.relative_to(root)
+    found = []
+    patterns = (".gitmodules", "*/.gitmodules", "*/*/.gitmodules")
+    for file in (file for pattern in patterns for file in sorted(root.glob(pattern))):
+        parser = configparser.RawConfigParser(strict=False)
+        try:
+            parser.read_string("\n".join(line.strip() for line in text_or_nothing(file).splitlines()))
+        except configparser.Error:
+            continue
+        for section in parser.sections():
+            folder = file.parent / parser[section].get("path", ".")
+            if folder != file.parent and folder.is_relative_to(root) and not _has_entries(folder):
+                found.append(folder.relative_to(root))
+    return found
 
 
 def _has_entries(folder: Path) -> bool:
@@ -79,10 +76,3 @@ def _has_entries(folder: Path) -> bool:
         return any(folder.iterdir())
     except OSError:
         return False
-
-
-def _siblings(root: Path) -> list[Path]:
-    try:
-        return sorted(path for path in root.parent.iterdir() if path != root)
-    except OSError:
-        return []
