@@ -4,9 +4,9 @@
       WorkspaceError      the workspace, a manifest or an existing install does not allow the command
       SelectionError      the command line names packages that cannot be selected
       InterfaceError      an interface definition is wrong
-      EnvironmentFault    the machine lacks something: a compiler, CMake, numpy, a writable folder
+      HostError           the machine lacks something: a compiler, CMake, numpy, a writable folder
 
-An OSError is one too if `refusal` knows what to do about it. Any other exception is a bug in forge and is
+`problem_from_oserror` tells which OSErrors are for users, too. Any other exception is a bug in forge and is
 reported as such.
 """
 
@@ -92,8 +92,8 @@ class Location:
 
 
 @frozen
-class Several:
-    """How many problems of one kind are reported: '{}' in `message` stands for the names, `name` is one."""
+class GroupedProblems:
+    """What to report instead of many similar problems: `message` with the names in place of '{}'."""
 
     message: str
     name: str
@@ -104,13 +104,13 @@ class Several:
 class Problem:
     """A problem the user can fix: lower case, no full stop, names in single quotes.
 
-    With `several`, it is reported together with others of its kind if there are many.
+    With `group`, it is reported together with others of its kind if there are many.
     """
 
     message: str
     location: Location | None = None
     hint: str | None = None
-    several: Several | None = None
+    group: GroupedProblems | None = None
 
     def render(self, severity: Severity = "error", palette: Palette = _PLAIN) -> str:
         """Return the text for users: position, message, source line with caret, hint."""
@@ -151,11 +151,11 @@ class InterfaceError(ForgeError):
     """An interface definition is wrong."""
 
 
-class EnvironmentFault(ForgeError):
+class HostError(ForgeError):
     """The machine lacks something the command needs."""
 
 
-class UnfitFileError(OSError):
+class NotRegularFileError(OSError):
     """A file that is not a regular file."""
 
     def __init__(self, path: str, reason: str) -> None:
@@ -167,14 +167,14 @@ def joined(problems: Iterable[Problem]) -> list[Problem]:
     """Return the problems with many of one kind joined at the place of the first."""
     groups: dict[object, list[Problem]] = {}
     for problem in problems:
-        kind = problem.several
+        kind = problem.group
         groups.setdefault((kind.message, kind.hint) if kind else problem, []).append(problem)
     return [problem for group in groups.values() for problem in _join(group)]
 
 
 def _join(group: list[Problem]) -> list[Problem]:
     """Return one problem with the names of all; a few, each with its location, are returned as they are."""
-    kinds = [problem.several for problem in group if problem.several]
+    kinds = [problem.group for problem in group if problem.group]
     names = sorted({kind.name for kind in kinds})
     if len(names) <= _FEW:
         return group
@@ -229,9 +229,9 @@ def raise_if_any(problems: Iterable[Problem], error: type[ForgeError] = ForgeErr
         raise error(*found)
 
 
-def refusal(error: OSError) -> Problem | None:
+def problem_from_oserror(error: OSError) -> Problem | None:
     """Return a problem for the user, or None for an error that is a bug in forge."""
-    if isinstance(error, UnfitFileError):
+    if isinstance(error, NotRegularFileError):
         return Problem(f"cannot read '{error.filename}': {error.strerror}")
     if error.errno in _VANISHED and error.filename:
         message = f"'{error.filename}' vanished while it was in use"

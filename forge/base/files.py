@@ -12,7 +12,7 @@ import sys
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-from forge.base.errors import UnfitFileError
+from forge.base.errors import NotRegularFileError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -38,8 +38,8 @@ _KINDS = {
 def read_file(path: str | Path) -> bytes:
     """Return the bytes of a regular file.
 
-    Never blocks, for example on a named pipe. The null device reads as an empty file. Raises UnfitFileError
-    for other files that are not regular, OSError as the system does.
+    Never blocks, for example on a named pipe. The null device reads as an empty file. Raises
+    NotRegularFileError for other files that are not regular, OSError as the system does.
     """
     # Without a file object, which would stat the file twice more: builds read thousands of small files.
     descriptor = open_regular(os.fspath(path), os.O_RDONLY | os.O_CLOEXEC)
@@ -53,7 +53,7 @@ def read_file(path: str | Path) -> bytes:
 
 
 def open_regular(path: str, flags: int) -> int:
-    """Return a descriptor of a regular file, for open(); raises UnfitFileError for other files."""
+    """Return a descriptor of a regular file, for open(); raises NotRegularFileError for other files."""
     # Check before opening, because opening some devices has side effects.
     _refuse_unfit(path, os.stat(path))
     descriptor = os.open(path, flags | os.O_CLOEXEC | os.O_NONBLOCK)
@@ -68,9 +68,9 @@ def open_regular(path: str, flags: int) -> int:
 def _refuse_unfit(path: str, status: os.stat_result) -> None:
     if stat.S_ISDIR(status.st_mode):
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
-    problem = unfit(path, status)
+    problem = not_regular_reason(path, status)
     if problem:
-        raise UnfitFileError(str(path), problem)
+        raise NotRegularFileError(str(path), problem)
 
 
 def read_text(path: str | Path) -> str:
@@ -115,7 +115,7 @@ def _joined(parts: list[str]) -> str:
     return found
 
 
-def unfit(path: str | Path, status: os.stat_result) -> str:
+def not_regular_reason(path: str | Path, status: os.stat_result) -> str:
     """Return why a file with this stat cannot be read as text; '' if it can."""
     kind = stat.S_IFMT(status.st_mode)
     if kind == stat.S_IFREG or (kind == stat.S_IFCHR and os.path.realpath(path) == os.devnull):

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Protocol
 
-from forge.base.errors import ForgeError, Location, Problem, Several
+from forge.base.errors import ForgeError, GroupedProblems, Location, Problem
 from forge.base.frozen import frozen
 from forge.base.graph import closure
 from forge.base.names import did_you_mean
@@ -132,9 +132,9 @@ def leave_out(
 
 def _left_out(package: Package) -> Problem:
     kind, hint = package.build_type, hint_on_type(package.build_type, package.name)
-    several = Several(f"skipping {{}}: unknown build type '{kind}'", package.name, hint_on_type(kind))
+    group = GroupedProblems(f"skipping {{}}: unknown build type '{kind}'", package.name, hint_on_type(kind))
     location = Location(package.manifest.path)
-    return Problem(f"skipping '{package.name}': unknown build type '{kind}'", location, hint, several)
+    return Problem(f"skipping '{package.name}': unknown build type '{kind}'", location, hint, group)
 
 
 def unknown_type(manifest: Manifest) -> Problem:

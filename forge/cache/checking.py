@@ -7,7 +7,7 @@ import hashlib
 from typing import TYPE_CHECKING
 
 from forge.cache.action_result import decode, encode
-from forge.cache.model import BlobFault
+from forge.cache.model import BlobError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 class BlobDownload:
     """A download into a file, which is kept only if `finish()` succeeded.
 
-    Blocks may come from another thread. After the download was abandoned, the next block raises BlobFault.
+    Blocks may come from another thread. After the download was abandoned, the next block raises BlobError.
     """
 
     def __init__(self, store: str, digest: Digest, target: Path, stream: BinaryIO) -> None:
@@ -31,26 +31,26 @@ class BlobDownload:
         self.is_complete = False
 
     def expect(self, size: int | None) -> None:
-        """Raise BlobFault if the announced size is wrong."""
+        """Raise BlobError if the announced size is wrong."""
         if size is not None and size != self.digest.size:
-            raise BlobFault(f"{self._what} has {size} bytes instead of {self.digest.size}")
+            raise BlobError(f"{self._what} has {size} bytes instead of {self.digest.size}")
 
     def write(self, block: bytes) -> None:
-        """Write the next bytes; raises BlobFault if there are too many."""
+        """Write the next bytes; raises BlobError if there are too many."""
         self._size += len(block)
         if self._size > self.digest.size:
-            raise BlobFault(f"{self._what} has more than {self.digest.size} bytes")
+            raise BlobError(f"{self._what} has more than {self.digest.size} bytes")
         self._hash.update(block)
         try:
             self._stream.write(block)
         except OSError as error:
-            raise BlobFault(f"cannot write {self._target}: {error.strerror}") from None
+            raise BlobError(f"cannot write {self._target}: {error.strerror}") from None
 
     def finish(self) -> bool:
-        """Verify size and hash of the complete blob; raises BlobFault if they are wrong."""
+        """Verify size and hash of the complete blob; raises BlobError if they are wrong."""
         self.expect(self._size)
         if self._hash.hexdigest() != self.digest.hash:
-            raise BlobFault(f"{self._what} is corrupt: its content does not match its SHA-256")
+            raise BlobError(f"{self._what} is corrupt: its content does not match its SHA-256")
         self.is_complete = True
         return True
 
@@ -64,46 +64,46 @@ def receiving(store: str, digest: Digest, target: Path) -> Iterator[BlobDownload
             arrival = BlobDownload(store, digest, target, stream)
             yield arrival
     except OSError as error:
-        raise BlobFault(f"cannot write {target}: {error.strerror}") from None
+        raise BlobError(f"cannot write {target}: {error.strerror}") from None
     finally:
         if arrival is not None and not arrival.is_complete:
             target.unlink(missing_ok=True)
 
 
 def read_blocks(source: Path, stream: BinaryIO, digest: Digest, block: int) -> Iterator[bytes]:
-    """Yield the bytes of a file from its start; raises BlobFault if it is shorter than `digest.size`."""
+    """Yield the bytes of a file from its start; raises BlobError if it is shorter than `digest.size`."""
     stream.seek(0)
     left = digest.size
     while left:
         data = stream.read(min(block, left))
         if not data:
-            raise BlobFault(f"{source} was truncated during the upload")
+            raise BlobError(f"{source} was truncated during the upload")
         left -= len(data)
         yield data
 
 
 def encode_result(result: ActionResult) -> bytes:
-    """Return an encoded result; raises BlobFault if it cannot be encoded."""
+    """Return an encoded result; raises BlobError if it cannot be encoded."""
     try:
         return encode(result)
     except ValueError as error:
-        raise BlobFault(f"cannot encode a file name: {error}") from None
+        raise BlobError(f"cannot encode a file name: {error}") from None
 
 
 def decode_result(store: str, key: str, data: bytes | None) -> ActionResult | None:
-    """Return the decoded result of a key, or None without data; raises BlobFault if it is invalid."""
+    """Return the decoded result of a key, or None without data; raises BlobError if it is invalid."""
     try:
         return None if data is None else decode(data)
     except ValueError as error:
-        raise BlobFault(f"{store}: ac/{key[:12]} is not a valid result: {error}") from None
+        raise BlobError(f"{store}: ac/{key[:12]} is not a valid result: {error}") from None
 
 
 @contextlib.contextmanager
 def open_source(source: Path) -> Iterator[BinaryIO]:
-    """Open a file for uploading; raises BlobFault if it cannot be read."""
+    """Open a file for uploading; raises BlobError if it cannot be read."""
     try:
         stream = source.open("rb")
     except OSError as error:
-        raise BlobFault(f"cannot read {source}: {error.strerror}") from None
+        raise BlobError(f"cannot read {source}: {error.strerror}") from None
     with stream:
         yield stream

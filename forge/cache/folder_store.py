@@ -17,10 +17,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.base.errors import EnvironmentFault, Location, Problem
+from forge.base.errors import HostError, Location, Problem
 from forge.base.files import replace_file, writable_by_others
 from forge.cache.action_result import decode, encode
-from forge.cache.model import Digest, StoreFault
+from forge.cache.model import Digest, StoreError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -172,7 +172,7 @@ class FolderStore:
         return (mode | 0o700) & ~stat.S_IWOTH if mode & _SHARED == _SHARED else PRIVATE
 
     def check(self) -> None:
-        """Raise EnvironmentFault if other users can replace results, unless the folder is shared on purpose.
+        """Raise HostError if other users can replace results, unless the folder is shared on purpose.
 
         Results are executed, so whoever can write them can run programs as the user.
         """
@@ -184,7 +184,7 @@ class FolderStore:
             shared = self.rights != PRIVATE and not status.st_mode & stat.S_IWOTH
             if writable_by_others(status) and not shared:
                 name = shlex.quote(str(folder))
-                raise EnvironmentFault(
+                raise HostError(
                     Problem(
                         "other users can write to this cache folder and replace results that you run",
                         Location(folder),
@@ -261,5 +261,5 @@ def _store_faults() -> Iterator[None]:
         raise _fault(error) from None
 
 
-def _fault(error: OSError) -> StoreFault:
-    return StoreFault(f"{error.filename or 'a file'}: {error.strerror}")
+def _fault(error: OSError) -> StoreError:
+    return StoreError(f"{error.filename or 'a file'}: {error.strerror}")

@@ -8,12 +8,12 @@ import re
 import threading
 from typing import TYPE_CHECKING, Any, Final, Protocol, cast
 
-from forge.base.errors import EnvironmentFault, ForgeError, Problem
+from forge.base.errors import ForgeError, HostError, Problem
 from forge.base.own_environment import extra_command, install_beside_forge
 from forge.cache import action_result
 from forge.cache.checking import decode_result, encode_result, open_source, read_blocks, receiving
 from forge.cache.deadline import Deadline, DeadlineExceeded, TimeoutExecutor
-from forge.cache.model import BlobFault, StoreFault
+from forge.cache.model import BlobError, StoreError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -75,7 +75,7 @@ class FsspecStore:
             try:
                 found = self._with_deadline(lambda deadline: self._receive(download, deadline))
                 return found and download.finish()
-            except BlobFault:
+            except BlobError:
                 self._rewrite_blobs = True
                 raise
 
@@ -93,16 +93,16 @@ class FsspecStore:
         self._executor.close()
 
     def _with_deadline(self, job: Callable[[Deadline], _Answer]) -> _Answer:
-        """Run `job` until its deadline; convert the libraries' exceptions to StoreFault."""
+        """Run `job` until its deadline; convert the libraries' exceptions to StoreError."""
         deadline = Deadline(self._seconds)
         try:
             return self._executor.run(deadline, lambda: job(deadline))
         except DeadlineExceeded:
-            raise StoreFault(f"{self.name}: timed out after {self._seconds:g} s") from None
-        except StoreFault:
+            raise StoreError(f"{self.name}: timed out after {self._seconds:g} s") from None
+        except StoreError:
             raise
         except Exception as error:
-            raise StoreFault(f"{self.name}: {self._without_secret(error)}") from None
+            raise StoreError(f"{self.name}: {self._without_secret(error)}") from None
 
     def _without_secret(self, error: Exception) -> str:
         lines = str(error).splitlines()
@@ -125,7 +125,7 @@ class FsspecStore:
                 for block in deadline.metered(_blocks(stream)):
                     data += block
                     if len(data) > action_result.MAX_SIZE:
-                        raise BlobFault(f"{self.name}: {path[:15]} is too large for a result")
+                        raise BlobError(f"{self.name}: {path[:15]} is too large for a result")
         except FileNotFoundError:
             return None
         return bytes(data)
@@ -183,26 +183,26 @@ def _library(scheme: str) -> str | None:
 
 
 def _file_system(url: str) -> Callable[[], tuple[_FileSystem, str]]:
-    """Return a function that connects to a URL; raises EnvironmentFault if a library is missing."""
+    """Return a function that connects to a URL; raises HostError if a library is missing."""
     try:
         from fsspec import get_filesystem_class
         from fsspec.core import url_to_fs
     except ImportError:
         message = "the remote cache requires the Python package 'fsspec', which is not installed"
-        raise EnvironmentFault(Problem(message, hint=f"run: {extra_command('remote')}")) from None
+        raise HostError(Problem(message, hint=f"run: {extra_command('remote')}")) from None
     scheme = url.partition(":")[0]
     try:
         kind = get_filesystem_class(scheme)
     except ImportError as error:
         message = f"fsspec requires another library for '{scheme}:' URLs: {error}"
-        raise EnvironmentFault(Problem(message, hint=_library(scheme))) from None
+        raise HostError(Problem(message, hint=_library(scheme))) from None
     except ValueError:
         message = f"unsupported URL scheme '{scheme}' of the remote cache"
         hint = "use http, https, s3, gs, ssh or another scheme supported by fsspec"
         raise ForgeError(Problem(message, hint=hint)) from None
     if kind.__module__ == "fsspec.implementations.sftp":
         message = "fsspec's built-in SSH implementation does not verify host keys"
-        raise EnvironmentFault(Problem(message, hint=_library(scheme)))
+        raise HostError(Problem(message, hint=_library(scheme)))
     # Without this, sshfs disables host key checks; for asyncssh, () means ~/.ssh/known_hosts.
     more = {"known_hosts": ()} if scheme in _SHELLS else {}
     return lambda: cast("tuple[_FileSystem, str]", url_to_fs(url, **more))

@@ -17,7 +17,7 @@ from forge.base.frozen import frozen
 from forge.cache import action_result
 from forge.cache.checking import decode_result, encode_result, open_source, read_blocks, receiving
 from forge.cache.deadline import Deadline, DeadlineExceeded, TimeoutExecutor
-from forge.cache.model import BlobFault, StoreFault, WritingRefused
+from forge.cache.model import BlobError, StoreError, WritingRefused
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -119,7 +119,7 @@ class HttpStore:
             try:
                 found = self._with_deadline(lambda deadline: self._receive(download, deadline))
                 return found and download.finish()
-            except BlobFault:
+            except BlobError:
                 self._rewrite_blobs = True
                 raise
 
@@ -152,7 +152,7 @@ class HttpStore:
         try:
             return self._executor.run(deadline, lambda: job(deadline))
         except DeadlineExceeded:
-            raise StoreFault(f"{self.name}: timed out after {self._seconds:g} s") from None
+            raise StoreError(f"{self.name}: timed out after {self._seconds:g} s") from None
 
     def _read(self, path: str, deadline: Deadline) -> bytes | None:
         """Return the bytes of a result, or None if it does not exist."""
@@ -163,7 +163,7 @@ class HttpStore:
             for block in deadline.metered(response.stream(_BLOCK, decode_content=False)):
                 data += block
                 if len(data) > action_result.MAX_SIZE:
-                    raise BlobFault(f"{self.name}: {path[:15]} is too large for a result")
+                    raise BlobError(f"{self.name}: {path[:15]} is too large for a result")
             return bytes(data)
 
     def _receive(self, download: BlobDownload, deadline: Deadline) -> bool:
@@ -189,12 +189,12 @@ class HttpStore:
                 return
             fault = self._refusal(response)
             if response.status in _TOO_MUCH:
-                raise BlobFault(fault)
-            raise (WritingRefused if response.status in _UNWRITABLE else StoreFault)(fault)
+                raise BlobError(fault)
+            raise (WritingRefused if response.status in _UNWRITABLE else StoreError)(fault)
 
     def _is_there(self, response: BaseHTTPResponse) -> bool:
         if response.status not in _ABSENT and response.status != HTTPStatus.OK:
-            raise StoreFault(self._refusal(response))
+            raise StoreError(self._refusal(response))
         return response.status == HTTPStatus.OK
 
     def _refusal(self, response: BaseHTTPResponse) -> str:
@@ -218,7 +218,7 @@ class HttpStore:
                 if (_length(response) or 0) <= _BLOCK:
                     response.read(_BLOCK)  # the connection can be reused only after reading to the end
         except HTTPError as error:
-            raise StoreFault(f"{self.name}: {_reason(error)}") from None
+            raise StoreError(f"{self.name}: {_reason(error)}") from None
 
     def _send_with_retry(self, call: _Call) -> BaseHTTPResponse:
         """Send a request; retry once if the server has closed a pooled connection, not after a timeout."""

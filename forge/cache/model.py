@@ -41,7 +41,7 @@ class ActionResult:
     stdout: bytes = b""
 
 
-class StoreFault(Exception):
+class StoreError(Exception):
     """A store is unreachable, rejects a request, times out, or returns invalid data.
 
     The message is shown to users: the operation and the reason of its failure. It never fails a build.
@@ -49,7 +49,7 @@ class StoreFault(Exception):
 
 
 class Store(Protocol):
-    """Stores results by key and blobs by digest. Every method may raise StoreFault; stores are thread-safe.
+    """Stores results by key and blobs by digest. Every method may raise StoreError; stores are thread-safe.
 
     Keys are 64 lower-case hex digits.
     """
@@ -76,9 +76,9 @@ class Store(Protocol):
         """Close all connections."""
 
 
-class BlobFault(StoreFault):
+class BlobError(StoreError):
     """One blob or result is corrupt or too large for the store; others are not affected."""
 
 
-class WritingRefused(StoreFault):
+class WritingRefused(StoreError):
     """The store rejects writing; it may still be read."""

@@ -19,7 +19,7 @@ from forge.build.tests.detection import has_ctests
 from forge.cache import keys
 from forge.cache.dependency_keys import DependencyKeys, uncacheable_tree
 from forge.cache.external_inputs import ExternalInputs
-from forge.cache.model import RESTORED, ActionResult, Digest, OutputFile, StoreFault
+from forge.cache.model import RESTORED, ActionResult, Digest, OutputFile, StoreError
 from forge.cache.processor import WORD, processor_inputs
 from forge.cache.relocation import ODD
 from forge.cache.restoring import CachedTree, Contents, TreeWriter
@@ -159,7 +159,7 @@ class PackageCache:
         except Uncacheable as reason:
             self.notes[task.name] = f"not cached: {reason}"
             return replace(record, tree=uncacheable_tree(record))
-        except (OSError, StoreFault) as fault:
+        except (OSError, StoreError) as fault:
             self.notes[task.name] = f"not cached: {fault}"
             self._warn_once(fault)
             return record
@@ -255,7 +255,7 @@ class PackageCache:
                     if store is not self._local:
                         self._remember(first, second, inputs, result)
                     return found
-        except (StoreFault, OSError, ValueError) as fault:
+        except (StoreError, OSError, ValueError) as fault:
             self._warn_once(fault)
         return None
 

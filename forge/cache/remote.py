@@ -10,7 +10,7 @@ from urllib.parse import urlsplit
 
 from forge.base.errors import ForgeError, Problem
 from forge.cache.deadline import MAX_SECONDS, RATE
-from forge.cache.model import BlobFault, StoreFault, WritingRefused
+from forge.cache.model import BlobError, StoreError, WritingRefused
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -124,9 +124,9 @@ class Remote:
         started = time.monotonic()
         try:
             yield
-        except BlobFault:
+        except BlobError:
             raise
-        except StoreFault as fault:
+        except StoreError as fault:
             self._give_up(fault)
         late = time.monotonic() - started - size / RATE - _TOLERATED_SECONDS
         if late > 0:
@@ -134,12 +134,12 @@ class Remote:
                 self._slow += late
             if self._slow > self._seconds:
                 self._give_up(
-                    StoreFault(f"{self.name}: too slow, this build has waited {self._slow:.1f} s for it")
+                    StoreError(f"{self.name}: too slow, this build has waited {self._slow:.1f} s for it")
                 )
 
     def _can_write(self) -> bool:
         if self.writable and not (self._readable and self._accepting):
-            raise StoreFault(f"{self.name}: disabled for this build")
+            raise StoreError(f"{self.name}: disabled for this build")
         return self.writable
 
     @contextlib.contextmanager
@@ -147,16 +147,16 @@ class Remote:
         """Disable the store if it fails; if it rejects writing, it may still be read."""
         try:
             yield
-        except BlobFault:
+        except BlobError:
             raise
         except WritingRefused as fault:
             self._stop_writing(fault)
             raise
-        except StoreFault as fault:
+        except StoreError as fault:
             self._give_up(fault)
             raise
 
-    def _give_up(self, fault: StoreFault) -> None:
+    def _give_up(self, fault: StoreError) -> None:
         """Disable the store, report the reason once, and abort pending requests."""
         with self._lock:
             first, self._readable = self._readable, False
@@ -164,7 +164,7 @@ class Remote:
             self._store.close()
             self._report(f"{fault}; disabled for this build")
 
-    def _stop_writing(self, fault: StoreFault) -> None:
+    def _stop_writing(self, fault: StoreError) -> None:
         with self._lock:
             first, self._accepting = self._accepting, False
         if first:

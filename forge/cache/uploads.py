@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
 from forge.cache.deadline import MAX_SECONDS, RATE
-from forge.cache.model import StoreFault
+from forge.cache.model import StoreError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -85,7 +85,7 @@ class Uploads:
                 self._deadlines.pop(upload.key, None)
                 self._last_progress = time.monotonic()
                 self._failed += error is not None
-                if not isinstance(error, StoreFault | None):
+                if not isinstance(error, StoreError | None):
                     self._error = error
                 self._change.notify_all()
 

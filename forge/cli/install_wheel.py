@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.base.errors import ForgeError, Problem, refusal
+from forge.base.errors import ForgeError, Problem, problem_from_oserror
 from forge.base.files import naming
 from forge.build.wheels.install_wheel import WheelInstall, install_wheel
 
@@ -24,7 +24,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except ForgeError as error:
         problems: tuple[Problem, ...] = error.problems
     except OSError as error:
-        problem = refusal(error)
+        problem = problem_from_oserror(error)
         if problem is None:
             raise
         problems = (problem,)

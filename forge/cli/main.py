@@ -16,7 +16,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 from forge import __version__
-from forge.base.errors import EXIT_INTERRUPTED, ForgeError, Problem, print_problem, refusal, share_hints
+from forge.base.errors import (
+    EXIT_INTERRUPTED,
+    ForgeError,
+    Problem,
+    print_problem,
+    problem_from_oserror,
+    share_hints,
+)
 from forge.base.signals import handle_signals, interrupt, is_writable
 from forge.cli.colcon_options import classified
 from forge.cli.config import GENERAL, configured
@@ -265,7 +272,7 @@ def _folder(arguments: Sequence[str]) -> Path:
 
 def _refused(error: OSError) -> int:
     """Report an OSError caused by the system; anything else is a bug in forge."""
-    problem = None if error.errno == errno.EBADF and is_writable(1) else refusal(error)
+    problem = None if error.errno == errno.EBADF and is_writable(1) else problem_from_oserror(error)
     if problem is None:
         return _our_bug()
     print_problem(problem)

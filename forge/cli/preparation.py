@@ -15,9 +15,9 @@ from forge import __version__
 from forge.base.ament_index import INDEX
 from forge.base.distributions import VARIABLE, distribution_in
 from forge.base.errors import (
-    EnvironmentFault,
+    GroupedProblems,
+    HostError,
     Problem,
-    Several,
     WorkspaceError,
     print_problem,
     raise_if_any,
@@ -219,7 +219,9 @@ def with_packages_of_underlays(
         Problem(
             f"'{name}' of the workspace is not built yet; using the one in '{prefix}'",
             hint=f"build it too (--packages-up-to), or ignore it: --packages-ignore {' '.join(found)}",
-            several=Several("{} of the workspace are not built yet; using those of the underlays", name),
+            group=GroupedProblems(
+                "{} of the workspace are not built yet; using those of the underlays", name
+            ),
         )
         for name, prefix in found.items()
     )
@@ -312,7 +314,7 @@ def prepare(
     warn: WarningReporter,
     cross: CrossBuild | None = None,
 ) -> tuple[BuildContext, Interpreter]:
-    """Return the tools and options shared by all packages; raises EnvironmentFault for missing programs."""
+    """Return the tools and options shared by all packages; raises HostError for missing programs."""
     packages = [loaded.packages[name] for name in names]
     cmake = options.cmake
     cmake_args = (*cmake.cmake_args, *cmake.ament_cmake_args)
@@ -385,7 +387,7 @@ def _rust_toolchain(
     if cross is not None:
         names = tuple(package.name for package in needy)
         hint = f"build without '--target', or pass --packages-skip {' '.join(names)}"
-        raise EnvironmentFault(Problem(f"'--target' does not support Rust: {listed(names)}", hint=hint))
+        raise HostError(Problem(f"'--target' does not support Rust: {listed(names)}", hint=hint))
     require_cargo(needy[0], variables)
     return f"{RUST} {rust_toolchain(root, variables)}"
 

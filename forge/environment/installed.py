@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base import ament_index
-from forge.base.errors import EnvironmentFault, ForgeError, Problem
+from forge.base.errors import ForgeError, HostError, Problem
 from forge.base.names import did_you_mean, is_package_name
 from forge.environment.install_state import recorded_underlays
 from forge.environment.prefixes import PACKAGES, package_prefixes
@@ -37,7 +37,7 @@ def underlay_prefixes(install: Path) -> Iterator[Path]:
 def known_packages(variables: Mapping[str, str], install: Path | None) -> dict[str, Path]:
     """Return every installed package with its prefix, by name; the first prefix wins.
 
-    Raises EnvironmentFault if nothing is sourced and there is no enclosing workspace.
+    Raises HostError if nothing is sourced and there is no enclosing workspace.
     """
     _require_prefixes(variables, install)
     return dict(sorted(ament_index.resources("packages", known_prefixes(variables, install)).items()))
@@ -53,7 +53,7 @@ def find_package(
 
     `sources` returns the build types of the packages that can be built.
 
-    Raises EnvironmentFault if there are no prefixes, ForgeError if none contains the package.
+    Raises HostError if there are no prefixes, ForgeError if none contains the package.
     """
     _require_prefixes(variables, install)
     where = known_prefixes(variables, install)
@@ -144,4 +144,4 @@ def _executables(root: Path) -> tuple[Path, ...]:
 def _require_prefixes(variables: Mapping[str, str], install: Path | None) -> None:
     if install is None and not variables.get("AMENT_PREFIX_PATH"):
         hint = "change to a workspace that was built, or source the setup script of an installation"
-        raise EnvironmentFault(Problem("no package can be found: 'AMENT_PREFIX_PATH' is not set", hint=hint))
+        raise HostError(Problem("no package can be found: 'AMENT_PREFIX_PATH' is not set", hint=hint))

@@ -10,7 +10,7 @@ from functools import cache, lru_cache
 from typing import TYPE_CHECKING
 
 from forge.base.env_vars import without_secrets
-from forge.base.errors import EnvironmentFault, Problem, WorkspaceError
+from forge.base.errors import HostError, Problem, WorkspaceError
 from forge.base.layout import LAYOUT_MARKER
 from forge.environment import scripts
 from forge.environment.dsv import Edit, PackageEdits, Script, apply, order, read_hooks, resolve_hooks
@@ -36,7 +36,7 @@ def build_environment(
 
     The result is for code of packages and does not contain forge's credentials. It is computed from dsv files
     or from `edits_of`; only hooks that are pure shell scripts are run, with sh. Raises WorkspaceError for an
-    unreadable dsv file, EnvironmentFault for a hook that exits.
+    unreadable dsv file, HostError for a hook that exits.
     """
     known = edits_of or package_edits
     edits = [(prefix, edit) for name, prefix in packages for edit in known(name, prefix)]
@@ -172,7 +172,7 @@ def _source(hook: Path, prefix: Path, variables: Mapping[str, str]) -> dict[str,
     _, _, after = done.stdout.partition(b"\0\0")
     if not after:
         reason = done.stderr.decode(errors="replace").strip() or f"exit code {done.returncode}"
-        raise EnvironmentFault(Problem(f"the environment hook '{hook}' failed: {reason}"))
+        raise HostError(Problem(f"the environment hook '{hook}' failed: {reason}"))
     pairs = (item.decode(errors="surrogateescape").partition("=") for item in after.split(b"\0") if item)
     left = {name: value for name, _, value in pairs if name not in _SHELL_S_OWN}
     return left | {name: value for name, value in variables.items() if name in _SHELL_S_OWN}

@@ -6,7 +6,7 @@ from contextlib import suppress
 from pathlib import PurePosixPath
 from typing import TYPE_CHECKING
 
-from forge.base.errors import EnvironmentFault, Location, Problem
+from forge.base.errors import HostError, Location, Problem
 from forge.base.files import write_if_changed
 from forge.base.frozen import frozen
 from forge.interfaces.output_state import OutputState, PartState, file_stat, read_states, write_state
@@ -35,7 +35,7 @@ def write(parts: Iterable[Part], out: Path, package: str, state: OutputState | N
 
     `state` contains the needed types to store. Files of an earlier run of the same package are removed,
     unless this run or another package generates them, or this run does not include their language.
-    Raises EnvironmentFault if the folder is not writable.
+    Raises HostError if the folder is not writable.
     """
     states = read_states(out)
     before = states.pop(package, OutputState())
@@ -72,14 +72,14 @@ def _write_part(part: Part, out: Path, changed: list[Path]) -> PartState:
 def write_site(files: Iterable[File], out: Path, first_page: str) -> Written:
     """Write the files of a site below `out`, and remove obsolete files of an earlier run.
 
-    Raises EnvironmentFault if the folder is not writable, or contains a first page of another origin.
+    Raises HostError if the folder is not writable, or contains a first page of another origin.
     """
     listing = out / _LISTING
     try:
         if not listing.is_file() and (out / first_page).exists():
             hint = "choose another folder with --output, or remove the file"
             problem = Problem(f"'{first_page}' exists, but forge did not write it", Location(out), hint)
-            raise EnvironmentFault(problem)
+            raise HostError(problem)
         before = _listed(listing)
         written = {file.path: write_if_changed(out / file.path, file.text) for file in files}
         # Keep all existing files listed, even if the next steps fail.
@@ -109,21 +109,21 @@ def _remove(paths: Iterable[str], out: Path) -> None:
                 (out / folder).rmdir()
 
 
-def _unwritable(error: OSError, out: Path) -> EnvironmentFault:
+def _unwritable(error: OSError, out: Path) -> HostError:
     reason = (error.strerror or str(error)).lower()
-    return EnvironmentFault(Problem(f"cannot write: {reason}", Location(error.filename or out)))
+    return HostError(Problem(f"cannot write: {reason}", Location(error.filename or out)))
 
 
 def write_depfile(path: Path, target: Path, sources: Iterable[Path]) -> None:
     """Write a make depfile with the inputs of `target`.
 
-    Raises EnvironmentFault for a path that make cannot represent.
+    Raises HostError for a path that make cannot represent.
     """
     listed = tuple(sources)
     invalid = [each for each in (target, *listed) if not _is_valid_in_make(str(each))]
     if invalid:
         hint = "rename the folder: paths must not contain ';' or line breaks"
-        raise EnvironmentFault(Problem(f"make cannot handle the path {str(invalid[0])!r}", hint=hint))
+        raise HostError(Problem(f"make cannot handle the path {str(invalid[0])!r}", hint=hint))
     names = " \\\n  ".join(map(_for_make, listed))
     write_if_changed(path, f"{_for_make(target)}: {names}\n" if names else f"{_for_make(target)}:\n")
 

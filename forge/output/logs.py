@@ -19,7 +19,7 @@ from datetime import datetime
 from typing import TYPE_CHECKING
 
 from forge.base.env_vars import without_passwords
-from forge.base.errors import EnvironmentFault, Location, Problem
+from forge.base.errors import HostError, Location, Problem
 from forge.base.files import naming
 from forge.base.layout import IGNORE_MARK
 from forge.base.text import split_lines
@@ -194,7 +194,7 @@ class LogWriter:
 
 
 def open_log(logs: Path | None, verb: str, argv: list[str], **options: object) -> LogWriter:
-    """Create the log folder of a run and point `latest` to it; raises EnvironmentFault."""
+    """Create the log folder of a run and point `latest` to it; raises HostError."""
     if logs is None:
         return LogWriter(None)
     try:
@@ -213,7 +213,7 @@ def open_log(logs: Path | None, verb: str, argv: list[str], **options: object) -
             Location(logs),
             "choose another folder with --log-base DIR",
         )
-        raise EnvironmentFault(problem) from None
+        raise HostError(problem) from None
     return LogWriter(folder)
 
 

@@ -12,7 +12,7 @@ import shutil
 import subprocess
 from typing import TYPE_CHECKING
 
-from forge.base.errors import EnvironmentFault, Problem, raise_if_any
+from forge.base.errors import HostError, Problem, raise_if_any
 from forge.base.files import remove_tree, text_or_nothing
 from forge.base.frozen import frozen
 from forge.build.tests.recipes import DATA_FILE, OMITTED
@@ -65,7 +65,7 @@ def plan_coverage(
 ) -> tuple[CoverageReport, ...]:
     """Return the reports to write after the tests; remove the data of earlier runs.
 
-    Warns about packages that were not compiled for coverage. Raises EnvironmentFault for missing programs.
+    Warns about packages that were not compiled for coverage. Raises HostError for missing programs.
     """
     compiled = [task for task in plan.tasks.values() if task.package.build_type in CMAKE_TYPES]
     python = [task for task in plan.tasks.values() if task.package.build_type in PYTHON_TYPES]
@@ -82,7 +82,7 @@ def plan_coverage(
         problems.append(
             Problem(f"'{context.python}' has no coverage.py, which --coverage requires", hint=hint)
         )
-    raise_if_any(problems, EnvironmentFault)
+    raise_if_any(problems, HostError)
     warn(_not_counting([task for task in compiled if task.steps and task not in counting]))
     for task in (*counting, *python):
         _remove_data(task.build_dir)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from forge.base.errors import EnvironmentFault, Problem
+from forge.base.errors import HostError, Problem
 from forge.toolchain.cross.toolchain import has_emulator
 from forge.toolchain.programs import compiled_packages
 
@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
 
 def require_emulator(packages: Sequence[Package], layout: Layout) -> None:
-    """Raise EnvironmentFault if one of the packages has programs that this machine cannot run."""
+    """Raise HostError if one of the packages has programs that this machine cannot run."""
     if compiled_packages(packages) and not has_emulator(layout):
         message = f"this machine cannot run the tests of programs for '{layout.target}'"
         hint = "install qemu-user, for example with `apt install qemu-user`, then build again"
-        raise EnvironmentFault(Problem(message, hint=hint))
+        raise HostError(Problem(message, hint=hint))

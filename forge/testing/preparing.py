@@ -6,7 +6,7 @@ import os
 from functools import partial
 from typing import TYPE_CHECKING
 
-from forge.base.errors import EnvironmentFault, Location, Problem, Several, WorkspaceError, raise_if_any
+from forge.base.errors import GroupedProblems, HostError, Location, Problem, WorkspaceError, raise_if_any
 from forge.base.graph import closures, ordered_names
 from forge.base.layout import FILE_TABLE, TEST_SCRATCH_DIR
 from forge.base.text import listed
@@ -53,7 +53,7 @@ def tested_names(loaded: LoadedWorkspace, warn: WarningReporter) -> tuple[str, .
     warn(
         Problem(
             f"cannot test '{name}': unsupported build type '{kind}'",
-            several=Several(f"cannot test {{}}: unsupported build type '{kind}'", name),
+            group=GroupedProblems(f"cannot test {{}}: unsupported build type '{kind}'", name),
         )
         for name, kind in kinds.items()
         if name in unknown
@@ -147,19 +147,19 @@ def changed_since_build(
                 message = (
                     f"the last build of '{name}' failed or was stopped, so that tests use outdated files"
                 )
-                several = Several(
+                group = GroupedProblems(
                     "the last builds of {} failed or were stopped, so that tests use outdated files",
                     name,
                     "forge build",
                 )
-                problems.append(Problem(message, Location(package.path), "forge build", several))
+                problems.append(Problem(message, Location(package.path), "forge build", group))
             continue
         home = str(loaded.workspace.root / package.path)
         if fingerprint_tree(home, table, record.sources).digest != record.sources.digest:
             what = changed_sources(home, layout.build_dir(name), record, table)
             message = f"'{name}' has changed since its last build, so that tests use outdated files: {what}"
             many = "{} have changed since their last build, so that tests use outdated files"
-            kind = Several(many, name, "forge build")
+            kind = GroupedProblems(many, name, "forge build")
             problems.append(Problem(message, Location(package.path), "forge build", kind))
     return tuple(problems)
 
@@ -178,7 +178,7 @@ def prepare_context(
 ) -> tuple[TestContext, dict[str, Problem]]:
     """Return the programs and options of the tests, and a problem for each package that lacks a program.
 
-    Raises EnvironmentFault if no package can be tested.
+    Raises HostError if no package can be tested.
     """
     packages = [loaded.packages[name] for name in names]
     cmake, rust, python = (
@@ -213,7 +213,7 @@ def prepare_context(
         hint = f"{command}; or test with unittest: --python-testing unittest"
         lacking |= dict.fromkeys(wanting, Problem(message, hint=hint))
     if lacking and len(lacking) == len(names):
-        raise EnvironmentFault(*dict.fromkeys(lacking.values()))
+        raise HostError(*dict.fromkeys(lacking.values()))
     return context, lacking
 
 
@@ -222,7 +222,7 @@ def _lacking(packages: Sequence[Package], require: Callable[[], object]) -> dict
     try:
         if packages:
             require()
-    except EnvironmentFault as fault:
+    except HostError as fault:
         return {package.name: fault.problems[0] for package in packages}
     return {}
 

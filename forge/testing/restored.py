@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from forge.base.errors import Problem, Several
+from forge.base.errors import GroupedProblems, Problem
 from forge.base.files import text_or_nothing
 from forge.base.layout import BUILD_RESULT
 from forge.build.build_dir import empty_build_dir
@@ -99,8 +99,8 @@ def not_runnable(
             # What it installed and its test programs may be those of an earlier build.
             message, hint = "its last build failed or was stopped", f"forge build --packages-select {name}"
         if message:
-            several = Several(f"{{}} cannot be tested: {message}", name, hint and "forge build --force")
-            found[name] = Problem(f"'{name}' cannot be tested: {message}", hint=hint or None, several=several)
+            group = GroupedProblems(f"{{}} cannot be tested: {message}", name, hint and "forge build --force")
+            found[name] = Problem(f"'{name}' cannot be tested: {message}", hint=hint or None, group=group)
     return found
 
 

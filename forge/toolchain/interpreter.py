@@ -16,7 +16,7 @@ from dataclasses import field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.base.errors import EnvironmentFault, Problem
+from forge.base.errors import HostError, Problem
 from forge.base.frozen import frozen
 from forge.base.layout import PACKAGE
 from forge.environment.underlay_python import python_versions, underlay_python
@@ -99,7 +99,7 @@ def find_interpreter(
     That is `python`, a path or a name on PATH; else `recorded`, that of the last build; else that of the
     active virtual environment; else that of the sourced underlay, the highest one first; else python3 on
     PATH. Environments that uv or pipx made for forge do not count. `underlays` are roots, lowest first.
-    Raises EnvironmentFault if the interpreter is missing, does not run, is too old, or of another version
+    Raises HostError if the interpreter is missing, does not run, is too old, or of another version
     than an underlay.
     """
     choice = (
@@ -115,7 +115,7 @@ def find_interpreter(
             f"python {interpreter.release} at '{interpreter.path}' is too old",
             hint="forge requires python 3.10 or newer",
         )
-        raise EnvironmentFault(problem)
+        raise HostError(problem)
     _refuse_other_version(interpreter, underlays)
     return interpreter
 
@@ -130,7 +130,7 @@ def other_than_recorded(recorded: str | None, interpreter: Interpreter) -> tuple
 
 
 def ask_python(path: Path, program: str, *arguments: str, isolated: bool = False) -> str:
-    """Run Python code in another interpreter and return its output; raises EnvironmentFault.
+    """Run Python code in another interpreter and return its output; raises HostError.
 
     `isolated` code starts faster, with the standard library only.
     """
@@ -142,12 +142,10 @@ def ask_python(path: Path, program: str, *arguments: str, isolated: bool = False
     try:
         done = subprocess.run(argv, cwd=folder, capture_output=True, text=True, check=True)
     except OSError as error:
-        raise EnvironmentFault(
-            Problem(f"cannot run the Python interpreter '{path}': {error.strerror}")
-        ) from error
+        raise HostError(Problem(f"cannot run the Python interpreter '{path}': {error.strerror}")) from error
     except subprocess.CalledProcessError as error:
         message = f"cannot run the Python interpreter '{path}': exit code {error.returncode}"
-        raise EnvironmentFault(Problem(message)) from error
+        raise HostError(Problem(message)) from error
     return done.stdout
 
 
@@ -156,7 +154,7 @@ def _named(python: str, variables: Mapping[str, str]) -> Path:
     found = shutil.which(python, path=variables.get("PATH"))
     if found is None:
         problem = Problem(f"python '{python}' not found", hint="pass an existing program to '--python'")
-        raise EnvironmentFault(problem)
+        raise HostError(problem)
     return Path(found).absolute()
 
 
@@ -170,7 +168,7 @@ def _active(variables: Mapping[str, str]) -> _Choice | None:
     if active and Path(active).resolve() != _own_tool():
         path = _program_in(Path(active))
         if path is None:
-            raise EnvironmentFault(
+            raise HostError(
                 Problem(
                     f"the active virtual environment '{active}' has no 'bin/python'",
                     hint="run 'deactivate', or choose an interpreter with '--python'",
@@ -195,7 +193,7 @@ def _program_in(environment: Path) -> Path | None:
 def _of_underlays(underlays: Sequence[Path], variables: Mapping[str, str]) -> _Choice | None:
     """Return the interpreter of the highest underlay that tells one.
 
-    Raises EnvironmentFault if the interpreter for its modules is missing.
+    Raises HostError if the interpreter for its modules is missing.
     """
     for root in reversed(underlays):
         path = underlay_python(root)
@@ -211,7 +209,7 @@ def _of_version(root: Path, variables: Mapping[str, str]) -> Path | None:
     versions = python_versions(root)
     if not versions:
         return None
-    with contextlib.suppress(EnvironmentFault):
+    with contextlib.suppress(HostError):
         usual = _examined(_on_path(variables))
         if usual.version in versions:
             return usual.path
@@ -219,7 +217,7 @@ def _of_version(root: Path, variables: Mapping[str, str]) -> Path | None:
     found = _which(name, variables)
     if found is None:
         message = f"the underlay '{root}' is for {_listed(versions)}, but '{name}' is not on PATH"
-        raise EnvironmentFault(
+        raise HostError(
             Problem(message, hint="install it, or pass the path of such an interpreter to '--python'")
         )
     return found
@@ -229,7 +227,7 @@ def _on_path(variables: Mapping[str, str]) -> _Choice:
     path = _which("python3", variables) or _which("python", variables)
     if path is None:
         hint = "install Python, activate a virtual environment, or pass an interpreter to '--python'"
-        raise EnvironmentFault(Problem("'python3' is not on PATH", hint=hint))
+        raise HostError(Problem("'python3' is not on PATH", hint=hint))
     return _Choice(_usual_name(path), ON_PATH)
 
 
@@ -265,7 +263,7 @@ def _examined(choice: _Choice) -> Interpreter:
     answer = ask_python(path, _PROGRAM, isolated=True).splitlines()
     words = answer[0].split() if answer else []
     if len(words) != 2 or not all(word.isdecimal() for word in words):
-        raise EnvironmentFault(Problem(f"'{path}' is not a python interpreter"))
+        raise HostError(Problem(f"'{path}' is not a python interpreter"))
     # The shims of pyenv, asdf and mise start another program, which depends on the current folder.
     if choice.origin not in _KEPT and answer[1:] and Path(answer[1]).is_file():
         path = _usual_name(Path(answer[1]))
@@ -284,12 +282,12 @@ def _version_by_name(path: Path) -> tuple[int, int] | None:
 
 
 def _refuse_other_version(interpreter: Interpreter, underlays: Sequence[Path]) -> None:
-    """Raise EnvironmentFault if the modules of an underlay are for another version."""
+    """Raise HostError if the modules of an underlay are for another version."""
     for root in underlays:
         versions = python_versions(root)
         if versions and interpreter.version not in versions:
             message = f"the underlay '{root}' is for {_listed(versions)}, but {interpreter.origin} is python "
-            raise EnvironmentFault(
+            raise HostError(
                 Problem(
                     f"{message}{interpreter.release} ('{interpreter.path}')",
                     hint=_remedy(interpreter.origin, max(versions)),

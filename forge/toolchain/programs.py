@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.base.errors import EnvironmentFault, Problem, raise_if_any
+from forge.base.errors import HostError, Problem, raise_if_any
 from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
 from forge.base.own_environment import extra_command, install_beside_forge
@@ -62,7 +62,7 @@ def find_tools(
     """Return the programs to build `packages`, None if none of them needs CMake.
 
     `launcher` is the name of the compiler launcher, if any; `has_compiler` if a compiler need not be on PATH.
-    Raises EnvironmentFault with all programs that are certainly missing: `cmake_args` and a package's own
+    Raises HostError with all programs that are certainly missing: `cmake_args` and a package's own
     arguments may name others.
     """
     needy = [package for package in packages if package.build_type in CMAKE_TYPES]
@@ -89,7 +89,7 @@ def find_tools(
             if _certainly_compiles(text) and not _NAMES_COMPILER.search(arguments[package.name])
         ]
         problems += [no_compiler(compiled)] if compiled else []
-    raise_if_any(problems, EnvironmentFault)
+    raise_if_any(problems, HostError)
     assert cmake is not None
     only_make = frozenset(package.name for package, text in texts if calls_make(text))
     return Tools(cmake, ninja, make, only_make, before_compilers)
@@ -151,7 +151,7 @@ def ninja_first(ninja: Path | None, folder: Path, variables: Mapping[str, str]) 
 
 
 def find_ctest(variables: Mapping[str, str]) -> Path:
-    """Return CTEST_COMMAND, else the ctest next to CMake, else from PATH; raises EnvironmentFault."""
+    """Return CTEST_COMMAND, else the ctest next to CMake, else from PATH; raises HostError."""
     named = variables.get("CTEST_COMMAND")
     if named:
         return Path(named)
@@ -159,7 +159,7 @@ def find_ctest(variables: Mapping[str, str]) -> Path:
     beside = cmake.with_name("ctest") if cmake else None
     found = beside if beside and beside.is_file() else find_program("ctest", variables)
     if found is None:
-        raise EnvironmentFault(Problem("ctest, which is part of CMake, not found", hint=_cmake_hint()))
+        raise HostError(Problem("ctest, which is part of CMake, not found", hint=_cmake_hint()))
     return found
 
 

@@ -8,7 +8,7 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.base.errors import EnvironmentFault, Problem
+from forge.base.errors import HostError, Problem
 from forge.base.own_environment import has_no_pip
 from forge.toolchain.interpreter import ask_python, is_own
 from forge.toolchain.os_release import DEBIAN, RED_HAT, families, os_release
@@ -49,10 +49,10 @@ _SYSTEM = (Path("/usr/bin"), Path("/bin"))
 
 
 def require_modules(python: Path, names: Iterable[str]) -> None:
-    """Raise EnvironmentFault with the modules that an interpreter lacks and how to install them."""
+    """Raise HostError with the modules that an interpreter lacks and how to install them."""
     missing = missing_modules(python, names)
     if missing:
-        raise EnvironmentFault(missing_modules_problem(python, missing))
+        raise HostError(missing_modules_problem(python, missing))
 
 
 def missing_modules_problem(python: Path, modules: Iterable[str]) -> Problem:
@@ -89,7 +89,7 @@ def install_command(python: Path, modules: Sequence[str], system: Mapping[str, s
 
 
 def interpreter_properties(python: Path, names: Iterable[str]) -> Mapping[str, str]:
-    """Return properties of an interpreter; raises EnvironmentFault if it does not run.
+    """Return properties of an interpreter; raises HostError if it does not run.
 
     The keys are 'version'; 'header', if C extensions can be compiled; 'setuptools', its version; and the
     names of those modules in `names` that exist.
@@ -98,7 +98,7 @@ def interpreter_properties(python: Path, names: Iterable[str]) -> Mapping[str, s
 
 
 def missing_modules(python: Path, names: Iterable[str]) -> list[str]:
-    """Return the modules that an interpreter lacks; raises EnvironmentFault if it does not run."""
+    """Return the modules that an interpreter lacks; raises HostError if it does not run."""
     if is_own(python):
         return [name for name in names if importlib.util.find_spec(name) is None]
     return ask_python(python, _MISSING, *names).split()

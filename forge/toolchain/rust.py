@@ -7,7 +7,7 @@ import subprocess
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.base.errors import EnvironmentFault, Problem
+from forge.base.errors import HostError, Problem
 from forge.base.files import text_or_nothing
 from forge.toolchain.programs import find_program
 
@@ -23,12 +23,12 @@ _CONFIGS = ("config", "config.toml")
 
 
 def require_cargo(package: Package, variables: Mapping[str, str]) -> None:
-    """Raise EnvironmentFault if cargo, which `package` needs, is not installed."""
+    """Raise HostError if cargo, which `package` needs, is not installed."""
     if find_program("cargo", variables) is None:
         hint = (
             "install it with `sudo apt install cargo`, or the latest version with rustup: https://rustup.rs"
         )
-        raise EnvironmentFault(Problem(f"cargo not found; '{package.name}' needs it", hint=hint))
+        raise HostError(Problem(f"cargo not found; '{package.name}' needs it", hint=hint))
 
 
 def rust_toolchain(root: Path, variables: Mapping[str, str]) -> str:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.distributions import OLDEST, VARIABLE
 from forge.base.errors import Location, Problem
-from forge.base.files import unfit
+from forge.base.files import not_regular_reason
 from forge.base.standard_interfaces import EMBEDDED, SINCE, definition_folders, has_definitions
 from forge.workspace.identification import MARKER_FILES, identify, read_package
 from forge.workspace.identity import NOT_A_PACKAGE
@@ -98,7 +98,7 @@ def special_files(root: Path, folder: Path) -> Iterator[Problem]:
                     status = entry.stat()
                 except OSError:
                     continue
-                if not stat.S_ISDIR(status.st_mode) and (reason := unfit(entry.path, status)):
+                if not stat.S_ISDIR(status.st_mode) and (reason := not_regular_reason(entry.path, status)):
                     place = folder / os.path.relpath(entry.path, root / folder)
                     yield Problem(f"cannot read the file: {reason}", Location(place))
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.errors import Location, Problem
-from forge.base.files import text_or_nothing, unfit
+from forge.base.files import not_regular_reason, text_or_nothing
 from forge.base.formats import read_toml
 from forge.workspace.cargo_metadata import cargo_dependencies, package_of, version_of
 from forge.workspace.cmake_metadata import (
@@ -52,7 +52,7 @@ def _unfit(folder: Folder) -> Identity | None:
     notes = []
     for name in sorted({"CMakeLists.txt", "setup.py", "pyproject.toml"}.intersection(folder.entries)):
         try:
-            reason = unfit(folder.place / name, (folder.place / name).stat())
+            reason = not_regular_reason(folder.place / name, (folder.place / name).stat())
         except OSError:
             continue  # a dangling link, as catkin creates above its packages
         if reason:

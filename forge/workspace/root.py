@@ -99,21 +99,21 @@ def rebase_paths(arguments: Iterable[tuple[str, bool]], origin: Path, root: Path
 
 @contextmanager
 def working_directory(folder: Path) -> Iterator[None]:
-    """Change the working directory temporarily; raises EnvironmentFault if that fails."""
+    """Change the working directory temporarily; raises HostError if that fails."""
     try:
         before = Path.cwd()
     except FileNotFoundError:
-        from forge.base.errors import EnvironmentFault, Problem
+        from forge.base.errors import HostError, Problem
 
         hint = "change to an existing folder: cd"
-        raise EnvironmentFault(Problem("the current folder has been removed", hint=hint)) from None
+        raise HostError(Problem("the current folder has been removed", hint=hint)) from None
     try:
         os.chdir(folder)
     except OSError as error:
         # Imported here, because shell completion imports this module for each completion.
-        from forge.base.errors import EnvironmentFault, Problem
+        from forge.base.errors import HostError, Problem
 
-        raise EnvironmentFault(Problem(f"cannot change to '{folder}': {error.strerror}")) from None
+        raise HostError(Problem(f"cannot change to '{folder}': {error.strerror}")) from None
     try:
         yield
     finally:

@@ -14,7 +14,7 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from forge.base.errors import EnvironmentFault, ForgeError, WorkspaceError
+from forge.base.errors import ForgeError, HostError, WorkspaceError
 from forge.base.templating import render as render_template
 from forge.base.xml import parse_xml
 from forge.build.recipes.initial_cache import manifest_variables
@@ -300,7 +300,7 @@ def test_a_hook_file_says_one_thing_a_line(text: str) -> None:
 
 @pytest.mark.parametrize("path", ["/a\n\ttouch b\n", "/a;touch b"])
 def test_a_path_that_make_has_no_word_for_is_refused(path: str, tmp_path: Path) -> None:
-    with pytest.raises(EnvironmentFault, match="make cannot handle the path"):
+    with pytest.raises(HostError, match="make cannot handle the path"):
         write_depfile(tmp_path / "deps", Path("x"), [Path(path)])
 
 

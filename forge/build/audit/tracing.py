@@ -7,7 +7,7 @@ import subprocess
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from forge.base.errors import EnvironmentFault, Problem
+from forge.base.errors import HostError, Problem
 from forge.base.layout import AUDIT_DIR
 from forge.build.audit.accesses import CALLS, parent_processes, read_accesses
 
@@ -54,19 +54,19 @@ class Audit:
 def start_audit(build: Path, variables: Mapping[str, str]) -> Audit:
     """Return an audit with its traces below the build folder.
 
-    Raises EnvironmentFault if strace is missing or not permitted to trace.
+    Raises HostError if strace is missing or not permitted to trace.
     """
     program = shutil.which("strace", path=variables.get("PATH"))
     if program is None:
         hint = "install it, for example with `apt install strace` or `dnf install strace` (Linux only)"
-        raise EnvironmentFault(Problem("'--audit' needs strace, which was not found", hint=hint))
+        raise HostError(Problem("'--audit' needs strace, which was not found", hint=hint))
     refused = ""
     for options in ((_FASTER, *_OPTIONS), _OPTIONS):
         refused = _refusal((program, *options))
         if not refused:
             return Audit((program, *options), build / AUDIT_DIR)
     hint = "in a container, allow it with `--cap-add=SYS_PTRACE`"
-    raise EnvironmentFault(Problem(f"strace cannot trace programs here: {refused}", hint=hint))
+    raise HostError(Problem(f"strace cannot trace programs here: {refused}", hint=hint))
 
 
 def _refusal(strace: Sequence[str]) -> str:

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import pyproject_hooks
 
-from forge.base.errors import EnvironmentFault, Location, Problem, WorkspaceError, raise_if_any
+from forge.base.errors import HostError, Location, Problem, WorkspaceError, raise_if_any
 from forge.base.files import delete_tree, listed_paths, read_file, replace_file
 from forge.base.formats import read_toml
 from forge.base.frozen import frozen
@@ -179,7 +179,7 @@ def _is_file(path: str) -> bool:
     return os.path.lexists(path) and (os.path.islink(path) or not os.path.isdir(path))  # noqa: PTH112, PTH114  (each installed file: no Path for each)
 
 
-def _setup_fault(code: int, outside: str, options: SetupInstall) -> EnvironmentFault | WorkspaceError:
+def _setup_fault(code: int, outside: str, options: SetupInstall) -> HostError | WorkspaceError:
     """Return the error for a failed `setup.py install`."""
     if outside:
         message = f"the package would install files into '{outside}', which is outside its prefix"
@@ -190,7 +190,7 @@ def _setup_fault(code: int, outside: str, options: SetupInstall) -> EnvironmentF
     if code == setup_install.UNAVAILABLE:
         return _unavailable("setuptools.build_meta", options.python)
     message = "the package's build backend 'setuptools.build_meta' failed; see its output above"
-    return EnvironmentFault(Problem(message))
+    return HostError(Problem(message))
 
 
 def compiled_modules(source: Path, target: str) -> WorkspaceError:
@@ -204,10 +204,10 @@ def _full_disk(folder: Path) -> OSError:
     return OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(folder))
 
 
-def _unavailable(backend: str, python: str) -> EnvironmentFault:
+def _unavailable(backend: str, python: str) -> HostError:
     hint = f"install it there: {install_command(Path(python), (backend.split('.', maxsplit=1)[0],))}"
     message = f"the build backend '{backend}' is not installed for the interpreter '{python}'"
-    return EnvironmentFault(Problem(message, hint=hint))
+    return HostError(Problem(message, hint=hint))
 
 
 def build_wheel(source: Path, build: Path, prefix: Path, python: str) -> tuple[Path, str]:
@@ -238,7 +238,7 @@ def build_wheel(source: Path, build: Path, prefix: Path, python: str) -> tuple[P
         if DISK_FULL.search(trace.output):
             raise _full_disk(build) from None
         message = f"the package's build backend '{backend}' failed; see its output above"
-        raise EnvironmentFault(Problem(message)) from None
+        raise HostError(Problem(message)) from None
     for warning in warned:
         # Warnings of pyproject_hooks about the backend.
         print(f"{warning.category.__name__}: {warning.message}")

@@ -172,7 +172,7 @@ def _make_plan(
 
 
 def _cross_build(options: BuildOptions, layout: Layout, variables: Mapping[str, str]) -> CrossBuild | None:
-    """Return how to build for --target, None for this machine; raises EnvironmentFault without compilers."""
+    """Return how to build for --target, None for this machine; raises HostError without compilers."""
     if options.folders.target is None:
         return None
     from forge.toolchain.cross.toolchain import prepare_cross_build
@@ -189,7 +189,7 @@ def _cross_build(options: BuildOptions, layout: Layout, variables: Mapping[str, 
 
 
 def _audit(options: BuildOptions, layout: Layout, variables: Mapping[str, str]) -> Audit | None:
-    """Return the audit of this build, None without --audit; raises EnvironmentFault if strace is missing."""
+    """Return the audit of this build, None without --audit; raises HostError if strace is missing."""
     if not options.audit:
         return None
     from forge.build.audit.tracing import start_audit

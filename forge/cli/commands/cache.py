@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from typing import TYPE_CHECKING
 
-from forge.base.errors import EnvironmentFault, Problem, SelectionError, raise_if_any
+from forge.base.errors import HostError, Problem, SelectionError, raise_if_any
 from forge.cache.folder_store import FolderStore
 from forge.cache.maintenance import DEFAULT_SIZE, prune, read_counts, scan_store, verify
 from forge.cache.opening import byte_count, cache_folder, foreign_store
@@ -41,7 +41,7 @@ def run(options: argparse.Namespace) -> int:
         code: int = options.verb(store, options)
     except OSError as error:
         path = os.fspath(error.filename or store.folder)
-        raise EnvironmentFault(Problem(f"cannot access the cache: {path}: {error.strerror}")) from error
+        raise HostError(Problem(f"cannot access the cache: {path}: {error.strerror}")) from error
     return code
 
 

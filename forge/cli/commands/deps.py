@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.errors import (
-    EnvironmentFault,
+    HostError,
     Problem,
     SelectionError,
     WorkspaceError,
@@ -217,7 +217,7 @@ def _provider(workspace: Workspace, layout: Layout) -> Callable[[str], str | Non
 def _python(options: argparse.Namespace, layout: Layout, root: Path) -> str:
     try:
         return str(workspace_interpreter(options.python, layout, root).path)
-    except EnvironmentFault as fault:
+    except HostError as fault:
         print_warnings(fault.problems)
         return options.python or "python3"
 

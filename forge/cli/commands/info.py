@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.distributions import OLDEST
-from forge.base.errors import EnvironmentFault, Problem, SelectionError, print_warnings
+from forge.base.errors import HostError, Problem, SelectionError, print_warnings
 from forge.base.layout import LAYOUT_MARKER
 from forge.base.names import did_you_mean
 from forge.cli import options as shared
@@ -105,7 +105,7 @@ def _surroundings(options: argparse.Namespace) -> tuple[Interpreter | None, Sequ
     chain = find_underlays(build_variables(layout, os.environ), layout.install).chain
     try:
         return workspace_interpreter(None, layout, root), chain
-    except EnvironmentFault as fault:
+    except HostError as fault:
         print_warnings(fault.problems)
         return None, chain
 

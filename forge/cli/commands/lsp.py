@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.base.errors import EnvironmentFault, Problem
+from forge.base.errors import HostError, Problem
 from forge.base.own_environment import extra_command
 from forge.cli.commands.interface.inputs import add_distribution, distribution_in_folder
 from forge.environment.installed import known_prefixes
@@ -39,7 +39,7 @@ def run(options: argparse.Namespace) -> int:
         if (error.name or "").partition(".")[0] not in {"pygls", "lsprotocol"}:
             raise
         problem = Problem("'forge lsp' needs pygls 2", hint=f"run: {extra_command('lsp')}")
-        raise EnvironmentFault(problem) from None
+        raise HostError(problem) from None
     serve(lambda folder: _open(folder, options.rosdistro))
     return 0
 

@@ -11,7 +11,7 @@ from contextlib import redirect_stdout
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.base.errors import EnvironmentFault, ForgeError, Problem, print_problem
+from forge.base.errors import ForgeError, HostError, Problem, print_problem
 from forge.base.files import write_if_changed
 from forge.base.names import did_you_mean, is_email
 from forge.base.xml import parse_xml
@@ -155,7 +155,7 @@ def _create(options: argparse.Namespace) -> None:
             _write(blueprint, f"{options.destination_directory.rstrip('/')}/{blueprint.name}", items)
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
-        raise EnvironmentFault(Problem(f"cannot create '{error.filename or folder}': {reason}")) from None
+        raise HostError(Problem(f"cannot create '{error.filename or folder}': {reason}")) from None
     finally:
         print(report.getvalue(), end="")
     _warn_about(blueprint)

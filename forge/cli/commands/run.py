@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.base.errors import EnvironmentFault, ForgeError, Problem
+from forge.base.errors import ForgeError, HostError, Problem
 from forge.environment.executable_hints import missing_executable_hint, refuse_windows_line_endings
 from forge.environment.install_state import python_of
 from forge.environment.installed import (
@@ -150,7 +150,7 @@ def _wait_for(argv: Sequence[str], variables: Mapping[str, str]) -> int:
             problem = Problem(
                 f"cannot run '{argv[0]}': {(error.strerror or str(error)).lower()}", hint=_fix(argv[0])
             )
-            raise EnvironmentFault(problem) from None
+            raise HostError(problem) from None
         children.append(child)
         return child.wait()
 

@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.base.errors import EnvironmentFault, Problem
+from forge.base.errors import HostError, Problem
 from forge.base.layout import templates_folder
 from forge.environment.sourcing import sourced_environment
 
@@ -34,7 +34,7 @@ def register(parser: Parser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Replace this process by the user's shell or the command.
 
-    Raises EnvironmentFault if it cannot be started.
+    Raises HostError if it cannot be started.
     """
     words = options.words[1:] if options.words[:1] == ["--"] else options.words
     install = Path(options.install_base).absolute()
@@ -48,7 +48,7 @@ def run(options: argparse.Namespace) -> int:
         os.execvpe(argv[0], argv, variables)  # noqa: S606  (the user asked for a shell)
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
-        raise EnvironmentFault(Problem(f"cannot run '{argv[0]}': {reason}")) from None
+        raise HostError(Problem(f"cannot run '{argv[0]}': {reason}")) from None
 
 
 def _shell_with_prompt(shell: str, variables: dict[str, str]) -> list[str]:

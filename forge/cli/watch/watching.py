@@ -15,7 +15,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.base.errors import EnvironmentFault, ForgeError, Problem, print_problem, refusal, share_hints
+from forge.base.errors import ForgeError, HostError, Problem, print_problem, problem_from_oserror, share_hints
 from forge.base.text import duration
 from forge.cli.build_mode import BuildMode
 from forge.cli.build_options import for_rebuild
@@ -63,7 +63,7 @@ def watch(options: BuildOptions, read_again: Callable[[], BuildOptions], build: 
                 changed = loop.wait()
                 if forge_stamp() != stamp:
                     hint = "run 'forge build --watch' again"
-                    raise EnvironmentFault(Problem("forge itself has changed, stopping", hint=hint))
+                    raise HostError(Problem("forge itself has changed, stopping", hint=hint))
                 loop.rebuild(changed)
         except KeyboardInterrupt:
             if loop.cut_short:
@@ -165,7 +165,7 @@ class WatchLoop(BuildMode):
         except ForgeError as error:
             self._print_problems(error.problems)
         except OSError as error:
-            problem = refusal(error)
+            problem = problem_from_oserror(error)
             if problem is None:
                 raise
             self._print_problems((problem,))

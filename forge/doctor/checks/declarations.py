@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
-from forge.base.errors import Location, Problem, Several
+from forge.base.errors import GroupedProblems, Location, Problem
 from forge.base.frozen import frozen
 from forge.base.graph import closure
 from forge.workspace.cmake_metadata import uses
@@ -130,7 +130,7 @@ def unused(
             return
     for name in sorted(wanted):
         message = f"'{package.name}' declares '{name}', but none of its files mentions it"
-        kind = Several(
+        kind = GroupedProblems(
             f"{{}} declare '{name}', but none of their files mentions it",
             package.name,
             "remove the line from each package.xml that does not need it",
@@ -150,7 +150,7 @@ def _undeclared(
         f"'{package.name}' uses '{name}' without declaring it in its manifest",
         place,
         f"add <{tag}>{name}</{tag}> to {package.manifest.path}",
-        Several(
+        GroupedProblems(
             f"{{}} use '{name}' without declaring it in their manifests",
             package.name,
             f"add <{tag}>{name}</{tag}> to each package.xml",

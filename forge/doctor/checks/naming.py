@@ -5,7 +5,7 @@ from __future__ import annotations
 import configparser
 from typing import TYPE_CHECKING
 
-from forge.base.errors import Location, Problem, Several
+from forge.base.errors import GroupedProblems, Location, Problem
 from forge.doctor.checks.model import CheckResult
 from forge.workspace.cmake_metadata import may_register_package, project_name
 from forge.workspace.python_metadata import read_setup_py
@@ -46,7 +46,7 @@ def _registration(subject: CheckContext, package: Package) -> Iterator[Problem]:
             f"'{package.name}' does not call ament_package(): 'forge run' and other packages do not find it",
             Location(package.path / "CMakeLists.txt"),
             "add ament_package() at its end",
-            Several(
+            GroupedProblems(
                 "{} do not call ament_package(): 'forge run' and other packages do not find them",
                 package.name,
                 "add ament_package() at the end of each CMakeLists.txt",
@@ -73,7 +73,7 @@ def _setup(subject: CheckContext, package: Package) -> Iterator[Problem]:
             f"executables of '{package.name}' {what}",
             Location(package.path / "setup.cfg"),
             f"add install_scripts=$base/lib/{package.name} to the section [install]",
-            Several(
+            GroupedProblems(
                 f"executables of {{}} {what}",
                 package.name,
                 "add install_scripts=$base/lib/NAME to the section [install] of each setup.cfg",

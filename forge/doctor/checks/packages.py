@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import PurePath
 from typing import TYPE_CHECKING
 
-from forge.base.errors import Location, Problem, Several
+from forge.base.errors import GroupedProblems, Location, Problem
 from forge.doctor.checks.declarations import (
     Findings,
     KnownPackages,
@@ -145,8 +145,8 @@ def _hidden_packages(subject: CheckContext) -> Iterator[Problem]:
             places[package.name].append(str(root))
     for name, roots in sorted(places.items()):
         if name in subject.packages:
-            kind = Several(f"{{}} of the workspace override those in '{roots[0]}'", name)
-            yield Problem(f"'{name}' of the workspace overrides the one in '{roots[0]}'", several=kind)
+            kind = GroupedProblems(f"{{}} of the workspace override those in '{roots[0]}'", name)
+            yield Problem(f"'{name}' of the workspace overrides the one in '{roots[0]}'", group=kind)
         elif len(roots) > 1:
-            kind = Several(f"{{}} in '{roots[0]}' override those in '{roots[1]}'", name)
-            yield Problem(f"'{name}' in '{roots[0]}' overrides the one in '{roots[1]}'", several=kind)
+            kind = GroupedProblems(f"{{}} in '{roots[0]}' override those in '{roots[1]}'", name)
+            yield Problem(f"'{name}' in '{roots[0]}' overrides the one in '{roots[1]}'", group=kind)

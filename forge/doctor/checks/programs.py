@@ -8,7 +8,7 @@ import shutil
 import subprocess
 from typing import TYPE_CHECKING
 
-from forge.base.errors import EnvironmentFault, Location, Problem, Several
+from forge.base.errors import GroupedProblems, HostError, Location, Problem
 from forge.base.own_environment import extra_command, install_beside_forge
 from forge.doctor.checks.model import CheckResult, graded
 from forge.environment.install_state import recorded_python
@@ -103,7 +103,7 @@ def python(subject: CheckContext) -> CheckResult:
     try:
         interpreter = find_interpreter(subject.python, subject.variables, subject.underlays.chain)
         known = interpreter_properties(interpreter.path, ("numpy", "em", "catkin_pkg", "lark"))
-    except EnvironmentFault as fault:
+    except HostError as fault:
         return CheckResult("python", "none", errors=fault.problems)
     has = frozenset(known)
     errors = [*_missing_modules(subject, interpreter, has), *_missing_header(subject, interpreter, has)]
@@ -151,7 +151,9 @@ def _minimum(subject: CheckContext, package: Package, version: tuple[int, ...]) 
         hint = f"use VERSION {least}...3.10, or build with --cmake-args -DCMAKE_POLICY_VERSION_MINIMUM=3.5"
         requested = f"requests compatibility with CMake {most or least}"
         message = f"'{package.name}' {requested}, which CMake {shown} no longer supports"
-        kind = Several(message.replace(f"'{package.name}' requests", "{} request", 1), package.name, hint)
+        kind = GroupedProblems(
+            message.replace(f"'{package.name}' requests", "{} request", 1), package.name, hint
+        )
         yield Problem(message, place, hint, kind)
 
 
@@ -193,7 +195,7 @@ def _missing_header(
                 f"'{package.name}' compiles a Python extension, {why}",
                 Location(package.path / "CMakeLists.txt"),
                 hint,
-                Several(f"{{}} compile Python extensions, {why}", package.name, hint),
+                GroupedProblems(f"{{}} compile Python extensions, {why}", package.name, hint),
             )
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.distributions import VARIABLE
 from forge.base.env_vars import expand_home
-from forge.base.errors import EnvironmentFault, Location, Problem, WorkspaceError
+from forge.base.errors import HostError, Location, Problem, WorkspaceError
 from forge.base.layout import INSTALL_STATE_FILE, LAYOUT_MARKER
 from forge.build.markers import foreign_build, other_layout
 from forge.doctor.checks.model import CheckResult
@@ -150,7 +150,7 @@ def _of_another_python(variables: Mapping[str, str], subject: CheckContext) -> I
         yield Problem(f"'PYTHONHOME' is set to '{variables['PYTHONHOME']}'", hint="unset PYTHONHOME")
     try:
         ours = find_interpreter(subject.python, variables, subject.underlays.chain).version
-    except EnvironmentFault:
+    except HostError:
         return
     others = [
         entry

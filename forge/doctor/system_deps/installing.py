@@ -6,7 +6,7 @@ import shlex
 import subprocess
 from typing import TYPE_CHECKING
 
-from forge.base.errors import EnvironmentFault, Problem
+from forge.base.errors import HostError, Problem
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -66,17 +66,17 @@ def manual_names(needs: Iterable[DependencyStatus], have: frozenset[tuple[str, s
 
 
 def run_commands(commands: Mapping[str, tuple[str, ...]]) -> None:
-    """Run the commands one after the other; raises EnvironmentFault for the first that fails."""
+    """Run the commands one after the other; raises HostError for the first that fails."""
     for manager, argv in commands.items():
         try:
             code = subprocess.run(argv, check=False).returncode
         except OSError as error:
             reason = (error.strerror or str(error)).lower()
-            raise EnvironmentFault(Problem(f"cannot run '{argv[0]}': {reason}")) from None
+            raise HostError(Problem(f"cannot run '{argv[0]}': {reason}")) from None
         if code:
             update = _UPDATES.get(manager)
             hint = f"if it found no such packages, update its lists: {update}" if update else None
-            raise EnvironmentFault(Problem(f"'{shlex.join(argv)}' failed with exit code {code}", hint=hint))
+            raise HostError(Problem(f"'{shlex.join(argv)}' failed with exit code {code}", hint=hint))
 
 
 def _wanted(needs: Iterable[DependencyStatus], have: frozenset[tuple[str, str]]) -> dict[str, list[str]]:

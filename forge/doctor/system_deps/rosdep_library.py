@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
-from forge.base.errors import EnvironmentFault, Problem
+from forge.base.errors import HostError, Problem
 from forge.doctor.system_deps.rosdep import Resolved, usual_manager
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ def is_installed() -> bool:
 def cached_databases(system: System, rosdistro: str) -> list[Database]:
     """Return what the last `rosdep update` stored for a system and a ROS distribution, as rosdep reads it.
 
-    Raises EnvironmentFault if rosdep cannot read it.
+    Raises HostError if rosdep cannot read it.
     """
     from rosdep2.sources_list import DataSourceMatcher, SourcesListLoader
 
@@ -32,7 +32,7 @@ def cached_databases(system: System, rosdistro: str) -> list[Database]:
         loader = SourcesListLoader.create_default(matcher=DataSourceMatcher(tags))
     except Exception as error:
         message = f"rosdep cannot read its data: {error}"
-        raise EnvironmentFault(Problem(message, hint="run 'rosdep update'")) from error
+        raise HostError(Problem(message, hint="run 'rosdep update'")) from error
     return [source.rosdep_data for source in loader.sources]
 
 

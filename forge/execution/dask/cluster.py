@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge import __version__
-from forge.base.errors import EnvironmentFault, Problem, raise_if_any
+from forge.base.errors import HostError, Problem, raise_if_any
 from forge.base.frozen import frozen
 from forge.base.layout import CLUSTER_DIR, NO_CODE, PACKAGE
 from forge.base.own_environment import extra_command
@@ -86,7 +86,7 @@ class Cluster:
 def connected_cluster(address: str, build: Path, programs: Mapping[str, str]) -> Iterator[Cluster]:
     """Yield the cluster of a scheduler; every worker must have the same `programs` at the same paths.
 
-    This includes the Python that runs forge. Raises EnvironmentFault if the scheduler is unreachable, a
+    This includes the Python that runs forge. Raises HostError if the scheduler is unreachable, a
     worker cannot access the build folder, no worker is suitable, or versions of forge or Python differ.
     """
     client = _client(address)
@@ -105,7 +105,7 @@ def _client(address: str) -> Client:
         from distributed import Client
     except ImportError:
         problem = Problem("'--executor dask' needs Dask", hint=f"run: {extra_command('dask')}")
-        raise EnvironmentFault(problem) from None
+        raise HostError(problem) from None
 
     class Quiet(Client):
         """A client that prints nothing when it is deleted without having been connected."""
@@ -124,7 +124,7 @@ def _client(address: str) -> Client:
     except (OSError, ValueError, TypeError, RuntimeError) as error:
         hint = "check that `dask scheduler` is running there, and that this is the address it printed"
         message = f"cannot connect to the scheduler at '{address}': {_first_line(error)}"
-        raise EnvironmentFault(Problem(message, hint=hint)) from None
+        raise HostError(Problem(message, hint=hint)) from None
 
 
 def _connect_timeout() -> float:
@@ -137,7 +137,7 @@ def _connect_timeout() -> float:
 
 
 def _await_workers(client: Client, address: str) -> None:
-    """Wait for a worker; raise EnvironmentFault if none joins."""
+    """Wait for a worker; raise HostError if none joins."""
     until = time.monotonic() + _WORKER_SECONDS
     reported = False
     while not client.nthreads():
@@ -146,7 +146,7 @@ def _await_workers(client: Client, address: str) -> None:
             reported = True
         if time.monotonic() > until:
             hint = f"start one with `dask worker {address}`, or set the minimum of an adaptive cluster to 1"
-            raise EnvironmentFault(Problem(f"the scheduler at '{address}' has no worker", hint=hint))
+            raise HostError(Problem(f"the scheduler at '{address}' has no worker", hint=hint))
         time.sleep(0.2)
 
 
@@ -173,7 +173,7 @@ def _surveyed(client: Client, address: str, build: Path, programs: Pairs) -> Clu
             *(problem for worker in workers for problem in _other_versions(worker, ours)),
             *(() if allowed_workers else remarks),
         ),
-        EnvironmentFault,
+        HostError,
     )
     return Cluster(client, address, folder, allowed_workers, remarks)
 

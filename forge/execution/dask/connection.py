@@ -8,7 +8,7 @@ import threading
 import uuid
 from typing import TYPE_CHECKING, Any
 
-from forge.base.errors import EnvironmentFault, Problem
+from forge.base.errors import HostError, Problem
 from forge.build.events import Aborted, Finished, Output
 from forge.execution.dask.cluster import connected_cluster
 from forge.execution.dask.messages import ACK_INTERVAL, FINISH, INTERRUPT, KILL, Router, TaskRequest
@@ -41,7 +41,7 @@ _MESSAGE_SECONDS = 10.0
 
 @contextlib.contextmanager
 def connected(address: str, context: BuildContext, limits: WorkerLimits) -> Iterator[Connection]:
-    """Yield a connection to the workers of a scheduler; raises EnvironmentFault."""
+    """Yield a connection to the workers of a scheduler; raises HostError."""
     programs = {name: identity.rsplit(" ", 2)[0] for name, identity in context.tools}
     with (
         connected_cluster(address, context.layout.build, programs) as cluster,
@@ -205,7 +205,7 @@ class Call:
         if command == _ENDED:
             return self._ended()
         if command == _LOST:
-            raise EnvironmentFault(Problem(f"the worker's result for '{self._name}' was not received"))
+            raise HostError(Problem(f"the worker's result for '{self._name}' was not received"))
         if command == _GIVE_UP:
             where = f"the worker on {self._request.host}" if self._request else "the scheduler"
             return (self._output(f"{where} does not respond and is abandoned"), aborted)
@@ -220,9 +220,7 @@ class Call:
         if status != "error":
             hint = "check that it is still running, and that the task was not cancelled there"
             where = self._connection.cluster.address
-            raise EnvironmentFault(
-                Problem(f"the scheduler at '{where}' dropped the task '{self._name}'", hint=hint)
-            )
+            raise HostError(Problem(f"the scheduler at '{where}' dropped the task '{self._name}'", hint=hint))
         error = self._future.exception()
         if type(error).__name__ == "KilledWorker":
             cause = "every worker that ran it died; see the logs of the workers"

@@ -7,7 +7,7 @@ import time
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from forge.base.errors import EnvironmentFault, Problem
+from forge.base.errors import HostError, Problem
 from forge.base.layout import SCRATCH_DIR
 from forge.base.mounts import remove_folder
 from forge.build.events import Aborted, Finished, StepStarted
@@ -86,11 +86,11 @@ class DaskRunner:
 
 
 def _await_release(lock: Path) -> None:
-    """Wait until no program of an earlier attempt runs; raise EnvironmentFault if this takes too long."""
+    """Wait until no program of an earlier attempt runs; raise HostError if this takes too long."""
     until = time.monotonic() + _RELEASE_SECONDS
     with lock.open("a") as stream:
         while not try_lock(stream.fileno()):
             if time.monotonic() > until:
                 hint = "end the processes that still run on the lost worker, then build again"
-                raise EnvironmentFault(Problem(f"'{lock}' is still locked by a lost worker", hint=hint))
+                raise HostError(Problem(f"'{lock}' is still locked by a lost worker", hint=hint))
             time.sleep(0.05)

@@ -7,7 +7,7 @@ import queue
 import threading
 from typing import TYPE_CHECKING, Any
 
-from forge.base.errors import EnvironmentFault, Problem
+from forge.base.errors import HostError, Problem
 from forge.base.frozen import frozen
 
 if TYPE_CHECKING:
@@ -81,7 +81,7 @@ class Mailbox:
     def get(self) -> Event | TaskRequest | str:
         """Wait for the next task request, event of the current attempt, or message from the client.
 
-        Raises EnvironmentFault if a message was lost.
+        Raises HostError if a message was lost.
         """
         while True:
             attempt, number, content = self._messages.get()
@@ -91,7 +91,7 @@ class Mailbox:
                 continue
             self._expected += 1
             if number != self._expected:
-                raise EnvironmentFault(Problem("a message from a worker was lost"))
+                raise HostError(Problem("a message from a worker was lost"))
             return pickle.loads(content)  # type: ignore[no-any-return]  # noqa: S301  (from a trusted worker)
 
     def follow(self, attempt: str) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.cmake_syntax import quoted
-from forge.base.errors import EnvironmentFault, Problem, raise_if_any
+from forge.base.errors import HostError, Problem, raise_if_any
 from forge.base.files import text_or_nothing, write_if_changed
 from forge.base.frozen import frozen
 from forge.base.layout import TOOLCHAIN_DIR
@@ -71,9 +71,9 @@ def prepare_cross_build(
 ) -> CrossBuild:
     """Write the toolchain file, and scripts for zig's compilers without one of the user's.
 
-    Raises EnvironmentFault without compilers, and for paths that do not exist.
+    Raises HostError without compilers, and for paths that do not exist.
     """
-    raise_if_any(_problems(target, toolchain_file, sysroot), EnvironmentFault)
+    raise_if_any(_problems(target, toolchain_file, sysroot), HostError)
     folder = layout.build / TOOLCHAIN_DIR
     file = folder / _FILE
     zig = None if toolchain_file else find_zig(target, layout, variables)

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.env_vars import own_cache
-from forge.base.errors import EnvironmentFault, Problem
+from forge.base.errors import HostError, Problem
 from forge.base.files import write_if_changed
 from forge.base.frozen import frozen
 from forge.base.layout import OWN_CACHE_DIR
@@ -112,7 +112,7 @@ class Zig:
 
 
 def find_zig(target: Target, layout: Layout, variables: Mapping[str, str]) -> Zig:
-    """Return zig from its wheel, else from PATH; raises EnvironmentFault if there is none."""
+    """Return zig from its wheel, else from PATH; raises HostError if there is none."""
     wheel = importlib.util.find_spec("ziglang")
     folders = (wheel and wheel.submodule_search_locations) or ()
     beside = (Path(folder, "zig") for folder in folders)
@@ -122,5 +122,5 @@ def find_zig(target: Target, layout: Layout, variables: Mapping[str, str]) -> Zi
             f"install zig beside forge, `{extra_command('cross')}`, or describe a cross compiler in a "
             "'--toolchain-file'"
         )
-        raise EnvironmentFault(Problem(f"no compiler for '{target.triple}' found", hint=hint))
+        raise HostError(Problem(f"no compiler for '{target.triple}' found", hint=hint))
     return Zig(program, target, (own_cache(variables) or layout.build / OWN_CACHE_DIR) / "zig")

@@ -15,7 +15,7 @@ import pytest
 from forge.cache import action_result, deadline
 from forge.cache.action_result import encode
 from forge.cache.http_store import HttpStore
-from forge.cache.model import ActionResult, BlobFault, Digest, OutputFile, StoreFault, WritingRefused
+from forge.cache.model import ActionResult, BlobError, Digest, OutputFile, StoreError, WritingRefused
 from forge.cache.remote import open_remote
 from tests.rude import Shelf, reply, rude
 
@@ -149,12 +149,12 @@ def test_a_bad_server_is_a_sentence_in_time(
 ) -> None:
     target.parent.mkdir()
     with rude(answer) as server, asking(f"{server.url}/folder", seconds) as store, in_time():
-        with pytest.raises(StoreFault, match=words) as fault:
+        with pytest.raises(StoreError, match=words) as fault:
             store.fetch(DIGEST, target)
         assert str(fault.value).startswith(f"{server.url}/folder: ")
         assert len(str(fault.value)) < 200
-        assert not isinstance(fault.value, BlobFault)
-        with in_time(), pytest.raises(StoreFault):
+        assert not isinstance(fault.value, BlobError)
+        with in_time(), pytest.raises(StoreError):
             store.result(KEY)
 
 
@@ -162,7 +162,7 @@ def test_a_wrong_password_is_not_called_a_missing_one(tmp_path: Path) -> None:
     token = {"FORGE_CACHE_TOKEN": "secret"}
     with rude(lambda _: reply(401)) as server, asking(server.url, variables=token) as store:
         with pytest.raises(
-            StoreFault, match="401: the server does not accept the user and password"
+            StoreError, match="401: the server does not accept the user and password"
         ) as fault:
             store.fetch(DIGEST, tmp_path / "blob")
         assert "secret" not in str(fault.value)
@@ -177,7 +177,7 @@ def test_a_corrupt_blob_is_reported_and_leaves_no_file(
         rude(answer) as server,
         asking(server.url) as store,
         in_time(),
-        pytest.raises(BlobFault, match=words),
+        pytest.raises(BlobError, match=words),
     ):
         store.fetch(DIGEST, target)
 
@@ -212,7 +212,7 @@ def test_a_result_that_is_none_is_a_fault_of_its_own(data: bytes) -> None:
     with (
         rude(lambda _: reply(200, data)) as server,
         asking(server.url) as store,
-        pytest.raises(BlobFault, match=r"ac/abab.* is not a valid result: "),
+        pytest.raises(BlobError, match=r"ac/abab.* is not a valid result: "),
     ):
         store.result(KEY)
 
@@ -223,7 +223,7 @@ def test_a_result_has_a_bound(monkeypatch: pytest.MonkeyPatch) -> None:
         rude(endless(b"HTTP/1.1 200 OK\r\n\r\n", b"x" * 1000, 0)) as server,
         asking(server.url) as store,
         in_time(),
-        pytest.raises(BlobFault, match="too large for a result"),
+        pytest.raises(BlobError, match="too large for a result"),
     ):
         store.result(KEY)
 
@@ -234,10 +234,10 @@ def test_redirects_are_not_followed(target: Path) -> None:
         with rude(lambda _: reply(302, b"", f"Location: {there}")) as server, asking(server.url) as store:
             target.parent.mkdir()
             for ask in (lambda: store.fetch(DIGEST, target), lambda: store.result(KEY)):
-                with pytest.raises(StoreFault, match="redirects to 'http") as fault:
+                with pytest.raises(StoreError, match="redirects to 'http") as fault:
                     ask()
                 assert str(fault.value).isprintable()
-            with pytest.raises(StoreFault, match="302"):
+            with pytest.raises(StoreError, match="302"):
                 store.put_result(KEY, RESULT)
         assert elsewhere.requests == []
 
@@ -246,7 +246,7 @@ def test_unknown_hosts_and_closed_ports_are_reported() -> None:
     with rude(raw()) as server:
         pass
     for url, words in ((server.url, "cannot connect: Connection refused"), ("http://x.invalid", "resolve")):
-        with asking(url) as store, in_time(10), pytest.raises(StoreFault, match=words):
+        with asking(url) as store, in_time(10), pytest.raises(StoreError, match=words):
             store.result(KEY)
 
 
@@ -278,16 +278,16 @@ def source(tmp_path: Path) -> Path:
     ("status", "fault"),
     [
         *((status, WritingRefused) for status in (401, 403, 404, 405, 409, 501, 507)),
-        *((status, BlobFault) for status in (400, 413)),
-        *((status, StoreFault) for status in (302, 500, 502, 503)),
+        *((status, BlobError) for status in (400, 413)),
+        *((status, StoreError) for status in (302, 500, 502, 503)),
     ],
 )
 def test_the_status_decides_if_only_uploads_are_disabled(
-    status: int, fault: type[StoreFault], source: Path
+    status: int, fault: type[StoreError], source: Path
 ) -> None:
     answer = lambda request: reply(404 if request.method == "HEAD" else status)  # noqa: E731
     with rude(answer) as server, asking(server.url) as store:
-        with pytest.raises(StoreFault, match=f"HTTP status {status}") as raised:
+        with pytest.raises(StoreError, match=f"HTTP status {status}") as raised:
             store.put(DIGEST, source)
         assert type(raised.value) is fault
         with pytest.raises(fault, match=f"HTTP status {status}"):
@@ -305,7 +305,7 @@ def test_a_server_may_refuse_before_it_has_read(tmp_path: Path) -> None:
         rude(answer, reads_bodies=False) as server,
         asking(server.url) as store,
         in_time(),
-        pytest.raises(StoreFault, match=r"413|closed the connection"),
+        pytest.raises(StoreError, match=r"413|closed the connection"),
     ):
         store.put(digest, tmp_path / "large")
 
@@ -325,7 +325,7 @@ def test_a_server_that_reads_nothing_is_left(
         rude(answer, reads_bodies=False) as server,
         asking(server.url, SECONDS) as store,
         in_time(),
-        pytest.raises(StoreFault, match=LATE),
+        pytest.raises(StoreError, match=LATE),
     ):
         store.put(Digest("0" * 64, 20_000_000), tmp_path / "large")
 
@@ -341,7 +341,7 @@ def test_what_is_there_is_not_sent_again_unless_it_is_spoilt(source: Path, tmp_p
         store.put(DIGEST, source)
         assert shelf.files[path] == BYTES
         shelf.files[path] = bytes(len(BYTES))
-        with pytest.raises(BlobFault):
+        with pytest.raises(BlobError):
             store.fetch(DIGEST, tmp_path / "blob")
         store.put(DIGEST, source)
         assert shelf.files[path] == BYTES
@@ -362,9 +362,9 @@ def test_a_file_that_changes_while_it_is_sent_is_not_kept(source: Path) -> None:
     shelf = Shelf()
     with rude(shelf) as server, asking(server.url) as store:
         source.write_bytes(BYTES[:1000])
-        with pytest.raises(BlobFault, match="truncated during the upload"):
+        with pytest.raises(BlobError, match="truncated during the upload"):
             store.put(DIGEST, source)
-        with pytest.raises(BlobFault, match="No such file"):
+        with pytest.raises(BlobError, match="No such file"):
             store.put(DIGEST, source.with_name("none"))
         assert shelf.files == {}
         source.write_bytes(BYTES + b"more")

@@ -103,7 +103,7 @@ def test_a_library_that_is_missing_is_named(scheme: str, module: str, words: str
         f"open_remote('{scheme}://bucket/x', seconds=1, writable=True, variables={{}}, report=print)\n"
     )
     ran = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
-    assert "forge.base.errors.EnvironmentFault" in ran.stderr
+    assert "forge.base.errors.HostError" in ran.stderr
     assert re.search(words, ran.stderr)
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import pytest
 import urllib3
 
-from forge.cache.model import ActionResult, BlobFault, Digest, OutputFile, WritingRefused
+from forge.cache.model import ActionResult, BlobError, Digest, OutputFile, WritingRefused
 from forge.cache.remote import Remote, open_remote
 from tests.nginx import documented, serving
 
@@ -79,10 +79,10 @@ def test_the_name_of_another_blob_does_not_get_these_bytes(url: str, tmp_path: P
     store = opened(url)
     wrong = Digest(hashlib.sha256(b"other").hexdigest(), len(BYTES))
     store.put(wrong, source)
-    with pytest.raises(BlobFault, match="does not match its SHA-256"):
+    with pytest.raises(BlobError, match="does not match its SHA-256"):
         store.fetch(wrong, tmp_path / "target")
     for size in (len(BYTES) - 1, len(BYTES) + 1, 0):
-        with pytest.raises(BlobFault, match=" bytes"):
+        with pytest.raises(BlobError, match=" bytes"):
             store.fetch(replace(wrong, size=size), tmp_path / "target")
     assert list(tmp_path.glob("target*")) == []
     store.close()
@@ -179,7 +179,7 @@ def test_a_target_that_cannot_be_written_is_reported(url: str, tmp_path: Path) -
         (source, "File exists"),
         (source / "blob", "Not a directory"),
     ):
-        with pytest.raises(BlobFault, match=f"cannot write .*{words}"):
+        with pytest.raises(BlobError, match=f"cannot write .*{words}"):
             store.fetch(DIGEST, target)
     assert source.read_bytes() == BYTES
     store.close()
@@ -187,7 +187,7 @@ def test_a_target_that_cannot_be_written_is_reported(url: str, tmp_path: Path) -
 
 def test_a_name_that_is_no_text_cannot_be_sent(url: str) -> None:
     store = opened(url)
-    with pytest.raises(BlobFault, match="cannot encode a file name"):
+    with pytest.raises(BlobError, match="cannot encode a file name"):
         store.put_result(KEY, ActionResult((OutputFile(os.fsdecode(b"\xff"), DIGEST),)))
     assert store.result(KEY) is None
     store.close()

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.base.errors import EnvironmentFault
+from forge.base.errors import HostError
 from forge.environment.sourcing import build_environment
 from tests.installs import dsv_package, make_install
 
@@ -50,7 +50,7 @@ def test_a_hook_that_ends_the_shell_is_a_message(tmp_path: Path) -> None:
         for file, text in ((path, hook[path]), (f"share/{name}/package.dsv", f"source;{path}\n")):
             (prefix / file).parent.mkdir(parents=True, exist_ok=True)
             (prefix / file).write_text(text)
-        with pytest.raises(EnvironmentFault) as caught:
+        with pytest.raises(HostError) as caught:
             build_environment([(name, prefix)], {})
         assert str(caught.value) == f"error: the environment hook '{prefix}/{path}' failed: {said}"
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from forge.base.errors import EnvironmentFault, WarningReporter
+from forge.base.errors import HostError, WarningReporter
 from forge.base.layout import Layout
 from forge.build.tasks import BuildPlan, Step, StepKind, Task
 from forge.build.tests.recipes import TestContext
@@ -123,7 +123,7 @@ def test_missing_programs_are_named_with_the_command_that_installs_them(
     (tmp_path / "build/a/a.gcno").touch()
     monkeypatch.setattr(sys, "executable", str(tmp_path / "python3"))
     without = TestContext(tmp_path, context(tmp_path).layout, python=Path("/usr/bin/python3"))
-    with pytest.raises(EnvironmentFault) as caught:
+    with pytest.raises(HostError) as caught:
         plan_coverage(BuildPlan(tasks), without, {"PATH": ""}, WarningReporter())
     gcovr, coverage = caught.value.problems
     assert gcovr.message.startswith("gcovr, ")

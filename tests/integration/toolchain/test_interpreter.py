@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.base.errors import EnvironmentFault
+from forge.base.errors import HostError
 from forge.toolchain.interpreter import Interpreter, find_interpreter, own_path
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ def test_the_option_comes_first(tree: Tree) -> None:
 def test_what_is_no_python_is_a_message(program: str, message: str, tree: Tree) -> None:
     """Too old, something else, or broken."""
     path = tree({"odd": program}) / "odd"
-    with pytest.raises(EnvironmentFault) as caught:
+    with pytest.raises(HostError) as caught:
         find_interpreter(str(path), {})
     assert str(caught.value) == message.replace("'P'", f"'{path}'")
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.base.errors import EnvironmentFault
+from forge.base.errors import HostError
 from forge.toolchain.python_modules import install_command, require_modules
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ def test_modules_that_are_there_say_nothing() -> None:
 def test_missing_modules_are_one_message_with_the_command() -> None:
     """For the interpreter that lacks them."""
     for path in (Path(sys.executable), BIN / ".." / "bin" / Path(sys.executable).name):
-        with pytest.raises(EnvironmentFault) as caught:
+        with pytest.raises(HostError) as caught:
             require_modules(path, ["json", "no_such_one", "no_such_two"])
         assert str(caught.value) == (
             f"error: '{path}' lacks modules required by the build: 'no_such_one', 'no_such_two'\n"

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.base.errors import EnvironmentFault
+from forge.base.errors import HostError
 from forge.toolchain.rust import require_cargo, rust_toolchain
 from tests.packages import package
 
@@ -34,7 +34,7 @@ def test_the_toolchain_is_its_compiler_variables_and_configuration(tree: Tree) -
 
 
 def test_a_missing_cargo_is_reported_with_its_remedy() -> None:
-    with pytest.raises(EnvironmentFault) as caught:
+    with pytest.raises(HostError) as caught:
         require_cargo(package("a", build_type="ament_cargo"), {"PATH": "/nowhere"})
     (problem,) = caught.value.problems
     assert problem.message == "cargo not found; 'a' needs it"

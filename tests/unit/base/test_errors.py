@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from forge.base.errors import Problem, Several, WarningReporter, joined
+from forge.base.errors import GroupedProblems, Problem, WarningReporter, joined
 
 if TYPE_CHECKING:
     import pytest
@@ -12,8 +12,8 @@ if TYPE_CHECKING:
 
 def outdated(name: str) -> Problem:
     """Return a problem of a package."""
-    kind = Several("{} are outdated", name, "update all")
-    return Problem(f"'{name}' is outdated", hint=f"update {name}", several=kind)
+    kind = GroupedProblems("{} are outdated", name, "update all")
+    return Problem(f"'{name}' is outdated", hint=f"update {name}", group=kind)
 
 
 def test_many_problems_of_one_kind_are_joined_where_the_first_was() -> None:

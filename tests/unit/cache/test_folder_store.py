@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.base.errors import EnvironmentFault
+from forge.base.errors import HostError
 from forge.cache.folder_store import FolderStore
 from forge.cache.maintenance import Counts, add_counts
 from forge.cache.model import ActionResult, Digest
@@ -99,7 +99,7 @@ def test_a_folder_that_anyone_can_write_to_is_refused(tmp_path: Path, mode: int)
     folder = tmp_path / "cache"
     folder.mkdir()
     folder.chmod(mode)
-    with pytest.raises(EnvironmentFault, match="other users can write to this cache folder"):
+    with pytest.raises(HostError, match="other users can write to this cache folder"):
         FolderStore(folder).check()
 
 
@@ -121,7 +121,7 @@ def test_a_folder_writable_for_a_group_needs_the_setgid_bit(tmp_path: Path) -> N
     except PermissionError:
         pytest.skip("needs root")
     folder.chmod(0o770)
-    with pytest.raises(EnvironmentFault):
+    with pytest.raises(HostError):
         FolderStore(folder).check()
     folder.chmod(0o2770)
     FolderStore(folder).check()
@@ -135,7 +135,7 @@ def test_a_folder_of_another_user_is_refused(tmp_path: Path, monkeypatch: pytest
     except PermissionError:
         pytest.skip("needs root")
     monkeypatch.setattr(os, "geteuid", lambda: 12346)
-    with pytest.raises(EnvironmentFault):
+    with pytest.raises(HostError):
         FolderStore(folder).check()
 
 

@@ -14,7 +14,7 @@ import pytest
 from fsspec.registry import _registry
 
 from forge.cache import action_result
-from forge.cache.model import BlobFault, Digest
+from forge.cache.model import BlobError, Digest
 from forge.cache.remote import Remote, open_remote
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ def test_files_of_a_folder_store_appear_complete(tmp_path: Path) -> None:
     source.write_bytes(BYTES)
     store = opened(f"file://{tmp_path}/store")
     source.write_bytes(BYTES[:-1])
-    with pytest.raises(BlobFault, match="truncated during the upload"):
+    with pytest.raises(BlobError, match="truncated during the upload"):
         store.put(DIGEST, source)
     assert [path for path in (tmp_path / "store").rglob("*") if path.is_file()] == []
     store.close()
@@ -83,7 +83,7 @@ def test_an_invalid_result_is_reported(
     (tmp_path / "ac").mkdir()
     (tmp_path / "ac" / KEY).write_bytes(data)
     store = opened(f"file://{tmp_path}")
-    with pytest.raises(BlobFault, match=words):
+    with pytest.raises(BlobError, match=words):
         store.result(KEY)
     store.close()
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from forge.base.errors import ForgeError
-from forge.cache.model import ActionResult, BlobFault, Digest, OutputFile, StoreFault, WritingRefused
+from forge.cache.model import ActionResult, BlobError, Digest, OutputFile, StoreError, WritingRefused
 from forge.cache.remote import Remote, open_remote
 from forge.cache.uploads import Uploads
 
@@ -38,7 +38,7 @@ def source(tmp_path: Path) -> Path:
 class Fake:
     """A store that does what a test says: raises a fault, or takes its time, or both."""
 
-    fault: StoreFault | None = None
+    fault: StoreError | None = None
     seconds: float = 0
     name: str = "fake"
     asked: list[str] = field(default_factory=list)
@@ -74,13 +74,13 @@ class Fake:
 
 
 def test_a_failing_store_is_tried_and_reported_once(source: Path) -> None:
-    store, said = Fake(StoreFault("fake: no connection")), list[str]()
+    store, said = Fake(StoreError("fake: no connection")), list[str]()
     remote = Remote(store, 10, said.append, writable=True)
     for _ in range(3):
         assert remote.result(KEY) is None
         assert not remote.fetch(DIGEST, source)
     for _ in range(2):
-        with pytest.raises(StoreFault, match="disabled for this build"):
+        with pytest.raises(StoreError, match="disabled for this build"):
             remote.put(DIGEST, source)
     assert store.asked == ["result ab"]
     assert said == ["fake: no connection; disabled for this build"]
@@ -88,10 +88,10 @@ def test_a_failing_store_is_tried_and_reported_once(source: Path) -> None:
 
 
 def test_a_corrupt_blob_does_not_disable_the_store(source: Path) -> None:
-    store, said = Fake(BlobFault("spoilt")), list[str]()
+    store, said = Fake(BlobError("spoilt")), list[str]()
     remote = Remote(store, 10, said.append, writable=True)
     for ask in (lambda: remote.fetch(DIGEST, source), lambda: remote.put(DIGEST, source)) * 2:
-        with pytest.raises(BlobFault, match="spoilt"):
+        with pytest.raises(BlobError, match="spoilt"):
             ask()
     assert len(store.asked) == 4
     assert said == []
@@ -101,7 +101,7 @@ def test_a_rejected_upload_does_not_stop_downloads(source: Path) -> None:
     store, said = Fake(WritingRefused("fake: 403")), list[str]()
     remote = Remote(store, 10, said.append, writable=True)
     for _ in range(3):
-        with pytest.raises(StoreFault):
+        with pytest.raises(StoreError):
             remote.put(DIGEST, source)
     assert said == ["fake: 403; uploads are disabled for this build"]
     store.fault = None

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import pytest
 
-from forge.base.errors import EnvironmentFault
+from forge.base.errors import HostError
 from forge.build.events import Aborted, Event, Finished, Output
 from forge.build.tasks import Step, StepKind, Task
 from forge.execution.dask.connection import Call
@@ -58,7 +58,7 @@ def test_a_lost_message_is_detected() -> None:
     mailbox.get()
     mailbox.follow("one")
     router.deliver(message("one", 2, Aborted("a", 0.0)))
-    with pytest.raises(EnvironmentFault, match="message from a worker was lost"):
+    with pytest.raises(HostError, match="message from a worker was lost"):
         mailbox.get()
 
 
@@ -165,7 +165,7 @@ def test_a_fault_of_workers_is_a_failure_of_the_package(
 
 
 def test_a_task_that_vanishes_ends_the_build(tmp_path: Path) -> None:
-    with pytest.raises(EnvironmentFault, match="the scheduler at 'tcp://there' dropped the task 'a'"):
+    with pytest.raises(HostError, match="the scheduler at 'tcp://there' dropped the task 'a'"):
         called(Quiet(), tmp_path, "ended", promise=Promise("cancelled"))
-    with pytest.raises(EnvironmentFault, match="the worker's result for 'a' was not received"):
+    with pytest.raises(HostError, match="the worker's result for 'a' was not received"):
         called(Quiet(), tmp_path, "ended", "lost", promise=Promise("finished"))

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.base.errors import EnvironmentFault
+from forge.base.errors import HostError
 from forge.interfaces.model import File, TypeName
 from forge.interfaces.output_state import OutputState, read_states
 from forge.interfaces.rendering import Part
@@ -104,7 +104,7 @@ def test_a_broken_record_counts_as_none(tmp_path: Path, text: str) -> None:
 
 def test_a_folder_that_cannot_be_written_is_the_machines_fault(tmp_path: Path) -> None:
     (tmp_path / "x").write_text("a file")
-    with pytest.raises(EnvironmentFault, match="cannot write"):
+    with pytest.raises(HostError, match="cannot write"):
         write([part("x", a="a")], tmp_path, "p")
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from forge.base.errors import EnvironmentFault
+from forge.base.errors import HostError
 from forge.build.events import (
     Aborted,
     Finished,
@@ -141,7 +141,7 @@ def test_something_of_the_users_called_latest_is_left_alone(tmp_path: Path) -> N
 
 def test_a_log_folder_that_cannot_be_created_is_reported(tmp_path: Path) -> None:
     (tmp_path / "log").write_text("a file")
-    with pytest.raises(EnvironmentFault) as error:
+    with pytest.raises(HostError) as error:
         open_log(tmp_path / "log", "build", [])
     assert error.value.problems[0].hint == "choose another folder with --log-base DIR"
 

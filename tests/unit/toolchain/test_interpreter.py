@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.base.errors import EnvironmentFault
+from forge.base.errors import HostError
 from forge.toolchain.interpreter import (
     Interpreter,
     find_interpreter,
@@ -108,7 +108,7 @@ def test_the_environment_of_the_tool_is_never_chosen(
     variables = {"VIRTUAL_ENV": str(tool), "PATH": path_of(tool / "bin", system / "bin")}
     assert find_interpreter(None, variables, [tool], str(own)).path == system / "bin/python3"
     assert find_interpreter(str(own), variables).path == own
-    with pytest.raises(EnvironmentFault, match="'python3' is not on PATH"):
+    with pytest.raises(HostError, match="'python3' is not on PATH"):
         find_interpreter(None, {"PATH": path_of(tool / "bin")})
 
 
@@ -139,7 +139,7 @@ def test_the_underlay_tells_by_its_modules_which_version_it_needs(tree: Tree) ->
     low = root / "low"
     assert find_interpreter(None, {"PATH": path_of(first / "bin")}, [low]).path == first / "bin/python3"
     assert find_interpreter(None, both, [low]).path == second / "bin/python3"
-    with pytest.raises(EnvironmentFault) as caught:
+    with pytest.raises(HostError) as caught:
         find_interpreter(None, {"PATH": path_of(usual / "bin")}, [low])
     version = OTHER.replace("python", "python ")
     assert str(caught.value) == (
@@ -200,7 +200,7 @@ def test_another_version_than_that_of_the_underlay_is_refused(
     python = venv / "bin/python3"
     (venv / ".forge.json").write_text(f'{{"python": "{python}", "underlays": []}}')
     given = {name: value.replace("R", str(root)) for name, value in variables.items()}
-    with pytest.raises(EnvironmentFault) as caught:
+    with pytest.raises(HostError) as caught:
         find_interpreter(option and str(python), given, [root / "low", venv])
     used, version = used.replace("R", str(root)), OTHER.removeprefix("python")
     assert str(caught.value) == (
@@ -237,7 +237,7 @@ def test_another_version_than_that_of_the_underlay_is_refused(
 )
 def test_a_missing_python_is_a_message(python: str | None, variables: dict[str, str], message: str) -> None:
     """With what would help."""
-    with pytest.raises(EnvironmentFault) as caught:
+    with pytest.raises(HostError) as caught:
         find_interpreter(python, variables)
     assert str(caught.value) == message
 

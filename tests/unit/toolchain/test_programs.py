@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.base.errors import EnvironmentFault
+from forge.base.errors import HostError
 from forge.base.own_environment import extra_command
 from forge.toolchain.programs import find_tools, ninja_first
 from tests.packages import package
@@ -63,7 +63,7 @@ def test_everything_missing_is_reported_together_with_hints(
     root = tree({})
     beside_nothing(monkeypatch, root)
     packages = [compiled(root, "project(a)"), package("b")]
-    with pytest.raises(EnvironmentFault) as error:
+    with pytest.raises(HostError) as error:
         find_tools(packages, {"PATH": str(root)})
     assert [problem.message for problem in error.value.problems] == [
         "CMake not found; 'a' and 1 more package need it",
@@ -75,7 +75,7 @@ def test_everything_missing_is_reported_together_with_hints(
 def test_cmake_without_a_build_program(tree: Tree, monkeypatch: pytest.MonkeyPatch) -> None:
     root = tree({"bin/cmake": PROGRAM})
     beside_nothing(monkeypatch, root)
-    with pytest.raises(EnvironmentFault, match="neither Ninja nor make found"):
+    with pytest.raises(HostError, match="neither Ninja nor make found"):
         find_tools([package("a")], {"PATH": str(root / "bin")})
 
 

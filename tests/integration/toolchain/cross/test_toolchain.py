@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.base.errors import EnvironmentFault
+from forge.base.errors import HostError
 from forge.base.layout import Layout
 from forge.toolchain.cross.targets import Target, parse_target
 from forge.toolchain.cross.toolchain import has_emulator, prepare_cross_build
@@ -164,7 +164,7 @@ def test_what_cannot_be_built_is_told_before_anything_is_written(
     tree: Tree, word: str, options: dict[str, str], message: str
 ) -> None:
     root = tree({"own.cmake": ""})
-    with pytest.raises(EnvironmentFault, match=message):
+    with pytest.raises(HostError, match=message):
         prepare(root, word, **options)
     assert not (root / "build").exists()
 
