@@ -21,7 +21,7 @@ def is_package_name(text: str) -> bool:
     return _PACKAGE.fullmatch(text) is not None
 
 
-def is_word(text: str) -> bool:
+def is_safe_name(text: str) -> bool:
     """Tell whether a name is safe in paths, scripts and CMake.
 
     All valid names of packages are, and most names of Python projects and folders.
@@ -29,7 +29,7 @@ def is_word(text: str) -> bool:
     return _WORD.fullmatch(text) is not None
 
 
-def is_below(path: str) -> bool:
+def is_safe_relative_path(path: str) -> bool:
     """Tell whether a relative path stays in its folder, judging by its text, and has no line break."""
     return bool(path) and path.isprintable() and not path.startswith("/") and ".." not in path.split("/")
 

@@ -20,7 +20,7 @@ from forge import __version__
 from forge.base.frozen import frozen
 from forge.base.layout import NO_CODE, PACKAGE, own_folders
 from forge.build.inputs.fingerprints import contents_of, digest_of, source_files
-from forge.cache.relocation import PLAIN, SPACED
+from forge.cache.relocation import QuotingClass
 from forge.toolchain.programs import program_of
 
 if TYPE_CHECKING:
@@ -40,20 +40,20 @@ _MAX_LISTS = 4
 class ExternalFileList:
     """The files outside the workspace that a build read, and the paths at which its result is valid.
 
-    `bound` is the reason why it is valid at one path only, '' if it is relocatable; `kind` is the kind of the
-    paths where it was built.
+    `absolute_path_reason` tells why it is valid at one path only, '' if it is relocatable; `quoting` is that
+    of the paths where it was built.
     """
 
     paths: tuple[str, ...]
-    bound: str = ""
-    kind: str = PLAIN
+    absolute_path_reason: str = ""
+    quoting: QuotingClass = QuotingClass.PLAIN
 
-    def holds_at(self, relocator: Relocator) -> bool:
+    def valid_for(self, relocator: Relocator) -> bool:
         """Return True if the result can be relocated to these paths: extra quotes are harmless."""
         return (
-            bool(self.bound)
-            or relocator.kind == self.kind
-            or (relocator.kind == PLAIN and self.kind == SPACED)
+            bool(self.absolute_path_reason)
+            or relocator.quoting == self.quoting
+            or (relocator.quoting == QuotingClass.PLAIN and self.quoting == QuotingClass.SPACED)
         )
 
 
@@ -110,15 +110,17 @@ def result_key(
     """
     data = digest_of(inputs.paths, contents)
     locations = (
-        [[name, path.decode(errors="replace")] for name, path in relocator.paths] if inputs.bound else []
+        [[name, path.decode(errors="replace")] for name, path in relocator.paths]
+        if inputs.absolute_path_reason
+        else []
     )
-    return _key(first, data, inputs.kind, locations)
+    return _key(first, data, inputs.quoting, locations)
 
 
 def encode_lists(lists: Iterable[ExternalFileList]) -> bytes:
     """Return the first _MAX_LISTS lists of inputs as JSON."""
     found = list(dict.fromkeys(lists))[:_MAX_LISTS]
-    data = [[*one.paths, one.kind, one.bound] for one in found]
+    data = [[*one.paths, one.quoting, one.absolute_path_reason] for one in found]
     return json.dumps({"forge_inputs": _VERSION, "lists": data}).encode()
 
 
@@ -129,7 +131,9 @@ def decode_lists(data: bytes) -> tuple[ExternalFileList, ...]:
         if found["forge_inputs"] != _VERSION:
             return ()
         lists = [[_text(word) for word in one] for one in found["lists"][:_MAX_LISTS]]
-        return tuple(ExternalFileList(tuple(words), bound, kind) for *words, kind, bound in lists)
+        return tuple(
+            ExternalFileList(tuple(words), reason, QuotingClass(quoting)) for *words, quoting, reason in lists
+        )
     except (ValueError, LookupError, TypeError, RecursionError):
         return ()
 

@@ -21,9 +21,9 @@ from forge.cache.dependency_keys import DependencyKeys, uncacheable_tree
 from forge.cache.external_inputs import ExternalInputs
 from forge.cache.model import RESTORED, ActionResult, Digest, OutputFile, StoreError
 from forge.cache.processor import WORD, processor_inputs
-from forge.cache.relocation import ODD
+from forge.cache.relocation import QuotingClass
 from forge.cache.restoring import CachedTree, Contents, TreeWriter
-from forge.cache.trees import TICK, Uncacheable, decode_index, encode_index, scan_tree, unlisted_files
+from forge.cache.trees import TICK, Uncacheable, decode_index, encode_index, scan_tree, unrecorded_files
 from forge.toolchain.programs import CMAKE_TYPES, condensed, program_of
 
 if TYPE_CHECKING:
@@ -163,7 +163,9 @@ class PackageCache:
             self.notes[task.name] = f"not cached: {fault}"
             self._warn_once(fault)
             return record
-        self.notes[task.name] = f"cached for this path only: {tree.bound}" if tree.bound else KEPT
+        self.notes[task.name] = (
+            f"cached for this path only: {tree.absolute_path_reason}" if tree.absolute_path_reason else KEPT
+        )
         return replace(record, tree=tree.digest)
 
     def finish(self) -> None:
@@ -174,18 +176,18 @@ class PackageCache:
         """
         since = min((pending.began for pending in self._pending), default=0.0)
         found = (
-            unlisted_files(self._context.layout.install, self._context.records, since)
+            unrecorded_files(self._context.layout.install, self._context.records, since)
             if self._pending
             else {}
         )
         for pending in self._pending:
             near = (path for path, at in found.items() if pending.began - TICK <= at <= pending.ended + TICK)
-            unlisted = next(near, None)
-            if unlisted is None:
+            unrecorded = next(near, None)
+            if unrecorded is None:
                 self._publish(pending)
             else:
                 self.notes[pending.package] = (
-                    f"not cached: '{unlisted}' appeared during the build without being listed"
+                    f"not cached: '{unrecorded}' appeared during the build without being listed"
                 )
         self._pending.clear()
         self._external_inputs.save()
@@ -245,7 +247,7 @@ class PackageCache:
         try:
             lists = self._lists_in(store, first)
             for inputs in lists:
-                if not inputs.holds_at(self._context.relocator):
+                if not inputs.valid_for(self._context.relocator):
                     continue
                 seen = self._external_inputs.look(inputs.paths)
                 second = keys.result_key(first, inputs, seen.contents, self._context.relocator)
@@ -309,8 +311,10 @@ class PackageCache:
         try:
             with draft.open("xb") as pack:
                 tree = scan_tree(task.name, self._context.layout, record, self._context.relocator, pack.write)
-            if self._context.relocator.kind == ODD and not tree.bound:
-                tree = replace(tree, bound="the path of the workspace contains special characters")
+            if self._context.relocator.quoting == QuotingClass.ODD and not tree.absolute_path_reason:
+                tree = replace(
+                    tree, absolute_path_reason="the path of the workspace contains special characters"
+                )
             has_tests = task.package.build_type not in CMAKE_TYPES or has_ctests(task.build_dir)
             tree = replace(tree, seconds=round(time.time() - record.began, 3), has_tests=has_tests)
             blobs = self._put_blobs(task.prefix, tree, draft)
@@ -321,7 +325,7 @@ class PackageCache:
             *map(relocator.relativize_word, record.externals),
             *processor_inputs(task, relocator.root / task.package.path, self._context.values),
         )
-        inputs = keys.ExternalFileList(read, tree.bound, relocator.kind)
+        inputs = keys.ExternalFileList(read, tree.absolute_path_reason, relocator.quoting)
         result = ActionResult(tuple(OutputFile(name, digest) for name, digest in blobs.items()))
         pending = PendingResult(task.name, first, inputs, result, record.began, time.time())
         if self._context.layout.merged:
@@ -367,10 +371,10 @@ class PackageCache:
 
     def _miss_reason(self, first: str) -> str:
         lists = self._lists.get(first, ())
-        bound = next((inputs.bound for inputs in lists if inputs.bound), "")
-        if bound:
-            return f"not in the cache for this path: {bound}"
-        if lists and not any(inputs.holds_at(self._context.relocator) for inputs in lists):
+        reason = next((inputs.absolute_path_reason for inputs in lists if inputs.absolute_path_reason), "")
+        if reason:
+            return f"not in the cache for this path: {reason}"
+        if lists and not any(inputs.valid_for(self._context.relocator) for inputs in lists):
             return "not in the cache for this path: cached results do not quote paths with blanks"
         if lists and all(WORD in inputs.paths for inputs in lists):
             return "not in the cache: a file outside the workspace or the processor differs"

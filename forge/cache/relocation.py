@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import re
+from enum import Enum
 from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
@@ -31,8 +32,13 @@ _AMBIGUOUS = rb"[+@~%]"
 _GLUED = rb"(?<![." + _NAME + rb"])(?:-[A-Z]|-isystem|-iquote|-idirafter)"
 """Compiler options that are followed by a path without a blank."""
 
-PLAIN, SPACED, ODD = "plain", "spaced", "odd"
-"""How paths must be written in scripts: verbatim, quoted, or escaped differently in each language."""
+
+class QuotingClass(str, Enum):
+    """How paths must be written in scripts: verbatim, quoted, or escaped differently in each language."""
+
+    PLAIN = "plain"
+    SPACED = "spaced"
+    ODD = "odd"
 
 
 @frozen
@@ -49,8 +55,8 @@ class Relocator:
         """Prepare the patterns for the install, build and root folders."""
         self.root = root
         found = {"install": str(layout.install), "build": str(layout.build), "root": str(root)}
-        self.kind = _kind_of("".join(found.values()))
-        """The kind of the paths: scripts written for one kind may lack the quotes that another needs."""
+        self.quoting = _quoting_of("".join(found.values()))
+        """Scripts written for paths of one class may lack the quotes that another needs."""
         # The longest first: install and build usually lie below the root.
         ordered = sorted(found.items(), key=lambda entry: -len(entry[1]))
         self.paths = tuple((name, path.encode(errors="surrogateescape")) for name, path in ordered)
@@ -112,10 +118,10 @@ _NAMES = {
 }
 
 
-def _kind_of(paths: str) -> str:
+def _quoting_of(paths: str) -> QuotingClass:
     if re.fullmatch(r"[\w/.+-]*", paths):
-        return PLAIN
-    return SPACED if re.fullmatch(r"[\w/.+ -]*", paths) else ODD
+        return QuotingClass.PLAIN
+    return QuotingClass.SPACED if re.fullmatch(r"[\w/.+ -]*", paths) else QuotingClass.ODD
 
 
 def _other_spellings(path: bytes) -> Iterator[bytes]:

@@ -67,15 +67,15 @@ class Tree:
     """All files of a package, sorted by path, and its folders that are empty or have unusual permissions.
 
     The permissions of a folder are 0 for the default. `seconds` is the duration of the build, for estimates;
-    `bound` is the reason why the tree is valid only at its original path, '' if it is relocatable. With
-    `has_tests`, tests need the build folder, which is not stored.
+    `absolute_path_reason` tells why the tree is valid only at its original path, '' if it is
+    relocatable. With `has_tests`, tests need the build folder, which is not stored.
     """
 
     package: str
     leaves: tuple[Leaf, ...]
     folders: tuple[tuple[str, int], ...] = ()
     seconds: float = 0.0
-    bound: str = ""
+    absolute_path_reason: str = ""
     pack: Digest | None = None
     has_tests: bool = True
 
@@ -116,7 +116,7 @@ def scan_tree(
     """
     prefix = str(layout.prefix(package))
     names = [_name(prefix, path) for path in record.files]
-    leaves, offset, bound = [], 0, ""
+    leaves, offset, reason = [], 0, ""
     whole = hashlib.sha256()
     for name in sorted(names):
         leaf, content, why = _leaf(f"{prefix}/{name}", name, relocator, offset)
@@ -125,13 +125,13 @@ def scan_tree(
             whole.update(content)
             pack(content)
             offset += len(content)
-        if why and not bound:
-            bound = f"'{name}' contains {why}"
+        if why and not reason:
+            reason = f"'{name}' contains {why}"
     folders = _folders(prefix, names, [_name(prefix, path.rstrip("/")) for path in record.folders])
-    return Tree(package, tuple(leaves), folders, 0.0, bound, Digest(whole.hexdigest(), offset))
+    return Tree(package, tuple(leaves), folders, 0.0, reason, Digest(whole.hexdigest(), offset))
 
 
-def unlisted_files(install: Path, records: Mapping[str, BuildRecord], since: float) -> dict[str, float]:
+def unrecorded_files(install: Path, records: Mapping[str, BuildRecord], since: float) -> dict[str, float]:
     """Return files that appeared in a merged prefix without being in any install manifest, with their times.
 
     Workspace-level files of forge and Python bytecode are excluded.
@@ -150,6 +150,7 @@ def unlisted_files(install: Path, records: Mapping[str, BuildRecord], since: flo
 def encode_index(tree: Tree) -> bytes:
     """Return the index: the tree as JSON."""
     value = {"forge_tree": _VERSION, **asdict(tree)}
+    value["bound"] = value.pop("absolute_path_reason")
     value["leaves"] = [
         [leaf.path, leaf.mode, leaf.size, leaf.hash, leaf.offset, leaf.relocatable, leaf.target]
         for leaf in tree.leaves
@@ -172,7 +173,7 @@ def decode_index(index: bytes) -> Tree:
             leaves=tuple(_leaf_of(entry) for entry in value["leaves"]),
             folders=tuple((_safe(path), _number(mode) & 0o777) for path, mode in value["folders"]),
             seconds=_duration(value["seconds"]),
-            bound=_text(value["bound"]),
+            absolute_path_reason=_text(value["bound"]),
             pack=Digest(_hash(pack["hash"]), _number(pack["size"])),
             has_tests=bool(value["has_tests"]),
         )

@@ -379,16 +379,16 @@ def _rust_toolchain(
     packages: Iterable[Package], root: Path, variables: Mapping[str, str], cross: CrossBuild | None
 ) -> str:
     """Return the option that stands for the Rust toolchain, '' without Rust packages."""
-    needy = [package for package in packages if package.build_type in CARGO_TYPES]
-    if not needy:
+    cargo_packages = [package for package in packages if package.build_type in CARGO_TYPES]
+    if not cargo_packages:
         return ""
     from forge.toolchain.rust import require_cargo, rust_toolchain
 
     if cross is not None:
-        names = tuple(package.name for package in needy)
+        names = tuple(package.name for package in cargo_packages)
         hint = f"build without '--target', or pass --packages-skip {' '.join(names)}"
         raise HostError(Problem(f"'--target' does not support Rust: {listed(names)}", hint=hint))
-    require_cargo(needy[0], variables)
+    require_cargo(cargo_packages[0], variables)
     return f"{RUST} {rust_toolchain(root, variables)}"
 
 

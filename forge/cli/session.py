@@ -140,7 +140,7 @@ def open_session(
     """
     handlers, durations = options.handlers, seconds or {}
     # Later builds of embedded packages follow from a new forge or new options.
-    unlisted = frozenset(
+    collapsed = frozenset(
         name
         for name, task in plan.tasks.items()
         if task.embedded and name in durations and name not in query.named
@@ -148,7 +148,7 @@ def open_session(
     live = not options.json and is_wanted(handlers)
     with (
         closing(open_log(layout.logs, command, sys.argv, **_for_log(layout, query))) as log,
-        live_view(plan, durations, wanted=live, unlisted=unlisted) as view,
+        live_view(plan, durations, wanted=live, collapsed=collapsed) as view,
     ):
         shown = without_text_output(handlers) if options.json or quiet else handlers
         report = ConsoleReporter(plan, packages, shown, log.folder, cmake_variables)
@@ -156,7 +156,7 @@ def open_session(
         report.python = python
         report.prefix_of = prefix_of
         report.whereabouts = whereabouts
-        report.unlisted = unlisted
+        report.collapsed = collapsed
         report.displayed = partial(displayed_below, Path.cwd(), origin)
         direct = handlers["console_direct"]
         json_events = JsonEvents(plan, packages, log=log.note, printed=options.json, output=direct)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from forge.base.ament_index import INDEX
 from forge.base.frozen import frozen
 from forge.base.layout import LAYOUT_MARKER
-from forge.base.names import is_word
+from forge.base.names import is_safe_name
 from forge.environment.install_state import is_built_on
 
 if TYPE_CHECKING:
@@ -134,7 +134,7 @@ def package_prefixes(root: Path) -> tuple[Path, ...]:
     """Return the folders with packages of an install tree: one for each package, or the root itself."""
     if _layout(root) != "isolated":
         return (root,) if root.is_dir() else ()
-    return tuple(sorted(path for path in root.iterdir() if is_word(path.name) and path.is_dir()))
+    return tuple(sorted(path for path in root.iterdir() if is_safe_name(path.name) and path.is_dir()))
 
 
 def _populated_prefixes(root: Path) -> list[Path]:
@@ -153,7 +153,7 @@ def has_packages(root: Path) -> bool:
 def _candidates(root: Path) -> list[tuple[str, Path]]:
     """Return the names and prefixes of what may be packages in colcon's index."""
     if _layout(root) == "isolated":
-        names = sorted(entry.name for entry in root.iterdir() if is_word(entry.name))
+        names = sorted(entry.name for entry in root.iterdir() if is_safe_name(entry.name))
         return [(name, root / name) for name in names]
     return [(name, root) for name in _names(root / PACKAGES)]
 
@@ -210,7 +210,7 @@ def _evidence(name: str) -> Iterator[str]:
 def _names(folder: Path) -> list[str]:
     """Return the visible files of an index folder, sorted; empty if there is no folder."""
     with suppress(FileNotFoundError, NotADirectoryError), os.scandir(folder) as entries:
-        return sorted(entry.name for entry in entries if is_word(entry.name) and entry.is_file())
+        return sorted(entry.name for entry in entries if is_safe_name(entry.name) and entry.is_file())
     return []
 
 

@@ -136,7 +136,7 @@ class ConsoleReporter:
         """Returns the prefix of an installed package, for hints."""
         self.whereabouts: Callable[[str], str | None] = lambda _: None
         """Returns what to do about a package that is in no prefix, for hints."""
-        self.unlisted: frozenset[str] = frozenset()
+        self.collapsed: frozenset[str] = frozenset()
         """Packages without lines of their own unless they fail; the summary counts them."""
         self.launcher_summaries: tuple[LauncherSummary, ...] = ()
         """The summaries of compiler launchers."""
@@ -288,7 +288,7 @@ class ConsoleReporter:
                 self._out(f"  {hint} did you mean '{near}' instead of '{name}'?")
 
     def _start(self, task: str) -> None:
-        if not self.screen.quiet_starts and task not in self.unlisted:
+        if not self.screen.quiet_starts and task not in self.collapsed:
             self._progress(f"Starting >>> {self._label(task)}")
 
     def _end_step(self, event: StepFinished) -> None:
@@ -371,7 +371,7 @@ class ConsoleReporter:
         if event.cache == RESTORED:
             self._restored.append(task)
             remark = f"\t[ {RESTORED} ]"
-        if task not in self.unlisted:
+        if task not in self.collapsed:
             verb = self.screen.palette().paint("success", "Finished")
             self._progress(f"{verb} <<< {self._label(task)} [{duration(event.seconds)}]{remark}")
 

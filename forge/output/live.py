@@ -48,11 +48,11 @@ def is_wanted(handlers: Mapping[str, bool]) -> bool:
 
 @contextmanager
 def live_view(
-    plan: BuildPlan, seconds: Mapping[str, float], *, wanted: bool, unlisted: frozenset[str] = frozenset()
+    plan: BuildPlan, seconds: Mapping[str, float], *, wanted: bool, collapsed: frozenset[str] = frozenset()
 ) -> Iterator[View]:
     """Show the status lines during a build; `seconds` contains the duration of earlier builds.
 
-    Running packages in `unlisted` are only counted.
+    Running packages in `collapsed` are only counted.
     """
     if not wanted:
         yield View()
@@ -64,7 +64,7 @@ def live_view(
     # The terminal knows its size. rich would prefer these variables, which do not follow a resized window.
     variables = {name: value for name, value in os.environ.items() if name not in {"COLUMNS", "LINES"}}
     console = Console(highlight=False, soft_wrap=True, no_color=no_color, _environ=variables)
-    view = LiveView(plan, seconds, unlisted)
+    view = LiveView(plan, seconds, collapsed)
     with Live(view, console=console, transient=True, refresh_per_second=8, redirect_stdout=False) as live:
         view.screen = Above(live)
         yield view
@@ -86,13 +86,13 @@ class LiveView(View):
         self,
         plan: BuildPlan,
         seconds: Mapping[str, float],
-        unlisted: frozenset[str] = frozenset(),
+        collapsed: frozenset[str] = frozenset(),
     ) -> None:
         """Start with no running packages."""
         names = list(plan.tasks)
         unsure = frozenset(name for name, task in plan.tasks.items() if task.conditional)
         self._progress = Progress(time.monotonic(), expectations(names, seconds), len(names), unsure=unsure)
-        self._unlisted = unlisted
+        self._collapsed = collapsed
 
     def show(self, event: Event) -> None:
         """Update the progress; the next redraw shows it."""
@@ -104,17 +104,17 @@ class LiveView(View):
 
         room = max(1, min(_LINES, options.size.height - 4))
         now = time.monotonic()
-        for line in lines(self._progress, now, room, options.size.width, self._unlisted):
+        for line in lines(self._progress, now, room, options.size.width, self._collapsed):
             parts = ((text, style) for style, text in line)
             yield Text.assemble(*parts, no_wrap=True, overflow="ellipsis")
 
 
 def lines(
-    progress: Progress, now: float, room: int, width: int, unlisted: frozenset[str] = frozenset()
+    progress: Progress, now: float, room: int, width: int, collapsed: frozenset[str] = frozenset()
 ) -> Iterator[Line]:
-    """Yield each line; at most `room` packages are shown, those in `unlisted` are counted."""
+    """Yield each line; at most `room` packages are shown, those in `collapsed` are counted."""
     yield _head(progress, now, width)
-    listed = [running for running in progress.running if running.name not in unlisted]
+    listed = [running for running in progress.running if running.name not in collapsed]
     shown = [(running.name, _doing(running), _elapsed(now - running.begun)) for running in listed[:room]]
     widths = [max(map(len, column)) for column in zip(*shown, strict=True)]
     for name, doing, elapsed in shown:

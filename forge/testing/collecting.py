@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from forge.base.errors import Location, Problem, WorkspaceError
 from forge.base.files import read_file, text_or_nothing
 from forge.base.frozen import frozen
-from forge.base.names import is_word
+from forge.base.names import is_safe_name
 from forge.base.xml import as_utf8, mentions, parse_xml
 from forge.testing.outcomes import (
     BrokenResultError,
@@ -116,7 +116,7 @@ def _home(folder: str, base: str, homes: list[str], has_testing: bool) -> str:
 def last_run(tag: str) -> str:
     """Return the result of the last CTest run, which may be missing; `tag` itself if it names no run."""
     lines = text_or_nothing(tag).splitlines()
-    return f"{Path(tag).parent}/{lines[0]}/Test.xml" if lines and is_word(lines[0]) else tag
+    return f"{Path(tag).parent}/{lines[0]}/Test.xml" if lines and is_safe_name(lines[0]) else tag
 
 
 def _read(found: _Candidate) -> Outcome:

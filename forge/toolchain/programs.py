@@ -65,23 +65,27 @@ def find_tools(
     Raises HostError with all programs that are certainly missing: `cmake_args` and a package's own
     arguments may name others.
     """
-    needy = [package for package in packages if package.build_type in CMAKE_TYPES]
-    if not needy:
+    cmake_packages = [package for package in packages if package.build_type in CMAKE_TYPES]
+    if not cmake_packages:
         return None
-    arguments = {package.name: " ".join((*cmake_args, *_own_arguments(package))) for package in needy}
+    arguments = {
+        package.name: " ".join((*cmake_args, *_own_arguments(package))) for package in cmake_packages
+    }
     cmake = find_cmake(variables)
     ninja = find_ninja(variables)
     make = find_program("make", variables)
     problems = []
     if cmake is None:
-        problems.append(no_cmake(needy))
+        problems.append(no_cmake(cmake_packages))
     elif not (ninja or make or "CMAKE_GENERATOR" in variables):
-        without = [package for package in needy if not _NAMES_BUILDER.search(arguments[package.name])]
+        without = [
+            package for package in cmake_packages if not _NAMES_BUILDER.search(arguments[package.name])
+        ]
         problems += [no_builder(without)] if without else []
-    before_compilers = find_program(launcher, variables) if launcher else None
-    if launcher and before_compilers is None:
+    launcher_path = find_program(launcher, variables) if launcher else None
+    if launcher and launcher_path is None:
         problems.append(not_found(launcher))
-    texts = [(package, _project_text(package)) for package in needy if not package.embedded]
+    texts = [(package, _project_text(package)) for package in cmake_packages if not package.embedded]
     if not (has_compiler or _has_compiler(variables) or "CMAKE_TOOLCHAIN_FILE" in variables):
         compiled = [
             package
@@ -92,38 +96,38 @@ def find_tools(
     raise_if_any(problems, HostError)
     assert cmake is not None
     only_make = frozenset(package.name for package, text in texts if calls_make(text))
-    return Tools(cmake, ninja, make, only_make, before_compilers)
+    return Tools(cmake, ninja, make, only_make, launcher_path)
 
 
 def _own_arguments(package: Package) -> tuple[str, ...]:
     return (*package.option_values("cmake-args"), *package.option_values("ament-cmake-args"))
 
 
-def no_cmake(needy: Sequence[Package]) -> Problem:
+def no_cmake(packages: Sequence[Package]) -> Problem:
     """Return a problem for missing CMake."""
-    return Problem(f"CMake not found; {_dependents(needy)} it", hint=_cmake_hint())
+    return Problem(f"CMake not found; {_dependents(packages)} it", hint=_cmake_hint())
 
 
 def _cmake_hint() -> str:
     return f"install your distribution's cmake package, or CMake beside forge: {extra_command('cmake')}"
 
 
-def no_builder(needy: Sequence[Package]) -> Problem:
+def no_builder(packages: Sequence[Package]) -> Problem:
     """Return a problem for missing Ninja and make."""
     hint = f"install Ninja, `{install_beside_forge('ninja')}`, or make with your distribution's package"
-    return Problem(f"neither Ninja nor make found; {_dependents(needy)} one", hint=hint)
+    return Problem(f"neither Ninja nor make found; {_dependents(packages)} one", hint=hint)
 
 
-def no_compiler(needy: Sequence[Package]) -> Problem:
+def no_compiler(packages: Sequence[Package]) -> Problem:
     """Return a problem for a missing compiler."""
     hint = "install g++ or clang++, for example with `apt install g++` or `dnf install gcc-c++`, or set CXX"
-    return Problem(f"no C++ compiler found; {_dependents(needy)} one", hint=hint)
+    return Problem(f"no C++ compiler found; {_dependents(packages)} one", hint=hint)
 
 
 def compiled_packages(packages: Iterable[Package]) -> list[Package]:
     """Return the packages whose project() enables a language."""
-    needy = (package for package in packages if package.build_type in CMAKE_TYPES)
-    return [package for package in needy if _compiles(_project_text(package))]
+    cmake_packages = (package for package in packages if package.build_type in CMAKE_TYPES)
+    return [package for package in cmake_packages if _compiles(_project_text(package))]
 
 
 def compiler_words(variables: Mapping[str, str]) -> list[str]:
@@ -180,10 +184,10 @@ def identities(
         if program:
             found[name] = _identity(program)
     for name, variable in _COMPILING.items():
-        found |= _behind(name, variables.get(variable) or name, lookup)
+        found |= _resolve_wrappers(name, variables.get(variable) or name, lookup)
     for variable in _NAMED_PROGRAMS:
         if variables.get(variable, "").strip():
-            found |= _behind(variable, variables[variable], lookup)
+            found |= _resolve_wrappers(variable, variables[variable], lookup)
     flags = " ".join((*arguments, *(variables.get(name, "") for name in _FLAGS)))
     for linker in dict.fromkeys(re.findall(_USE_LINKER, flags)) if "-fuse-ld" in flags else ():
         for name in (linker, f"ld.{linker}", f"ld64.{linker}"):
@@ -204,7 +208,7 @@ def programs_in(arguments: Sequence[str], lookup: ProgramLookup) -> Pairs:
     found: dict[str, str] = {}
     for name, value in definitions(arguments):
         if name.endswith(_PROGRAM_VARIABLES) or value.startswith("/"):
-            found |= _behind(name, value.replace(";", " "), lookup)
+            found |= _resolve_wrappers(name, value.replace(";", " "), lookup)
     return tuple(sorted(found.items()))
 
 
@@ -224,7 +228,7 @@ def cmake_root(cmake: Path) -> Path | None:
     return next((root for root in roots if (root / "Modules" / "CMakeDetermineSystem.cmake").is_file()), None)
 
 
-def _behind(name: str, words: str, lookup: ProgramLookup) -> dict[str, str]:
+def _resolve_wrappers(name: str, words: str, lookup: ProgramLookup) -> dict[str, str]:
     """Return the programs in a command: the first one under the given name, others with a number."""
     found: dict[str, str] = {}
     for word in words.split():

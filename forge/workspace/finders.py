@@ -47,7 +47,7 @@ def identify_with(name: str, folder: Folder) -> Identity | None:
     identity = call(f"the build type '{name}'", found.identify, folder)
     if not isinstance(identity, Identity | None):
         message = f"the build type '{name}' returned {type(identity).__name__} instead of an Identity"
-        raise WorkspaceError(Problem(message, Location(folder.path)))
+        raise WorkspaceError(Problem(message, Location(folder.display_path)))
     return identity
 
 

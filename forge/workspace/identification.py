@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from forge.base.errors import ForeignManifestError, Location, Problem, WorkspaceError
 from forge.base.files import read_file, text_or_nothing
 from forge.base.layout import IGNORE_MARK
-from forge.base.names import did_you_mean, is_word
+from forge.base.names import did_you_mean, is_safe_name
 from forge.workspace.identity import IGNORED, NOT_A_PACKAGE, Folder, Identity
 from forge.workspace.manifest import parse_manifest
 from forge.workspace.model import Package
@@ -51,14 +51,14 @@ def identify(
         return IGNORED
     folder = Folder(path, root / path, entries)
     try:
-        there = COLCON_PKG in folder.entries and (folder.place / COLCON_PKG).exists()
-        own = read_colcon_pkg(folder.place) if there else {}
-        said = overrides.placed(folder.place)
-        conflicts = _claim(folder, own, said, overrides)
+        there = COLCON_PKG in folder.entries and (folder.absolute / COLCON_PKG).exists()
+        own = read_colcon_pkg(folder.absolute) if there else {}
+        said = overrides.placed(folder.absolute)
+        conflicts = _assign_type_and_name(folder, own, said, overrides)
         identity = _identify(folder, variables, overrides.build_types)
         package = identity.package
         if package is not None:
-            if not is_word(package.name):
+            if not is_safe_name(package.name):
                 message = f"invalid package name '{package.name}'"
                 signs = "letters, digits, '_', '-' and '.'"
                 hint = f"write 'name: NAME' into '{package.path / COLCON_PKG}', with {signs}"
@@ -68,7 +68,7 @@ def identify(
     except WorkspaceError as error:
         return Identity(problems=_relative(error.problems, folder), name=_likely_name(folder))
     except OSError as error:
-        file = os.path.relpath(error.filename, folder.place) if error.filename else "package.xml"
+        file = os.path.relpath(error.filename, folder.absolute) if error.filename else "package.xml"
         what = "the manifest" if file == "package.xml" else "the file"
         problem = Problem(f"cannot read {what}: {error.strerror}", Location(path / file))
         return Identity(problems=(problem,), name=_likely_name(folder))
@@ -77,7 +77,7 @@ def identify(
 
 def _likely_name(folder: Folder) -> str:
     """Return the name that an invalid package was given, '' if it is unreadable."""
-    text = text_or_nothing(folder.place / "package.xml") if "package.xml" in folder.entries else ""
+    text = text_or_nothing(folder.absolute / "package.xml") if "package.xml" in folder.entries else ""
     named = _NAME.search(_COMMENT.sub("", text))
     return folder.name or (named[1] if named else "")
 
@@ -98,7 +98,7 @@ def read_package(root: Path, folder: Path, variables: Mapping[str, str]) -> Pack
     return Package(folder, manifest, has_actions=has_actions, has_services=has_services)
 
 
-def _claim(
+def _assign_type_and_name(
     folder: Folder, own: Mapping[str, Any], placed: Mapping[str, Any], overrides: Overrides
 ) -> tuple[Problem, ...]:
     """Record the type and name that users assign; the first one wins, conflicts are returned."""
@@ -110,7 +110,7 @@ def _claim(
                 setattr(folder, key, str(value))
             elif value and known != value:
                 message = f"the {key} '{known}' in {COLCON_PKG} overrides '{value}' in a *.meta file"
-                conflicts.append(Problem(message, Location(folder.path)))
+                conflicts.append(Problem(message, Location(folder.display_path)))
     if folder.name and folder.type is None:
         assigned_type = overrides.named(folder.name).get("type")
         folder.type = str(assigned_type) if assigned_type else None
@@ -164,17 +164,17 @@ def _as_ros(folder: Folder, variables: Mapping[str, str]) -> Identity | None:
         return None
     whole = folder.type in {None, "ros"}
     hidden = whole and any(
-        (folder.place / mark).exists() for mark in ROS_IGNORE_FILES if mark in folder.entries
+        (folder.absolute / mark).exists() for mark in ROS_IGNORE_FILES if mark in folder.entries
     )
     if not hidden and "package.xml" in folder.entries:
-        package = read_package(folder.place, Path(), variables)
+        package = read_package(folder.absolute, Path(), variables)
         warnings = _relative(package.manifest.warnings, folder)
-        manifest = replace(package.manifest, path=folder.path / "package.xml", warnings=warnings)
+        manifest = replace(package.manifest, path=folder.display_path / "package.xml", warnings=warnings)
         if folder.name:
             manifest = replace(manifest, name=folder.name)
         if folder.type and folder.type != "ros":
             manifest = replace(manifest, build_type=folder.type.removeprefix("ros."))
-        return Identity(replace(package, path=folder.path, manifest=manifest))
+        return Identity(replace(package, path=folder.display_path, manifest=manifest))
     if hidden or "manifest.xml" in folder.entries:
         # The latter is a rosbuild package, whose CMakeLists.txt is incompatible.
         return IGNORED
@@ -184,7 +184,9 @@ def _as_ros(folder: Folder, variables: Mapping[str, str]) -> Identity | None:
 def _incomplete(folder: Folder, why: str, hint: str | None = None) -> Identity:
     assigned = f"type '{folder.type}'" if folder.type else f"name '{folder.name}'"
     note = Problem(
-        f"the folder was assigned the {assigned}, but is not a package: {why}", Location(folder.path), hint
+        f"the folder was assigned the {assigned}, but is not a package: {why}",
+        Location(folder.display_path),
+        hint,
     )
     return Identity(descend=True, notes=(note,))
 
@@ -193,7 +195,8 @@ def _relative(problems: tuple[Problem, ...], folder: Folder) -> tuple[Problem, .
     """Return the problems with paths spelled like the folder."""
     return tuple(
         replace(
-            problem, location=replace(problem.location, path=folder.path / Path(problem.location.path).name)
+            problem,
+            location=replace(problem.location, path=folder.display_path / Path(problem.location.path).name),
         )
         if problem.location
         else problem

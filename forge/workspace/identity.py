@@ -36,25 +36,25 @@ IGNORED = Identity()
 
 @dataclass(slots=True)
 class Folder:
-    """A folder under examination: its spelling, real path, entries, and type and name if known."""
+    """A folder under examination: how to show it, its absolute path, entries, and type and name if known."""
 
-    path: Path
-    place: Path
+    display_path: Path
+    absolute: Path
     entries: Collection[str]
     type: str | None = None
     name: str | None = None
 
     def has(self, *names: str) -> bool:
         """Tell whether all these names exist."""
-        return all(name in self.entries and (self.place / name).is_file() for name in names)
+        return all(name in self.entries and (self.absolute / name).is_file() for name in names)
 
     def content(self, name: str) -> bytes:
         """Return the contents of a file."""
-        return read_file(self.place / name)
+        return read_file(self.absolute / name)
 
     def text(self, name: str) -> str:
         """Return a file's text; invalid UTF-8 is replaced."""
-        return read_text(self.place / name)
+        return read_text(self.absolute / name)
 
     def may_be(self, type_: str) -> bool:
         """Tell whether the user has not assigned another type."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.errors import ForeignManifestError, Location, Problem, WorkspaceError, raise_if_any
 from forge.base.frozen import frozen
-from forge.base.names import did_you_mean, is_word
+from forge.base.names import did_you_mean, is_safe_name
 from forge.base.xml import Element, parse_xml
 from forge.workspace.conditions import ConditionError, holds
 from forge.workspace.model import Dependency, DependencyKind, Export, Manifest, Person
@@ -259,7 +259,7 @@ class _Reader:
             if not name:
                 self.warn(child, f"element '{child.tag}' is empty")
                 continue
-            if not is_word(name):
+            if not is_safe_name(name):
                 self.fault(
                     child, f"invalid dependency name '{name}'", "names contain no blanks and no quotes"
                 )

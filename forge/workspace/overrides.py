@@ -14,7 +14,7 @@ from forge.base.errors import Location, Problem, WorkspaceError
 from forge.base.files import read_file
 from forge.base.formats import read_yaml
 from forge.base.frozen import frozen
-from forge.base.names import is_below, is_word
+from forge.base.names import is_safe_name, is_safe_relative_path
 from forge.workspace.forge_toml import package_options, plugin_types, read_forge_toml
 from forge.workspace.model import Dependency, DependencyKind
 
@@ -115,7 +115,7 @@ def with_overrides(package: Package, sources: Iterable[Mapping[str, Any]]) -> Pa
 
 def _names(options: Mapping[str, Any], key: str, package: Package) -> list[str]:
     names = options.get(key) or []
-    if not isinstance(names, list) or not all(isinstance(name, str) and is_word(name) for name in names):
+    if not isinstance(names, list) or not all(isinstance(name, str) and is_safe_name(name) for name in names):
         raise WorkspaceError(
             Problem(
                 f"'{key}' of '{package.name}' is not a list of names", Location(package.path / COLCON_PKG)
@@ -129,7 +129,7 @@ def _hooks(options: Mapping[str, Any], package: Package) -> list[str]:
     hooks = options.get("hooks") or []
     listed = hooks if isinstance(hooks, list) else [None]
     firsts = [hook[0] if isinstance(hook, list) and hook else hook for hook in listed]
-    paths = [path for path in firsts if isinstance(path, str) and is_below(path)]
+    paths = [path for path in firsts if isinstance(path, str) and is_safe_relative_path(path)]
     if len(paths) < len(listed):
         message = f"'hooks' of '{package.name}' is not a list of paths relative to its prefix"
         raise WorkspaceError(

@@ -52,11 +52,11 @@ def _unfit(folder: Folder) -> Identity | None:
     notes = []
     for name in sorted({"CMakeLists.txt", "setup.py", "pyproject.toml"}.intersection(folder.entries)):
         try:
-            reason = not_regular_reason(folder.place / name, (folder.place / name).stat())
+            reason = not_regular_reason(folder.absolute / name, (folder.absolute / name).stat())
         except OSError:
             continue  # a dangling link, as catkin creates above its packages
         if reason:
-            notes.append(Problem(f"ignored: {reason}", Location(folder.path / name)))
+            notes.append(Problem(f"ignored: {reason}", Location(folder.display_path / name)))
     return Identity(descend=True, notes=tuple(notes)) if notes else None
 
 
@@ -64,8 +64,8 @@ def cargo_package(folder: Folder) -> Identity | None:
     """Read Cargo.toml; members of a Cargo workspace are found in the folders below, like other packages."""
     if not folder.may_be("cargo") or not folder.has("Cargo.toml"):
         return None
-    path = folder.path / "Cargo.toml"
-    content = read_toml(folder.content("Cargo.toml"), folder.place / "Cargo.toml")
+    path = folder.display_path / "Cargo.toml"
+    content = read_toml(folder.content("Cargo.toml"), folder.absolute / "Cargo.toml")
     own = package_of(content).get("name")
     if not isinstance(own, str):
         return None
@@ -84,8 +84,8 @@ def _ambiguous(folder: Folder) -> Identity | None:
     ):
         return None
     message = "ignored: ambiguous package with a CMakeLists.txt and a setup.cfg"
-    hint = f"set the type in '{folder.path / COLCON_PKG}': 'type: cmake' or 'type: python'"
-    return Identity(notes=(Problem(message, Location(folder.path), hint),))
+    hint = f"set the type in '{folder.display_path / COLCON_PKG}': 'type: cmake' or 'type: python'"
+    return Identity(notes=(Problem(message, Location(folder.display_path), hint),))
 
 
 def cmake_package(folder: Folder) -> Identity | None:
@@ -93,7 +93,7 @@ def cmake_package(folder: Folder) -> Identity | None:
     if not folder.may_be("cmake") or not folder.has("CMakeLists.txt"):
         return None
     text = folder.text("CMakeLists.txt")
-    path = folder.path / "CMakeLists.txt"
+    path = folder.display_path / "CMakeLists.txt"
     if is_catkin_toplevel(text):
         return Identity(
             descend=True,
@@ -105,10 +105,10 @@ def cmake_package(folder: Folder) -> Identity | None:
         )
     name = project_name(text)
     notes = () if name or folder.name or not names_no_literal(text) else (_no_literal(folder, path),)
-    name = name or folder.place.resolve().name
+    name = name or folder.absolute.resolve().name
     # As in colcon, dependencies are not read if the user assigned both name and type.
     assigned = folder.name and folder.type
-    wanted = set() if assigned else cmake_dependencies((text, *_cmake_texts(folder.place))) - {name}
+    wanted = set() if assigned else cmake_dependencies((text, *_cmake_texts(folder.absolute))) - {name}
     kinds = frozenset({DependencyKind.BUILD, DependencyKind.EXEC})
     dependencies = tuple(Dependency(need, kinds) for need in sorted(wanted))
     return Identity(plain_package(folder, folder.name or name, "cmake", path, dependencies), notes=notes)
@@ -123,7 +123,7 @@ def _setup_py(folder: Folder) -> Identity | None:
     """Read setup.py, completed by setup.cfg and pyproject.toml like setuptools."""
     if not folder.may_be("python") or not folder.has("setup.py"):
         return None
-    path = folder.path / "setup.py"
+    path = folder.display_path / "setup.py"
     try:
         facts = read_setup_py(folder.text("setup.py"))
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
@@ -150,7 +150,7 @@ def _project(folder: Folder) -> Identity | None:
     facts, below = _toml_facts(folder), _cfg_facts(folder)
     if facts is None and below.name is None:
         return None
-    return _python(folder, (facts or PythonMetadata()).over(below), folder.path / "pyproject.toml")
+    return _python(folder, (facts or PythonMetadata()).over(below), folder.display_path / "pyproject.toml")
 
 
 def _python(folder: Folder, facts: PythonMetadata, path: Path) -> Identity:
@@ -159,7 +159,7 @@ def _python(folder: Folder, facts: PythonMetadata, path: Path) -> Identity:
         hint = "remove the name from colcon.pkg or the *.meta file"
         return Identity(problems=(Problem(message, Location(path), hint),), name=folder.name)
     notes = () if facts.name or folder.name else (_no_literal(folder, path),)
-    name = folder.name or facts.name or folder.place.resolve().name
+    name = folder.name or facts.name or folder.absolute.resolve().name
     package = plain_package(folder, name, "python", path, facts.dependencies)
     manifest = replace(package.manifest, version=facts.version, maintainers=facts.maintainers)
     return Identity(replace(package, manifest=manifest), notes=notes)
@@ -172,7 +172,7 @@ def _cfg_facts(folder: Folder) -> PythonMetadata:
 def _toml_facts(folder: Folder) -> PythonMetadata | None:
     if not folder.has("pyproject.toml"):
         return None
-    return read_pyproject(read_toml(folder.content("pyproject.toml"), folder.place / "pyproject.toml"))
+    return read_pyproject(read_toml(folder.content("pyproject.toml"), folder.absolute / "pyproject.toml"))
 
 
 def plain_package(
@@ -180,7 +180,7 @@ def plain_package(
 ) -> Package:
     """Return a package without package.xml; `path` is the file that describes it."""
     own = tuple(dependency for dependency in dependencies if dependency.name != name)
-    return Package(folder.path, Manifest(name, "", "", build_type, own, path), ros=False)
+    return Package(folder.display_path, Manifest(name, "", "", build_type, own, path), ros=False)
 
 
 def _cmake_texts(folder: Path) -> Iterator[str]:
@@ -197,9 +197,9 @@ def _cmake_texts(folder: Path) -> Iterator[str]:
 
 
 def _no_literal(folder: Folder, path: Path) -> Problem:
-    name = folder.place.resolve().name
+    name = folder.absolute.resolve().name
     return Problem(
         f"the project name is not a literal; using the name of the folder, '{name}'",
         Location(path),
-        f"to use another name, add 'name: NAME' to '{folder.path / COLCON_PKG}'",
+        f"to use another name, add 'name: NAME' to '{folder.display_path / COLCON_PKG}'",
     )

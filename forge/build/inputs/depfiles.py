@@ -47,12 +47,12 @@ WRITTEN_BY_BACKEND = "written_by_backend"
 
 
 def external_inputs(
-    build: Path, source: Path, inside: Sequence[Path], unlisted: Sequence[Path] = ()
+    build: Path, source: Path, inside: Sequence[Path], untracked_names: Sequence[Path] = ()
 ) -> tuple[str, ...]:
     """Return the absolute paths, sorted, that the last build below `build` read outside of `inside`.
 
-    `source` is the package's folder. File names in folders below `unlisted` are not tracked. An unreadable
-    log counts as empty: the native tool's own rules still apply.
+    `source` is the package's folder. File names in folders below `untracked_names` are not tracked.
+    An unreadable log counts as empty: the native tool's own rules still apply.
     """
     own = tuple(f"{path}{os.sep}" for path in inside)
     cmakes = cmake_root(build)
@@ -64,7 +64,7 @@ def external_inputs(
         if not path.startswith(own):
             found.update(_files_of(path, inside))
     outside = {path for path in found if not path.startswith(own)}
-    excluded = (*own, *(f"{path}{os.sep}" for path in unlisted))
+    excluded = (*own, *(f"{path}{os.sep}" for path in untracked_names))
     outside |= {path for path in _searched(graph, outside) if not f"{path}/".startswith(excluded)}
     return tuple(sorted(path for path in outside if not (cmakes and path.startswith(cmakes))))
 

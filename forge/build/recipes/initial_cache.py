@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from forge import __version__
 from forge.base.cmake_syntax import quoted
 from forge.base.frozen import frozen
-from forge.base.names import is_word
+from forge.base.names import is_safe_name
 from forge.base.templating import render
 from forge.toolchain.compiler_launchers.choice import launcher_variables
 from forge.workspace.model import DependencyKind
@@ -109,7 +109,7 @@ def _values(manifest: Manifest) -> Iterator[tuple[str, tuple[str, ...]]]:
     yield "EXPORT_TAGS", tuple(_xml(export).replace("${prefix}/", "") for export in manifest.exports)
     for name, kind in _LISTS.items():
         for dependency in manifest.dependencies:
-            if kind in dependency.kinds and is_word(dependency.name):
+            if kind in dependency.kinds and is_safe_name(dependency.name):
                 for comparison, version in dependency.versions:
                     yield f"{name}_{dependency.name}_VERSION_{comparison.upper()}", (version,)
 

@@ -97,25 +97,30 @@ def run(options: argparse.Namespace) -> int:
         if options.what is None:
             _preview(options, layout, journal, names)
             return 0
-        litters = _litters(options, layout, journal, names)
-        if not litters:
+        removables = _removables(options, layout, journal, names)
+        if not removables:
             print("nothing to remove")
             return 0
-        for litter in litters:
-            print(f"- {_shown(litter, options)}")
-        if not (options.yes or shared.confirmed(f"Remove these {len(litters)} items? [y/N] ")):
+        for removable in removables:
+            print(f"- {_shown(removable, options)}")
+        if not (options.yes or shared.confirmed(f"Remove these {len(removables)} items? [y/N] ")):
             print("nothing was removed")
             return 0
         restore_backups(layout, names or built_packages(layout, journal.records))
-        litters = _litters(options, layout, journal, names)
+        removables = _removables(options, layout, journal, names)
         for name in names:
             journal.forget(name)
         journal.close()
-        remove(litters)
+        remove(removables)
     if options.what == "workspace":
         _report_rest(remaining_entries(layout, options.base_select), options)
     else:
-        kept = (entry for litter in litters if litter.prefix for entry in remaining_in_prefix(litter.prefix))
+        kept = (
+            entry
+            for removable in removables
+            if removable.prefix
+            for entry in remaining_in_prefix(removable.prefix)
+        )
         _report_rest(kept, options)
         _write_scripts(layout)
         if is_own_build_base(layout.build):
@@ -123,7 +128,7 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _litters(
+def _removables(
     options: argparse.Namespace, layout: Layout, journal: Journal, names: Sequence[str]
 ) -> list[Removable]:
     if options.what == "workspace":
@@ -137,8 +142,8 @@ def _preview(options: argparse.Namespace, layout: Layout, journal: Journal, stal
     if not found:
         print("nothing to remove")
         return
-    for base in dict.fromkeys(litter.base for litter in found):
-        count = sum(litter.base == base for litter in found)
+    for base in dict.fromkeys(removable.base for removable in found):
+        count = sum(removable.base == base for removable in found)
         print(f"- {count} item{'' if count == 1 else 's'} in {_displayed(base, options)}")
     print(
         "Nothing was removed. These commands list what they remove and ask first:",
@@ -203,12 +208,12 @@ def _as_installed(layout: Layout) -> Layout:
     return layout if word is None else replace(layout, merged=word == "merged")
 
 
-def _shown(litter: Removable, options: argparse.Namespace) -> str:
-    if litter.prefix is not None:
-        return f"{_displayed(litter.prefix, options)} ({litter.label})"
-    if len(litter.paths) > 1:
-        return f"{litter.label} in {_displayed(litter.base, options)}"
-    return f"{_displayed(litter.paths[0], options)} ({litter.label})"
+def _shown(removable: Removable, options: argparse.Namespace) -> str:
+    if removable.prefix is not None:
+        return f"{_displayed(removable.prefix, options)} ({removable.label})"
+    if len(removable.paths) > 1:
+        return f"{removable.label} in {_displayed(removable.base, options)}"
+    return f"{_displayed(removable.paths[0], options)} ({removable.label})"
 
 
 def _displayed(path: Path, options: argparse.Namespace) -> str:

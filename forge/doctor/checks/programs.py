@@ -51,10 +51,10 @@ _PROJECT_TABLE = (61, 0)
 
 def compiler(subject: CheckContext) -> CheckResult:
     """Check for a C++ compiler with C++17 support."""
-    needy = compiled_packages(subject.packages.values())
+    compiled = compiled_packages(subject.packages.values())
     words = compiler_words(subject.variables)
     if not words:
-        return graded("compiler", "none", (no_compiler(needy),), serious=bool(needy))
+        return graded("compiler", "none", (no_compiler(compiled),), serious=bool(compiled))
     summary = " ".join(words)
     argv = (*words, "-std=c++17", "-x", "c++", "-fsyntax-only", "-")
     failure = _failure(subject, argv, _PROGRAM)
@@ -62,22 +62,22 @@ def compiler(subject: CheckContext) -> CheckResult:
         return CheckResult("compiler", f"{summary} {_version(subject, words)}, C++17")
     hint = "install g++ 9 or clang++ 9 or newer with its standard library, or set CXX to one"
     problem = Problem(f"'{summary}' cannot compile C++17: {failure}", hint=hint)
-    return graded("compiler", summary, (problem,), serious=bool(needy))
+    return graded("compiler", summary, (problem,), serious=bool(compiled))
 
 
 def cmake(subject: CheckContext) -> CheckResult:
     """Check CMake and the versions that packages require."""
-    needy = [package for package in subject.packages.values() if package.build_type in CMAKE_TYPES]
+    cmake_packages = [package for package in subject.packages.values() if package.build_type in CMAKE_TYPES]
     program = find_cmake(subject.variables)
     if program is None:
-        return graded("cmake", "none", (no_cmake(needy),), serious=bool(needy))
+        return graded("cmake", "none", (no_cmake(cmake_packages),), serious=bool(cmake_packages))
     version = _version(subject, [str(program)])
     if not version:
         hint = f"install another CMake, for example with `{extra_command('cmake')}`, or set CMAKE_COMMAND"
         problem = Problem(f"'{program}' does not run", hint=hint)
-        return graded("cmake", str(program), (problem,), serious=bool(needy))
+        return graded("cmake", str(program), (problem,), serious=bool(cmake_packages))
     found = _numbers(version)
-    problems = [problem for package in needy for problem in _minimum(subject, package, found)]
+    problems = [problem for package in cmake_packages for problem in _minimum(subject, package, found)]
     if found < _OLDEST_CMAKE:
         hint = f"install a newer one, for example with `{extra_command('cmake')}`"
         problems.append(Problem(f"CMake {version} at '{program}' is older than 3.18", hint=hint))
@@ -86,7 +86,7 @@ def cmake(subject: CheckContext) -> CheckResult:
 
 def builder(subject: CheckContext) -> CheckResult:
     """Check for Ninja or make."""
-    needy = [package for package in subject.packages.values() if package.build_type in CMAKE_TYPES]
+    cmake_packages = [package for package in subject.packages.values() if package.build_type in CMAKE_TYPES]
     found = {"ninja": find_ninja(subject.variables), "make": find_program("make", subject.variables)}
     summary = ", ".join(
         f"{name} {_version(subject, [str(path)]) or 'that does not run'}"
@@ -95,7 +95,7 @@ def builder(subject: CheckContext) -> CheckResult:
     )
     if summary or "CMAKE_GENERATOR" in subject.variables:
         return CheckResult("ninja", summary or subject.variables["CMAKE_GENERATOR"])
-    return graded("ninja", "none", (no_builder(needy),), serious=bool(needy))
+    return graded("ninja", "none", (no_builder(cmake_packages),), serious=bool(cmake_packages))
 
 
 def python(subject: CheckContext) -> CheckResult:

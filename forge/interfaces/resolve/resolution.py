@@ -34,14 +34,14 @@ def resolve(
     package: str,
     parsed: Iterable[Parsed],
     known: DefinitionLookup,
-    unlisted: Mapping[str, str] | None = None,
+    undeclared_types: Mapping[str, str] | None = None,
     *,
     events: bool = False,
 ) -> Catalog:
     """Return the catalog of the parsed files of a package; `known` is only asked for referenced types.
 
-    `unlisted` maps further types of the package to their files, which are not part of `parsed`, for hints.
-    With `events`, services have a message for the events of service introspection, and generated code
+    `undeclared_types` maps further types of the package to their files, which are not part of `parsed`, for
+    hints. With `events`, services have a message for the events of service introspection, and generated code
     describes its types: both came with the same ROS distribution.
     Raises InterfaceError for unknown types, cycles, and two files with the same name or generated file.
     """
@@ -49,7 +49,7 @@ def resolve(
         parsed = [replace(each, interface=with_events(each.interface)) for each in parsed]
     unique, problems = _unique(parsed)
     own = {message.name: message for p in unique.values() for message in messages_of(p.interface)}
-    search = _Search(package, own, known, set(unique), unlisted or {})
+    search = _Search(package, own, known, set(unique), undeclared_types or {})
     for message in own.values():
         search.follow(message)
     messages = {**own, **search.found}
@@ -109,7 +109,7 @@ class _Search:
     own: Mapping[TypeName, Message]
     known: DefinitionLookup
     interfaces: set[TypeName]
-    unlisted: Mapping[str, str] = field(default_factory=dict)
+    undeclared_types: Mapping[str, str] = field(default_factory=dict)
     found: dict[TypeName, Message] = field(default_factory=dict)
     sources: dict[TypeName, Source] = field(default_factory=dict)
     problems: list[Problem] = field(default_factory=list)
@@ -154,8 +154,10 @@ class _Search:
             message = f"cannot find '{name}', which the {kind} '{owner}' requires"
             return Problem(message, hint=f"add <depend>{name.package}</depend> to package.xml")
         written = f"{name.package}/{name.name}"
-        if name.package == self.package and name.name in self.unlisted:
-            hint = f'add "{self.unlisted[name.name]}" to rosidl_generate_interfaces() in CMakeLists.txt'
+        if name.package == self.package and name.name in self.undeclared_types:
+            hint = (
+                f'add "{self.undeclared_types[name.name]}" to rosidl_generate_interfaces() in CMakeLists.txt'
+            )
             return Problem(f"unknown type '{written}'", member.place, hint)
         if len(self.problems) >= MAX_EXPLAINED:
             return Problem(f"unknown type '{written}'", member.place)

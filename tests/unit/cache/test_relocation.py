@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from forge.base.layout import Layout
-from forge.cache.relocation import ODD, PLAIN, SPACED, NonRelocatable, Relocator
+from forge.cache.relocation import NonRelocatable, QuotingClass, Relocator
 
 
 def places(root: str) -> Relocator:
@@ -105,10 +105,16 @@ def test_where_a_link_leads_is_one_more_spelling(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("root", "kind"),
-    [("/ws", PLAIN), ("/ärger/ws-1.0+x", PLAIN), ("/a b/ws", SPACED), ("/it's/ws", ODD), ("/a$b", ODD)],
+    [
+        ("/ws", QuotingClass.PLAIN),
+        ("/ärger/ws-1.0+x", QuotingClass.PLAIN),
+        ("/a b/ws", QuotingClass.SPACED),
+        ("/it's/ws", QuotingClass.ODD),
+        ("/a$b", QuotingClass.ODD),
+    ],
 )
 def test_paths_are_of_three_kinds(root: str, kind: str) -> None:
-    assert places(root).kind == kind
+    assert places(root).quoting == kind
 
 
 def test_folders_apart_from_the_root_have_words_of_their_own() -> None:

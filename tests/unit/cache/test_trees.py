@@ -98,7 +98,7 @@ def test_paths_move_along(tmp_path: Path) -> None:
     layout = installed(one, {name: text.encode() for name, text in files.items()})
     (layout.prefix("a") / "link").symlink_to(one / "install" / "a" / "setup.sh")
     tree = surveyed(layout, tmp_path / "pack")
-    assert not tree.bound
+    assert not tree.absolute_path_reason
     other = planted(tree, tmp_path / "pack", layout.prefix("a"), two).prefix("a")
     assert (other / "setup.sh").read_text() == f"x={two}/install/a\n"
     assert (other / "link").readlink() == two / "install" / "a" / "setup.sh"
@@ -108,7 +108,10 @@ def test_paths_move_along(tmp_path: Path) -> None:
 @pytest.mark.parametrize("size", [10, LARGE])
 def test_a_path_in_a_program_binds_the_tree(tmp_path: Path, size: int) -> None:
     layout = installed(tmp_path, {"lib/p": b"\0" * size + bytes(tmp_path / "build") + b"\0"})
-    assert surveyed(layout, tmp_path / "pack").bound == "'lib/p' contains the path of the build folder"
+    assert (
+        surveyed(layout, tmp_path / "pack").absolute_path_reason
+        == "'lib/p' contains the path of the build folder"
+    )
 
 
 def test_results_that_cannot_be_restored_are_not_stored(tmp_path: Path) -> None:

@@ -33,4 +33,4 @@ def test_embedded_packages_have_lines_the_first_time_and_when_they_are_named() -
         seconds=seconds,
     )
     with opened as session:
-        assert session.report.unlisted == {"old"}
+        assert session.report.collapsed == {"old"}

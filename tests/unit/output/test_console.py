@@ -74,7 +74,7 @@ def test_embedded_packages_that_were_built_before_are_only_counted(
     capfd: pytest.CaptureFixture[str],
 ) -> None:
     report = report_on("a", "e")
-    report.unlisted = frozenset({"e"})
+    report.collapsed = frozenset({"e"})
     out, err = shown(capfd, report, Started("e"), Finished("e", 0, 0.1), Started("a"), Finished("a", 0, 0.1))
     assert "e (embedded)" not in out
     assert out.endswith("\nSummary: 1 package finished [1.00s]\n  1 embedded package finished\n")

@@ -52,8 +52,8 @@ def test_what_runs_is_known_with_its_step() -> None:
 def test_what_does_not_fit_is_counted() -> None:
     many = after(Progress(0.0, {}, 9), *((0.0, Started(f"p{number}")) for number in range(9)))
     assert texts(many, 1.0, 2)[1:] == ["  p0    1.0s", "  p1    1.0s", "  and 7 more"]
-    unlisted = frozenset({"p0", "p1", "p2"})
-    assert texts(many, 75.0, 5, unlisted=unlisted)[1:] == [
+    collapsed = frozenset({"p0", "p1", "p2"})
+    assert texts(many, 75.0, 5, collapsed=collapsed)[1:] == [
         *(f"  p{number}    1min 15s" for number in range(3, 8)),
         "  and 1 more",
         "  3 embedded packages",
