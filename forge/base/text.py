@@ -29,6 +29,11 @@ def duration(seconds: float) -> str:
     return f"{hours}h {minutes}min {rest}s" if hours else f"{minutes}min {rest}s"
 
 
+def counted(number: int, noun: str) -> str:
+    """Return '1 job', or '2 jobs'."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
 def listed(names: Sequence[str], most: int = _NAMES_SHOWN) -> str:
     """Return the first few names and the number of others."""
     shown = ", ".join(f"'{name}'" for name in names[:most])

@@ -13,7 +13,7 @@ from forge.base.colours import Palette, palette_of
 from forge.base.frozen import frozen
 from forge.base.layout import LAST_COMMAND
 from forge.base.signals import ignore_closed_output
-from forge.base.text import Excerpt, duration
+from forge.base.text import Excerpt, counted, duration
 from forge.build.events import (
     Aborted,
     Finished,
@@ -32,7 +32,7 @@ from forge.toolchain.cmake_warnings import UnusedVariables, well_known
 from forge.toolchain.programs import CMAKE_TYPES
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping
     from pathlib import Path
 
     from forge.base.colours import Meaning
@@ -208,10 +208,20 @@ class ConsoleReporter:
         """Print an event."""
         match event:
             case Started(task):
-                self._list()
-                self._start(task)
+                if self._on["console_package_list"] and not self._listed:
+                    own = [task.package for task in self._tasks.values() if not task.embedded]
+                    self._out(
+                        "\n".join(("Topological order", *(f"- {one.name} ({one.type})" for one in own)))
+                    )
+                self._listed = True
+                if not self.screen.quiet_starts and task not in self.collapsed:
+                    self._progress(f"Starting >>> {self._label(task)}")
             case Output(task, lines, stderr):
-                self._take(task, lines, stderr=stderr)
+                self._output.setdefault(task, Excerpt()).add(lines, stderr=stderr)
+                if not stderr and not self._embedded(task):
+                    self._warnings.setdefault(task, CompilerWarnings()).add(lines)
+                if self._on["console_direct"] and not self._embedded(task):
+                    self.screen.write(lines, stderr=stderr)
             case Finished():
                 self._finish(event)
             case Aborted(task, seconds):
@@ -238,22 +248,23 @@ class ConsoleReporter:
             return
         tally = self.tally
         palette = self.screen.palette()
-        unchanged = f", {_count(tally.unchanged)} unchanged" if tally.unchanged else ""
+        unchanged = f", {counted(len(tally.unchanged), 'package')} unchanged" if tally.unchanged else ""
         head = palette.paint(
             "failure"
             if tally.failed or tally.aborted or tally.test_failures or tally.not_tested
             else "success",
             "Summary:",
         )
-        self._out(f"\n{head} {_count(tally.finished)} finished{unchanged} [{duration(seconds)}]")
+        self._out(
+            f"\n{head} {counted(len(tally.finished), 'package')} finished{unchanged} [{duration(seconds)}]"
+        )
         if self.test_counts is not None:
             none = f"\n  {palette.paint('warning', 'no test ran')}" if self.no_test_ran else ""
             self._out(f"  {self.test_counts}{none}")
-        brought = len(tally.embedded)
-        if brought:
-            self._out(f"  {brought} embedded package{'s' if brought > 1 else ''} finished")
+        if tally.embedded:
+            self._out(f"  {counted(len(tally.embedded), 'embedded package')} finished")
         if tally.restored:
-            self._out(f"  {_count(tally.restored)} came from the cache")
+            self._out(f"  {counted(len(tally.restored), 'package')} came from the cache")
         for outcome in self.launcher_summaries:
             self._out(f"  {outcome.words}")
         listed: tuple[tuple[tuple[str, ...], str, Meaning], ...] = (
@@ -270,26 +281,19 @@ class ConsoleReporter:
         for names, words, meaning in listed:
             if names:
                 shown = palette.paint("name", " ".join(names))
-                self._out(f"  {_count(names)} {palette.paint(meaning, words)}: {shown}")
+                self._out(f"  {counted(len(names), 'package')} {palette.paint(meaning, words)}: {shown}")
         if tally.not_processed:
-            self._out(f"  {_count(tally.not_processed)} not processed")
+            self._out(f"  {counted(len(tally.not_processed), 'package')} not processed")
         cmake_packages = {name for name, one in self.packages.items() if one.build_type in CMAKE_TYPES}
         # Packages that were not configured in this run may use them.
         own = {name for name in cmake_packages if not self._embedded(name)}
         if own <= self._configured and (unused := self._unused.names):
-            self._list_unused(unused)
-
-    def _list_unused(self, variables: Sequence[str]) -> None:
-        """Print variables that no package uses, and which ones are probably misspelt."""
-        hint = self.screen.palette().paint("hint", "hint:")
-        self._out(f"  CMake variables not used by any package: {' '.join(variables)}")
-        for name, near in zip(variables, map(well_known, variables), strict=True):
-            if near:
-                self._out(f"  {hint} did you mean '{near}' instead of '{name}'?")
-
-    def _start(self, task: str) -> None:
-        if not self.screen.quiet_starts and task not in self.collapsed:
-            self._progress(f"Starting >>> {self._label(task)}")
+            self._out(f"  CMake variables not used by any package: {' '.join(unused)}")
+            for variable in unused:
+                if near := well_known(variable):
+                    self._out(
+                        f"  {palette.paint('hint', 'hint:')} did you mean '{near}' instead of '{variable}'?"
+                    )
 
     def _end_step(self, event: StepFinished) -> None:
         task = event.task
@@ -300,13 +304,6 @@ class ConsoleReporter:
         # Of repeated steps, only the last result counts.
         failed = event.step.meaning(event.code) == TEST_FAILURES
         (self._failed_tests.add if failed else self._failed_tests.discard)(task)
-
-    def _list(self) -> None:
-        """Print the packages in topological order once, for console_package_list."""
-        if self._on["console_package_list"] and not self._listed:
-            own = [task.package for task in self._tasks.values() if not task.embedded]
-            self._out("\n".join(("Topological order", *(f"- {one.name} ({one.type})" for one in own))))
-        self._listed = True
 
     def _progress(self, line: str) -> None:
         if self._on["console_start_end"]:
@@ -322,13 +319,6 @@ class ConsoleReporter:
 
     def _embedded(self, name: str) -> bool:
         return self.packages[name].embedded
-
-    def _take(self, task: str, lines: bytes, *, stderr: bool) -> None:
-        self._output.setdefault(task, Excerpt()).add(lines, stderr=stderr)
-        if not stderr and not self._embedded(task):
-            self._warnings.setdefault(task, CompilerWarnings()).add(lines)
-        if self._on["console_direct"] and not self._embedded(task):
-            self.screen.write(lines, stderr=stderr)
 
     def _close(self, task: str, *, failed: bool) -> str:
         """Print the output of a package as a block, depending on the event handlers; return its errors."""
@@ -383,7 +373,12 @@ class ConsoleReporter:
         text = self._output.pop(task, Excerpt()).everything.decode(errors="replace")
         error = first_error(text.split("\n"), self.packages[task].path.as_posix())
         repeat = step_line(event.step, environment_file(self._tasks[task])) if event.step else None
-        hint = self._hint(task, text)
+        from forge.output.failure_hints import failure_context, hint_of
+
+        context = failure_context(
+            self.packages[task], self.packages, self.python, self.prefix_of, self.whereabouts
+        )
+        hint = hint_of(text, context)
         self._failed[task] = PackageFailure(error, repeat, hint)
         palette = self.screen.palette(stderr=True)
         seconds = f"{duration(event.seconds)}, exited with code {event.code}"
@@ -405,16 +400,3 @@ class ConsoleReporter:
         """Return a command that runs the file with the failed step of a package if there is one."""
         file = self._tasks[task].build_dir / self._tasks[task].scratch_dir / LAST_COMMAND
         return f"sh {shlex.quote(self.displayed(file))}" if file.is_file() else None
-
-    def _hint(self, task: str, text: str) -> str | None:
-        """Return a remedy if the cause of a failure is known."""
-        from forge.output.failure_hints import failure_context, hint_of
-
-        context = failure_context(
-            self.packages[task], self.packages, self.python, self.prefix_of, self.whereabouts
-        )
-        return hint_of(text, context)
-
-
-def _count(names: Sequence[str]) -> str:
-    return f"{len(names)} package{'' if len(names) == 1 else 's'}"

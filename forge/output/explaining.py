@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem, SelectionError
 from forge.base.layout import LAST_COMMAND, SCRATCH_DIR
+from forge.base.text import counted
 from forge.build.tasks import step_line
 
 if TYPE_CHECKING:
@@ -29,7 +30,7 @@ def explain(
     for kind, embedded in (("", False), ("embedded ", True)):
         count = sum(packages[name].embedded is embedded and name not in named for name in plan.fresh)
         if count:
-            yield f"{count} {kind}package{'' if count == 1 else 's'}: up to date"
+            yield f"{counted(count, f'{kind}package')}: up to date"
 
 
 def commands(plan: BuildPlan) -> Iterator[str]:

@@ -138,10 +138,11 @@ def hint_of(output: str, context: FailureContext) -> str | None:
         return None  # its files are forge's
     plain = COLOUR.sub("", output)
     for pattern, remedy in _REMEDIES:
-        match = pattern.search(plain)
-        hint = remedy(match[1] if pattern.groups else "", context) if match else None
-        if hint:
-            return hint
+        if match := pattern.search(plain):
+            name = match[1] if pattern.groups else ""
+            hint = remedy.replace("{}", name) if isinstance(remedy, str) else remedy(name, context)
+            if hint:
+                return hint
     return remedy_for_platform(plain, context.targets)
 
 
@@ -280,18 +281,10 @@ def _undefined(symbol: str, context: FailureContext) -> str:
     )
 
 
-def _two_mains(_: str, _context: FailureContext) -> str:
-    return "two source files define main(): use a separate add_executable() for each"
-
-
 def _no_cmakelists(_: str, context: FailureContext) -> str:
     if "setup.py" in context.files:
         return f"the package has a setup.py: add <build_type>ament_python</build_type> to {context.manifest}"
     return "the package has no CMakeLists.txt: 'forge pkg create' creates complete packages"
-
-
-def _unknown_compiler(variable: str, _context: FailureContext) -> str:
-    return f"unset {variable}, or set it to an installed compiler"
 
 
 def _not_looked_for(name: str, context: FailureContext) -> str | None:
@@ -301,10 +294,6 @@ def _not_looked_for(name: str, context: FailureContext) -> str | None:
     if name in context.packages:
         return f"add find_package({name} REQUIRED) before it in CMakeLists.txt"
     return did_you_mean(name, context.packages, _SURE)
-
-
-def _not_permitted(_: str, _context: FailureContext) -> str:
-    return "if an earlier build ran with sudo: sudo chown -R $(id -un): build install log"
 
 
 def _target_not_found(target: str, context: FailureContext) -> str | None:
@@ -375,14 +364,6 @@ def _other_empy(_: str, context: FailureContext) -> str:
     return f"this ROS distribution needs empy 3: {install_command(Path(context.python), ('em',))}"
 
 
-def _out_of_memory(_: str, _context: FailureContext) -> str:
-    return "out of memory: build with fewer jobs (--jobs 1), or keep more memory free (--memory-limit)"
-
-
-def _disk_full(_: str, _context: FailureContext) -> str:
-    return "the disk is full: 'forge clean stale' removes unused results, 'df -h .' shows the free space"
-
-
 def _no_download(url: str, context: FailureContext) -> str:
     """Return the need of network access; a system package helps only if CMakeLists.txt looks for it."""
     system = ConfigSearch()
@@ -397,16 +378,15 @@ def _no_download(url: str, context: FailureContext) -> str:
     return f"the package downloads {url.rstrip('/')} during the build: provide network access{instead}"
 
 
-def _unknown_argument(word: str, _context: FailureContext) -> str:
-    return f"if '{word}' is meant for forge, put it before '--cmake-args', '--pytest-args' and the like"
-
-
-_REMEDIES: tuple[tuple[re.Pattern[str], Callable[[str, FailureContext], str | None]], ...] = (
+_REMEDIES: tuple[tuple[re.Pattern[str], str | Callable[[str, FailureContext], str | None]], ...] = (
     (
         re.compile(r"(?i:Killed signal terminated program|virtual memory exhausted|std::bad_alloc)"),
-        _out_of_memory,
+        "out of memory: build with fewer jobs (--jobs 1), or keep more memory free (--memory-limit)",
     ),
-    (re.compile(r"No space left on device"), _disk_full),
+    (
+        re.compile(r"No space left on device"),
+        "the disk is full: 'forge clean stale' removes unused results, 'df -h .' shows the free space",
+    ),
     (re.compile(r"package\s+configuration\s+file\s+provided\s+by\s+\"([^\"]+)\""), _package_not_found),
     (re.compile(r"Could NOT find (\w+) \(missing:"), _package_not_found),
     (re.compile(r"Unknown CMake command\s+\"([^\"]+)\""), _command_not_found),
@@ -450,11 +430,17 @@ _REMEDIES: tuple[tuple[re.Pattern[str], Callable[[str, FailureContext], str | No
     (re.compile(r"(?:Does not match the generator used previously|could not load cache)"), _built_in_source),
     (
         re.compile(r"(?:CMake Error: Unknown argument|error: unrecognized arguments:) (-\S+)"),
-        _unknown_argument,
+        "if '{}' is meant for forge, put it before '--cmake-args', '--pytest-args' and the like",
     ),
     (re.compile(r"does not appear to contain CMakeLists\.txt"), _no_cmakelists),
-    (re.compile(r"compiler specified in the environment variable\s+(\w+)"), _unknown_compiler),
-    (re.compile(r"multiple definition of [`'\u2018]main['\u2019]"), _two_mains),
+    (
+        re.compile(r"compiler specified in the environment variable\s+(\w+)"),
+        "unset {}, or set it to an installed compiler",
+    ),
+    (
+        re.compile(r"multiple definition of [`'\u2018]main['\u2019]"),
+        "two source files define main(): use a separate add_executable() for each",
+    ),
     (re.compile(r"(?:ModuleNotFoundError|ImportError): No module named '([^']+)'"), _module_not_found),
     (
         re.compile(r"fatal error: '?([^':]+?)'?(?:: No such file or directory| file not found)"),
@@ -466,10 +452,10 @@ _REMEDIES: tuple[tuple[re.Pattern[str], Callable[[str, FailureContext], str | No
             r"(?:PermissionError: \[Errno 13\]|(?i:(?:cannot|unable|failed|could not|can't|error)[^\n]*"
             r"(?:open|create|copy|write|set|remove|install|mkdir|unlink)[^\n]*)[Pp]ermission denied)"
         ),
-        _not_permitted,
+        "if an earlier build ran with sudo: sudo chown -R $(id -un): build install log",
     ),
 )
-"""Patterns in output and their remedies; the group of a pattern is the name it concerns."""
+"""Patterns in output and their remedies: texts, or functions of the name in the group of the pattern."""
 
 
 def _listed(lines: list[str]) -> str:

@@ -86,7 +86,9 @@ class JsonEvents:
             case StepFinished(name, step, code):
                 self._emit("StepFinished", name, step=step.label, code=code)
             case Output(name, lines, stderr):
-                self._print_output(name, lines, stderr=stderr)
+                for line in split_lines(lines) if self._printed and self._output else ():
+                    text = line.decode(errors="replace")
+                    self._print(self._line("Output", name, line=text, stderr=stderr))
             case Finished():
                 self._finish(event, report, why)
             case Aborted(name, seconds):
@@ -129,12 +131,6 @@ class JsonEvents:
         self._emit(
             "Summary", None, code=code, seconds=round(seconds, 3), log=log, **asdict(report.tally), **tests
         )
-
-    def _print_output(self, name: str, lines: bytes, *, stderr: bool) -> None:
-        """Print the output of a program if requested; log files contain it separately."""
-        for line in split_lines(lines) if self._printed and self._output else ():
-            text = line.decode(errors="replace")
-            self._print(self._line("Output", name, line=text, stderr=stderr))
 
     def _finish(self, event: Finished, report: ConsoleReporter, why: Problem | None) -> None:
         name, fault = event.task, report.fault(event.task)

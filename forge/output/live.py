@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from forge.base.colours import palette_of
-from forge.base.text import duration
+from forge.base.text import counted, duration
 from forge.output.console import PLAIN
 from forge.output.progress import Progress, expectations
 
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from forge.build.events import Event
     from forge.build.tasks import BuildPlan
     from forge.output.console import Screen
-    from forge.output.progress import Running
 
 _LINES = 8
 """Maximum number of packages shown."""
@@ -115,7 +114,14 @@ def lines(
     """Yield each line; at most `room` packages are shown, those in `collapsed` are counted."""
     yield _head(progress, now, width)
     listed = [running for running in progress.running if running.name not in collapsed]
-    shown = [(running.name, _doing(running), _elapsed(now - running.begun)) for running in listed[:room]]
+    shown = [
+        (
+            running.name,
+            running.step if running.share is None else f"{running.step} {running.share:4.0%}",
+            _elapsed(now - running.begun),
+        )
+        for running in listed[:room]
+    ]
     widths = [max(map(len, column)) for column in zip(*shown, strict=True)]
     for name, doing, elapsed in shown:
         first, second, third = widths
@@ -123,7 +129,7 @@ def lines(
     if len(listed) > room:
         yield (("dim", f"  and {len(listed) - room} more"),)
     if count := len(progress.running) - len(listed):
-        yield (("dim", f"  {count} embedded package{'' if count == 1 else 's'}"),)
+        yield (("dim", f"  {counted(count, 'embedded package')}"),)
     if progress.failed:
         yield ("bold red", "  failed: "), ("bold", " ".join(progress.failed))
 
@@ -137,7 +143,8 @@ def _head(progress: Progress, now: float, width: int) -> Line:
         _elapsed(now - progress.begun),
     ]
     if left is not None:
-        words.append(f"{'at least' if progress.unsure else 'about'} {_rough(left)} left")
+        rough = f"{max(1, round(left))}s" if left < _MINUTE - 0.5 else duration(round(left))
+        words.append(f"{'at least' if progress.unsure else 'about'} {rough} left")
     text = "  ".join(words)
     least, greatest = _BAR
     length = min(greatest, width - len(text) - len("[]  "))
@@ -148,19 +155,9 @@ def _head(progress: Progress, now: float, width: int) -> Line:
     return ("", "["), ("green", arrow[:length]), ("", " " * (length - len(arrow)) + "]"), ("bold", f" {text}")
 
 
-def _doing(running: Running) -> str:
-    """Return the step of a package and how much of it is done."""
-    return running.step if running.share is None else f"{running.step} {running.share:4.0%}"
-
-
 def _elapsed(seconds: float) -> str:
     """Return a duration that is redrawn several times a second, so with less digits than in a report."""
     return f"{seconds:.1f}s" if seconds < _MINUTE - 0.05 else duration(seconds)
-
-
-def _rough(seconds: float) -> str:
-    """Return an estimated duration."""
-    return f"{max(1, round(seconds))}s" if seconds < _MINUTE - 0.5 else duration(round(seconds))
 
 
 class Above:

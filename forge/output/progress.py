@@ -76,7 +76,12 @@ class Progress:
             case Finished() | Aborted():
                 fails = isinstance(event, Finished) and event.code != 0
                 failed = (*self.failed, name) if fails else self.failed
-                return replace(self, running=self._without(name), done=self.done | {name}, failed=failed)
+                return replace(
+                    self,
+                    running=tuple(running for running in self.running if running.name != name),
+                    done=self.done | {name},
+                    failed=failed,
+                )
             case Fresh() | Skipped():
                 unsure = self.unsure - {name}
                 return replace(self, done=self.done | {name}, needless=self.needless | {name}, unsure=unsure)
@@ -120,9 +125,6 @@ class Progress:
             for each in self.running
         )
         return replace(self, running=tuple(running))
-
-    def _without(self, name: str) -> tuple[Running, ...]:
-        return tuple(running for running in self.running if running.name != name)
 
 
 def counted_share(output: bytes) -> float | None:

@@ -37,7 +37,12 @@ class RepeatedWarnings:
         return b"".join(text for text in _texts(output) if self._is_new(package, text))
 
     def _is_new(self, package: str, text: bytes) -> bool:
-        first = self._first.setdefault(_kind(package, text), package)
+        # What differs among packages, such as line breaks that depend on names, does not count.
+        text = _CALL_STACK.sub(b"", _LOCATION.sub(rb"\1", text)) if text.startswith(b"CMake ") else text
+        if len(package) > _SHORT:
+            name = re.escape(package.encode())
+            text = re.sub(rb"(?<![\w-])" + name + rb"(?![\w-])", b"<package>", text)
+        first = self._first.setdefault(b" ".join(text.split()), package)
         if first != package and text.strip():
             self._repeated.setdefault(first, {})[package] = None
         return first == package
@@ -56,12 +61,3 @@ def _texts(output: bytes) -> Iterator[bytes]:
         yield match[0]
         end = match.end()
     yield output[end:]
-
-
-def _kind(package: str, text: bytes) -> bytes:
-    """Return the text without what differs among packages, such as line breaks that depend on names."""
-    text = _CALL_STACK.sub(b"", _LOCATION.sub(rb"\1", text)) if text.startswith(b"CMake ") else text
-    if len(package) > _SHORT:
-        name = re.escape(package.encode())
-        text = re.sub(rb"(?<![\w-])" + name + rb"(?![\w-])", b"<package>", text)
-    return b" ".join(text.split())

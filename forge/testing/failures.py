@@ -6,6 +6,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
+from forge.base.text import counted
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -75,7 +76,7 @@ def table(failures: Sequence[Failure]) -> Iterator[str]:
     """Yield a description of each failure with a command to repeat it."""
     if not failures:
         return
-    yield f"{len(failures)} failed test{'' if len(failures) == 1 else 's'}:"
+    yield f"{counted(len(failures), 'failed test')}:"
     for failure in failures[:_SHOWN_FAILURES]:
         yield f"  {failure.package}: {failure.test}"
         yield from (f"      {line}" for line in failure.lines)

@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
+from forge.base.text import counted
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -23,7 +24,6 @@ class Counts:
     skipped: int = 0
 
     def __add__(self, other: Counts) -> Counts:
-        """Return the sum."""
         return Counts(
             self.tests + other.tests,
             self.errors + other.errors,
@@ -33,8 +33,8 @@ class Counts:
 
     def __str__(self) -> str:
         return (
-            f"{_many(self.tests, 'test')}, {_many(self.errors, 'error')}, "
-            f"{_many(self.failures, 'failure')}, {self.skipped} skipped"
+            f"{counted(self.tests, 'test')}, {counted(self.errors, 'error')}, "
+            f"{counted(self.failures, 'failure')}, {self.skipped} skipped"
         )
 
     @property
@@ -143,23 +143,26 @@ def counted_once(outcomes: Sequence[Outcome]) -> tuple[Outcome, ...]:
     named: dict[tuple[str, str], list[Outcome]] = {}
     for outcome in outcomes:
         named.setdefault((outcome.home, outcome.test), []).append(outcome)
-    return tuple(_without_duplicates(outcome, named) if outcome.by_name else outcome for outcome in outcomes)
-
-
-def _without_duplicates(outcome: Outcome, named: Mapping[tuple[str, str], list[Outcome]]) -> Outcome:
-    left = []
-    for name, counts in outcome.by_name:
-        junit = find_junit(name, outcome.home, named.get((outcome.home, name), ()))
-        if junit is None or (counts.bad and not junit.counts.bad):
-            left.append((name, counts))
-    names = {name for name, _ in left}
-    return replace(
-        outcome,
-        counts=sum((counts for _, counts in left), Counts()),
-        cases=tuple(case for case in outcome.cases if case.name in names),
-        by_name=tuple(left),
-        skipped=tuple(test for test in outcome.skipped if test.name in names),
-    )
+    once = []
+    for outcome in outcomes:
+        if not outcome.by_name:
+            once.append(outcome)
+            continue
+        left = []
+        for name, counts in outcome.by_name:
+            junit = find_junit(name, outcome.home, named.get((outcome.home, name), ()))
+            if junit is None or (counts.bad and not junit.counts.bad):
+                left.append((name, counts))
+        names = {name for name, _ in left}
+        without_duplicates = replace(
+            outcome,
+            counts=sum((counts for _, counts in left), Counts()),
+            cases=tuple(case for case in outcome.cases if case.name in names),
+            by_name=tuple(left),
+            skipped=tuple(test for test in outcome.skipped if test.name in names),
+        )
+        once.append(without_duplicates)
+    return tuple(once)
 
 
 def _suite_counts(suite: Element) -> Counts:
@@ -287,7 +290,3 @@ def _verdict(test: Element) -> Counts:
             return Counts(tests=1, skipped=1) if intended else Counts(tests=1, errors=1)
         case _:
             return Counts(tests=1, errors=1)
-
-
-def _many(count: int, word: str) -> str:
-    return f"{count} {word}{'' if count == 1 else 's'}"

@@ -98,17 +98,12 @@ def absent_problems(
             message = f"'{name}' cannot be tested: {quoted} {verb} not built"
             found[name] = Problem(message, hint=f"forge build --packages-up-to {name}")
     if found and len(found) == len(needs):
-        raise _none_built(found)
+        if len(found) == 1:
+            raise WorkspaceError(*found.values())
+        message = f"no package can be tested: {listed(tuple(found))} or their dependencies are not built"
+        hint = "run 'forge build' first, with the same options to select packages"
+        raise WorkspaceError(Problem(message, hint=hint))
     return found
-
-
-def _none_built(absent: Mapping[str, Problem]) -> WorkspaceError:
-    """Return the error if no package can be tested: one problem, also for several packages."""
-    if len(absent) == 1:
-        return WorkspaceError(*absent.values())
-    message = f"no package can be tested: {listed(tuple(absent))} or their dependencies are not built"
-    hint = "run 'forge build' first, with the same options to select packages"
-    return WorkspaceError(Problem(message, hint=hint))
 
 
 def built_without_tests(names: Sequence[str], loaded: LoadedWorkspace, layout: Layout) -> tuple[Problem, ...]:
@@ -242,23 +237,22 @@ def make_test_plan(
     packages = [loaded.packages[name] for name in names]
     if context.options.pytest_with_coverage and "pytest_cov" not in context.modules:
         warn([Problem("coverage is not measured: the interpreter has no pytest-cov")])
-    return BuildPlan({package.name: _task(package, context.of(package)) for package in packages})
-
-
-def _task(package: Package, context: TestContext) -> Task:
-    recipe = build_type_of(package).tests(package, context)
-    return Task(
-        name=package.name,
-        package=package,
-        prefix=context.layout.prefix(package.name),
-        build_dir=context.layout.build_dir(package.name),
-        needs=(),
-        steps=recipe.steps,
-        reason="it is selected",
-        files=recipe.files,
-        clean=recipe.clean,
-        scratch_dir=TEST_SCRATCH_DIR,
-    )
+    tasks = {}
+    for package in packages:
+        recipe = build_type_of(package).tests(package, context.of(package))
+        tasks[package.name] = Task(
+            name=package.name,
+            package=package,
+            prefix=context.layout.prefix(package.name),
+            build_dir=context.layout.build_dir(package.name),
+            needs=(),
+            steps=recipe.steps,
+            reason="it is selected",
+            files=recipe.files,
+            clean=recipe.clean,
+            scratch_dir=TEST_SCRATCH_DIR,
+        )
+    return BuildPlan(tasks)
 
 
 def _framework(package: Package, context: TestContext) -> str:

@@ -69,7 +69,15 @@ class TestSetup:
         if not task.steps:
             return ()
         if task.name not in self.results:
-            self._note_missing_result(task)
+            # Placeholders stand for results that are missing.
+            own, not_run = self._own(task), self.context.not_run(task.name)
+            for path, text in task.files:
+                if path == own and not own.exists():
+                    replace_file(path, text.encode())
+                elif path == not_run and _result_of_ctest(task).exists():
+                    path.unlink(missing_ok=True)
+                elif path == not_run:
+                    replace_file(path, text.encode())
             self.results[task.name] = self._found(task)
         if fault and not any(outcome.counts.bad for outcome in self.results[task.name]):
             program = task.steps[-1].kind.value
@@ -77,17 +85,6 @@ class TestSetup:
             replace_file(self.context.not_run(task.name), result.encode())
             self.results[task.name] = self._found(task)
         return self.results[task.name]
-
-    def _note_missing_result(self, task: Task) -> None:
-        """Write the placeholder of the result again if both are gone; remove one that is no longer true."""
-        own, not_run = self._own(task), self.context.not_run(task.name)
-        for path, text in task.files:
-            if path == own and not own.exists():
-                replace_file(path, text.encode())
-            elif path == not_run and _result_of_ctest(task).exists():
-                path.unlink(missing_ok=True)
-            elif path == not_run:
-                replace_file(path, text.encode())
 
     def _own(self, task: Task) -> Path:
         """Return the result file of a package's test program, other than CTest."""
@@ -108,13 +105,11 @@ class TestSetup:
             if one.path in own or (runs_ctest and before.get(one.path) != _state(one.path))
         )
 
-    def _folders(self, task: Task) -> Iterable[Path]:
-        """Return the folders with results: ament's tests may write to others than CTest."""
-        return dict.fromkeys((self.context.results_of(task.name), task.build_dir))
-
     def _begin(self, task: Task, _: Mapping[str, str]) -> None:
         clean_paths(task)
-        files = (path for folder in self._folders(task) for path in folder.rglob("*.xml"))
+        # Tests of ament may write to another folder than CTest.
+        folders = dict.fromkeys((self.context.results_of(task.name), task.build_dir))
+        files = (path for folder in folders for path in folder.rglob("*.xml"))
         self.before[task.name] = {str(path): _state(path) for path in files}
 
     def _environment(self, task: Task) -> Mapping[str, str]:
@@ -126,7 +121,12 @@ class TestSetup:
 
     def _finish(self, task: Task) -> BuildRecord:
         if self.context.options.test_result_base is not None:
-            _copy_last_run(task, self.context)
+            result, target = _result_of_ctest(task), self.context.results_of(task.name) / "Testing"
+            is_there = result.name == "Test.xml" and result.is_file()
+            if is_there and not (target.exists() and target.samefile(result.parent.parent)):
+                (target / result.parent.name).mkdir(parents=True, exist_ok=True)
+                shutil.copy2(result.parent.with_name("TAG"), target / "TAG")
+                shutil.copy2(result, target / result.parent.name / result.name)
         self.results_of(task)
         return BuildRecord(BuildInputs())
 
@@ -195,7 +195,8 @@ def failures_of(task: Task, setup: TestSetup, displayed: Callable[[Path], str] =
             selector = _selector(case, task.name, step.kind, exists)
             # Without a result, or a way to select one test, repeat the whole run.
             whole = step.kind is StepKind.TEST or case.name.endswith(".missing_result")
-            repeat = step if whole or outcome.is_unreadable else _again(step, selector)
+            single = replace(step, argv=(step.argv[0], "-m", step.kind.value, *selector), env=())
+            repeat = step if whole or outcome.is_unreadable else single
             label = f"{case.suite}.{case.name}".removeprefix(f"{task.name}.").removeprefix(".")
             yield _failure(task, label, first_lines([case]), repeat, displayed)
 
@@ -219,11 +220,6 @@ def _ctest_failure(
     step = task.steps[0]
     argv = (step.argv[0], "-V", "-R", f"^{re.escape(case.name)}$")
     return _failure(task, case.name, lines, replace(step, argv=argv, env=()), displayed)
-
-
-def _again(step: Step, selector: tuple[str, ...]) -> Step:
-    """Return a step that runs one test with the framework's own command."""
-    return replace(step, argv=(step.argv[0], "-m", step.kind.value, *selector), env=())
 
 
 def _selector(case: Case, package: str, kind: StepKind, exists: Callable[[str], bool]) -> tuple[str, ...]:
@@ -253,13 +249,3 @@ def _state(path: str | Path) -> object:
 def _result_of_ctest(task: Task) -> Path:
     """Return the result of CTest's last run, which may be missing."""
     return Path(last_run(str(task.build_dir / "Testing" / "TAG")))
-
-
-def _copy_last_run(task: Task, context: TestContext) -> None:
-    """Copy the files of the last CTest run to the folder for results."""
-    result, target = _result_of_ctest(task), context.results_of(task.name) / "Testing"
-    is_there = result.name == "Test.xml" and result.is_file()
-    if is_there and not (target.exists() and target.samefile(result.parent.parent)):
-        (target / result.parent.name).mkdir(parents=True, exist_ok=True)
-        shutil.copy2(result.parent.with_name("TAG"), target / "TAG")
-        shutil.copy2(result, target / result.parent.name / result.name)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem
 from forge.base.names import nearest
+from forge.toolchain.programs import definitions
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -22,7 +23,6 @@ _WANTING = frozenset({"-D", "-C", "-G", "-T", "-A", "-P", "-U", "--toolchain", "
 
 _SIMILAR = 0.85
 _POLICY_DEFAULT = "CMAKE_POLICY_DEFAULT_"
-_DEFINITION = re.compile(r"-D([^:=]+)")
 _COMPLAINT = re.compile(
     rb"CMake Warning(?: \(unused-cli\))?:\r?\n"
     rb"  Manually-specified variables were not used by the project:\r?\n\r?\n"
@@ -58,9 +58,8 @@ def unset_definitions(words: Sequence[str]) -> Iterator[Problem]:
 
 
 def defined(arguments: Sequence[str]) -> frozenset[str]:
-    """Return the names defined by CMake arguments: -DNAME=VALUE or -D NAME:TYPE=VALUE."""
-    joined = re.sub(r"(?m)^-D\n", "-D", "\n".join(arguments))
-    return frozenset(match[1] for match in map(_DEFINITION.match, joined.split("\n")) if match)
+    """Return the names defined by CMake arguments."""
+    return frozenset(name for name, _ in definitions(arguments))
 
 
 def well_known(name: str) -> str | None:

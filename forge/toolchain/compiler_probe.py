@@ -19,7 +19,7 @@ import subprocess
 import threading
 from typing import TYPE_CHECKING
 
-from forge.base.files import read_text, replace_file
+from forge.base.files import read_text, remove_tree, replace_file
 from forge.base.layout import TOOLCHAIN_DIR
 from forge.toolchain.cmake_warnings import unused_variables
 from forge.toolchain.programs import calls_make
@@ -104,7 +104,7 @@ class Toolchain:
             return True
         (build / "CMakeFiles").mkdir(parents=True, exist_ok=True)
         target = build / "CMakeFiles" / answers.name
-        shutil.rmtree(target, ignore_errors=True)
+        remove_tree(str(target))
         shutil.copytree(answers, target, ignore=shutil.ignore_patterns("CompilerId*"))
         replace_file(build / "CMakeCache.txt", self._cache())
         return True
@@ -113,7 +113,7 @@ class Toolchain:
         """Configure the reference project, unless an earlier build did."""
         if self._results() is not None:
             return
-        shutil.rmtree(self._home, ignore_errors=True)
+        remove_tree(str(self._home))
         replace_file(self._home / "CMakeLists.txt", self._project.encode())
         done = subprocess.run(
             self._argv, env=dict(variables), stdin=subprocess.DEVNULL, capture_output=True, check=False

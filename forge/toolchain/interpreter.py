@@ -102,8 +102,16 @@ def find_interpreter(
     Raises HostError if the interpreter is missing, does not run, is too old, or of another version
     than an underlay.
     """
+    named = None
+    if python:
+        found = shutil.which(python, path=variables.get("PATH"))
+        if found is None:
+            hint = "pass an existing program to '--python'"
+            raise HostError(Problem(f"python '{python}' not found", hint=hint))
+        # Links are not resolved, because they identify virtual environments.
+        named = _Choice(Path(found).absolute(), OPTION)
     choice = (
-        (_Choice(_named(python, variables), OPTION) if python else None)
+        named
         or (_Choice(Path(recorded), LAST_BUILD) if recorded and not _is_of_tool(Path(recorded)) else None)
         or _active(variables)
         or _of_underlays(underlays, variables)
@@ -147,15 +155,6 @@ def ask_python(path: Path, program: str, *arguments: str, isolated: bool = False
         message = f"cannot run the Python interpreter '{path}': exit code {error.returncode}"
         raise HostError(Problem(message)) from error
     return done.stdout
-
-
-def _named(python: str, variables: Mapping[str, str]) -> Path:
-    """Return the path of an option without resolving links, which identify virtual environments."""
-    found = shutil.which(python, path=variables.get("PATH"))
-    if found is None:
-        problem = Problem(f"python '{python}' not found", hint="pass an existing program to '--python'")
-        raise HostError(problem)
-    return Path(found).absolute()
 
 
 def _active(variables: Mapping[str, str]) -> _Choice | None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from forge.base.files import text_or_nothing
+
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
@@ -17,12 +19,9 @@ RED_HAT = frozenset({"fedora", "rhel", "centos", "rocky", "almalinux", "ol", "op
 def os_release(files: Iterable[Path] = OS_RELEASE) -> dict[str, str]:
     """Return the unquoted fields of os-release; empty without such a file."""
     for file in files:
-        try:
-            lines = file.read_text(encoding="utf-8", errors="replace").splitlines()
-        except OSError:
-            continue
-        pairs = (line.partition("=") for line in lines if "=" in line and not line.startswith("#"))
-        return {name.strip(): value.strip().strip("\"'") for name, _, value in pairs}
+        if text := text_or_nothing(file):
+            pairs = (line.partition("=") for line in text.splitlines() if "=" in line and line[0] != "#")
+            return {name.strip(): value.strip().strip("\"'") for name, _, value in pairs}
     return {}
 
 

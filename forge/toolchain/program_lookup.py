@@ -78,13 +78,10 @@ class ProgramLookup:
             except (OSError, ValueError):
                 continue
             if stat.S_ISREG(status.st_mode) and status.st_mode & 0o111:
-                yield f"{self._normalized(path)} {status.st_size} {status.st_mtime_ns}"
-
-    def _normalized(self, path: str) -> str:
-        folder, _, name = path.rpartition("/")
-        if folder not in self._real:
-            self._real[folder] = os.path.realpath(folder)
-        return f"{self._real[folder]}/{name}"
+                folder, _, name = path.rpartition("/")
+                if folder not in self._real:
+                    self._real[folder] = os.path.realpath(folder)
+                yield f"{self._real[folder]}/{name} {status.st_size} {status.st_mtime_ns}"
 
 
 def _listed(folder: str) -> list[str]:

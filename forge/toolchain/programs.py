@@ -15,6 +15,7 @@ from forge.base.errors import HostError, Problem, raise_if_any
 from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
 from forge.base.own_environment import extra_command, install_beside_forge
+from forge.base.text import counted
 from forge.toolchain.compiler_launchers.choice import not_found
 from forge.toolchain.program_lookup import ProgramLookup
 from forge.workspace.cmake_text import calls
@@ -31,7 +32,7 @@ CARGO_TYPES = frozenset({"ament_cargo", "cargo"})
 
 _COMPILERS = ("c++", "g++", "clang++", "cc", "gcc", "clang")
 _BEFORE_PROJECT = frozenset({"cmake_minimum_required", "cmake_policy", "message", "set"})
-_PROJECT_DETAILS = frozenset({"COMPAT_VERSION", "DESCRIPTION", "HOMEPAGE_URL", "SPDX_LICENSE", "VERSION"})
+PROJECT_DETAILS = frozenset({"COMPAT_VERSION", "DESCRIPTION", "HOMEPAGE_URL", "SPDX_LICENSE", "VERSION"})
 _NAMES_COMPILER = re.compile(r"COMPILER|TOOLCHAIN|INCLUDE|--toolchain|--preset|(?:^| )-C")
 _NAMES_BUILDER = re.compile(r"CMAKE_MAKE_PROGRAM|TOOLCHAIN|--toolchain|--preset|(?:^| )-[CG]")
 _PROJECT = re.compile(r"^\s*project\s*\(([^)]*)\)", re.IGNORECASE | re.MULTILINE)
@@ -340,7 +341,7 @@ def _certainly_compiles(text: str) -> bool:
         if call.command == "project" and not call.conditions:
             following = call.words[1] if call.words[1:] else "VERSION"
             named = not {"C", "CXX"}.isdisjoint(call.words)
-            return named or (following in _PROJECT_DETAILS and "LANGUAGES" not in call.words)
+            return named or (following in PROJECT_DETAILS and "LANGUAGES" not in call.words)
         if call.command not in _BEFORE_PROJECT or "COMPILER" in str(call.words):
             return False
     return False
@@ -349,8 +350,5 @@ def _certainly_compiles(text: str) -> bool:
 def _dependents(packages: Sequence[Package]) -> str:
     if not packages:
         return "CMake packages need"
-    first = f"'{packages[0].name}'"
-    rest = len(packages) - 1
-    if not rest:
-        return f"{first} needs"
-    return f"{first} and {rest} more package{'s' if rest > 1 else ''} need"
+    first, rest = f"'{packages[0].name}'", len(packages) - 1
+    return f"{first} and {counted(rest, 'more package')} need" if rest else f"{first} needs"

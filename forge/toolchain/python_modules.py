@@ -77,7 +77,8 @@ def install_command(python: Path, modules: Sequence[str], system: Mapping[str, s
     program = shlex.quote(str(python))
     if manager:
         sudo = "" if os.geteuid() == 0 else "sudo "
-        names = (_DISTRIBUTIONS[name][column] if name in _DISTRIBUTIONS else _usual(name) for name in modules)
+        usual = {name: (f"python3-{name.lower().replace('_', '-')}",) * 2 for name in modules}
+        names = ({**usual, **_DISTRIBUTIONS}[name][column] for name in modules)
         command = f"{sudo}{manager} install {shlex.join(names)}"
         if all(name in _DISTRIBUTIONS for name in modules):
             return command
@@ -102,11 +103,6 @@ def missing_modules(python: Path, names: Iterable[str]) -> list[str]:
     if is_own(python):
         return [name for name in names if importlib.util.find_spec(name) is None]
     return ask_python(python, _MISSING, *names).split()
-
-
-def _usual(module: str) -> str:
-    """Return the name that a module's package has on most systems."""
-    return f"python3-{module.lower().replace('_', '-')}"
 
 
 def _manager(python: Path, system: Mapping[str, str] | None) -> tuple[int, str]:

@@ -10,6 +10,7 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
 
 if TYPE_CHECKING:
@@ -63,7 +64,13 @@ def processors(root: Path = ROOT) -> int:
     """Return the number of usable processors; fractional cgroup quotas are rounded up."""
     usable = len(os.sched_getaffinity(0))
     for folder in _folders("cpu", root):
-        quota, period = _quota(folder)
+        if words := text_or_nothing(folder / "cpu.max").split():
+            quota, period = int(words[0]) if words[0].isdigit() else -1, int(words[1])
+        else:
+            quota, period = (
+                _first_number(folder, "cpu.cfs_quota_us"),
+                _first_number(folder, "cpu.cfs_period_us"),
+            )
         if quota > 0 and period > 0:
             usable = min(usable, -(-quota // period))
     return max(1, usable)
@@ -71,7 +78,7 @@ def processors(root: Path = ROOT) -> int:
 
 def memory(root: Path = ROOT) -> Memory | None:
     """Return the minimum of the machine's and the cgroups' memory; None if it is unknown."""
-    fields = dict(re.findall(r"^(\w+):\s+(\d+) kB", _text(root / "proc/meminfo"), re.MULTILINE))
+    fields = dict(re.findall(r"^(\w+):\s+(\d+) kB", text_or_nothing(root / "proc/meminfo"), re.MULTILINE))
     if "MemTotal" not in fields or "MemAvailable" not in fields:
         return None
     found = Memory(int(fields["MemTotal"]) << 10, int(fields["MemAvailable"]) << 10)
@@ -86,7 +93,7 @@ def memory(root: Path = ROOT) -> Memory | None:
 
 def load(root: Path = ROOT) -> float:
     """Return the load average of the last minute; 0 if it is unknown."""
-    first = _text(root / "proc/loadavg").partition(" ")[0]
+    first = text_or_nothing(root / "proc/loadavg").partition(" ")[0]
     return float(first) if first else 0.0
 
 
@@ -101,42 +108,28 @@ def is_overloaded(limit: MemoryLimit | None, load_limit: float | None) -> bool:
 def _folders(controller: str, root: Path) -> Iterator[Path]:
     """Yield the folders of our cgroup and its parents that may limit `controller`, for cgroup v2 and v1."""
     groups = {}
-    for line in _text(root / "proc/self/cgroup").splitlines():
+    for line in text_or_nothing(root / "proc/self/cgroup").splitlines():
         _, controllers, path = line.split(":", 2)
         groups.update(dict.fromkeys(controllers.split(","), path))
-    for line in _text(root / "proc/self/mountinfo").splitlines():
+    for line in text_or_nothing(root / "proc/self/mountinfo").splitlines():
         mount, _, system = line.partition(" - ")
         kind, _, options = system.split(" ", 2)
         name = "" if kind == "cgroup2" else controller
         if kind in {"cgroup", "cgroup2"} and name in groups and (not name or name in options.split(",")):
             top, point = mount.split(" ")[3:5]
-            yield from _upwards(root / point.lstrip("/"), top, groups[name])
-
-
-def _upwards(point: Path, top: str, group: str) -> Iterator[Path]:
-    """Yield a cgroup's folder below its mount `point`, which shows the cgroup `top`, and its parents.
-
-    In a container the mount may show our cgroup as its root.
-    """
-    inside = group.removeprefix(top.rstrip("/")).strip("/") if group.startswith(top) else ""
-    folder = point / inside
-    while True:
-        yield folder
-        if folder == point:
-            return
-        folder = folder.parent
-
-
-def _quota(folder: Path) -> tuple[int, int]:
-    words = _text(folder / "cpu.max").split()
-    if words:
-        return (int(words[0]) if words[0].isdigit() else -1), int(words[1])
-    return _first_number(folder, "cpu.cfs_quota_us"), _first_number(folder, "cpu.cfs_period_us")
+            group, base = groups[name], root / point.lstrip("/")
+            # In a container the mount may show our cgroup as its root.
+            inside = group.removeprefix(top.rstrip("/")).strip("/") if group.startswith(top) else ""
+            folder = base / inside
+            yield folder
+            while folder != base:
+                folder = folder.parent
+                yield folder
 
 
 def _reclaimable(folder: Path) -> int:
     """Return the bytes of a cgroup that can be reclaimed: page cache and kernel caches."""
-    found = re.findall(r"^(\w+) (\d+)$", _text(folder / "memory.stat"), re.MULTILINE)
+    found = re.findall(r"^(\w+) (\d+)$", text_or_nothing(folder / "memory.stat"), re.MULTILINE)
     values: dict[str, str] = dict(found)
     # In version 1, only the names with the prefix total_ include child groups.
     names = ("inactive_file", "active_file", "slab_reclaimable")
@@ -145,12 +138,5 @@ def _reclaimable(folder: Path) -> int:
 
 def _first_number(folder: Path, *names: str) -> int:
     """Return the number in the first existing file; -1 for none and for 'max'."""
-    first = next((text for name in names if (text := _text(folder / name).strip())), "")
+    first = next((text for name in names if (text := text_or_nothing(folder / name).strip())), "")
     return int(first) if first.isdigit() else -1
-
-
-def _text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8", errors="replace")
-    except OSError:
-        return ""

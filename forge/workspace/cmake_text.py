@@ -6,6 +6,7 @@ not evaluated, so that the commands of a text are advice: CMake may run each of 
 
 from __future__ import annotations
 
+import os
 import re
 from typing import TYPE_CHECKING
 
@@ -13,6 +14,7 @@ from forge.base.frozen import frozen
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from pathlib import Path
 
 _GAP = re.compile(r"[ \t\r\n\f\v;\ufeff]*")
 _LINE_COMMENT = re.compile(r"#[^\n]*")
@@ -63,6 +65,14 @@ def calls(text: str) -> Iterator[Call]:
             command, start = word.lower(), at
         else:
             return
+
+
+def cmake_files(folder: Path) -> Iterator[str]:
+    """Yield the paths of all CMakeLists.txt and .cmake files below a folder."""
+    for place, _, names in os.walk(folder):
+        for name in sorted(names):
+            if name == "CMakeLists.txt" or name.endswith(".cmake"):
+                yield f"{place}/{name}"
 
 
 def _tokens(text: str) -> Iterator[tuple[str, str, int]]:

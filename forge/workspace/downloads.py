@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import re
 from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem
 from forge.base.files import text_or_nothing
-from forge.workspace.cmake_text import calls
+from forge.base.text import counted
+from forge.workspace.cmake_text import calls, cmake_files
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -24,16 +24,12 @@ _REMOTE = re.compile(r"(?:https?|ftp|git|ssh)://\S+|[\w.-]+@[\w.-]+:\S+")
 
 def downloads_of(package: Package) -> Iterator[str]:
     """Yield the literal addresses in commands that may download; a branch of them may not be taken."""
-    for folder, _, names in os.walk(package.path):
-        for name in sorted(names):
-            if name != "CMakeLists.txt" and not name.endswith(".cmake"):
-                continue
-            text = text_or_nothing(f"{folder}/{name}")
-            if "://" not in text and "@" not in text:
-                continue  # reading all words of large files takes time
-            for call in calls(text):
-                if call.command in _COMMANDS or (call.command == "file" and call.words[:1] == ("DOWNLOAD",)):
-                    yield from filter(_REMOTE.fullmatch, call.words)
+    for text in map(text_or_nothing, cmake_files(package.path)):
+        if "://" not in text and "@" not in text:
+            continue  # reading all words of large files takes time
+        for call in calls(text):
+            if call.command in _COMMANDS or (call.command == "file" and call.words[:1] == ("DOWNLOAD",)):
+                yield from filter(_REMOTE.fullmatch, call.words)
 
 
 def announced_downloads(packages: Iterable[Package]) -> Problem | None:
@@ -43,5 +39,4 @@ def announced_downloads(packages: Iterable[Package]) -> Problem | None:
         return None
     shown = ", ".join(f"{url} ('{name}')" for name, url in found[:_FEW])
     rest = f" and {len(found) - _FEW} more" if len(found) > _FEW else ""
-    things = "1 thing" if len(found) == 1 else f"{len(found)} things"
-    return Problem(f"this build may download {things}: {shown}{rest}")
+    return Problem(f"this build may download {counted(len(found), 'thing')}: {shown}{rest}")

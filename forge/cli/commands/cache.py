@@ -6,6 +6,7 @@ import os
 from typing import TYPE_CHECKING
 
 from forge.base.errors import HostError, Problem, SelectionError, raise_if_any
+from forge.base.text import counted
 from forge.cache.folder_store import FolderStore
 from forge.cache.maintenance import DEFAULT_SIZE, prune, read_counts, scan_store, verify
 from forge.cache.opening import byte_count, cache_folder, foreign_store
@@ -69,7 +70,7 @@ def _stats(store: FolderStore, _: argparse.Namespace) -> int:
 
 def _prune(store: FolderStore, options: argparse.Namespace) -> int:
     files, size = prune(store, options.size)
-    what = f"{_shown(size)} in {files} file{'' if files == 1 else 's'}"
+    what = f"{_shown(size)} in {counted(files, 'file')}"
     print(f"removed {what}; {_shown(scan_store(store).size)} left")
     return 0
 

@@ -17,7 +17,7 @@ from forge.base.errors import (
     raise_if_any,
 )
 from forge.base.names import did_you_mean
-from forge.base.text import listed
+from forge.base.text import counted, listed
 from forge.build.cleaning import (
     BASES,
     built_packages,
@@ -144,7 +144,7 @@ def _preview(options: argparse.Namespace, layout: Layout, journal: Journal, stal
         return
     for base in dict.fromkeys(removable.base for removable in found):
         count = sum(removable.base == base for removable in found)
-        print(f"- {count} item{'' if count == 1 else 's'} in {_displayed(base, options)}")
+        print(f"- {counted(count, 'item')} in {_displayed(base, options)}")
     print(
         "Nothing was removed. These commands list what they remove and ask first:",
         "  forge clean workspace         all of the above",

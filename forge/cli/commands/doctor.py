@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.colours import palette_of
 from forge.base.errors import ForgeError
+from forge.base.text import counted
 from forge.build.certain_failures import CMakeSearch
 from forge.cli import options as shared
 from forge.cli import package_options
@@ -106,7 +107,7 @@ def _workspace(loaded: LoadedWorkspace, search: CMakeSearch) -> CheckResult:
     names = loaded.selection.names
     own = sum(not loaded.resolution.packages[name].embedded for name in names)
     others = f", and {len(names) - own} embedded in forge" if own < len(names) else ""
-    summary = f"{own} package{'' if own == 1 else 's'}{others}" if own else "no packages found"
+    summary = f"{counted(own, 'package')}{others}" if own else "no packages found"
     faults = (*loaded.workspace.problems, *missing.errors)
     warnings = (*loaded.warnings, *missing.warnings)
     return CheckResult("workspace", summary, errors=faults, warnings=warnings)

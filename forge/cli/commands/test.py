@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.env_vars import SEQUENTIAL
 from forge.base.errors import WarningReporter, WorkspaceError, print_problem, raise_if_any
+from forge.base.text import counted
 from forge.build.events import Finished
 from forge.build.markers import create_output_folders
 from forge.build.tests.options import TestOptions
@@ -158,7 +159,7 @@ def run(namespace: argparse.Namespace) -> int:
 
 def _building(plan: BuildPlan) -> str:
     count = len(plan.tasks)
-    return f"building the tests of {count} package{'' if count == 1 else 's'} from the cache"
+    return f"building the tests of {counted(count, 'package')} from the cache"
 
 
 def _fail_absent(problems: Mapping[str, Problem], session: Session) -> None:

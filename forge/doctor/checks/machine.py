@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.errors import Location, Problem
+from forge.base.text import counted, listed
 from forge.doctor.checks.model import CheckResult
 from forge.toolchain.resources import memory, processors
 
@@ -25,7 +26,6 @@ _FEW_FILES = 10_000
 _PER_JOB = _GIB
 _OPEN_FILES = 1024
 _SKEW_SECONDS = 5.0
-_NAMED = 3
 
 
 def disk(subject: CheckContext) -> CheckResult:
@@ -37,31 +37,43 @@ def disk(subject: CheckContext) -> CheckResult:
     for wanted in (subject.layout.build, subject.layout.install):
         folder = _existing(wanted)
         device = folder.stat().st_dev
-        errors += _refusals(wanted, folder)
+        if not os.access(folder, os.W_OK | os.X_OK):
+            hint = "change its owner, or choose another folder with '--build-base' and '--install-base'"
+            errors.append(Problem(f"cannot write to '{folder}' to create '{wanted.name}'", hint=hint))
         if device in seen:
             continue
         seen[device] = None
         free = shutil.disk_usage(folder).free
         summary.append(f"{free / _GIB:.0f} GiB free" if free >= 10 * _GIB else f"{free / _GIB:.1f} GiB free")
-        errors += _full(folder, free)
-        warnings += _scarce(folder, free)
+        hint = "free some space: 'forge clean stale' removes results of packages no longer in the workspace"
+        left = f"{free >> 20} MiB are left"
+        if free < _TOO_LITTLE:
+            errors.append(Problem(f"the disk is full: {left}", Location(folder), hint))
+        elif free < _LITTLE:
+            warnings.append(Problem(f"the disk is almost full: {left}", Location(folder), hint))
+        status = os.statvfs(folder)
+        # Some file systems allocate inodes dynamically and report none.
+        if status.f_files and status.f_favail < _FEW_FILES:
+            hint = "remove folders with many small files; 'df -i' shows the number of free inodes"
+            message = f"the file system has only {status.f_favail} free inodes"
+            warnings.append(Problem(message, Location(folder), hint))
         warnings += _lacking_features(folder) if os.access(folder, os.W_OK) else ()
     return CheckResult("disk", ", ".join(summary), tuple(errors), tuple(warnings))
 
 
 def owners(subject: CheckContext) -> CheckResult:
     """Find results of other users, for example from sudo, which cannot be overwritten."""
-    foreign = []
+    foreign: list[str] = []
+    bases = set()
     for base in filter(None, (subject.layout.build, subject.layout.install, subject.layout.logs)):
-        foreign += [path for path in (base, *_children(base)) if _is_foreign(path)]
+        if found := [str(path) for path in (base, *_children(base)) if _is_foreign(path)]:
+            foreign += found
+            bases.add(str(base.relative_to(subject.root) if base.is_relative_to(subject.root) else base))
     if not foreign:
         return CheckResult("owner", "results are writable")
-    shown = ", ".join(f"'{path}'" for path in foreign[:_NAMED])
-    more = f" and {len(foreign) - _NAMED} more" if len(foreign) > _NAMED else ""
-    bases = " ".join(sorted({str(_base(path, subject)) for path in foreign}))
     problem = Problem(
-        f"another user owns {shown}{more}",
-        hint=f"run 'sudo chown -R $(id -un): {bases}', and build without sudo",
+        f"another user owns {listed(foreign)}",
+        hint=f"run 'sudo chown -R $(id -un): {' '.join(sorted(bases))}', and build without sudo",
     )
     return CheckResult("owner", "results of another user", errors=(problem,))
 
@@ -125,7 +137,7 @@ def capacity(_subject: CheckContext) -> CheckResult:
     if found is None:
         return CheckResult("memory", f"{jobs} jobs")
     left, whole = found.available / _GIB, found.total / _GIB
-    summary = f"{left:.1f} of {whole:.1f} GiB for {jobs} job{'s' if jobs > 1 else ''}"
+    summary = f"{left:.1f} of {whole:.1f} GiB for {counted(jobs, 'job')}"
     if found.available >= jobs * _PER_JOB:
         return CheckResult("memory", summary)
     fewer = max(1, int(found.available // _PER_JOB))
@@ -137,29 +149,6 @@ def capacity(_subject: CheckContext) -> CheckResult:
 def _existing(path: Path) -> Path:
     """Return the folder, or its nearest existing parent."""
     return next(folder for folder in (path, *path.parents) if folder.is_dir())
-
-
-def _refusals(wanted: Path, folder: Path) -> Iterator[Problem]:
-    if not os.access(folder, os.W_OK | os.X_OK):
-        hint = "change its owner, or choose another folder with '--build-base' and '--install-base'"
-        yield Problem(f"cannot write to '{folder}' to create '{wanted.name}'", hint=hint)
-
-
-def _full(folder: Path, free: int) -> Iterator[Problem]:
-    if free < _TOO_LITTLE:
-        hint = "free some space: 'forge clean stale' removes results of packages no longer in the workspace"
-        yield Problem(f"the disk is full: {free >> 20} MiB are left", Location(folder), hint)
-
-
-def _scarce(folder: Path, free: int) -> Iterator[Problem]:
-    if _TOO_LITTLE <= free < _LITTLE:
-        hint = "free some space: 'forge clean stale' removes results of packages no longer in the workspace"
-        yield Problem(f"the disk is almost full: {free >> 20} MiB are left", Location(folder), hint)
-    status = os.statvfs(folder)
-    # Some file systems allocate inodes dynamically and report none.
-    if status.f_files and status.f_favail < _FEW_FILES:
-        hint = "remove folders with many small files; 'df -i' shows the number of free inodes"
-        yield Problem(f"the file system has only {status.f_favail} free inodes", Location(folder), hint)
 
 
 def _lacking_features(folder: Path) -> Iterator[Problem]:
@@ -211,10 +200,3 @@ def _is_foreign(path: Path) -> bool:
         return path.lstat().st_uid != os.geteuid() and not os.access(path, os.W_OK)
     except OSError:
         return False
-
-
-def _base(path: Path, subject: CheckContext) -> Path:
-    """Return the output folder that contains a path, in its shortest spelling."""
-    bases = (subject.layout.build, subject.layout.install, subject.layout.logs)
-    base = next(base for base in bases if base and path.is_relative_to(base))
-    return base.relative_to(subject.root) if base.is_relative_to(subject.root) else base

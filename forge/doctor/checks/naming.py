@@ -6,6 +6,7 @@ import configparser
 from typing import TYPE_CHECKING
 
 from forge.base.errors import GroupedProblems, Location, Problem
+from forge.base.text import counted
 from forge.doctor.checks.model import CheckResult
 from forge.workspace.cmake_metadata import may_register_package, project_name
 from forge.workspace.python_metadata import read_setup_py
@@ -24,7 +25,7 @@ def names(subject: CheckContext) -> CheckResult:
     found = ((*_setup(subject, package), *_registration(subject, package)) for package in packages)
     warnings = tuple(problem for problems in found for problem in problems)
     count = len(errors) + len(warnings)
-    summary = f"{count} problem{'s' if count > 1 else ''}" if count else "manifests and build files agree"
+    summary = counted(count, "problem") if count else "manifests and build files agree"
     return CheckResult("names", summary, errors, warnings)
 
 

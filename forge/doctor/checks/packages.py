@@ -41,7 +41,23 @@ _TEST_FOLDERS = frozenset({"test", "tests"})
 
 def declarations(subject: CheckContext) -> CheckResult:
     """Compare used packages with declared dependencies."""
-    around = _surroundings(subject)
+    assert subject.resolution is not None
+    resolution = subject.resolution
+    near = frozenset(name for name, package in resolution.packages.items() if not package.embedded)
+    installed = {
+        package.name: package.needs
+        for root in subject.underlays.chain
+        for package in installed_packages(root)
+    }
+    brought = frozenset(resolution.packages) | frozenset(installed) | provided_names(discover_embedded())
+    modules = {name: name for name in brought}
+    for name in near:
+        modules.update(dict.fromkeys(modules_of(subject, resolution.packages[name]), name))
+    needs = {**installed, **resolution.needs}
+    for name in near:
+        outside = frozenset(resolution.packages[name].manifest.names(ALL_KINDS)) & installed.keys()
+        needs[name] |= outside
+    around = KnownPackages(brought, near, modules, needs)
     found: list[Findings] = []
     notes: list[Problem] = []
     for package in subject.packages.values():
@@ -89,26 +105,6 @@ def modules_of(subject: CheckContext, package: Package) -> frozenset[str]:
             if call.command == "ament_python_install_package" and call.words:
                 found.add(call.words[0].replace("${PROJECT_NAME}", package.name))
     return frozenset(found)
-
-
-def _surroundings(subject: CheckContext) -> KnownPackages:
-    assert subject.resolution is not None
-    resolution = subject.resolution
-    near = frozenset(name for name, package in resolution.packages.items() if not package.embedded)
-    installed = {
-        package.name: package.needs
-        for root in subject.underlays.chain
-        for package in installed_packages(root)
-    }
-    brought = frozenset(resolution.packages) | frozenset(installed) | provided_names(discover_embedded())
-    modules = {name: name for name in brought}
-    for name in near:
-        modules.update(dict.fromkeys(modules_of(subject, resolution.packages[name]), name))
-    needs = {**installed, **resolution.needs}
-    for name in near:
-        outside = frozenset(resolution.packages[name].manifest.names(ALL_KINDS)) & installed.keys()
-        needs[name] |= outside
-    return KnownPackages(brought, near, modules, needs)
 
 
 def _mentions(subject: CheckContext, package: Package, pattern: re.Pattern[str]) -> Iterator[str]:

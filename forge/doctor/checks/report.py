@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.colours import Palette
 from forge.base.errors import Location, joined
+from forge.base.text import counted
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -64,14 +65,14 @@ def conclusion(results: Sequence[CheckResult], *, everything: bool) -> str:
     errors, warnings, notes = (len(_of_severity(results, word)) for word in ("error", "warning", "note"))
     if errors:
         verb = "prevents" if errors == 1 else "prevent"
-        text = f"{_count(errors, 'error')} {verb} builds" + (
-            f"; {_count(warnings, 'warning')}" if warnings else ""
+        text = f"{counted(errors, 'error')} {verb} builds" + (
+            f"; {counted(warnings, 'warning')}" if warnings else ""
         )
     elif warnings:
-        text = f"no errors; {_count(warnings, 'warning')}"
+        text = f"no errors; {counted(warnings, 'warning')}"
     else:
         text = "no problems found"
-    return text if everything or not notes else f"{text} ({_count(notes, 'more note')} with --all)"
+    return text if everything or not notes else f"{text} ({counted(notes, 'more note')} with --all)"
 
 
 def _word(result: CheckResult) -> tuple[str, Meaning]:
@@ -90,7 +91,3 @@ def _plain(severity: str, topic: str, problem: Problem) -> dict[str, object]:
         "line": place.line,
         "hint": problem.hint,
     }
-
-
-def _count(number: int, word: str) -> str:
-    return f"{number} {word}{'' if number == 1 else 's'}"

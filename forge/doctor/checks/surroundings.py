@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING
 from forge.base.distributions import VARIABLE
 from forge.base.env_vars import expand_home
 from forge.base.errors import HostError, Location, Problem, WorkspaceError
+from forge.base.files import text_or_nothing
 from forge.base.layout import INSTALL_STATE_FILE, LAYOUT_MARKER
+from forge.base.text import listed
 from forge.build.markers import foreign_build, other_layout
 from forge.doctor.checks.model import CheckResult
 from forge.environment.install_state import recorded_underlays, underlays_of
@@ -30,7 +32,6 @@ _MODULES = ("lib", "local/lib")
 _PATHS = ("CMAKE_PREFIX_PATH", "PYTHONPATH", "LD_LIBRARY_PATH")
 _FILES = ("COLCON_DEFAULTS_FILE", "COLCON_PYTHON_EXECUTABLE", "COLCON_HOME", "CMAKE_COMMAND", "CTEST_COMMAND")
 _PASSING = ("AMENT_CURRENT_PREFIX", "COLCON_CURRENT_PREFIX")
-_NAMED = 3
 _CACHE_HOME = re.compile(r"^CMAKE_HOME_DIRECTORY:INTERNAL=(.*)$", re.MULTILINE)
 
 
@@ -45,7 +46,10 @@ def underlays(subject: CheckContext) -> CheckResult:
     notes: list[Problem] = []
     sourced = {root.resolve() for root in chain}
     for root in chain:
-        warnings += _without_scripts(root)
+        if not any(root.glob("local_setup.*")) and not any(root.glob("setup.*")):
+            hint = "rebuild that workspace, and source it in a new terminal"
+            message = f"the underlay '{root}' has no setup scripts: its build did not complete"
+            warnings.append(Problem(message, hint=hint))
         # Built without a package although all its underlays are sourced: that build did not need it.
         is_complete = all(below.resolve() in sourced for below in underlays_of(root))
         (notes if is_complete else warnings).extend(_without_needs(root, subject))
@@ -66,8 +70,11 @@ def environment(subject: CheckContext) -> CheckResult:
         *_of_another_ros(variables),
         *_of_another_python(variables, subject),
         *_leading_nowhere(variables),
-        *_half_sourced(variables),
     ]
+    for name in _PASSING:
+        if name in variables:
+            message = f"'{name}' is set, which only setup scripts should do while they run"
+            warnings.append(Problem(message, hint=f"unset {name}"))
     known = sorted(name for name in variables if name.startswith(("AMENT_", "COLCON_", "ROS_", "FORGE_")))
     return CheckResult("environment", " ".join(known) or "no ROS variables are set", warnings=tuple(warnings))
 
@@ -93,12 +100,6 @@ def _maker(root: Path) -> str:
     return "catkin" if (root / "_setup_util.py").is_file() else "a distribution"
 
 
-def _without_scripts(root: Path) -> Iterator[Problem]:
-    if not any(root.glob("local_setup.*")) and not any(root.glob("setup.*")):
-        hint = "rebuild that workspace, and source it in a new terminal"
-        yield Problem(f"the underlay '{root}' has no setup scripts: its build did not complete", hint=hint)
-
-
 def _without_needs(root: Path, subject: CheckContext) -> Iterator[Problem]:
     """Yield the packages of an underlay with missing dependencies."""
     held = installed_packages(root)
@@ -114,7 +115,7 @@ def _without_needs(root: Path, subject: CheckContext) -> Iterator[Problem]:
                 lost.setdefault(need, []).append(package.name)
     for need, users in sorted(lost.items()):
         hint = f"source the workspace that contains '{need}' before '{root}', or rebuild '{root}'"
-        message = f"{_listed(sorted(users))} in '{root}' needs '{need}', which no sourced underlay contains"
+        message = f"{listed(sorted(users))} in '{root}' needs '{need}', which no sourced underlay contains"
         yield Problem(message, hint=hint)
 
 
@@ -140,7 +141,7 @@ def _of_another_ros(variables: Mapping[str, str]) -> Iterator[Problem]:
     distros = sorted({match[1] for entry in entries if (match := re.match(r"/opt/ros/(\w+)", entry))})
     said = variables.get("ROS_DISTRO")
     if len(distros) > 1:
-        yield Problem(f"several ROS distributions are sourced: {_listed(distros)}", hint=new)
+        yield Problem(f"several ROS distributions are sourced: {listed(distros)}", hint=new)
     elif distros and said and said not in distros:
         yield Problem(f"'ROS_DISTRO' is '{said}', but '/opt/ros/{distros[0]}' is sourced", hint=new)
 
@@ -159,7 +160,7 @@ def _of_another_python(variables: Mapping[str, str], subject: CheckContext) -> I
     ]
     if others:
         hint = "open a new terminal, or build with '--python' for that version"
-        message = f"'PYTHONPATH' contains {_listed(others)} for another python than {ours[0]}.{ours[1]}"
+        message = f"'PYTHONPATH' contains {listed(others)} for another python than {ours[0]}.{ours[1]}"
         yield Problem(message, hint=hint)
     conda = variables.get("CONDA_PREFIX")
     if conda and Path(conda, "bin") in map(Path, variables.get("PATH", "").split(os.pathsep)[:2]):
@@ -174,34 +175,18 @@ def _leading_nowhere(variables: Mapping[str, str]) -> Iterator[Problem]:
         gone = [entry for entry in entries if not os.path.lexists(entry)]
         if gone:
             hint = "if it was removed after sourcing, continue in a new terminal"
-            yield Problem(f"'{name}' names {_listed(gone)}, which does not exist", hint=hint)
+            yield Problem(f"'{name}' names {listed(gone)}, which does not exist", hint=hint)
     for name in _FILES:
         value = variables.get(name)
         if value and os.sep in value and not os.path.lexists(expand_home(value)):
             yield Problem(f"'{name}' names '{value}', which does not exist", hint=f"unset {name}")
 
 
-def _half_sourced(variables: Mapping[str, str]) -> Iterator[Problem]:
-    for name in _PASSING:
-        if name in variables:
-            hint = f"unset {name}"
-            yield Problem(f"'{name}' is set, which only setup scripts should do while they run", hint=hint)
-
-
 def _moved(name: str, subject: CheckContext) -> Iterator[Problem]:
     """Yield a note if a build folder was configured for another source path."""
     build = subject.layout.build_dir(name)
-    try:
-        text = (build / "CMakeCache.txt").read_text(encoding="utf-8", errors="replace")
-    except OSError:
-        return
-    match = _CACHE_HOME.search(text)
+    match = _CACHE_HOME.search(text_or_nothing(build / "CMakeCache.txt"))
     source = subject.root / subject.packages[name].path
     if match and Path(match[1]).resolve() != source.resolve():
         message = f"'{build.name}' was built from '{match[1]}' and will be rebuilt"
         yield Problem(message, Location(build), f"forge clean packages {name}")
-
-
-def _listed(names: list[str]) -> str:
-    shown = ", ".join(f"'{name}'" for name in names[:_NAMED])
-    return f"{shown} and {len(names) - _NAMED} more" if len(names) > _NAMED else shown

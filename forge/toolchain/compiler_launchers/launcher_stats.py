@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 from forge.base.errors import Problem
 from forge.base.frozen import frozen
 from forge.base.layout import COMPILATIONS_FILE
+from forge.base.text import counted
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -44,9 +45,9 @@ class LauncherSummary:
     def words(self) -> str:
         """The summary as a line of text."""
         if self.compilations is not None:
-            whole = _count(self.compilations, "compilation")
+            whole = counted(self.compilations, "compilation")
             return f"{self.launcher}: {self.from_cache} of {whole} from the cache"
-        return f"{self.launcher}: {_count(self.hosts or 0, 'host')} with {_count(self.slots or 0, 'slot')}"
+        return f"{self.launcher}: {counted(self.hosts or 0, 'host')} with {counted(self.slots or 0, 'slot')}"
 
 
 @frozen
@@ -126,20 +127,15 @@ def _ccache_stats(launcher: Path, root: Path, log: Path, variables: Mapping[str,
     if not settings.get("base_dir") and "CCACHE_BASEDIR" not in variables:
         # Relative paths in compiler messages would not be found by users or editors.
         added = {"CCACHE_BASEDIR": str(root), "CCACHE_ABSSTDERR": "1"}
-    distcc = _distcc_behind(settings.get("prefix_command", ""), variables)
+    word = next(iter(settings.get("prefix_command", "").split()), "")
+    found = shutil.which(word, path=variables.get("PATH")) if Path(word).name == "distcc" else None
+    distcc = _distcc_stats(Path(found), variables) if found else LauncherStats()
     finish = distcc.finish
     if not settings.get("stats_log"):  # the user's own log contains other builds as well
         log.unlink(missing_ok=True)
         added["CCACHE_STATSLOG"] = str(log)
         finish = partial(_finish_ccache, log, distcc)
     return LauncherStats(added, distcc.host_pool, distcc.problem, finish)
-
-
-def _distcc_behind(prefix: str, variables: Mapping[str, str]) -> LauncherStats:
-    """Return the statistics of the program that ccache runs compilers through, if it is distcc."""
-    word = next(iter(prefix.split()), "")
-    found = shutil.which(word, path=variables.get("PATH")) if Path(word).name == "distcc" else None
-    return _distcc_stats(Path(found), variables) if found else LauncherStats()
 
 
 def _finish_ccache(log: Path, distcc: LauncherStats) -> tuple[LauncherSummary, ...]:
@@ -195,7 +191,3 @@ def _output(argv: list[Path | str], variables: Mapping[str, str]) -> str:
     except (OSError, subprocess.TimeoutExpired):
         return ""
     return done.stdout.decode(errors="replace")
-
-
-def _count(number: int, word: str) -> str:
-    return f"{number} {word}{'' if number == 1 else 's'}"

@@ -11,6 +11,7 @@ from forge.base.env_vars import compiled_templates
 from forge.base.errors import InterfaceError, Problem, print_warnings, raise_if_any
 from forge.base.standard_interfaces import EMBEDDED
 from forge.base.templating import keep_compiled
+from forge.base.text import counted
 from forge.cli.commands.interface.inputs import add_inputs, catalog_of, library_of
 from forge.interfaces.fingerprints import fingerprints
 from forge.interfaces.output_state import STATE_FOLDER, OutputState, generator_digest, read_states
@@ -93,7 +94,7 @@ def _generate(options: argparse.Namespace) -> int:
     if options.stamp:
         write_stamp(options.stamp)
     else:
-        print(f"{len(written.changed)} of {_files(written.total)} written to '{options.output}'")
+        print(f"{len(written.changed)} of {counted(written.total, 'file')} written to '{options.output}'")
     return 0
 
 
@@ -146,7 +147,3 @@ def _folders(others: Iterable[Catalog], library: Library) -> dict[str, Path]:
         for package, folder in found.items()
         if folder and not folder.is_relative_to(EMBEDDED)
     }
-
-
-def _files(count: int) -> str:
-    return "1 file" if count == 1 else f"{count} files"
