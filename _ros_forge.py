@@ -1,10 +1,10 @@
-"""Start forge with its own modules, whatever else is called like them.
+"""Start forge without importing modules of the same name from PYTHONPATH.
 
-The command `forge` begins here, and so does what forge starts of itself:
-`python .../_ros_forge.py [-m forge.MODULE] [ARGUMENT ...]`. PYTHONPATH leads to every Python package of a
-sourced workspace, and one may be called `forge`, or `installer` like a library of forge. None can be called
-like this file, since names of packages begin with a letter. What the environment says stays as it is for the
-programs that forge starts.
+The entry point of the command `forge` and of the processes that forge starts for itself:
+`python .../_ros_forge.py [-m forge.MODULE] [ARGUMENT ...]`. In a sourced workspace, PYTHONPATH contains every
+Python package, and one may be called `forge`, or `installer` like a library of forge. None can have the name
+of this file, because package names begin with a letter. PYTHONPATH itself is left unchanged for the programs
+that forge starts.
 """
 
 import os

@@ -1,4 +1,4 @@
-"""The fixtures themselves: a kit that lies would make every other test lie."""
+"""Tests of the shared fixtures."""
 
 from __future__ import annotations
 

@@ -234,8 +234,8 @@ def problem_from_oserror(error: OSError) -> Problem | None:
     if isinstance(error, NotRegularFileError):
         return Problem(f"cannot read '{error.filename}': {error.strerror}")
     if error.errno in _VANISHED and error.filename:
-        message = f"'{error.filename}' vanished while it was in use"
-        return Problem(message, hint="it may have been removed or moved meanwhile; try again")
+        message = f"'{error.filename}' disappeared while forge was using it"
+        return Problem(message, hint="another program may have removed or moved it; try again")
     reason = (error.strerror or str(error)).lower()
     if not error.filename and error.errno in _OF_OUTPUT:
         # Errors of other files contain their name.

@@ -75,7 +75,7 @@ def install_package(
 class InstalledFiles:
     """What a build has installed, as sorted absolute paths; those of empty folders end with '/'.
 
-    Of `unclaimed` files, nobody knows whether the package or another program has written them.
+    It is unknown whether the package or another program has written the `unclaimed` files.
     """
 
     files: tuple[str, ...]

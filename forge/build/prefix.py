@@ -54,7 +54,7 @@ class InstalledList:
     """What forge installed for a package: the content of each file by absolute path, and empty folders.
 
     `links` are the links that lead from the prefix to these files, with their targets: a link that appears
-    there later belongs to somebody else. `unclaimed` files appeared during the build, but nobody knows
+    there later belongs to somebody else. `unclaimed` files appeared during the build, but it is unknown
     whether the package or another program has written them: they count as installed, and are never removed.
     """
 
@@ -339,7 +339,7 @@ class PrefixExchange:
             self._move_back(self._part)
         if self._moved.is_dir():
             if not self.writes().complete:
-                # Some files may be of the killed build: nobody knows which ones.
+                # Some files may be of the killed build: which ones is unknown.
                 noted = {
                     "state": {**self._noted("state"), "listed": False},
                     "folders": self._noted("folders"),
@@ -473,7 +473,7 @@ class PrefixExchange:
     def _known_others(self) -> tuple[Mapping[str, list[int]], Collection[str]]:
         """Return what certainly was not the package's before the build, and what nobody claimed.
 
-        Of a package that another tool or an older forge installed, nobody knows which files are whose.
+        Which files belong to a package that another tool or an older forge installed is unknown.
         """
         others = self.others() if self._noted("state").get("listed") else {}
         known = _read_list(self._list, str(self._layout.install)) if others else None
@@ -517,8 +517,8 @@ def foreign_entries(root: str) -> tuple[list[str], list[str]]:
 def copy_others_of_merged(layout: Layout, owned: Iterable[str]) -> None:
     """Copy what is in a merged prefix without being `owned`, once for all packages of a build.
 
-    Without lists of installed files, another tool or an older forge installed the packages, and nobody knows
-    which files are whose.
+    Without lists of installed files, another tool or an older forge installed the packages, and the
+    owners of files are unknown.
     """
     base, folder = str(layout.install), _shared_others(layout)
     lists = (layout.install / INSTALLED_LISTS_DIR).glob("*.json")

@@ -174,7 +174,7 @@ class FolderStore:
     def check(self) -> None:
         """Raise HostError if other users can replace results, unless the folder is shared on purpose.
 
-        Results are executed, so whoever can write them can run programs as the user.
+        Results are executed, so users who can write them can run programs as this user.
         """
         for folder in (self.folder, self.folder / "ac"):
             try:

@@ -81,7 +81,8 @@ class CMakeOptions:
         "ignore packages without the target of --cmake-target", default=False
     )
     no_fast_rosidl: bool = option(
-        "let ROS start each generator and script anew, and compile each generated source on its own",
+        "disable the rosidl accelerator: start each generator and script separately, and compile each "
+        "generated source on its own",
         default=False,
     )
     catkin_cmake_args: tuple[str, ...] = option(_NO_EFFECT, default=(), metavar="ARG")

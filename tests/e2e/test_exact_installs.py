@@ -245,9 +245,7 @@ def test_folders_are_as_a_clean_build_makes_them(forge: Forge, tree: Tree) -> No
 
 
 @pytest.mark.parametrize("options", [(), (MERGED,)], ids=["isolated", "merged"])
-def test_hooks_and_scripts_are_those_of_the_files_of_now(
-    forge: Forge, tree: Tree, options: tuple[str, ...]
-) -> None:
+def test_hooks_follow_current_files(forge: Forge, tree: Tree, options: tuple[str, ...]) -> None:
     """A package that stops installing libraries, programs and its own setup."""
     everything = (
         "install(FILES x.so DESTINATION lib)\ninstall(PROGRAMS x.so DESTINATION bin)\n"

@@ -500,7 +500,7 @@ def test_a_workspace_that_is_removed_during_a_build(waiting: Path) -> None:
         out, err = process.communicate(timeout=60)
     assert process.returncode in {1, 2}, out + err
     assert "Traceback" not in err
-    assert "Failed   <<< b" in err or "vanished" in err
+    assert "Failed   <<< b" in err or "disappeared" in err
 
 
 def test_what_changes_or_vanishes_during_a_build_is_built_the_next_time(waiting: Path) -> None:

@@ -245,7 +245,7 @@ def _entries(folder: str, root: str) -> list[os.DirEntry[str]] | None:
     """Return the sorted entries of a folder, or None if it is not part of the sources below `root`.
 
     Not part of the sources are build, install and log folders, virtual environments, build folders of IDEs,
-    and folders that have just vanished. Raises other OSErrors.
+    and folders that have just disappeared. Raises other OSErrors.
     """
     try:
         with os.scandir(folder) as found:
