@@ -9,7 +9,6 @@ files stay, and so does whatever is mounted or lies behind a link.
 from __future__ import annotations
 
 import os
-import re
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -35,8 +34,11 @@ from forge.build.folder_marks import (
     has_package_marks,
     is_own_build_base,
     is_own_build_dir,
+    is_own_ignore_mark,
     is_own_install_base,
     is_own_log_base,
+    is_own_log_link,
+    is_run_name,
     is_source_of,
     is_usable_prefix,
     recorded_layout,
@@ -72,7 +74,6 @@ _INSTALL_FILES = (
     *(LAYOUT_MARKER, IGNORE_MARK, INSTALL_STATE_FILE, "_local_setup_util_sh.py", "_local_setup_util_ps1.py"),
     *(f"{name}.{extension}" for name in ("setup", "local_setup") for extension in _EXTENSIONS),
 )
-_RUN = re.compile(r"[a-z][a-z_-]*_\d{4}-\d\d-\d\d_\d\d-\d\d-\d\d(_\d+)?")
 _RUN_FILES = ("logger_all.log", "events.log", "events.jsonl")
 
 
@@ -150,8 +151,11 @@ def workspace_removables(
         runs = tuple(filter(_is_run, _folders(layout.logs)))
         if runs:
             yield Removable(f"logs of {len(runs)} run{'' if len(runs) == 1 else 's'}", layout.logs, runs)
-        links = (path for path in layout.logs.glob("latest*") if path.is_symlink())
-        yield from _own_files("log", layout.logs, (layout.logs / IGNORE_MARK, *links))
+        links = tuple(filter(is_own_log_link, layout.logs.glob("latest*")))
+        mark = layout.logs / IGNORE_MARK
+        # Beside files of others, which it hides from discovery, the mark may be theirs.
+        others = {*_entries(layout.logs)} - {*runs, *links, mark}
+        yield from _own_files("log", layout.logs, (*links, *(() if others else (mark,))))
 
 
 def restore_backups(layout: Layout, names: Iterable[str]) -> None:
@@ -189,7 +193,7 @@ def remaining_entries(layout: Layout, bases: Iterable[str]) -> Iterator[tuple[Pa
     folders = {"build": layout.build, "install": layout.install, "log": layout.logs}
     for base in bases:
         for entry in _entries(folders[base]):
-            if entry.name == INSTALLED_LISTS_DIR:
+            if entry.name == INSTALLED_LISTS_DIR or (entry.name == IGNORE_MARK and is_own_ignore_mark(entry)):
                 continue
             if base == "install" and _lists(entry.name, layout):
                 yield from remaining_in_prefix(entry)
@@ -214,7 +218,11 @@ def _reason(path: Path) -> str:
 
 def _own_files(base_name: str, base: Path, paths: Iterable[Path]) -> Iterator[Removable]:
     """Yield the files that belong to no package: markers, scripts, journals."""
-    found = tuple(path for path in paths if os.path.lexists(path))
+    found = tuple(
+        path
+        for path in paths
+        if os.path.lexists(path) and (path.name != IGNORE_MARK or is_own_ignore_mark(path))
+    )
     if found:
         yield Removable(f"forge's own files in '{base_name}'", base, found)
 
@@ -232,7 +240,7 @@ def _targets(layout: Layout) -> Iterator[Layout]:
 
 def _is_run(folder: Path) -> bool:
     """Tell whether a folder of a log folder contains the log of one run."""
-    if folder.is_symlink() or not _RUN.fullmatch(folder.name):
+    if folder.is_symlink() or not is_run_name(folder.name):
         return False
     return not any(folder.iterdir()) or any((folder / name).is_file() for name in _RUN_FILES)
 

@@ -45,6 +45,8 @@ _COLCON_MARKS = (BUILD_RESULT, TEST_RESULT, "cmake_args.last", "colcon_command_p
 _BASE_MARKS = (BUILT_BY, LAYOUT_MARKER, IGNORE_MARK, INSTALLED_LISTS_DIR)
 _HOME_OF_CMAKE = re.compile(r"^CMAKE_HOME_DIRECTORY:INTERNAL=(.*)$", re.MULTILINE)
 _WORD = re.compile(r"[A-Za-z][\w.+-]*")
+_RUN = re.compile(r"[a-z][a-z_-]*_\d{4}-\d\d-\d\d_\d\d-\d\d-\d\d(_\d+)?")
+_LATEST = re.compile(r"latest_[a-z][a-z_-]*")
 _LEVELS = 3
 """How deep a folder that is to become a base is searched for sources that no command discovered."""
 
@@ -84,6 +86,23 @@ def recorded_layout(install: Path) -> str | None:
 def is_own_log_base(logs: Path) -> bool:
     """Tell whether forge or colcon created a log folder."""
     return (logs / IGNORE_MARK).is_file()
+
+
+def is_run_name(name: str) -> bool:
+    """Tell whether forge or colcon name the log folder of a run like this."""
+    return _RUN.fullmatch(name) is not None
+
+
+def is_own_log_link(link: Path) -> bool:
+    """Tell whether an entry of a log folder is a link to the latest run, as forge and colcon create it."""
+    return link.is_symlink() and bool(
+        _RUN.fullmatch(target := os.readlink(link)) or _LATEST.fullmatch(target)
+    )
+
+
+def is_own_ignore_mark(mark: Path) -> bool:
+    """Tell whether forge or colcon may have created a COLCON_IGNORE, which then is an empty file."""
+    return mark.is_file() and not mark.is_symlink() and not mark.stat().st_size
 
 
 def is_own_build_dir(build: Path) -> bool:
@@ -260,22 +279,30 @@ def _unfit_base(base: Path, *, thorough: bool) -> str:
 
 
 def nesting_problems(layout: Layout, names: Iterable[str]) -> Iterator[Problem]:
-    """Yield a problem if one base is another one, or lies where a package of these names has its files."""
+    """Yield a problem if one base is another one, or lies where a package of these names has its files.
+
+    A base in such a folder would be emptied with it.
+    """
     build, install = os.path.realpath(layout.build), os.path.realpath(layout.install)
-    hint = "choose another folder with '--build-base' or '--install-base'"
+    hint = "choose another folder with '{}'"
     if build == install:
-        yield Problem(f"the build folder and the install folder are the same: '{layout.build}'", hint=hint)
+        message = f"the build folder and the install folder are the same: '{layout.build}'"
+        yield Problem(message, hint=hint.format("--build-base' or '--install-base"))
         return
     known = frozenset(names)
+    logs = os.path.realpath(layout.logs) if layout.logs else ""
     for kind, outer, other, inner in (
         ("build", build, "install", install),
         ("install", install, "build", build),
+        ("build", build, "log", logs),
+        ("install", install, "log", logs),
     ):
         if kind == "install" and layout.merged:
             continue
         part = inner[len(outer) + 1 :].partition("/")[0] if inner.startswith(f"{outer}/") else ""
         if part in known:
-            yield Problem(f"the {other} folder '{inner}' lies in the {kind} folder of '{part}'", hint=hint)
+            message = f"the {other} folder '{inner}' lies in the {kind} folder of '{part}'"
+            yield Problem(message, hint=hint.format(f"--{other}-base"))
 
 
 def folder_problems(

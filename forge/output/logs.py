@@ -33,6 +33,7 @@ from forge.build.events import (
     StepFinished,
     StepStarted,
 )
+from forge.build.folder_marks import is_own_log_link
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -219,7 +220,8 @@ def open_log(logs: Path | None, verb: str, argv: list[str], **options: object) -
 
 def _new_folder(logs: Path, verb: str) -> Path:
     logs.mkdir(parents=True, exist_ok=True)
-    (logs / IGNORE_MARK).touch()
+    if not os.path.lexists(logs / IGNORE_MARK):
+        (logs / IGNORE_MARK).touch()
     name = datetime.now().astimezone().strftime(f"{verb}_%Y-%m-%d_%H-%M-%S")
     for suffix in ("", *(f"_{number}" for number in range(2, 1000))):
         with contextlib.suppress(FileExistsError):
@@ -229,12 +231,10 @@ def _new_folder(logs: Path, verb: str) -> Path:
 
 
 def _point(link: Path, target: str) -> None:
-    """Create or replace a relative symbolic link; keep anything else with that name."""
-    if link.is_symlink():
-        link.unlink()
-    elif link.exists():
-        return
-    # A concurrent run may have created the link meanwhile.
+    """Create or replace a link to the latest run; keep anything else with that name."""
+    if is_own_log_link(link):
+        link.unlink(missing_ok=True)
+    # A concurrent run may have created the link meanwhile, or it is somebody else's.
     with contextlib.suppress(FileExistsError):
         link.symlink_to(target)
 

@@ -220,3 +220,58 @@ def test_a_renamed_package_is_reported_as_stale(forge: Forge, tree: Tree) -> Non
         path = root / "src/a" / name
         path.write_text(path.read_text().replace("<name>a<", "<name>z<"))
     assert "'a' is no longer in the workspace" in forge("build", cwd=root).err
+
+
+def test_a_log_folder_keeps_links_and_marks_of_its_owner(forge: Forge, tree: Tree) -> None:
+    """Links are forge's if they lead to a run; the mark is, if it is empty, and hides nothing that stays."""
+    root = tree({**cmake_package("a"), "theirs/COLCON_IGNORE": "why: no packages", "theirs/notes": "mine"})
+    own = tree({"own/COLCON_IGNORE": "", "own/notes": "mine"}) / "own"
+    linked = tree({"linked/notes": "mine", "elsewhere/mark": "mine"}) / "linked"
+    (linked / "COLCON_IGNORE").symlink_to("../elsewhere/mark")
+    (root / "dangling").mkdir()
+    (root / "dangling/COLCON_IGNORE").symlink_to("../elsewhere/nothing")
+    for folder in (root / "theirs", own, linked, root / "dangling"):
+        (folder / "latest").symlink_to("notes")
+        (folder / "latest_build").symlink_to("/nowhere")
+        (folder / "latest_data").symlink_to("build_2024")
+    before = everything(root)
+    times = {path: path.lstat().st_mtime_ns for path in root.rglob("*") if path.name != "own"}
+    for name in ("theirs", "own", "linked", "dangling"):
+        assert forge("build", "--log-base", name, cwd=root).code == 0
+        assert list((root / name).glob("build_*-*"))
+        ran = forge("clean", "workspace", "-y", "--log-base", name, cwd=root)
+        assert ran.code == 0
+        for path in (root / "dangling").glob("build_*"):
+            shutil.rmtree(path)  # a base without a mark
+        assert everything(root) == before
+        assert not [
+            path for path, time in times.items() if path.lstat().st_mtime_ns != time and not path.is_dir()
+        ]
+
+
+def test_a_mark_with_a_text_is_no_mark_of_forge(forge: Forge, tree: Tree) -> None:
+    root = tree({**cmake_package("a"), "build/COLCON_IGNORE": "mine", "install/COLCON_IGNORE": "mine"})
+    before = everything(root)
+    assert forge("build", cwd=root).code == 0
+    for _ in range(2):
+        ran = forge("clean", "workspace", "-y", cwd=root)
+        assert ran.code == 0
+        assert everything(root) == before
+    assert "nothing to remove" in ran.out
+
+
+@pytest.mark.parametrize("command", ["build", "test"])
+@pytest.mark.parametrize("base", ["build/a", "build/a/log", "install/a/log", "link/log"])
+def test_a_log_folder_in_a_folder_of_a_package_is_refused(
+    forge: Forge, tree: Tree, command: str, base: str
+) -> None:
+    """A build would empty it."""
+    root = tree(cmake_package("a"))
+    (root / "link").symlink_to("build/a")
+    assert forge("build", cwd=root).code == 0
+    before = everything(root)
+    ran = forge(command, "--log-base", base, cwd=root)
+    assert ran.code == 2
+    assert "lies in the" in ran.err
+    assert "--log-base" in ran.err
+    assert everything(root) == before
