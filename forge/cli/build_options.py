@@ -238,7 +238,6 @@ class BuildOptions:
 
 
 def add_build_options(parser: Parser) -> None:
-    """Add the options of `forge build`."""
     package_options.add(parser)
     add_options(parser, "output folders", FolderOptions)
     add_options(parser, "build options", BuildOptions)

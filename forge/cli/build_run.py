@@ -57,7 +57,6 @@ if TYPE_CHECKING:
     from forge.cli.build_options import BuildOptions
     from forge.cli.session import Session
     from forge.execution.dask.connection import Connection
-    from forge.execution.job_pool import JobPool
     from forge.execution.runner import Runner
     from forge.output.charts.sampling import NoSampler
     from forge.toolchain.interpreter import Interpreter
@@ -80,7 +79,6 @@ class PreparedBuild:
 
 
 def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
-    """Run the plan and return the exit code."""
     _warn_of_packages(plan, build, state)
     if plan.tasks:
         state.begin()
@@ -101,7 +99,9 @@ def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
             build.mode.warn(opened.recorder.kept)
             session.report.launcher_summaries = opened.launcher_stats.finish()
             _report_results(plan, build, opened)
-    _report_conflicts(plan, build, state)
+    if build.options.query.strict:
+        raise_if_any(state.merged_prefix.conflicts((*plan.tasks, *plan.fresh)), WorkspaceError)
+    build.mode.warn(state.merged_prefix.conflicts(plan.tasks))
     untracked = _report_audit(build.audit, plan, build, state) if build.audit else 0
     return session.report.exit_code or untracked
 
@@ -127,7 +127,16 @@ def _opened(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> Iterato
     with (
         _connection(build) as connection,
         _workers(plan, build) as worker_variables,
-        closing(_job_pool(plan, build, launcher_stats)) as job_pool,
+        closing(
+            open_job_pool(
+                build.options.jobs,
+                build.context,
+                build.variables,
+                compiles=_compiles(plan),
+                remote_slots=launcher_stats.host_pool.slots,
+                warn=build.mode.warn,
+            )
+        ) as job_pool,
         _session(plan, build, state) as session,
         sample_usage(wanted=options.timings) as sampler,
         _package_cache(build, state) as cache,
@@ -164,7 +173,14 @@ def _opened(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> Iterato
             runner = DaskRunner(connection, setup.lifecycle(toolchain))
             slots = options.jobs.parallel_workers or connection.cluster.slots
         session.json_events.announce(seconds=state.seconds())
-        scheduler = _scheduler(plan, build, state, slots)
+        alone = build.options.execution.executor == SEQUENTIAL
+        scheduler = Scheduler(
+            plan,
+            1 if alone else slots,
+            state.seconds(),
+            continue_on_error=build.options.continue_on_error,
+            in_order=alone,
+        )
         yield _Opened(session, runner, recorder, scheduler, launcher_stats, sampler, cache)
 
 
@@ -248,17 +264,6 @@ def _session(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> Abstra
     )
 
 
-def _job_pool(plan: BuildPlan, build: PreparedBuild, launcher_stats: LauncherStats) -> JobPool:
-    return open_job_pool(
-        build.options.jobs,
-        build.context,
-        build.variables,
-        compiles=_compiles(plan),
-        remote_slots=launcher_stats.host_pool.slots,
-        warn=build.mode.warn,
-    )
-
-
 def _package_cache(build: PreparedBuild, state: BuildState) -> AbstractContextManager[PackageCache | None]:
     """Return the package cache as a context, None without one."""
     options, loaded, layout = build.options, build.loaded, build.context.layout
@@ -335,17 +340,6 @@ def _looks_for_python(plan: BuildPlan, resolution: DependencyResolution) -> bool
     )
 
 
-def _scheduler(plan: BuildPlan, build: PreparedBuild, state: BuildState, slots: int) -> Scheduler:
-    alone = build.options.execution.executor == SEQUENTIAL
-    return Scheduler(
-        plan,
-        1 if alone else slots,
-        state.seconds(),
-        continue_on_error=build.options.continue_on_error,
-        in_order=alone,
-    )
-
-
 def _warn_of_packages(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> None:
     """Warn about missing dependencies, overridden underlay packages, and packages that left the workspace."""
     loaded, layout = build.loaded, build.context.layout
@@ -367,7 +361,6 @@ def _warn_of_packages(plan: BuildPlan, build: PreparedBuild, state: BuildState) 
 
 
 def _report_results(plan: BuildPlan, build: PreparedBuild, opened: _Opened) -> None:
-    """Report the results of the cache, the summary, and the timings."""
     options, session, cache = build.options, opened.session, opened.cache
     if cache is not None:
         cache.finish()
@@ -384,13 +377,6 @@ def _report_results(plan: BuildPlan, build: PreparedBuild, opened: _Opened) -> N
         write_timings(session.log_folder)
         page = os.path.relpath(session.log_folder.parent / "latest_build" / PAGE)
         session.write(f"timings: {displayed(page, options.origin)}\n", stderr=options.report.json)
-
-
-def _report_conflicts(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> None:
-    """Report files that several packages install; raises WorkspaceError for them with --strict."""
-    if build.options.query.strict:
-        raise_if_any(state.merged_prefix.conflicts((*plan.tasks, *plan.fresh)), WorkspaceError)
-    build.mode.warn(state.merged_prefix.conflicts(plan.tasks))
 
 
 def _report_audit(audit: Audit, plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:

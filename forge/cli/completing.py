@@ -13,7 +13,7 @@ from forge.base.templating import render
 from forge.cli.colcon_options import PASSED_ON
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterator, Sequence
 
 SHELLS = ("bash", "zsh", "fish")
 
@@ -71,7 +71,7 @@ def completion(shell: str, contexts: Sequence[CompletionContext], answer: Sequen
             "completion/fish.j2",
             answer=program,
             lines=list(_fish(contexts)),
-            paths=_paths(contexts),
+            paths=" ".join(_fish_quoted(" ".join(context.path)) for context in contexts if context.path),
             one=_valued(contexts, several=False),
             many=_valued(contexts, several=True),
             passed=" ".join(sorted(PASSED_ON)),
@@ -84,7 +84,9 @@ def completion(shell: str, contexts: Sequence[CompletionContext], answer: Sequen
     return render(
         f"completion/{shell}.j2",
         answer=program,
-        offers=[_Row(_pattern(context), _quoted(_offered(context))) for context in contexts],
+        offers=[
+            _Row(_pattern(context), " ".join(map(shlex.quote, _offered(context)))) for context in contexts
+        ],
         words=[
             _Row(_pattern(context), "|".join(map(shlex.quote, (word for word, _ in context.words))))
             for context in contexts
@@ -132,17 +134,7 @@ def _kind(expected: Expected) -> str:
     return shlex.quote(" ".join((number, expected.kind, *expected.words)))
 
 
-def _quoted(words: Iterable[str]) -> str:
-    return " ".join(map(shlex.quote, words))
-
-
-def _paths(contexts: Sequence[CompletionContext]) -> str:
-    """Return the paths of all contexts as a fish list."""
-    return " ".join(_fish_quoted(" ".join(context.path)) for context in contexts if context.path)
-
-
 def _valued(contexts: Sequence[CompletionContext], *, several: bool) -> str:
-    """Return all options that take one value, or several."""
     options = [option for context in contexts for option in context.options]
     found = (option for option in options if option.expected and option.expected.several is several)
     return " ".join(sorted({flag for option in found for flag in option.flags}))
@@ -193,6 +185,5 @@ def _fish_expected(expected: Expected) -> str:
 
 
 def _fish_quoted(text: str) -> str:
-    """Return a single-quoted string, escaped for fish."""
     escaped = text.replace("\\", "\\\\").replace("'", "\\'")
     return f"'{escaped}'"

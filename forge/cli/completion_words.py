@@ -51,7 +51,9 @@ def _names(words: Sequence[str], variables: Mapping[str, str]) -> Iterator[str]:
     names: Iterator[str]
     match list(words):
         case ["packages", *_]:
-            names = package_names(find_root(Path.cwd(), Path.home()), _cache(variables))
+            home = variables.get("XDG_CACHE_HOME") or os.path.join(variables.get("HOME", ""), ".cache")
+            cache = Path(home) / "forge" / "names" if os.path.isabs(home) else None
+            names = package_names(find_root(Path.cwd(), Path.home()), cache)
         case ["installed", *_]:
             names = (name for prefix in _prefixes(variables) for name in _indexed(prefix, "packages"))
         case ["runnable", *_]:
@@ -75,7 +77,8 @@ def _names(words: Sequence[str], variables: Mapping[str, str]) -> Iterator[str]:
 
 def package_names(root: Path, cache: Path | None) -> Iterator[str]:
     """Return the names of packages below a workspace's root; the folder `cache` may be missing."""
-    store = cache / _encoded(root) if cache else None
+    # A long name is truncated; the entries contain full paths.
+    store = cache / str(root).replace("%", "%25").replace("/", "%2F")[-200:] if cache else None
     known = _load(store)
     found = {}
     for path, stamp in _manifests(str(root)):
@@ -118,16 +121,6 @@ def _name(path: str) -> str:
     return os.path.basename(os.path.dirname(path))
 
 
-def _cache(variables: Mapping[str, str]) -> Path | None:
-    home = variables.get("XDG_CACHE_HOME") or os.path.join(variables.get("HOME", ""), ".cache")
-    return Path(home) / "forge" / "names" if os.path.isabs(home) else None
-
-
-def _encoded(root: Path) -> str:
-    """Return a file name for a root, truncated if it is long; cache entries contain full paths."""
-    return str(root).replace("%", "%25").replace("/", "%2F")[-200:]
-
-
 def _load(store: Path | None) -> dict[tuple[str, int], str]:
     try:
         lines = store.read_text("utf-8", "surrogateescape").splitlines() if store else []
@@ -150,7 +143,6 @@ def _save(store: Path, found: Mapping[tuple[str, int], str]) -> None:
 
 
 def _prefixes(variables: Mapping[str, str]) -> tuple[Path, ...]:
-    """Return the prefixes whose packages commands find."""
     from forge.environment.installed import known_prefixes
 
     return known_prefixes(variables, find_install(Path.cwd(), Path.home()))
@@ -228,7 +220,6 @@ def _add_site_packages() -> None:
 
 
 def _indexed(prefix: Path, kind: str) -> list[str]:
-    """Return the names of a kind in the ament index of a prefix."""
     return _files(f"{prefix}/{_INDEX}/{kind}")
 
 

@@ -55,7 +55,6 @@ def _flag(declared: Field[Any]) -> str:
 
 
 def _argument(declared: Field[Any], each: Option) -> Mapping[str, Any]:
-    """Return the parameters of add_argument()."""
     default = argparse.SUPPRESS if each.inherited else default_of(declared)
     shown = argparse.SUPPRESS if each.help is None else each.help
     if default is False:

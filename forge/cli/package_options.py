@@ -43,11 +43,18 @@ def add(parser: Parser) -> None:
     """Add the options for package discovery and selection."""
     _add_discovery(parser)
     _add_selection(parser)
-    _add_sets(parser)
+    group = parser.add_argument_group("options from files")
+    group.add_argument("--profile", metavar="NAME", help="use the options of this profile in forge.toml")
+    group.add_argument(
+        "--mixin",
+        nargs="*",
+        metavar="NAME",
+        help="use the options of these mixins; 'forge mixin show' shows them",
+    )
+    group.add_argument("--mixin-files", nargs="*", metavar="FILE", help="additional mixin files")
 
 
 def _add_discovery(parser: Parser) -> None:
-    """Add the options for package discovery."""
     group = parser.add_argument_group("package discovery")
     _paths(group, "--base-paths", ["."], "search these folders recursively for packages (default: .)")
     _paths(
@@ -75,7 +82,6 @@ def _add_discovery(parser: Parser) -> None:
 
 
 def _add_selection(parser: Parser) -> None:
-    """Add the options for package selection."""
     group = parser.add_argument_group("package selection")
     for word, meaning in _BY_NAME.items():
         _names(group, f"--packages-{word}", meaning)
@@ -116,19 +122,6 @@ def _add_selection(parser: Parser) -> None:
         help="treat unknown package names as errors; for build, also files that two packages install "
         "with different contents",
     )
-
-
-def _add_sets(parser: Parser) -> None:
-    """Add the options that name profiles and mixins; forge.cli.config reads them."""
-    group = parser.add_argument_group("options from files")
-    group.add_argument("--profile", metavar="NAME", help="use the options of this profile in forge.toml")
-    group.add_argument(
-        "--mixin",
-        nargs="*",
-        metavar="NAME",
-        help="use the options of these mixins; 'forge mixin show' shows them",
-    )
-    group.add_argument("--mixin-files", nargs="*", metavar="FILE", help="additional mixin files")
 
 
 def add_listing(parser: Parser) -> None:
@@ -185,20 +178,16 @@ def query_of(options: argparse.Namespace) -> Query:
         strict=options.strict,
         no_test_dependencies=options.no_test_dependencies,
         search=search_paths_of(options),
-        filters=_filters_of(options),
-    )
-
-
-def _filters_of(options: argparse.Namespace) -> PackageFilters:
-    return PackageFilters(
-        build_base=options.build_base,
-        select_build_failed=options.packages_select_build_failed,
-        skip_build_finished=options.packages_skip_build_finished,
-        select_test_failures=options.packages_select_test_failures,
-        skip_test_passed=options.packages_skip_test_passed,
-        select_changed=options.packages_select_changed,
-        above_changed=options.packages_above_changed,
-        since=options.since,
+        filters=PackageFilters(
+            build_base=options.build_base,
+            select_build_failed=options.packages_select_build_failed,
+            skip_build_finished=options.packages_skip_build_finished,
+            select_test_failures=options.packages_select_test_failures,
+            skip_test_passed=options.packages_skip_test_passed,
+            select_changed=options.packages_select_changed,
+            above_changed=options.packages_above_changed,
+            since=options.since,
+        ),
     )
 
 

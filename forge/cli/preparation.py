@@ -183,9 +183,10 @@ def check_before_planning(
         {"--test-result-base": options.test_result_base, "--cache": options.cache.cache},
     )
     if not options.continue_on_error:
-        problems += _with_remedy(
-            missing.errors, sum(not loaded.packages[name].embedded for name in buildable)
-        )
+        others = sum(not loaded.packages[name].embedded for name in buildable)
+        rest = "package that does" if others == 1 else f"{others} packages that do"
+        remedy = f"; '--continue-on-error' builds the {rest} not need it" if others else ""
+        problems += (replace(problem, hint=f"{problem.hint}{remedy}") for problem in missing.errors)
     raise_if_any(problems, WorkspaceError)
     for problem in share_hints(missing.errors):
         print_problem(problem)
@@ -245,13 +246,6 @@ def _without(names: Sequence[str], unbuildable: frozenset[str], loaded: LoadedWo
     needs = loaded.resolution.needs
     below = closures(needs, ordered_names(needs))
     return tuple(name for name in names if unbuildable.isdisjoint((name, *below[name])))
-
-
-def _with_remedy(problems: Iterable[Problem], others: int) -> Iterator[Problem]:
-    """Yield the problems with a hint at the option that builds the other packages, if there are any."""
-    rest = "package that does" if others == 1 else f"{others} packages that do"
-    remedy = f"; '--continue-on-error' builds the {rest} not need it" if others else ""
-    return (replace(problem, hint=f"{problem.hint}{remedy}") for problem in problems)
 
 
 def check_plan(
@@ -323,7 +317,8 @@ def prepare(
         raise_if_any(unset_definitions(cmake_args))
     launcher = selected_launcher(cmake.compiler_launcher)
     tools = find_tools(packages, variables, launcher, has_compiler=cross is not None, cmake_args=cmake_args)
-    interpreter = _interpreter(options.python, layout, variables, warn)
+    interpreter = find_interpreter(options.python, variables, find_underlays(variables, layout.install).chain)
+    warn(other_than_recorded(recorded_python(layout.install), interpreter))
     if cross and cross.python_version:
         interpreter = replace(interpreter, version=cross.python_version)
     shared_args = (*(cross.cmake_args if cross else ()), *cmake.cmake_args)
@@ -364,15 +359,6 @@ def prepare(
         flags=tuple((language, variables.get(variable, "")) for language, variable in FLAGS.items()),
     )
     return context, interpreter
-
-
-def _interpreter(
-    python: str | None, layout: Layout, variables: Mapping[str, str], warn: WarningReporter
-) -> Interpreter:
-    """Return the interpreter of a build; warn if it is another one than that of the last build."""
-    interpreter = find_interpreter(python, variables, find_underlays(variables, layout.install).chain)
-    warn(other_than_recorded(recorded_python(layout.install), interpreter))
-    return interpreter
 
 
 def _rust_toolchain(
@@ -449,26 +435,22 @@ def global_inputs(
     """
     stamp, resolution = forge_stamp(), loaded.resolution
     named = ReferencedInputs(context, resolution.needs, resolution.packages, variables, stamp)
+    # Names of packages are cheap to compare, unlike their contents.
+    words: list[str] = []
+    for prefix in find_underlays(variables, context.layout.install).prefixes:
+        for folder in ("share", "lib/cmake"):
+            with contextlib.suppress(OSError):
+                words += (f"{prefix}/{folder}", *sorted(os.listdir(prefix / folder)))  # noqa: PTH208
     shared = GlobalInputs(
         forge=stamp,
         tools=condensed(context.tools),
         environment=tuple((name, digest_strings(value)) for name, value in relevant_environment(variables)),
-        underlays=_names_below(find_underlays(variables, context.layout.install).prefixes),
+        underlays=digest_strings(*words) if words else "",
         force=options.forced_by,
         selected=frozenset(loaded.selection.names),
         named=named.of,
     )
     return shared, named
-
-
-def _names_below(prefixes: Sequence[Path]) -> str:
-    """Return a hash of the names of packages in the prefixes; cheap compared to their contents."""
-    words: list[str] = []
-    for prefix in prefixes:
-        for folder in ("share", "lib/cmake"):
-            with contextlib.suppress(OSError):
-                words += (f"{prefix}/{folder}", *sorted(os.listdir(prefix / folder)))  # noqa: PTH208
-    return digest_strings(*words) if words else ""
 
 
 def forge_stamp() -> str:

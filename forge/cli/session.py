@@ -146,8 +146,18 @@ def open_session(
         if task.embedded and name in durations and name not in query.named
     )
     live = not options.json and is_wanted(handlers)
+    # Options by their names in colcon, for the log.
+    values: dict[str, object] = {
+        "build_base": str(layout.build),
+        "install_base": str(layout.install),
+        "merge_install": layout.merged,
+        "symlink_install": layout.symlink,
+        "base_paths": list(query.search.base_paths),
+        "packages_select": None if query.select is None else list(query.select),
+        "packages_skip": list(query.skip),
+    }
     with (
-        closing(open_log(layout.logs, command, sys.argv, **_for_log(layout, query))) as log,
+        closing(open_log(layout.logs, command, sys.argv, **values)) as log,
         live_view(plan, durations, wanted=live, collapsed=collapsed) as view,
     ):
         shown = without_text_output(handlers) if options.json or quiet else handlers
@@ -164,19 +174,6 @@ def open_session(
         others = packages if command == "build" else {}
         _announce(log, plan, others, layout, needs)
         yield Session(began, log, view, report, json_events)
-
-
-def _for_log(layout: Layout, query: Query) -> dict[str, object]:
-    """Return options of the command by their names in colcon."""
-    return {
-        "build_base": str(layout.build),
-        "install_base": str(layout.install),
-        "merge_install": layout.merged,
-        "symlink_install": layout.symlink,
-        "base_paths": list(query.search.base_paths),
-        "packages_select": None if query.select is None else list(query.select),
-        "packages_skip": list(query.skip),
-    }
 
 
 def _announce(

@@ -19,7 +19,6 @@ class CompilerWarnings:
     """Collects the output of the commands of one package that print warnings."""
 
     def __init__(self) -> None:
-        """Start before the first command."""
         self._command: list[bytes] | None = None
         self._found: list[bytes] = []
         self._room = _MOST

@@ -110,7 +110,6 @@ class PackageFailure:
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """The lines of the first error."""
         return self.error.lines if self.error else ()
 
 
@@ -205,7 +204,6 @@ class ConsoleReporter:
         return self._failed.get(task)
 
     def show(self, event: Event) -> None:
-        """Print an event."""
         match event:
             case Started(task):
                 if self._on["console_package_list"] and not self._listed:

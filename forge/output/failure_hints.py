@@ -85,7 +85,6 @@ class FailureContext:
         return declared or name in self.tested
 
     def headers(self, name: str) -> frozenset[str]:
-        """Return the headers that a package installed."""
         prefix = self.prefix_of(name)
         return installed_headers(name, prefix) if prefix else frozenset()
 

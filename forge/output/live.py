@@ -87,7 +87,6 @@ class LiveView(View):
         seconds: Mapping[str, float],
         collapsed: frozenset[str] = frozenset(),
     ) -> None:
-        """Start with no running packages."""
         names = list(plan.tasks)
         unsure = frozenset(name for name, task in plan.tasks.items() if task.conditional)
         self._progress = Progress(time.monotonic(), expectations(names, seconds), len(names), unsure=unsure)
@@ -175,7 +174,6 @@ class Above:
         self._lock = live._lock
 
     def palette(self, *, stderr: bool = False) -> Palette:
-        """Return the colours of the stream."""
         return palette_of(sys.stderr if stderr and not sys.stderr.isatty() else sys.stdout)
 
     def write(self, content: bytes, *, stderr: bool = False) -> None:

@@ -169,7 +169,6 @@ class LogWriter:
                 self._note_event("-", "TimerEvent", "{}")
 
     def _stamp(self, name: str) -> bytes:
-        """Return the time since the start of a package."""
         return f"[{time.monotonic() - self._started.get(name, self._begun):.3f}s] ".encode()
 
     def _append_for(self, name: str, file: str, content: bytes) -> None:

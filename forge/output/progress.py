@@ -62,7 +62,6 @@ class Progress:
     """Packages that turned out to be up to date, or that will not be started."""
 
     def after(self, event: Event, now: float) -> Progress:
-        """Return the progress after an event."""
         name = event.task
         match event:
             case Started():

@@ -51,7 +51,6 @@ def details(case: Case) -> list[str]:
 
 
 def skipped_line(test: SkippedTest) -> str:
-    """Return a line with a skipped test and the reason."""
     return f"- {' '.join(filter(None, (test.suite, test.name)))}: {test.reason}"
 
 
@@ -87,7 +86,6 @@ def table(failures: Sequence[Failure]) -> Iterator[str]:
 
 
 def as_json(outcomes: Iterable[Outcome]) -> list[dict[str, object]]:
-    """Return the results for JSON."""
     return [
         {
             "path": outcome.path,
@@ -109,7 +107,6 @@ def as_json(outcomes: Iterable[Outcome]) -> list[dict[str, object]]:
 
 
 def counts_as_json(counts: Counts) -> dict[str, object]:
-    """Return the counts for JSON."""
     return asdict(counts)
 
 

@@ -205,7 +205,6 @@ def _number(attributes: Mapping[str, str], name: str) -> int:
 
 
 def _test_cases(suite: Element) -> Iterator[Element]:
-    """Yield the test cases of a suite and of the suites in it."""
     yield from _own_cases(suite)
     for child in suite.children:
         if child.tag in _SUITES:

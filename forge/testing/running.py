@@ -51,7 +51,6 @@ class TestSetup:
     results: dict[str, tuple[Outcome, ...]] = field(default_factory=dict)
 
     def runner(self, job_pool: JobPool) -> ProcessRunner:
-        """Return the runner of the tests."""
         lifecycle = TaskLifecycle(self._environment, self._begin, self._finish)
         return ProcessRunner(lifecycle, job_pool, StartedProcesses(self.context.layout.build))
 
@@ -204,7 +203,6 @@ def failures_of(task: Task, setup: TestSetup, displayed: Callable[[Path], str] =
 def _failure(
     task: Task, test: str, lines: tuple[str, ...], repeat: Step, displayed: Callable[[Path], str]
 ) -> Failure:
-    """Return a failure that the step `repeat` repeats."""
     file = environment_file(task)
     return Failure(task.name, test, lines, step_line(repeat, file), short_step_line(repeat, file, displayed))
 
@@ -223,7 +221,6 @@ def _ctest_failure(
 
 
 def _selector(case: Case, package: str, kind: StepKind, exists: Callable[[str], bool]) -> tuple[str, ...]:
-    """Return the arguments to run a single case."""
     parts = case.suite.split(".")
     if kind is StepKind.UNITTEST:
         whole = not case.suite or " " in case.name or "_FailedTest" in case.suite

@@ -58,7 +58,6 @@ def unset_definitions(words: Sequence[str]) -> Iterator[Problem]:
 
 
 def defined(arguments: Sequence[str]) -> frozenset[str]:
-    """Return the names defined by CMake arguments."""
     return frozenset(name for name, _ in definitions(arguments))
 
 

@@ -24,7 +24,6 @@ class ConfigSearch:
     """Searches config files; folders are read once."""
 
     def __init__(self) -> None:
-        """Start with an empty cache."""
         self._entries: dict[str, list[tuple[str, str]]] = {}
 
     def folder(self, prefix: str, name: str) -> str:

@@ -281,7 +281,6 @@ def _version_by_name(path: Path) -> tuple[int, int] | None:
 
 
 def _refuse_other_version(interpreter: Interpreter, underlays: Sequence[Path]) -> None:
-    """Raise HostError if the modules of an underlay are for another version."""
     for root in underlays:
         versions = python_versions(root)
         if versions and interpreter.version not in versions:

@@ -21,7 +21,6 @@ class ProgramLookup:
     """Looks up programs on one PATH; results are cached, so that a build sees a consistent state."""
 
     def __init__(self, variables: Mapping[str, str]) -> None:
-        """Store the folders of PATH."""
         path = variables.get("PATH", os.defpath)
         self.folders = tuple(dict.fromkeys(folder for folder in path.split(os.pathsep) if folder))
         self._real: dict[str, str] = {}
@@ -30,7 +29,6 @@ class ProgramLookup:
 
     @property
     def names(self) -> frozenset[str]:
-        """The names of all files on PATH."""
         if self._names is None:
             self._names = frozenset(name for folder in self.folders for name in _listed(folder))
         return self._names

@@ -105,7 +105,6 @@ def _own_arguments(package: Package) -> tuple[str, ...]:
 
 
 def no_cmake(packages: Sequence[Package]) -> Problem:
-    """Return a problem for missing CMake."""
     return Problem(f"CMake not found; {_dependents(packages)} it", hint=_cmake_hint())
 
 
@@ -120,7 +119,6 @@ def no_builder(packages: Sequence[Package]) -> Problem:
 
 
 def no_compiler(packages: Sequence[Package]) -> Problem:
-    """Return a problem for a missing compiler."""
     hint = "install g++ or clang++, for example with `apt install g++` or `dnf install gcc-c++`, or set CXX"
     return Problem(f"no C++ compiler found; {_dependents(packages)} one", hint=hint)
 

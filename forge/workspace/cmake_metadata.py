@@ -55,7 +55,6 @@ def project_name(text: str) -> str | None:
 
 
 def names_no_literal(text: str) -> bool:
-    """Tell whether there is a project() with a name that is not a literal."""
     return any(True for _ in _projects(text))
 
 
@@ -151,7 +150,6 @@ def _sets_search(words: tuple[str, ...]) -> bool:
 
 
 def used_by_tests_only(text: str) -> frozenset[str]:
-    """Return the packages that only tests use."""
     references = tuple(uses(text))
     return frozenset(use.name for use in references if use.testing) - {
         use.name for use in references if not use.testing
@@ -159,5 +157,4 @@ def used_by_tests_only(text: str) -> frozenset[str]:
 
 
 def _projects(text: str) -> Iterator[tuple[str, ...]]:
-    """Yield the arguments of each project()."""
     return (call.words for call in calls(text) if call.command == "project")

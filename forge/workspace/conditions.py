@@ -34,7 +34,6 @@ class ConditionError(ValueError):
     """An invalid condition; `column` counts from 1."""
 
     def __init__(self, message: str, column: int) -> None:
-        """Store the message and the column."""
         super().__init__(message)
         self.column = column
 

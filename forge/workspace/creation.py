@@ -80,7 +80,6 @@ class NewPackage:
     """File names of interface definitions, such as 'Pose.msg'."""
 
     def __post_init__(self) -> None:
-        """Validate the properties."""
         problems = (*_name_problems(self), *_target_problems(self), *_interface_problems(self))
         raise_if_any((*problems, *_text_problems(self)))
 

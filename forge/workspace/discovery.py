@@ -170,7 +170,6 @@ class _Walk:
 
 
 def _expanded(root: Path, paths: Iterable[str]) -> Iterable[str]:
-    """Yield paths with wildcards expanded, like a shell."""
     for path in paths:
         if "*" not in path:
             yield path

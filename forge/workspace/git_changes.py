@@ -131,7 +131,6 @@ class Repository:
                 yield path
 
     def _differs(self, path: Path, then: _Entry, now: _Entry | None) -> bool:
-        """Compare a file with its contents at the revision."""
         try:
             status = path.lstat()
             if now and now.status == _status(status) and status.st_mtime_ns < self._index_time:

@@ -49,7 +49,6 @@ class Folder:
         return all(name in self.entries and (self.absolute / name).is_file() for name in names)
 
     def content(self, name: str) -> bytes:
-        """Return the contents of a file."""
         return read_file(self.absolute / name)
 
     def text(self, name: str) -> str:

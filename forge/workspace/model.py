@@ -104,7 +104,6 @@ class Package:
 
     @property
     def name(self) -> str:
-        """The manifest's name."""
         return self.manifest.name
 
     @property
@@ -119,7 +118,6 @@ class Package:
 
     @property
     def only_tested_with(self) -> frozenset[str]:
-        """The dependencies that only its tests need."""
         tested, used = (self.manifest.names(kinds) for kinds in (TEST_KINDS, BUILD_KINDS | RUN_KINDS))
         return frozenset(tested) - frozenset(used)
 
@@ -154,7 +152,6 @@ class Workspace:
 
     @property
     def problems(self) -> tuple[Problem, ...]:
-        """The problems of all `broken` packages."""
         return tuple(problem for broken in self.broken for problem in broken.problems)
 
 

@@ -44,11 +44,9 @@ class Overrides:
     """Build types of other distributions that find packages without package.xml."""
 
     def named(self, name: str) -> Mapping[str, Any]:
-        """Return the options of a package."""
         return self.by_name.get(name, {})
 
     def placed(self, folder: Path) -> Mapping[str, Any]:
-        """Return the options of a folder."""
         return self.by_path.get(os.path.realpath(folder), {}) if self.by_path else {}
 
 

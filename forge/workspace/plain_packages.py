@@ -137,7 +137,6 @@ def _setup_py(folder: Folder) -> Identity | None:
 
 
 def _reason(error: Exception) -> str:
-    """Return Python's description of a syntax error."""
     if isinstance(error, RecursionError | MemoryError):
         return "too deeply nested"
     return str(error.args[0]) if error.args else "not valid Python"

@@ -127,7 +127,6 @@ def read_pyproject(table: Mapping[str, Any]) -> PythonMetadata | None:
 
 
 def _below(table: Mapping[str, Any], key: str) -> Mapping[str, Any]:
-    """Return a nested table, empty if it is missing or not a table."""
     found = table.get(key)
     return found if isinstance(found, dict) else {}
 
@@ -237,7 +236,6 @@ def _is_setup(call: ast.Call) -> bool:
 
 
 def _constants(tree: ast.Module) -> Iterator[tuple[str, object]]:
-    """Yield module-level names bound to literals."""
     for node in tree.body:
         match node:
             case (

@@ -39,7 +39,6 @@ class References:
     exported_words: frozenset[str] = _NOBODY
 
     def __or__(self, other: References) -> References:
-        """Return the union of both."""
         return References(
             self.variables | other.variables,
             self.packages | other.packages,
@@ -147,7 +146,6 @@ def in_settings(text: str) -> References:
 
 
 def in_shell(text: str) -> References:
-    """Return the references of a shell script or a makefile."""
     return References(
         variables=_first_groups(_SHELL, text),
         words=frozenset(_words(_without_comments(text))),
@@ -188,7 +186,6 @@ _SHELL = re.compile(r"\$[({]?([A-Za-z_]\w*)|\bENV\{([A-Za-z_]\w*)")
 
 
 def _first_groups(pattern: re.Pattern[str], text: str) -> frozenset[str]:
-    """Return the matched group of each match."""
     return frozenset(match.group(match.lastindex) for match in pattern.finditer(text) if match.lastindex)
 
 

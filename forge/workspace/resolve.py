@@ -158,7 +158,6 @@ def break_test_cycles(
 
 
 def quoted_names(names: Iterable[str]) -> str:
-    """Return the names in quotes, separated by commas."""
     return ", ".join(f"'{name}'" for name in names)
 
 

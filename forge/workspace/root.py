@@ -70,7 +70,6 @@ def source_packages(install: Path | None) -> Mapping[str, str]:
 
 
 def is_root(folder: Path) -> bool:
-    """Tell whether a folder is the root of a workspace."""
     return _has_marker(folder) or _has_sources(folder)
 
 

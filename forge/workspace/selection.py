@@ -125,7 +125,6 @@ def ignored(query: Query, names: Iterable[str]) -> frozenset[str]:
 
 
 def _filters(query: Query, ordered: Sequence[str], needs: Graph) -> Iterator[FilterResult]:
-    """Yield the packages that each given option keeps."""
     if query.skip or query.skip_regex:
         gone = {node for node in ordered if _named(node, query.skip, query.skip_regex)}
         yield "named by --packages-skip", frozenset(ordered) - gone
@@ -184,7 +183,6 @@ def _nodes(names: Collection[str], ordered: Sequence[str]) -> list[str]:
 
 
 def _near(dependents: Graph, nodes: Iterable[str], depth: int) -> frozenset[str]:
-    """Return the nodes and their dependents over at most `depth` levels."""
     found = layer = frozenset(nodes)
     for _ in range(depth):
         layer = frozenset[str]().union(*(dependents[node] for node in layer)) - found
@@ -195,7 +193,6 @@ def _near(dependents: Graph, nodes: Iterable[str], depth: int) -> frozenset[str]
 
 
 def _fits(name: str, patterns: Iterable[str]) -> bool:
-    """Tell whether any pattern matches the beginning of a name."""
     return any(re.match(pattern, name) for pattern in patterns)
 
 

@@ -58,7 +58,6 @@ def is_source(name: str, beside: Callable[[str], bool]) -> bool:
 
 
 def is_source_folder(name: str, beside: Callable[[str], bool]) -> bool:
-    """Tell whether a folder may contain sources."""
     if name == "target" and beside("Cargo.toml"):
         return False  # cargo's build folder, if it was started by hand or by an editor
     suspect = name in _INSTALLED or name.startswith((".", "__pycache__")) or name.endswith(".egg-info")

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
 
 def plain_recipe(package: Package, context: BuildContext) -> Recipe:
-    """Return the steps for a plain CMake package."""
     return _recipe(package, context, context.cmake_args)
 
 
@@ -118,7 +117,6 @@ def _recipe(
 
 
 def _target(build: Path, context: BuildContext) -> tuple[Step, ...]:
-    """Return the step that builds the target requested with `--cmake-target`, if any."""
     if not context.target:
         return ()
     argv = (str(context.cmake), "--build", str(build), "--target", context.target, *_jobs(context))

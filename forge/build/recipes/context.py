@@ -77,7 +77,6 @@ class BuildContext:
     """For each of these languages, the flags set by the environment."""
 
     def source(self, package: Package) -> Path:
-        """Return the absolute folder of a package."""
         return self.root / package.path
 
     def of(self, package: Package) -> BuildContext:

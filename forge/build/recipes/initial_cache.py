@@ -101,7 +101,8 @@ def _values(manifest: Manifest) -> Iterator[tuple[str, tuple[str, ...]]]:
     people = (f"{p.name} <{p.email}>" if p.email else p.name for p in manifest.maintainers)
     yield "VERSION", (manifest.version,)
     yield "MAINTAINER", (", ".join(people),)
-    yield "DEPRECATED", (_deprecation(manifest.exports),)
+    deprecations = (export.content or "TRUE" for export in manifest.exports if export.tag == "deprecated")
+    yield "DEPRECATED", (next(deprecations, ""),)
     for name, kind in _LISTS.items():
         yield name, manifest.names(frozenset({kind}))
     yield "GROUP_DEPENDS", manifest.group_dependencies
@@ -112,11 +113,6 @@ def _values(manifest: Manifest) -> Iterator[tuple[str, tuple[str, ...]]]:
             if kind in dependency.kinds and is_safe_name(dependency.name):
                 for comparison, version in dependency.versions:
                     yield f"{name}_{dependency.name}_VERSION_{comparison.upper()}", (version,)
-
-
-def _deprecation(exports: tuple[Export, ...]) -> str:
-    """Return the deprecation text, TRUE if it is empty, or '' if the package is not deprecated."""
-    return next((export.content or "TRUE" for export in exports if export.tag == "deprecated"), "")
 
 
 def _xml(export: Export) -> str:

@@ -204,7 +204,6 @@ def _text(path: object) -> str:
 
 
 def _standard_library() -> "set[str]":
-    """Return the folders of the standard library in all spellings."""
     version = "python{0}.{1}".format(*sys.version_info)
     folders = [os.path.dirname(os.__file__)]
     for prefix in (sys.base_prefix, sys.base_exec_prefix):

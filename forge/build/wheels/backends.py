@@ -351,7 +351,6 @@ def _remove(path: Path) -> None:
 
 
 def _write_list(path: Path, paths: Iterable[str]) -> None:
-    """Write one path per line."""
     replace_file(path, "".join(_lines(paths)).encode("utf-8", "surrogateescape"))
 
 

@@ -73,7 +73,6 @@ def defining_file(source: Path) -> Path:
 
 
 def _literals(tree: ast.Module) -> Iterator[ast.Constant]:
-    """Yield the elements of the lists of scripts that are literals."""
     for node in ast.walk(tree):
         for key, value in zip(node.keys, node.values, strict=True) if isinstance(node, ast.Dict) else ():
             if isinstance(key, ast.Constant) and key.value in _SECTIONS:

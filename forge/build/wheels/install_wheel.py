@@ -126,19 +126,15 @@ def _install_wheel(options: WheelInstall) -> tuple[tuple[Path, ...], str]:
     wheel, output = build_wheel(options.source, options.build, options.prefix, options.python)
     if options.target and not wheel.stem.endswith("-none-any"):
         raise compiled_modules(options.source, options.target)
-    return _unpack(wheel, options, _schemes(options)), output
-
-
-def _schemes(options: WheelInstall) -> dict[str, str]:
-    """Return the target folders of a wheel's schemes."""
     site = str(options.prefix / options.site_packages)
-    return {
+    schemes = {
         "purelib": site,
         "platlib": site,
         "scripts": str(options.prefix / _scripts_folder(options)),
         "data": str(options.prefix),
         "headers": str(options.prefix / "include" / options.package),
     }
+    return _unpack(wheel, options, schemes), output
 
 
 def _unpack(wheel: Path, options: WheelInstall, schemes: dict[str, str]) -> tuple[Path, ...]:

@@ -45,7 +45,11 @@ def wheel_warnings(source: Path, site: Path, installed: Sequence[Path]) -> Itera
     if points:
         # The package may install its modules elsewhere, with their metadata.
         site = points.parent.parent
-    modules = {_module(path.relative_to(site)): path for path in installed if _is_module(path, site)}
+    modules = {
+        _module(path.relative_to(site)): path
+        for path in installed
+        if path.is_relative_to(site) and path.suffix in {".py", ".so"}
+    }
     broken = set()
     if _same_version(site):
         for name, path in sorted(modules.items()):
@@ -99,7 +103,6 @@ def _defined(tree: ast.Module) -> tuple[set[str], bool]:
 
 
 def _entry_points(path: Path | None) -> Iterator[tuple[str, str, str]]:
-    """Yield script, module and function of each entry point."""
     for script, target in scripts(text_or_nothing(path) if path else ""):
         match = _POINT.match(target)
         if match:
@@ -117,10 +120,6 @@ def _syntax_problem(path: Path, shown: Path) -> Problem | None:
     except ValueError as error:
         return Problem(str(error), Location(shown))
     return None
-
-
-def _is_module(path: Path, site: Path) -> bool:
-    return path.is_relative_to(site) and path.suffix in {".py", ".so"}
 
 
 def _module(path: Path) -> str:

@@ -56,7 +56,6 @@ if TYPE_CHECKING:
 
 
 def register(parser: Parser) -> None:
-    """Add the options of `forge build`."""
     add_build_options(parser)
 
 
@@ -76,9 +75,16 @@ def build(options: BuildOptions, mode: BuildMode) -> int:
     began = time.monotonic()
     root = Path.cwd()
     layout = options.folders.layout(root, symlink=options.symlink_install)
-    _check_output(options, layout)
+    _ = options.report.handlers, options.folders.level  # raises SelectionError for invalid values
+    if options.timings and layout.logs is None:
+        hint = "remove '--timings', or choose a log folder with '--log-base'"
+        message = "--timings needs a log folder, but logs are disabled"
+        raise SelectionError(Problem(message, hint=hint))
     if options.print_command:
-        return _print_last_command(layout, options.print_command)
+        from forge.output.explaining import last_command
+
+        print(last_command(layout, options.print_command))
+        return 0
     if options.reset_underlays and not options.dry_run and is_own_install_base(layout.install):
         forget_underlays(layout.install)
     variables = build_variables(layout, os.environ, options.rosdistro)
@@ -135,14 +141,6 @@ def build(options: BuildOptions, mode: BuildMode) -> int:
         return max(code, report_left_out(selected, names))
 
 
-def _print_last_command(layout: Layout, name: str) -> int:
-    """Print the last build command of a package; returns 0."""
-    from forge.output.explaining import last_command
-
-    print(last_command(layout, name))
-    return 0
-
-
 def _make_plan(
     options: BuildOptions,
     loaded: LoadedWorkspace,
@@ -197,15 +195,6 @@ def _audit(options: BuildOptions, layout: Layout, variables: Mapping[str, str]) 
     return start_audit(layout.build, variables)
 
 
-def _check_output(options: BuildOptions, layout: Layout) -> None:
-    """Raise SelectionError for an unknown event handler or log level, and for timings without a log."""
-    _ = options.report.handlers, options.folders.level
-    if options.timings and layout.logs is None:
-        hint = "remove '--timings', or choose a log folder with '--log-base'"
-        message = "--timings needs a log folder, but logs are disabled"
-        raise SelectionError(Problem(message, hint=hint))
-
-
 def _print_plan(plan: BuildPlan, options: BuildOptions, packages: Mapping[str, Package]) -> None:
     """Print the plan for --explain and --dry-run on stdout, or for --log-level info on stderr."""
     if options.report.json and options.dry_run:
@@ -228,7 +217,6 @@ def _print_plan(plan: BuildPlan, options: BuildOptions, packages: Mapping[str, P
 def _report_up_to_date(
     plan: BuildPlan, options: BuildOptions, packages: Mapping[str, Package], mode: BuildMode, seconds: float
 ) -> None:
-    """Report that all packages are up to date."""
     report = ConsoleReporter(plan, packages, options.report.handlers, None)
     if options.timings and not mode.quiet:
         print("timings: nothing was built, no report written", file=sys.stderr)

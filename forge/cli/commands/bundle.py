@@ -23,7 +23,6 @@ _MEGABYTE = 1_000_000
 
 
 def register(parser: Parser) -> None:
-    """Add the options of `forge bundle`."""
     parser.add_argument("-o", "--output", metavar="FILE", help="archive to write (default: WORKSPACE.tar.gz)")
     add_options(parser, "platform", TargetOptions)
     parser.add_argument(

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
 
 def register(parser: Parser) -> None:
-    """Add the verbs of `forge cache`."""
     verbs = parser.add_subparsers(metavar="VERB", required=True)
     _verb(verbs, "stats", "print the size of the cache and its hit rate", _stats)
     pruning = _verb(verbs, "prune", "remove the least recently used entries", _prune)
@@ -85,7 +84,6 @@ def _verify(store: FolderStore, _: argparse.Namespace) -> int:
 
 
 def _shown(size: int) -> str:
-    """Return a size with a binary unit."""
     for unit, shift in (("GiB", 30), ("MiB", 20), ("KiB", 10)):
         if size >> shift:
             return f"{size / (1 << shift):.1f} {unit}"

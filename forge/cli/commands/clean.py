@@ -61,7 +61,6 @@ _MOST = 20
 
 
 def register(parser: Parser) -> None:
-    """Add the options of `forge clean`."""
     parser.add_argument(
         "what",
         nargs="?",
@@ -90,7 +89,9 @@ def register(parser: Parser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Show what will be removed, ask, and remove it; returns 0 even if the user declines."""
     root = Path.cwd()
-    layout = _as_installed(shared.layout_of(options, root))
+    layout = shared.layout_of(options, root)
+    word = recorded_layout(layout.install)
+    layout = layout if word is None else replace(layout, merged=word == "merged")
     check_bases(root, package_options.query_of(options).search, bases_of(layout))
     with _locked(layout, wait=not options.no_wait), closing(open_journal(layout.build)) as journal:
         names = _names(options, root, layout, journal)
@@ -200,12 +201,6 @@ def _load(options: argparse.Namespace, root: Path, layout: Layout) -> LoadedWork
 def _locked(layout: Layout, *, wait: bool) -> AbstractContextManager[object]:
     """Return a lock of the build folder, or a null context for a folder that forge did not create."""
     return lock_build_dir(layout.build, wait=wait) if is_own_build_base(layout.build) else nullcontext()
-
-
-def _as_installed(layout: Layout) -> Layout:
-    """Return the layout with the merge setting recorded in the install folder."""
-    word = recorded_layout(layout.install)
-    return layout if word is None else replace(layout, merged=word == "merged")
 
 
 def _shown(removable: Removable, options: argparse.Namespace) -> str:

@@ -51,12 +51,10 @@ _CMAKE_BUILD_TYPES = ("Debug", "Release", "RelWithDebInfo", "MinSizeRel")
 
 
 def register(parser: Parser) -> None:
-    """Add the argument of `forge completion`."""
     parser.add_argument("shell", choices=SHELLS, help="shell to print the script for")
 
 
 def run(options: argparse.Namespace) -> int:
-    """Print the script."""
     helper_command = (sys.executable, "-S", "-E", str(Path(main.__file__).with_name("completion_words.py")))
     print(completion(options.shell, list(_contexts()), helper_command), end="")
     return 0
@@ -100,7 +98,6 @@ def _first_words(parser: argparse.ArgumentParser) -> tuple[str, ...]:
 
 
 def _positional(path: tuple[str, ...], actions: list[argparse.Action]) -> Expected | None:
-    """Return the completion of positional arguments."""
     if path == ("run",):
         return Expected(RUNNABLE)
     if path == ("help",):

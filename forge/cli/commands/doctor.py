@@ -42,7 +42,6 @@ EXIT_USER = 2
 
 
 def register(parser: Parser) -> None:
-    """Add the options of `forge doctor`."""
     package_options.add(parser)
     shared.add_options(parser, "output folders", shared.FolderOptions)
     parser.add_argument(

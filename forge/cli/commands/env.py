@@ -51,7 +51,6 @@ FORMATS: Mapping[str, Callable[[Mapping[str, str], Iterable[str]], str]] = {
 
 
 def register(parser: Parser) -> None:
-    """Add the options of `forge env`."""
     parser.add_argument(
         "names", nargs="*", metavar="VARIABLE", help="print only these variables, changed or not"
     )

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
 
 def register(parser: Parser) -> None:
-    """Add the options of `forge graph`."""
     package_options.add_listing(parser)
     form = parser.add_mutually_exclusive_group()
     form.add_argument("--html", action="store_true", help="print an interactive web page")
@@ -62,7 +61,6 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _text(chart: PackageGraph, options: argparse.Namespace, root: Path) -> str:
-    """Return the graph in the requested format."""
     if options.json:
         return json.dumps(graph_formats.plain(chart), indent=2) + "\n"
     if options.html or options.svg:

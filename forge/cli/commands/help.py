@@ -11,7 +11,6 @@ if TYPE_CHECKING:
 
 
 def register(parser: main.Parser) -> None:
-    """Add the argument of `forge help`."""
     parser.add_argument(
         "words", nargs="*", metavar="COMMAND", help="command, and its verb if it has verbs: pkg create"
     )

@@ -26,13 +26,12 @@ if TYPE_CHECKING:
     from forge.cli.main import Parser
     from forge.toolchain.interpreter import Interpreter
     from forge.workspace.load import LoadedWorkspace
-    from forge.workspace.model import Package, Person
+    from forge.workspace.model import Package
 
 _CATEGORIES = (("build", BUILD_KINDS), ("run", RUN_KINDS), ("test", TEST_KINDS))
 
 
 def register(parser: Parser) -> None:
-    """Add the options of `forge info`."""
     package_options.add_listing(parser)
     parser.add_argument("names", nargs="*", metavar="PKG", help="packages to show (default: all)")
     parser.add_argument(
@@ -52,8 +51,28 @@ def run(options: argparse.Namespace) -> int:
     packages = _requested(loaded, tuple(name.lstrip() for name in options.names))
     packages.sort(key=lambda package: (package.name, str(package.path)))
     if options.json:
-        found = [_plain(package, options) for package in packages]
-        print(json.dumps({**_plain_surroundings(options), "packages": found}, indent=2, default=str))
+        found = [
+            {
+                "path": shared.displayed(package.path, options.origin),
+                "type": package.type,
+                "name": package.name,
+                "dependencies": _dependencies(package),
+                "hooks": list(package.hooks),
+                "metadata": _metadata(package),
+            }
+            for package in packages
+        ]
+        python, chain = _surroundings(options)
+        fields = python and {"path": str(python.path), "version": python.release, "origin": python.origin}
+        answer = {
+            "workspace": str(Path.cwd()),
+            "python": fields,
+            "rosdistro": _rosdistro(options),
+            "underlays": list(map(str, chain)),
+            "targets": _targets(options),
+            "packages": found,
+        }
+        print(json.dumps(answer, indent=2, default=str))
         return 0
     if not options.names:
         print(*_workspace(options), sep="\n")
@@ -73,18 +92,6 @@ def _workspace(options: argparse.Namespace) -> Iterator[str]:
         yield f"  underlays: {' '.join(map(str, chain))}"
     if targets := _targets(options):
         yield f"  built for other platforms: {' '.join(targets)}"
-
-
-def _plain_surroundings(options: argparse.Namespace) -> dict[str, object]:
-    python, chain = _surroundings(options)
-    fields = python and {"path": str(python.path), "version": python.release, "origin": python.origin}
-    return {
-        "workspace": str(Path.cwd()),
-        "python": fields,
-        "rosdistro": _rosdistro(options),
-        "underlays": list(map(str, chain)),
-        "targets": _targets(options),
-    }
 
 
 def _targets(options: argparse.Namespace) -> list[str]:
@@ -147,17 +154,6 @@ def _paragraph(package: Package, options: argparse.Namespace) -> Iterator[str]:
         yield from (f"    {key}: {metadata[key]}" for key in sorted(metadata))
 
 
-def _plain(package: Package, options: argparse.Namespace) -> dict[str, object]:
-    return {
-        "path": shared.displayed(package.path, options.origin),
-        "type": package.type,
-        "name": package.name,
-        "dependencies": _dependencies(package),
-        "hooks": list(package.hooks),
-        "metadata": _metadata(package),
-    }
-
-
 def _dependencies(package: Package) -> dict[str, list[str]]:
     """Return the dependencies by category; the ones read from CMake files have no test category."""
     found = {word: sorted(set(package.manifest.names(kinds))) for word, kinds in _CATEGORIES}
@@ -169,13 +165,9 @@ def _dependencies(package: Package) -> dict[str, list[str]]:
 def _metadata(package: Package) -> dict[str, object]:
     manifest = package.manifest
     found: dict[str, object] = {}
-    people = [_address(person) for person in manifest.maintainers if person.email]
+    people = [f"{person.name} <{person.email}>" for person in manifest.maintainers if person.email]
     if people:
         found["maintainers"] = people
     if manifest.version:
         found["version"] = manifest.version
     return {**found, **package.settings}
-
-
-def _address(person: Person) -> str:
-    return f"{person.name} <{person.email}>"

@@ -29,7 +29,6 @@ _GRAPH = {
 
 
 def register(parser: Parser) -> None:
-    """Add the options of `forge list`."""
     package_options.add_listing(parser)
     parser.add_argument(
         "-t", "--topological-order", action="store_true", help="sort packages in topological order"
@@ -76,7 +75,6 @@ def _line(package: Package, options: argparse.Namespace) -> str:
 
 
 def _graph(options: argparse.Namespace) -> int:
-    """Run `forge graph` with the corresponding options."""
     from forge.cli.commands import graph
 
     options.dot = options.topological_graph_dot

@@ -37,7 +37,6 @@ if TYPE_CHECKING:
 
 
 def register(parser: argparse.ArgumentParser) -> None:
-    """Add the verbs of `ros2 pkg`."""
     verbs = parser.add_subparsers(metavar="VERB", required=True)
     _register_create(_verb(verbs, "create", "create a package from a template"))
 
@@ -239,7 +238,6 @@ def _write(blueprint: NewPackage, root: str, items: Iterable[GeneratedFile]) -> 
 
 
 def _warn_about(blueprint: NewPackage) -> None:
-    """Warn about valid but unusual values."""
     name = blueprint.name
     if not name[0].isalpha() or name != name.lower():
         _warn(f"'{name}' is an unusual name: package names start with a letter and are lower case")

@@ -36,7 +36,6 @@ _BY_ENV = ([b"#!/usr/bin/env", b"python3"], [b"#!/usr/bin/env", b"python"])
 
 
 def register(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `ros2 run`."""
     parser.add_argument(
         "--prefix",
         metavar="COMMAND",

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
 
 def register(parser: Parser) -> None:
-    """Add the options of `forge shell`."""
     parser.add_argument(
         "--install-base",
         default="install",

@@ -48,7 +48,7 @@ from forge.workspace.load import load_workspace
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
     from contextlib import AbstractContextManager
 
     from forge.base.errors import Problem
@@ -57,11 +57,9 @@ if TYPE_CHECKING:
     from forge.cli.main import Parser
     from forge.cli.session import Session
     from forge.execution.job_pool import JobPool
-    from forge.testing.coverage import CoveredLines
 
 
 def register(parser: Parser) -> None:
-    """Add the options of `forge test`."""
     package_options.add(parser)
     add_options(parser, "output folders", FolderOptions)
     add_options(parser, "test options", TestOptions)
@@ -120,7 +118,8 @@ def run(namespace: argparse.Namespace) -> int:
         restored = plan_restored(built, loaded, layout)
         failed = False
         if restored.tasks:
-            print(_building(restored), file=sys.stderr if reports.json else sys.stdout, flush=True)
+            note = f"building the tests of {counted(len(restored.tasks), 'package')} from the cache"
+            print(note, file=sys.stderr if reports.json else sys.stdout, flush=True)
             with session_of(restored) as session:
                 session.json_events.announce()
                 session.run(
@@ -151,15 +150,12 @@ def run(namespace: argparse.Namespace) -> int:
                 if options.coverage:
                     covered, problems = write_reports(coverage, job_pool.jobs, variables)
                     warn(problems)
-                    _report_coverage(covered, session, namespace.origin)
+                    paths = (displayed(os.path.relpath(one.pages), namespace.origin) for one in covered)
+                    session.report.show_coverage(coverage_lines(covered, paths))
+                    session.json_events.report_coverage(covered)
             finally:
                 code = _report_results(plan, setup, session, json=reports.json, failed=failed)
     return code
-
-
-def _building(plan: BuildPlan) -> str:
-    count = len(plan.tasks)
-    return f"building the tests of {counted(count, 'package')} from the cache"
 
 
 def _fail_absent(problems: Mapping[str, Problem], session: Session) -> None:
@@ -174,12 +170,6 @@ def _scheduler(plan: BuildPlan, options: TestOptions, jobs: JobOptions, job_pool
     alone = options.executor == SEQUENTIAL
     limit = 1 if alone else min(jobs.parallel_workers or job_pool.jobs, job_pool.jobs)
     return Scheduler(plan, limit, continue_on_error=not options.abort_on_error, in_order=alone)
-
-
-def _report_coverage(covered: Sequence[CoveredLines], session: Session, origin: str) -> None:
-    paths = (displayed(os.path.relpath(one.pages), origin) for one in covered)
-    session.report.show_coverage(coverage_lines(covered, paths))
-    session.json_events.report_coverage(covered)
 
 
 def _record(event: Event, task: Task, setup: TestSetup, session: Session) -> None:

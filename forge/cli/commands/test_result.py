@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
 
 def register(parser: Parser) -> None:
-    """Add the options of `forge test-result`."""
     parser.add_argument(
         "--test-result-base",
         type=_folder,
@@ -71,25 +70,20 @@ def run(options: argparse.Namespace) -> int:
     elif options.result_files_only:
         print(*(outcome.path for outcome in shown), sep="\n", end="\n" if shown else "")
     else:
-        _show(shown, outcomes, total, _sum(counted), verbose=options.verbose)
+        raw = _sum(counted)
+        for outcome in shown:
+            print(result_line(outcome))
+            for case in outcome.cases if options.verbose else ():
+                print(*details(case), sep="\n")
+        if shown:
+            print()
+        print(f"Summary: {total}")
+        skipped = [test for outcome in outcomes for test in outcome.skipped] if options.verbose else []
+        if skipped:
+            print("Skipped:", *map(skipped_line, skipped), sep="\n")
+        if options.verbose and raw != total:
+            print(f"Files: {raw} (ament's tests twice, as CTest and JUnit results)")
     return int(total.bad)
-
-
-def _show(
-    shown: Sequence[Outcome], everything: Sequence[Outcome], total: Counts, raw: Counts, *, verbose: bool
-) -> None:
-    for outcome in shown:
-        print(result_line(outcome))
-        for case in outcome.cases if verbose else ():
-            print(*details(case), sep="\n")
-    if shown:
-        print()
-    print(f"Summary: {total}")
-    skipped = [test for outcome in everything for test in outcome.skipped] if verbose else []
-    if skipped:
-        print("Skipped:", *map(skipped_line, skipped), sep="\n")
-    if verbose and raw != total:
-        print(f"Files: {raw} (ament's tests twice, as CTest and JUnit results)")
 
 
 def _delete(files: Sequence[str], options: argparse.Namespace) -> int:

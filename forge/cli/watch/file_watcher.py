@@ -56,7 +56,6 @@ class WatchSpec:
     folders: bool = True
 
     def joined(self, other: WatchSpec) -> WatchSpec:
-        """Return the union of both."""
         both = self.names is not None and other.names is not None
         return WatchSpec(self.names | other.names if both else None, self.folders or other.folders)  # type: ignore[operator]
 
@@ -179,7 +178,6 @@ class FileWatcher:
         return {path: file_state(path) for path in paths}
 
     def moves_folders(self, changed: frozenset[str]) -> bool:
-        """Tell whether the set of watched folders may have changed."""
         return not changed or any(
             path in self._watched
             or os.path.basename(path) in MARKER_FILES
@@ -216,7 +214,9 @@ class FileWatcher:
                 raise
             except (OSError, RuntimeError) as error:
                 self._polling = True
-                self._warn([_short_of_watches(len(folders), error)])
+                message = f"cannot watch {len(folders)} folders, polling twice a second instead: {error}"
+                limits = "fs.inotify.max_user_watches=524288 fs.inotify.max_user_instances=1024"
+                self._warn([Problem(message, hint=f"raise the limits: sudo sysctl {limits}")])
         return _changes_in(folders, polling=True)
 
 
@@ -237,14 +237,6 @@ def _changes_in(folders: list[str], *, polling: bool) -> Iterator[set[FileChange
     )
     # The generator starts to watch when the first item is requested.
     return chain((next(changes),), changes)
-
-
-def _short_of_watches(count: int, error: Exception) -> Problem:
-    return Problem(
-        f"cannot watch {count} folders, polling twice a second instead: {error}",
-        hint="raise the limits: sudo sysctl fs.inotify.max_user_watches=524288 "
-        "fs.inotify.max_user_instances=1024",
-    )
 
 
 def _can_be_watched(folder: str) -> bool:

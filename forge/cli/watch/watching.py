@@ -7,7 +7,6 @@ its modules and the worker for interface packages are kept. The build folder is 
 from __future__ import annotations
 
 import os
-import shutil
 import sys
 import time
 from contextlib import ExitStack, nullcontext
@@ -16,12 +15,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.errors import ForgeError, HostError, Problem, print_problem, problem_from_oserror, share_hints
+from forge.base.files import remove_tree
 from forge.base.text import duration
 from forge.cli.build_mode import BuildMode
 from forge.cli.build_options import for_rebuild
 from forge.cli.preparation import forge_stamp
 from forge.cli.watch.file_watcher import STEP, FileWatcher, watch_specs
 from forge.environment.sourcing import clear_edit_cache
+from forge.toolchain.programs import PYTHON_TYPES
 from forge.workspace.forge_toml import FORGE_TOML
 from forge.workspace.load import find_packages
 from forge.workspace.resolve import INTERFACE_GROUP
@@ -117,7 +118,6 @@ class WatchLoop(BuildMode):
         return saved
 
     def rebuild(self, changed: frozenset[str]) -> None:
-        """Build after a change."""
         self._folders_outdated = self._folders_outdated or self._watcher.moves_folders(changed)
         states = self._watcher.states(changed)
         if self._failed and states and states.items() <= self._seen.items():
@@ -141,7 +141,11 @@ class WatchLoop(BuildMode):
 
     def conclude(self, plan: BuildPlan, report: ConsoleReporter, seconds: float) -> None:
         """Print the summary of the first build, and one line for each later build."""
-        self._keep_logs(report.logs)
+        if report.logs is not None:
+            self._logs.append(report.logs)
+        for old in self._logs[:-_LOGS]:
+            remove_tree(str(old))
+        del self._logs[:-_LOGS]
         tally = report.tally
         self.cut_short = bool(tally.aborted)
         self._ran = bool(tally.finished or tally.embedded or tally.failed)
@@ -171,7 +175,6 @@ class WatchLoop(BuildMode):
             self._print_problems((problem,))
 
     def _update_folders(self) -> None:
-        """Update the set of watched folders."""
         options, root = self._options, Path.cwd()
         layout = options.folders.layout(root)
         self._watcher.ignored_folders = frozenset(map(str, (layout.build, layout.install, layout.logs)))
@@ -189,8 +192,10 @@ class WatchLoop(BuildMode):
         self._folders_outdated = False
 
     def _warm(self, packages: Iterable[Package]) -> None:
-        """Start the worker if packages need it."""
-        if self._worker is None and any(_uses_worker(package) for package in packages):
+        if self._worker is None and any(
+            package.build_type in PYTHON_TYPES or INTERFACE_GROUP in package.manifest.groups
+            for package in packages
+        ):
             from forge.cli.worker import (
                 INTERFACE_MODULES,
                 WHEEL_MODULES,
@@ -199,14 +204,6 @@ class WatchLoop(BuildMode):
 
             started = worker(*INTERFACE_MODULES, *WHEEL_MODULES)
             self._worker = self._at_the_end.enter_context(started)
-
-    def _keep_logs(self, folder: Path | None) -> None:
-        """Remove the oldest logs of this watch."""
-        if folder is not None:
-            self._logs.append(folder)
-        for old in self._logs[:-_LOGS]:
-            shutil.rmtree(old, ignore_errors=True)
-        del self._logs[:-_LOGS]
 
     def _print(self, line: str) -> None:
         if not self._options.report.json:
@@ -219,10 +216,6 @@ class WatchLoop(BuildMode):
             print_problem(problem)
         sys.stderr.flush()
         self._print("nothing was built; waiting for the next change")
-
-
-def _uses_worker(package: Package) -> bool:
-    return package.build_type in {"ament_python", "python"} or INTERFACE_GROUP in package.manifest.groups
 
 
 def line_of(order: Sequence[str], tally: Tally, seconds: float, palette: Palette) -> str:

@@ -30,7 +30,6 @@ def names(subject: CheckContext) -> CheckResult:
 
 
 def _project(subject: CheckContext, package: Package) -> Iterator[Problem]:
-    """Yield a problem if project() has another name, which ament rejects."""
     if package.build_type != "ament_cmake":
         return
     name = project_name(subject.text(package, "CMakeLists.txt"))

@@ -134,7 +134,6 @@ def _clashing_modules(subject: CheckContext) -> Iterator[Problem]:
 
 
 def _hidden_packages(subject: CheckContext) -> Iterator[Problem]:
-    """Yield the packages that exist in several places, with the one that is used."""
     places: dict[str, list[str]] = defaultdict(list)
     for root in reversed(subject.underlays.chain):
         for package in installed_packages(root):

@@ -130,7 +130,6 @@ def shells(subject: CheckContext) -> CheckResult:
 
 
 def _minimum(subject: CheckContext, package: Package, version: tuple[int, ...]) -> Iterator[Problem]:
-    """Yield problems between CMake's version and that required by a package."""
     call = next(
         (
             call
@@ -160,7 +159,6 @@ def _minimum(subject: CheckContext, package: Package, version: tuple[int, ...]) 
 def _missing_modules(
     subject: CheckContext, interpreter: Interpreter, has: frozenset[str]
 ) -> Iterator[Problem]:
-    """Yield modules that code generators import and an interpreter lacks."""
     packages = subject.packages.values()
     wanted = ["numpy"] if any(INTERFACE_GROUP in package.manifest.groups for package in packages) else []
     prefixes = subject.underlays.prefixes
@@ -181,7 +179,6 @@ def _has_package(name: str, prefixes: Iterable[Path]) -> bool:
 def _missing_header(
     subject: CheckContext, interpreter: Interpreter, has: frozenset[str]
 ) -> Iterator[Problem]:
-    """Yield packages with Python extensions if Python.h is missing."""
     if "header" in has:
         return
     for package in subject.packages.values():

@@ -92,7 +92,6 @@ def results(subject: CheckContext) -> CheckResult:
 
 
 def _maker(root: Path) -> str:
-    """Return the tool that built an install tree."""
     if (root / INSTALL_STATE_FILE).is_file():
         return "forge"
     if (root / LAYOUT_MARKER).is_file():
@@ -101,7 +100,6 @@ def _maker(root: Path) -> str:
 
 
 def _without_needs(root: Path, subject: CheckContext) -> Iterator[Problem]:
-    """Yield the packages of an underlay with missing dependencies."""
     held = installed_packages(root)
     # The packages of a distribution come from many sources, so that fewer of their names are certain.
     is_package = resembles_ros_name if (root / LAYOUT_MARKER).is_file() else is_ros_name

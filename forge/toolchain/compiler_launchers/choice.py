@@ -58,7 +58,6 @@ def selected_launcher(word: str | None) -> str:
 
 
 def not_found(name: str) -> Problem:
-    """Return a problem for a launcher that is not installed."""
     return Problem(f"compiler launcher '{name}' not found on PATH", hint=LAUNCHERS[name].hint)
 
 

@@ -161,7 +161,6 @@ def _finish_sccache(
 
 
 def _cache_summary(launcher: str, compilations: int, hits: int) -> tuple[LauncherSummary, ...]:
-    """Return the summary of a cache, none if nothing was compiled."""
     if compilations <= 0:
         return ()
     return (LauncherSummary(launcher, compilations=compilations, from_cache=hits),)

@@ -13,7 +13,6 @@ if TYPE_CHECKING:
 
 
 def register(parser: Parser) -> None:
-    """Add the verbs of `forge interface`."""
     verbs = parser.add_subparsers(metavar="VERB", required=True, parser_class=type(parser))
     asking.register(verbs)
     compiling.register(verbs)

@@ -27,7 +27,6 @@ _HEADINGS = {"msg": "Messages:", "srv": "Services:", "action": "Actions:"}
 
 
 def register(verbs: Verbs) -> None:
-    """Add the verbs of this module."""
     _add_listing(verbs, "list", _list, "list all interfaces")
     package = _add_listing(verbs, "package", _package, "list the interfaces of a package")
     package.add_argument("package", metavar="PACKAGE", help="name of the package")

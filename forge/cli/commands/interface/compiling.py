@@ -33,7 +33,6 @@ _DEFAULT_LANGUAGES = ("python", "cpp")
 
 
 def register(verbs: Verbs) -> None:
-    """Add the verb `generate`."""
     summary = "compile definitions to Python, C++, C, .idl, .json or Markdown"
     more = "@FILE reads arguments from FILE, one per line"
     generate = verbs.add_parser(
@@ -76,7 +75,8 @@ def _add_outputs(parser: Parser) -> None:
 
 def _generate(options: argparse.Namespace) -> int:
     library = library_of(options)
-    library.manifest = _manifest(options)
+    bases = (options.source, *(base for base, _ in options.files))
+    library.manifest = next((Path(base) / "package.xml" for base in bases if base), None)
     catalog = catalog_of(options, options.source, library)
     if options.no_runtime:
         raise_if_any(undeclared_dependencies(catalog, dict(options.includes), library), InterfaceError)
@@ -87,7 +87,15 @@ def _generate(options: argparse.Namespace) -> int:
         needs=tuple(name for each in needed for name in each.interfaces), folders=_folders(needed, library)
     )
     keep_compiled(*compiled_templates(os.environ, options.output / STATE_FOLDER / "templates"))
-    written = write(_parts((catalog, *others), options), options.output, catalog.package, state)
+    catalogs = (catalog, *others)
+    languages = tuple(dict.fromkeys(options.languages or _DEFAULT_LANGUAGES))
+    digests = fingerprints(catalogs, generator_digest())
+    found = [part for language in languages for each in catalogs for part in parts(each, language, digests)]
+    if not options.no_runtime:
+        found += [
+            Part(language, "run-time files", None, partial(read_runtime, language)) for language in languages
+        ]
+    written = write(found, options.output, catalog.package, state)
     if options.depfile:
         sources = [source.path for each in (catalog, *others) for source in each.sources.values()]
         write_depfile(options.depfile, options.stamp or options.output, dict.fromkeys(sources))
@@ -96,24 +104,6 @@ def _generate(options: argparse.Namespace) -> int:
     else:
         print(f"{len(written.changed)} of {counted(written.total, 'file')} written to '{options.output}'")
     return 0
-
-
-def _manifest(options: argparse.Namespace) -> Path | None:
-    """Return the path of the package.xml beside the definitions, which may not exist."""
-    bases = (options.source, *(base for base, _ in options.files))
-    return next((Path(base) / "package.xml" for base in bases if base), None)
-
-
-def _parts(catalogs: tuple[Catalog, ...], options: argparse.Namespace) -> list[Part]:
-    """Return the parts to render, with digests that tell whether earlier results are still valid."""
-    languages = tuple(dict.fromkeys(options.languages or _DEFAULT_LANGUAGES))
-    digests = fingerprints(catalogs, generator_digest())
-    found = [part for language in languages for each in catalogs for part in parts(each, language, digests)]
-    if not options.no_runtime:
-        found += [
-            Part(language, "run-time files", None, partial(read_runtime, language)) for language in languages
-        ]
-    return found
 
 
 def _others(catalog: Catalog, options: argparse.Namespace) -> tuple[Catalog, ...]:

@@ -30,7 +30,6 @@ if TYPE_CHECKING:
 
 
 def register(verbs: Verbs) -> None:
-    """Add the verbs of this module."""
     summary = "print type hashes (RIHS01) of types or of a folder of definitions"
     hashing = verbs.add_parser("hash", help=summary, description=summary)
     hashing.add_argument(

@@ -17,7 +17,6 @@ _OUTPUT = Path("build") / INTERFACE_PAGES_DIR
 
 
 def register(verbs: Verbs) -> None:
-    """Add the verb `docs`."""
     summary = "generate HTML documentation of the interfaces of the workspace"
     more = "Types that the interfaces refer to are documented, too, so that all links work."
     docs = verbs.add_parser("docs", help=summary, description=summary, epilog=more)

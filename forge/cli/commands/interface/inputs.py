@@ -114,7 +114,6 @@ def distribution_of(options: argparse.Namespace) -> str:
 
 
 def distribution_in_folder(rosdistro: str | None, folder: Path) -> str:
-    """Return the distribution of embedded definitions for a folder, as `distribution_of`."""
     check_distribution(rosdistro)
     chosen = rosdistro or os.environ.get(VARIABLE)
     if not chosen:
@@ -143,14 +142,15 @@ def catalog_of(options: argparse.Namespace, folder: str | None, library: Library
         from forge.interfaces.read.lint import lint
 
         raise_if_any(lint(parsed), InterfaceError)
-    return resolve(package, parsed, library, _unlisted(options), events=library.has_events)
-
-
-def _unlisted(options: argparse.Namespace) -> dict[str, str]:
-    """Return messages next to the named files that were not named themselves, for hints."""
     named = {relative for _, relative in options.files}
     beside = (path for base in {base for base, _ in options.files} for path in Path(base).glob("msg/*.msg"))
-    return {path.stem: f"msg/{path.name}" for path in beside if f"msg/{path.name}" not in named}
+    return resolve(
+        package,
+        parsed,
+        library,
+        {path.stem: f"msg/{path.name}" for path in beside if f"msg/{path.name}" not in named},
+        events=library.has_events,
+    )
 
 
 def _pair(mark: str, split: Callable[[str, str], tuple[str, str, str]]) -> Callable[[str], tuple[str, str]]:

@@ -45,7 +45,13 @@ def make_site(options: argparse.Namespace, default: Path) -> int:
     packages = _interface_packages(found)
     folders = {name: root / package.path for name, package in packages.items()}
     folders |= {name: Path(folder) for name, folder in options.includes}
-    raise_if_any(_misnomers(folders), InterfaceError)
+    hint = "names of interface packages consist of lower-case letters, digits and single underscores"
+    misnomers = (
+        Problem(f"'{name}' is not a valid name of an interface package", Location(folder), hint)
+        for name, folder in folders.items()
+        if not LOWER_NAME.fullmatch(name)
+    )
+    raise_if_any(misnomers, InterfaceError)
     out = options.output or Path(os.path.relpath(root / default))
     raise_if_any(_buried([root / each.path for each in found.packages.values()], out))
     install = find_install(root, Path.home())
@@ -67,26 +73,15 @@ def make_site(options: argparse.Namespace, default: Path) -> int:
 
 
 def _interface_packages(workspace: Workspace) -> dict[str, Package]:
-    """Return the packages of the workspace that generate interfaces and contain definitions."""
     return {
         name: package
         for name, package in workspace.packages.items()
-        if _defines_interfaces(package.manifest) and any(names_in(name, workspace.root / package.path))
+        if (
+            _GROUP in package.manifest.groups
+            or any(each.name == _GENERATORS for each in package.manifest.dependencies)
+        )
+        and any(names_in(name, workspace.root / package.path))
     }
-
-
-def _defines_interfaces(manifest: Manifest) -> bool:
-    return _GROUP in manifest.groups or any(each.name == _GENERATORS for each in manifest.dependencies)
-
-
-def _misnomers(folders: Mapping[str, Path]) -> list[Problem]:
-    """Return a problem for each package name that is invalid in paths or generated code."""
-    hint = "names of interface packages consist of lower-case letters, digits and single underscores"
-    return [
-        Problem(f"'{name}' is not a valid name of an interface package", Location(folder), hint)
-        for name, folder in folders.items()
-        if not LOWER_NAME.fullmatch(name)
-    ]
 
 
 def _buried(folders: Iterable[Path], out: Path) -> list[Problem]:
@@ -142,13 +137,11 @@ def _attempt(name: str, folder: Path, library: Library) -> Catalog | InterfaceEr
 
 
 def _partial(others: Mapping[str, list[Catalog]], whole: Iterable[str]) -> Iterable[Catalog]:
-    """Yield the catalogs of packages that are not documented completely."""
     for package in sorted(others.keys() - set(whole)):
         yield from others[package]
 
 
 def _about(name: str, library: Library, packages: Mapping[str, Package], *, whole: bool) -> PackageInfo:
-    """Return the metadata of a package from its manifest, and its origin."""
     folder = library.folder(name) or Path()
     if name in library.includes:
         origin = "from the workspace"
