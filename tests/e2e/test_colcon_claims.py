@@ -382,6 +382,7 @@ SHOWN_ELSEWHERE = {
     "an unknown mixin": "integration/test_configuration.py::test_mixins_can_be_listed_and_shown",
     "compares names of Python projects": "integration/workspace/test_project_names.py::test_a_dependency_may",
     "follows `[install]`": f"{_WHEELS}::test_what_would_leave_the_prefix_or_is_malformed_is_refused",
+    "follows `build_lib`": f"{_WHEELS}::test_intermediate_files_are_never_in_the_sources",
     "installs what `setup_requires`": f"{_WHEELS}::test_what_setup_requires_is_not_downloaded",
     "with `--symlink-install`, runs": f"{_WHEELS}::test_links_have_scripts_where_develop_installs_them",
     "installs a Python package that moves": "e2e/test_colcon_python.py::test_install_trees_are_the_same",

@@ -92,6 +92,29 @@ if _next is not None and _next.loader is not None:
 `prefix` is that of the package if setuptools installs it: like with colcon, `sys.prefix` leads there.
 """
 
+_SETTINGS = """\
+[egg_info]
+egg_base = {build}
+[build]
+build_base = {build}/build
+build_lib = {build}/build/lib
+build_temp = {build}/build/temp
+build_scripts = {build}/build/scripts
+[build_py]
+build_lib = {build}/build/lib
+[build_ext]
+build_lib = {build}/build/lib
+build_temp = {build}/build/temp
+[build_clib]
+build_clib = {build}/build/temp
+build_temp = {build}/build/temp
+[build_scripts]
+build_dir = {build}/build/scripts
+[bdist_wheel]
+bdist_dir = {build}/build/wheel
+"""
+"""Keeps the intermediate files of a backend that wraps setuptools out of the sources."""
+
 
 @frozen
 class SetupInstall:
@@ -134,6 +157,7 @@ def run_setup_install(options: SetupInstall) -> tuple[tuple[Path, ...], str]:
     words += ["--install-scripts", options.scripts] if options.scripts else []
     words += ["--force", "--no-compile"]
     request = {
+        "build": str(build / "build"),
         "prefix": str(options.prefix),
         "site_packages": options.site_packages,
         "words": words,
@@ -218,7 +242,7 @@ def build_wheel(source: Path, build: Path, prefix: Path, python: str) -> tuple[P
     out = build / "wheel"
     out.mkdir(parents=True)
     settings = build / "distutils.cfg"
-    settings.write_text(f"[egg_info]\negg_base = {build}\n[build]\nbuild_base = {build / 'build'}\n", "utf-8")
+    settings.write_text(_SETTINGS.format(build=build), "utf-8")
     os.environ["DIST_EXTRA_CONFIG"] = str(settings)
     trace = _Trace(source, build, prefix)
     caller = pyproject_hooks.BuildBackendHookCaller(

@@ -29,6 +29,9 @@ if __name__ == "__main__":
     sys.exit({function}())
 """
 _KINDS = ("lib", "scripts", "data", "headers")
+_BUILD_COMMANDS = ("build", "build_py", "build_ext", "build_clib", "build_scripts")
+_BUILD_FOLDERS = ("base", "lib", "purelib", "platlib", "temp", "scripts", "clib", "dir")
+"""The options of these commands, without `build_`, that name folders of intermediate files."""
 
 
 def main(path: str) -> None:
@@ -73,6 +76,7 @@ def _without_downloads() -> "Iterator[None]":
 
 def _adapt(request: "dict[str, Any]", outside: str) -> None:
     """Set the default folders, write fast scripts, and check where files are installed."""
+    from distutils.cmd import Command
     from distutils.command.install import install
     from distutils.dist import Distribution
     from types import SimpleNamespace
@@ -80,6 +84,8 @@ def _adapt(request: "dict[str, Any]", outside: str) -> None:
     from setuptools.command import install_egg_info
 
     select_scheme, run_command = install.select_scheme, Distribution.run_command
+    ensure_finalized = Command.ensure_finalized
+    moved: "dict[str, str]" = {}
 
     def select_own_scheme(self: "Any", name: str) -> None:
         """Set what the package does not set: distributions' defaults vary (local/, dist-packages)."""
@@ -92,6 +98,24 @@ def _adapt(request: "dict[str, Any]", outside: str) -> None:
             if getattr(self, "install_" + kind) is None:
                 setattr(self, "install_" + kind, folder)
         select_scheme(self, name)
+
+    def finalize_below_build_folder(self: "Any") -> None:
+        """Move folders of intermediate files into the build folder, which has no files of an earlier build.
+
+        Other commands have such options for their input: they follow the build command that fills the folder.
+        """
+        ensure_finalized(self)
+        # The class of a command of the package may have any name.
+        builds = any(self.distribution.command_obj.get(name) is self for name in _BUILD_COMMANDS)
+        for option in _BUILD_FOLDERS:
+            folder = getattr(self, "build_" + option, None)
+            if not isinstance(folder, str) or folder.startswith(request["build"] + os.sep):
+                continue
+            folder = os.path.abspath(folder)
+            if builds:
+                moved.setdefault(folder, os.path.join(request["build"], "moved", str(len(moved))))
+            if folder in moved:
+                setattr(self, "build_" + option, moved[folder])
 
     def run_checked(self: "Any", command: str) -> None:
         """Run a command unless it would install files outside the prefix."""
@@ -112,6 +136,7 @@ def _adapt(request: "dict[str, Any]", outside: str) -> None:
 
     # The prefix has no files of an earlier build: what is in the folder belongs to somebody else.
     install_egg_info.dir_util = SimpleNamespace(remove_tree=lambda *_, **__: None)  # type: ignore[attr-defined]
+    Command.ensure_finalized = finalize_below_build_folder  # type: ignore[method-assign]
     install.select_scheme = select_own_scheme  # type: ignore[method-assign]
     Distribution.run_command = run_checked  # type: ignore[method-assign]
     try:

@@ -271,6 +271,58 @@ def test_options_of_the_install_command_are_followed(tree: Tree, option: str, fi
     assert file in files(root / "install")
 
 
+INTERMEDIATE = {
+    "build_lib": {"build": {"build_lib": "made"}},
+    "build_purelib": {"build": {"build_purelib": "made"}},
+    "build_base": {"build": {"build_base": "made"}},
+    "build_temp": {"build": {"build_temp": "made"}},
+    "build_scripts": {"build": {"build_scripts": "made"}},
+    "build_py": {"build_py": {"build_lib": "made"}, "install_lib": {"build_dir": "made"}},
+    "egg_base": {"egg_info": {"egg_base": "made"}},
+}
+
+
+@pytest.mark.parametrize("file", ["setup.cfg", "setup.py"])
+@pytest.mark.parametrize("options", INTERMEDIATE.values(), ids=INTERMEDIATE)
+def test_intermediate_files_are_never_in_the_sources_nor_of_an_earlier_build(
+    tree: Tree, file: str, options: dict[str, dict[str, str]]
+) -> None:
+    package = {**setup_py(arguments="scripts=['tool'],"), "src/talk/tool": "#!/bin/sh\n"}
+    if file == "setup.py":
+        package |= setup_py(arguments=f"scripts=['tool'], options={options!r},")
+    else:
+        for command, values in options.items():
+            lines = "".join(f"{name} = {value}\n" for name, value in values.items())
+            package["src/talk/setup.cfg"] += f"[{command}]\n{lines}"
+    root = tree(package)
+    before = files(root / "src")
+    assert install(root) == 0
+    assert files(root / "install") == INSTALLED | {"lib/talk/tool"}
+    assert files(root / "src") == before
+    (root / "src/talk/talk/old.py").unlink()
+    assert install(root) == 0
+    assert files(root / "install") == INSTALLED - {f"{SITE}/talk/old.py"} | {"lib/talk/tool"}
+
+
+def test_intermediate_files_of_a_backend_that_wraps_setuptools_are_not_in_the_sources(tree: Tree) -> None:
+    backend = "[build-system]\nrequires = []\nbuild-backend = 'own'\nbackend-path = ['own']\n"
+    options = {"build": "build_lib", "build_py": "build_lib", "bdist_wheel": "keep_temp = 1\nbdist_dir"}
+    package = {
+        **SETUP,
+        "src/talk/pyproject.toml": backend,
+        "src/talk/own/own.py": "from setuptools.build_meta import *\n",
+        "src/talk/setup.cfg": "".join(f"[{command}]\n{name} = made\n" for command, name in options.items()),
+    }
+    root = tree(package)
+    before = files(root / "src")
+    assert install(root) == 0
+    assert f"{SITE}/talk/old.py" in files(root / "install")
+    assert {name for name in files(root / "src") if "__pycache__" not in name} == before
+    (root / "src/talk/talk/old.py").unlink()
+    assert install(root) == 0
+    assert f"{SITE}/talk/old.py" not in files(root / "install")
+
+
 def test_links_have_scripts_where_develop_installs_them(tree: Tree) -> None:
     """Colcon's --symlink-install runs this command."""
     root = tree(SETUP | {"src/talk/setup.cfg": "[develop]\nscript_dir=$base/lib/talk\n"})
