@@ -130,7 +130,6 @@ class ForgeError(Exception):
     """Problems the user can fix; a stage raises all problems it found, not only the first."""
 
     def __init__(self, *problems: Problem) -> None:
-        """Store at least one problem."""
         super().__init__("\n".join(problem.render() for problem in problems))
         self.problems = problems
 
@@ -200,7 +199,6 @@ class WarningReporter:
     """Prints warnings on stderr; a watch does not repeat those of the previous build."""
 
     def __init__(self) -> None:
-        """Start without warnings."""
         self._current: set[str] = set()
         self._previous: set[str] = set()
 
@@ -249,7 +247,6 @@ def problem_from_oserror(error: OSError) -> Problem | None:
 
 
 def _window(source: str, column: int | None) -> tuple[str, int | None]:
-    """Return the relevant part of a long line, and the column in it."""
     if len(source) <= _WIDEST:
         return source, column
     start = max(0, (column or 1) - _WIDEST // 2)
@@ -258,5 +255,4 @@ def _window(source: str, column: int | None) -> tuple[str, int | None]:
 
 
 def _caret_indent(source: str, column: int) -> str:
-    """Return the indentation of the caret below `column`; tabs are kept for alignment."""
     return "".join("\t" if character == "\t" else " " for character in source[: column - 1])

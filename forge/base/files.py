@@ -238,7 +238,6 @@ def remove_tree(path: str) -> None:
 
 
 def _make_writable(root: str) -> None:
-    """Add write permission to a folder tree, so that it can be removed."""
     with contextlib.suppress(OSError):
         os.chmod(root, stat.S_IRWXU)
     for folder, names, _ in os.walk(root):

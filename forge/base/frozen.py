@@ -44,7 +44,6 @@ def frozen(cls: type[_Class]) -> type[_Class]:
 
 
 def _initializer(fields: Sequence[Field[Any]], *, calls_post_init: bool) -> Callable[..., None]:
-    """Compile `__init__` with a parameter for each field."""
     names: dict[str, Any] = {"_set": _set, "_missing": MISSING}
     parameters, body = [], []
     for each in fields:
@@ -67,7 +66,6 @@ def _initializer(fields: Sequence[Field[Any]], *, calls_post_init: bool) -> Call
 
 
 def _reader(names: Sequence[str]) -> Callable[[Any], Any]:
-    """Return a fast getter for fields of an object."""
     return attrgetter(*names) if names else lambda _: ()
 
 

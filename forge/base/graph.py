@@ -103,15 +103,12 @@ class RecursiveDependencies(Collection[str]):
         self._bits = bits
 
     def __iter__(self) -> Iterator[str]:
-        """Go through the names, each after what it needs."""
         return compress(self._ordered, f"{self._bits:b}"[::-1].encode().translate(_BITS))
 
     def __len__(self) -> int:
-        """Count the names."""
         return self._bits.bit_count()
 
     def __contains__(self, name: object) -> bool:
-        """Tell if a name is among them."""
         return any(name == other for other in self)
 
 
@@ -123,7 +120,6 @@ class TransitiveClosure(Mapping[str, frozenset[str]]):
     """
 
     def __init__(self, needs: Mapping[str, frozenset[str]], ordered: Iterable[str]) -> None:
-        """Begin with a topological order."""
         self._ordered = tuple(ordered)
         place = {name: number for number, name in enumerate(self._ordered)}
         self._bits: dict[str, int] = {}
@@ -143,11 +139,9 @@ class TransitiveClosure(Mapping[str, frozenset[str]]):
         return RecursiveDependencies(self._ordered, self._bits[name])
 
     def __iter__(self) -> Iterator[str]:
-        """Go through the names in their order."""
         return iter(self._ordered)
 
     def __len__(self) -> int:
-        """Count the names."""
         return len(self._ordered)
 
 

@@ -20,12 +20,10 @@ class LazyTuple(Sequence[_Item_co]):
     __slots__ = ("_made", "_make")
 
     def __init__(self, make: Callable[[], tuple[_Item_co, ...]]) -> None:
-        """Store the function without calling it."""
         self._make = make
         self._made: tuple[_Item_co, ...] | None = None
 
     def __len__(self) -> int:
-        """Return the length of the tuple."""
         return len(self._all())
 
     @overload
@@ -33,23 +31,18 @@ class LazyTuple(Sequence[_Item_co]):
     @overload
     def __getitem__(self, index: slice) -> tuple[_Item_co, ...]: ...
     def __getitem__(self, index: int | slice) -> _Item_co | tuple[_Item_co, ...]:
-        """Return an item or a slice of the tuple."""
         return self._all()[index]
 
     def __eq__(self, other: object) -> bool:
-        """Compare with a tuple or another Deferred."""
         return isinstance(other, tuple | LazyTuple) and self._all() == tuple(other)
 
     def __hash__(self) -> int:
-        """Return the hash of the tuple."""
         return hash(self._all())
 
     def __reduce__(self) -> tuple[type[tuple[_Item_co, ...]], tuple[tuple[_Item_co, ...]]]:
-        """Pickle as the tuple."""
         return (tuple, (self._all(),))
 
     def __repr__(self) -> str:
-        """Return the representation of the tuple."""
         return repr(self._all())
 
     def _all(self) -> tuple[_Item_co, ...]:

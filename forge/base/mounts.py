@@ -46,7 +46,6 @@ def _remove(folder: str, mounts: set[str], above: set[str], last: str = "") -> N
 
 
 def _parents(path: str, top: str) -> Iterator[str]:
-    """Yield the folders above a path, up to and including `top`."""
     while path != top and path.startswith(top):
         path = os.path.dirname(path)
         yield path

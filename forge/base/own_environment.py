@@ -47,7 +47,6 @@ def has_no_pip(environment: Path) -> bool:
 
 
 def _requirements_of(extra: str) -> tuple[str, ...]:
-    """Return the requirements of an extra, as the metadata of forge tells them."""
     from importlib.metadata import PackageNotFoundError, requires
 
     from packaging.requirements import Requirement
@@ -78,7 +77,6 @@ def _uv_arguments(receipt: Path, requirements: tuple[str, ...]) -> Iterator[str]
 
 
 def _uv_requirement(entry: Mapping[str, Any]) -> str:
-    """Return an entry of uv's receipt as a requirement for its command line."""
     extras = f"[{','.join(entry['extras'])}]" if entry.get("extras") else ""
     path = next((entry[kind] for kind in ("editable", "directory", "path") if kind in entry), None)
     if path is not None:

@@ -56,7 +56,6 @@ def environment() -> jinja2.Environment:
 
 
 def _compiled() -> jinja2.BytecodeCache | None:
-    """Return the cache of compiled templates, if one is configured."""
     import jinja2
 
     class Kept(jinja2.BytecodeCache):

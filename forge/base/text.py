@@ -49,7 +49,6 @@ class Excerpt:
     """Output of stdout and stderr in order, without the middle if it is long."""
 
     def __init__(self) -> None:
-        """Start empty."""
         self._first: list[tuple[bytes, bool]] = []
         self._last: deque[tuple[bytes, bool]] = deque()
         self._room = _MOST

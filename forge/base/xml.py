@@ -156,7 +156,6 @@ class _Builder:
         element.text = "".join(self.texts.pop())
 
     def remedy(self, code: int) -> str | None:
-        """Return a hint for an expat error code."""
         if code in _LEFT_OPEN and self.open:
             element = self.open[-1]
             return f"<{element.tag}> in line {element.line} is not closed: add </{element.tag}>"

@@ -102,7 +102,6 @@ def _walk(root: Path, below: str, above: tuple[str, ...] = ()) -> Iterator[str]:
 
 
 def _is_of_target(entry: os.DirEntry[str]) -> bool:
-    """Tell whether an entry of the install folder contains the packages for another platform."""
     return entry.is_dir(follow_symlinks=False) and Path(entry, LAYOUT_MARKER).is_file()
 
 
@@ -112,7 +111,6 @@ def _inside(root: Path, path: str) -> bool:
 
 
 def _add(archive: tarfile.TarFile, root: Path, path: str, name: str) -> None:
-    """Add a file, or a link inside the tree, below the folder `name`."""
     place = root / path
     member = tarfile.TarInfo(f"{name}/{path}")
     member.mtime = _TIME
@@ -129,7 +127,6 @@ def _add(archive: tarfile.TarFile, root: Path, path: str, name: str) -> None:
 
 
 def _relative(link: Path) -> str:
-    """Return the target of a link relative to the link."""
     target = link.readlink()
     if not target.is_absolute():
         return str(target)

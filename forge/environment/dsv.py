@@ -120,7 +120,6 @@ def parse_dsv(text: str, path: str) -> tuple[tuple[DsvChange, ...], tuple[str, .
 
 
 def _may_be_sourced(path: str) -> bool:
-    """Tell whether a path stays in the package or is absolute; '..' is not allowed."""
     parts = {part for part in path.split("/") if part not in {"", "."}}
     return bool(parts) and ".." not in parts and "\0" not in path
 
@@ -196,7 +195,6 @@ def apply(
 
 
 def _text(edit: Edit, result: Mapping[str, str], entries: _Entries | None) -> str:
-    """Return the current value of the variable of `edit`."""
     return entries.text() if entries is not None else result.get(edit.variable, "")
 
 
@@ -212,7 +210,6 @@ class _Entries:
 
     @classmethod
     def of(cls, text: str, *, first: bool) -> _Entries:
-        """Split a variable's value into entries."""
         original = text.split(":") if text else []
         return cls(dict.fromkeys(original), original, first)
 
@@ -228,7 +225,6 @@ class _Entries:
             self.front[value] = None
 
     def text(self) -> str:
-        """Return the joined entries."""
         kept: Iterable[str] = self.original
         if self.first and self.front:
             kept = (entry for entry in self.original if entry and entry not in self.front)

@@ -56,7 +56,6 @@ def refuse_windows_line_endings(path: Path) -> None:
 
 
 def _other_paths(name: str, prefix: Path) -> Iterable[Path]:
-    """Return other paths at which an executable may be installed."""
     return (prefix / "bin" / name, *sorted(prefix.glob(f"lib/*/{name}")))
 
 
@@ -66,7 +65,6 @@ def _build_type(package: str, prefix: Path) -> str:
 
 
 def _nothing(package: str, name: str, folder: Path, build_type: str) -> str:
-    """Return how to add an executable to a package without any."""
     message = f"package '{package}' has no executables in '{folder}'"
     if build_type == "ament_python":
         return f"{message}: add it to 'console_scripts' in its setup.py, and build again"

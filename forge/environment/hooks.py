@@ -42,7 +42,6 @@ def _numbered(hook: str, variable: str, values: Iterable[str]) -> dict[str, str]
 
 
 def _find_modules(name: str, folders: dict[str, list[str]]) -> Iterator[str]:
-    """Yield the folders with CMake find modules."""
     bases = ("lib64", "lib32", "libx32", "lib", "share")
     for base in bases:
         for below in (f"cmake/{name}", name, f"{name}/cmake", f"{name}/CMake"):
@@ -52,21 +51,18 @@ def _find_modules(name: str, folders: dict[str, list[str]]) -> Iterator[str]:
 
 
 def _has_config(folders: dict[str, list[str]]) -> bool:
-    """Tell whether find_package could find a config file below the prefix."""
     return any(
         file.endswith(("Config.cmake", "-config.cmake")) for names in folders.values() for file in names
     )
 
 
 def _libraries(folders: dict[str, list[str]]) -> Iterator[str]:
-    """Yield the folders with shared libraries on the loader's path."""
     for folder, names in folders.items():
         if folder.startswith("lib") and "/" not in folder and any(name.endswith(".so") for name in names):
             yield folder
 
 
 def _pkg_configs(folders: dict[str, list[str]]) -> Iterator[str]:
-    """Yield the folders with pkg-config files: of lib, lib/MULTIARCH and share."""
     for folder, names in folders.items():
         path = PurePosixPath(folder)
         known = path.name == "pkgconfig" and path.parts[0].startswith(("lib", "share"))
@@ -75,7 +71,6 @@ def _pkg_configs(folders: dict[str, list[str]]) -> Iterator[str]:
 
 
 def _python_folders(folders: dict[str, list[str]], site_packages: str) -> Iterator[str]:
-    """Yield the folders that Python imports from, both purelib and platlib."""
     for path in (site_packages, site_packages.replace("lib/", "lib64/", 1)):
         if any(folder == path or folder.startswith(f"{path}/") for folder in folders):
             yield path

@@ -75,7 +75,6 @@ def find_package(
 def _remedy(
     name: str, install: Path | None, sources: Mapping[str, str], installed: Collection[str]
 ) -> str | None:
-    """Return a hint for a package that is not installed, or None."""
     if install and is_package_name(name) and (install / name / "lib").is_dir():
         return "call ament_package() at the end of its CMakeLists.txt, which registers the package"
     if name in sources:

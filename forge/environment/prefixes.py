@@ -159,14 +159,12 @@ def _candidates(root: Path) -> list[tuple[str, Path]]:
 
 
 def _folders(variables: Mapping[str, str], *names: str) -> list[Path]:
-    """Return the existing folders in path variables without duplicates."""
     entries = [entry for name in names for entry in variables.get(name, "").split(os.pathsep)]
     # Unlike Path.is_dir, os.path.isdir returns False for inaccessible folders.
     return [Path(entry) for entry in dict.fromkeys(entries) if os.path.isdir(entry)]
 
 
 def _inside(path: Path, root: Path) -> bool:
-    """Tell whether a path is the root or below it."""
     return path == root or root in path.parents
 
 
@@ -183,24 +181,20 @@ def _is_distribution(prefix: Path) -> bool:
 
 
 def _layout(root: Path) -> str | None:
-    """Return the layout recorded in an install tree."""
     text = _read(root / LAYOUT_MARKER)
     return text.strip() if text is not None else None
 
 
 def _marked(name: str, prefix: Path) -> bool:
-    """Tell whether a prefix's ament index contains the package."""
     return (prefix / INDEX / "packages" / name).is_file()
 
 
 def _provides(name: str, prefix: Path) -> bool:
-    """Tell whether a prefix contains a manifest or CMake config of the package."""
     # Called for many names and prefixes in every build: avoid creating Path objects.
     return any(os.path.isfile(f"{prefix}/{path}") for path in _evidence(name))
 
 
 def _evidence(name: str) -> Iterator[str]:
-    """Yield the files that show that a package is installed."""
     yield f"share/{name}/package.xml"
     for folder in (f"share/{name}/cmake", f"lib/cmake/{name}"):
         yield f"{folder}/{name}Config.cmake"
@@ -215,7 +209,6 @@ def _names(folder: Path) -> list[str]:
 
 
 def _run_dependencies(root: Path, name: str) -> frozenset[str]:
-    """Return the run dependencies in ament's index."""
     text = _read(root / INDEX / "package_run_dependencies" / name) or ""
     return frozenset(filter(None, text.strip().split(";")))
 

@@ -91,7 +91,6 @@ def hook_runner() -> str:
 
 
 def _words(shell: Shell, edits: Iterable[Edit | Script]) -> dict[str, object]:
-    """Return the template values: required functions and their calls."""
     listed = list(edits)
     paths = [edit.path(shell.name) for edit in listed if isinstance(edit, Script)]
     borrowing = any(path and shell.runs_in_sh(path) for path in paths)
@@ -112,7 +111,6 @@ def _runner() -> str:
 
 
 def _location(script: str, shell: Shell, variable: str, baked: Path) -> dict[str, object]:
-    """Return the template values with which a script locates its tree or prefix."""
     up = 2 if script == "package" else 0
     pattern = f"(/[^/]*){{{up + 1}}}$" if up else "/[^/]*$"
     return {
@@ -165,7 +163,6 @@ def _below(folder: str, edit: Edit) -> str:
 
 
 def _group_statement(shell: Shell, group: Group) -> Statement | None:
-    """Return the statement of a local_setup script for a group of edits."""
     package, first = group[0]
     root = f"$_forge_root/{shell.quoted(package.folder)}".rstrip("/")
     if isinstance(first, Script):
@@ -184,7 +181,6 @@ def _group_statement(shell: Shell, group: Group) -> Statement | None:
 
 
 def _edit_statement(shell: Shell, package: PackageEdits, edit: Edit | Script) -> Statement | None:
-    """Return the statement of a package script for one edit."""
     if isinstance(edit, Script):
         return _script(shell, package.name, edit, "$_forge_prefix")
     if edit.operation in {"set", "default"}:
@@ -212,7 +208,6 @@ def _value(shell: Shell, prefix: str, edit: Edit) -> str:
 
 
 def _assignment(shell: Shell, edit: Edit, prefix: str, installed: str) -> Statement:
-    """Return the statement that sets a variable, always or as a default."""
     return {
         "template": f"scripts/{shell.family}/set.j2",
         "variable": edit.variable,
@@ -232,13 +227,11 @@ def _script(shell: Shell, name: str, script: Script, prefix: str) -> Statement |
 
 
 def _underlay(shell: Shell, script: Path) -> Statement:
-    """Return the statement that sources the script of an underlay."""
     folder = str(script.parent)
     return _sourced(shell, f"The workspace {folder}.", shell.quoted(folder), script.name)
 
 
 def _sourced(shell: Shell, comment: str, prefix: str, path: str) -> Statement:
-    """Return the statement that sources a script and passes its prefix."""
     return {
         "template": f"scripts/{shell.family}/{'borrow' if shell.runs_in_sh(path) else 'source'}.j2",
         "comment": "".join(sign if sign.isprintable() else "?" for sign in comment),
@@ -249,5 +242,4 @@ def _sourced(shell: Shell, comment: str, prefix: str, path: str) -> Statement:
 
 
 def _marker(prefix: str, name: str) -> str:
-    """Return the file that exists while package `name` is installed."""
     return f"{prefix}/share/colcon-core/packages/{name}"

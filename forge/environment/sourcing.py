@@ -128,8 +128,6 @@ def _read_edits(name: str, prefix: Path, _stamp: tuple[int, int, int]) -> tuple[
 
 
 def _read_hooks(name: str, prefix: Path) -> Iterable[Hook]:
-    """Read the dsv files of a package."""
-
     @cache
     def read(path: str) -> str | None:
         try:
@@ -159,7 +157,6 @@ def _apply(
 
 
 def _source(hook: Path, prefix: Path, variables: Mapping[str, str]) -> dict[str, str]:
-    """Return the environment after sourcing a hook with sh."""
     if not hook.is_file():
         return dict(variables)
     before = dict(variables) | {"COLCON_CURRENT_PREFIX": str(prefix), "AMENT_CURRENT_PREFIX": str(prefix)}

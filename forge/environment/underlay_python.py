@@ -51,7 +51,6 @@ def underlay_python(root: Path) -> Path | None:
 
 
 def _prefixes(root: Path) -> Iterator[Path]:
-    """Yield the prefixes of an install tree: its root, then those of packages in an isolated layout."""
     yield root
     if (root / LAYOUT_MARKER).is_file():
         yield from (root / name for name in _entries(f"{root}"))
@@ -84,7 +83,6 @@ def _interpreters(prefix: Path) -> Iterator[Path]:
 
 
 def _entries(folder: str) -> list[str]:
-    """Return the names in a folder, sorted; empty if it is missing, unreadable or a file."""
     try:
         return sorted(os.listdir(folder))  # noqa: PTH208  (called for every prefix: no Path objects)
     except OSError:

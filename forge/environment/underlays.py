@@ -67,7 +67,6 @@ def other_distributions(chain: Sequence[Path], rosdistro: str) -> Iterator[Probl
 
 
 def _provided_rosdistro(root: Path) -> str | None:
-    """Return the distribution that sourcing an install tree sets: the package 'ros_environment' does that."""
     hook = "share/ros_environment/environment/1.ros_distro"
     files = (
         f"{prefix}/{hook}{end}" for prefix in (root, root / "ros_environment") for end in (".dsv", ".sh")

@@ -42,7 +42,6 @@ def fingerprint_of_all(catalog: Catalog, digests: Mapping[TypeName, str]) -> str
 
 
 def _needs(interfaces: Mapping[TypeName, Interface]) -> Iterator[tuple[TypeName, set[TypeName]]]:
-    """Yield, for each interface, the interfaces that define the types of its members."""
     owners = {message.name: name for name, each in interfaces.items() for message in messages_of(each)}
     for name, interface in interfaces.items():
         elements = (element_of(field.type) for message in messages_of(interface) for field in message.fields)

@@ -53,7 +53,6 @@ class Hasher:
     """Describes and hashes the types of one catalog; descriptions are cached."""
 
     def __init__(self, catalog: Catalog) -> None:
-        """Collect the types of the catalog, including derived and referenced types."""
         structures = {name: message.members for name, message in catalog.known.items()}
         for interface in catalog.interfaces.values():
             structures.update(structures_of(interface))
@@ -97,7 +96,6 @@ class Hasher:
         return self._closures[name]
 
     def _inner(self, name: TypeName) -> list[TypeName]:
-        """Return the message types of the direct members of a structure."""
         elements = (element_of(member.type) for member in self._structures[name])
         return [element.name for element in elements if isinstance(element, Named)]
 

@@ -40,14 +40,12 @@ class Types(Mapping[str, Any]):
     """Classes by full name, such as 'std_msgs/msg/Header'; each is created on first access."""
 
     def __init__(self, root: str, names: Iterable[TypeName]) -> None:
-        """Index the interfaces of an in-memory package."""
         self._modules = {
             str(name): (f"{root}.{name.package}.{name.kind}._{snake_case(name.name)}", name.name)
             for name in names
         }
 
     def __getitem__(self, name: str) -> Any:
-        """Return the class of a message, service or action; raises KeyError."""
         module, attribute = self._modules[name]
         return getattr(import_module(module), attribute)
 
@@ -56,11 +54,9 @@ class Types(Mapping[str, Any]):
         return iter(self._modules)
 
     def __len__(self) -> int:
-        """Return the number of interfaces."""
         return len(self._modules)
 
     def __repr__(self) -> str:
-        """Return the names."""
         return f"<types {', '.join(self)}>"
 
 
@@ -102,7 +98,6 @@ def _of_folder(package: str, folder: Path, library: Library) -> tuple[Catalog, .
 
 
 def _of_schema(text: str, name: TypeName, library: Library) -> tuple[Catalog, ...]:
-    """Return the catalog of the schema's own type first."""
     parsed = parse_all(read_schema(text, name))
     known = _Schema({each.interface.name: each for each in parsed}, library)
     own = [each for each in parsed if each.interface.name.package == name.package]
@@ -118,11 +113,9 @@ class _Schema:
         self._library = library
 
     def find(self, name: TypeName) -> Parsed | None:
-        """Return the definition of that name, or None."""
         return self._parsed.get(name) or self._library.find(name)
 
     def names(self) -> Iterator[TypeName]:
-        """Yield all available names, for hints."""
         yield from self._parsed
         yield from self._library.names()
 
@@ -131,7 +124,6 @@ class _Schema:
         return self._library.distribution_hint(name)
 
     def declares(self, package: str) -> bool:
-        """Return False: a schema has no manifest."""
         del package
         return False
 
@@ -170,7 +162,6 @@ class _Memory(MetaPathFinder, InspectLoader):
         return PathFinder.find_spec(fullname, [str(_RUNTIME)]) if "." not in fullname else None
 
     def get_source(self, fullname: str) -> str:
-        """Return the source of a module."""
         return self.texts[self._path(fullname)]
 
     def get_code(self, fullname: str) -> CodeType:
@@ -178,7 +169,6 @@ class _Memory(MetaPathFinder, InspectLoader):
         return self.source_to_code(self.get_source(fullname), f"<{fullname}>")
 
     def is_package(self, fullname: str) -> bool:
-        """Return whether a module contains others."""
         return self._path(fullname).endswith("/__init__.py")
 
     def _path(self, fullname: str) -> str:

@@ -65,13 +65,11 @@ def _section(title: str, message: Message) -> Section:
 
 
 def _row(declared: Field | Constant, *cells: str) -> str:
-    """Return a line of a table."""
     doc = _escaped(" ".join(line.strip() for line in declared.doc if line))
     return " | ".join((f"| `{declared.name}`", _spell(declared.type), *cells, f"{doc} |"))
 
 
 def _spell(type_: Type) -> str:
-    """Return the type as written in definitions; the names of messages are links."""
     match type_:
         case Primitive(name):
             return _IN_FILES.get(name, name)
@@ -86,7 +84,6 @@ def _spell(type_: Type) -> str:
 
 
 def _shown(value: Value | None) -> str:
-    """Return a value as JSON, which is close to its form in definitions; an empty text for None."""
     if value is None:
         return ""
     text = json.dumps(value, ensure_ascii=False)
@@ -94,5 +91,4 @@ def _shown(value: Value | None) -> str:
 
 
 def _escaped(text: str) -> str:
-    """Return text escaped for Markdown, on one line and without bidirectional control characters."""
     return _MARKUP.sub(r"\\\1", _UNSEEN.sub(" ", text))

@@ -79,7 +79,6 @@ def _show(
 
 
 def _nested(line: str, package: str) -> TypeName | None:
-    """Return the message type of the field that a line declares, if any."""
     code = line.partition("#")[0].replace("\t", " ").rstrip()
     if not code:
         return None

@@ -59,7 +59,6 @@ def write(parts: Iterable[Part], out: Path, package: str, state: OutputState | N
 
 
 def _write_part(part: Part, out: Path, changed: list[Path]) -> PartState:
-    """Render a part, write its changed files, and add them to `changed`."""
     stats = {}
     for file in part.files():
         path = out / file.path
@@ -101,7 +100,6 @@ def _listed(listing: Path) -> set[str]:
 
 
 def _remove(paths: Iterable[str], out: Path) -> None:
-    """Remove files, and folders that become empty."""
     for path in sorted(paths):
         (out / path).unlink(missing_ok=True)
         for folder in PurePosixPath(path).parents[:-1]:
@@ -143,5 +141,4 @@ def _is_valid_in_make(path: str) -> bool:
 
 
 def _for_make(path: Path) -> str:
-    """Return a path escaped for make."""
     return str(path).replace("$", "$$").replace("#", "\\#").replace(" ", "\\ ")

@@ -114,7 +114,6 @@ class MembersViews:
         return wholes
 
     def _statements(self, step: LayoutStep, wholes: Mapping[Path, TypeName]) -> Iterator[str]:
-        """Yield the statements that serialize a step."""
         match step:
             case Run(members):
                 for group in _groups(self._leaves(members, wholes)):
@@ -159,7 +158,6 @@ def _packed(layout: MessageLayout) -> tuple[int, int]:
 
 
 def _is_copied(member: Member) -> bool:
-    """Return True if the serialized bytes of a member equal those in memory."""
     match member:
         case Scalar(_, of) | InlineArray(_, _, of):
             return of.name not in _NEVER_COPIED
@@ -185,7 +183,6 @@ def _groups(leaves: Iterable[_Leaf]) -> Iterator[list[_Leaf]]:
 
 
 def _call(word: str, *paths: Path, bound: int | None = None) -> str:
-    """Return a call, with its arguments on as many lines as needed."""
     arguments = [".".join(("message", *path)) for path in paths]
     if bound is not None:
         arguments.append(f"{bound}u")

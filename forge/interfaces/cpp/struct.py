@@ -148,7 +148,6 @@ def _clear(field: Field) -> Iterator[str]:
 
 
 def _default(field: Field) -> Iterator[str]:
-    """Yield the assignment of a default; an empty one needs none."""
     if field.default not in (None, (), ""):
         yield f"{field.name} = {literal(field.default, field.type)};"
 

@@ -228,7 +228,6 @@ def _steps(message: Message) -> Iterable[BuilderStep]:
 
 
 def _start(message: Message) -> BuilderStart:
-    """Return the first step, or the finished message if it has no fields."""
     spelled = qualified(message.name)
     if not message.fields:
         return BuilderStart(spelled, spelled)

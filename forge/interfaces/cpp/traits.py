@@ -76,7 +76,6 @@ def type_traits(interface: Interface) -> Iterator[TypeTraits]:
 
 
 def _roles(interface: Interface) -> dict[TypeName, tuple[str, ...]]:
-    """Return the additional traits of requests, responses, goals, results and feedback."""
     roles: dict[TypeName, tuple[str, ...]] = {}
     for service in services_of(interface):
         roles[service.request.name] = ("is_service_request",)
@@ -129,7 +128,6 @@ def _is_bounded(type_: Type) -> bool:
 
 
 def _statement(field: Field) -> str:
-    """Return the call that writes a member."""
     many = "s" if isinstance(field.type, Array | Sequence) else ""
     match element_of(field.type):
         case Named():

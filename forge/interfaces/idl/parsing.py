@@ -116,7 +116,6 @@ def _too_deep(tree: Tree[Token]) -> Token | None:
 
 
 def _explained(error: UnexpectedInput, text: str) -> ParseError:
-    """Return the message for a syntax error."""
     offset = error.pos_in_stream if error.pos_in_stream is not None else len(text)
     token = getattr(error, "token", None)
     if token is not None and token.type == "$END":
@@ -133,7 +132,6 @@ def _explained(error: UnexpectedInput, text: str) -> ParseError:
 
 
 def _expectation(error: UnexpectedInput) -> str | None:
-    """Return the expected tokens as a hint."""
     expected = getattr(error, "accepts", None) or getattr(error, "allowed", None) or ()
     names = [shown for name, shown in _EXPECTED.items() if name in expected]
     return f"{' or '.join(names[:2])} is expected" if names else None
@@ -234,7 +232,6 @@ class FileReader:
     def _definitions(
         self, children: Iterable[object], path: tuple[Token, ...]
     ) -> Iterator[tuple[tuple[Token, ...], list[Tree[Token]], Tree[Token]]]:
-        """Yield each definition with its modules and annotations."""
         for child in cast("Iterable[Tree[Token]]", children):
             if child.data != "definition":
                 self.includes.append(cast("Token", child.children[0]))
@@ -251,7 +248,6 @@ class FileReader:
                 yield from self._definitions(definition.children[1:], (*path, name))
 
     def _name(self, path: tuple[Token, ...], name: Token) -> TypeName:
-        """Check the modules of a struct and return its full name."""
         if len(path) != _DEPTH:
             message = f"a struct must be inside {_DEPTH} modules: the package and a namespace"
             hint = f"module {self.source.package} {{ module msg {{ struct {name} {{ ... }}; }}; }};"
@@ -272,7 +268,6 @@ class FileReader:
             self.report(error)
 
     def _check_number(self, structs: list[Tree[Token]]) -> None:
-        """Report a file whose structs do not form a message, a service or an action."""
         stem = PurePosixPath(self.source.relative).stem
         names = [cast("Token", struct.children[0]) for struct in structs]
         if not self.has_interface():

@@ -127,7 +127,6 @@ class StructureReader:
     def _add_members(
         self, tree: Tree[Token], fields: dict[str, Field], constants: dict[str, Constant]
     ) -> None:
-        """Add the fields of one declaration."""
         parts = _subtrees(tree)
         split = next(number for number, part in enumerate(parts) if part.data != "annotation")
         annotations = self._annotations(parts[:split])
@@ -147,7 +146,6 @@ class StructureReader:
                 fields[str(name)] = Field(str(name), type_, default, doc, unit, place)
 
     def _type(self, tree: Tree[Token]) -> Type:
-        """Return the base type of a member, constant or typedef, without array sizes."""
         match tree.data:
             case "basic":
                 words = " ".join(map(str, tree.children))
@@ -174,7 +172,6 @@ class StructureReader:
         return Sequence(of, read_size(size) if size else None)
 
     def _named(self, names: list[Token]) -> Type:
-        """Return the type that a scoped name refers to; a name without scope is a typedef of the file."""
         written = "::".join(map(str, names))
         offset = _start(names[0])
         if len(names) == _NAME_PARTS:
@@ -194,7 +191,6 @@ class StructureReader:
         return self._types[written]
 
     def _declared(self, base: Type, declarator: Tree[Token]) -> Type:
-        """Return the type of a declarator, with its array sizes."""
         name, *sizes = declarator.children
         if not sizes:
             return base
@@ -227,7 +223,6 @@ class StructureReader:
         return value_of(found[0]["value"], type_) if len(found) == 1 else None
 
     def _annotations(self, trees: list[Tree[Token]]) -> Annotations:
-        """Return all annotations by name."""
         found: Annotations = {}
         for tree in trees:
             name, *parameters = tree.children
@@ -265,7 +260,6 @@ def _unit(annotations: Annotations) -> str | None:
 
 
 def _check_name(name: Token, what: str, *taken: Mapping[str, object]) -> None:
-    """Raise ParseError if a name is a keyword or already declared."""
     check_keyword(str(name), _start(name), what)
     if any(str(name) in names for names in taken):
         raise ParseError(f"'{name}' is already declared", offset=_start(name))
@@ -275,12 +269,10 @@ def _check_name(name: Token, what: str, *taken: Mapping[str, object]) -> None:
 
 
 def _subtrees(tree: Tree[Token]) -> list[Tree[Token]]:
-    """Return the children that are not tokens."""
     return [cast("Tree[Token]", child) for child in tree.children if hasattr(child, "data")]
 
 
 def _token(tree: Tree[Token]) -> Token:
-    """Return the name of a declarator."""
     return cast("Token", tree.children[0])
 
 

@@ -129,7 +129,6 @@ def _member(member: Field) -> _Line:
 
 
 def _comment(lines: tuple[str, ...], indent: int) -> str:
-    """Return a comment as adjacent string literals, one per line, indented after the first."""
     return (' "\\n"\n' + " " * indent).join(_quoted(BIDI_CONTROLS.sub(" ", line)) for line in lines)
 
 

@@ -176,7 +176,6 @@ def _integer(written: Expression, name: str) -> int:
 
 
 def _one_character(written: Expression, name: str) -> str:
-    """Convert a string of one character, or a number."""
     limit = _LIMITS[name]
     if written.kind == "integer" and 0 <= int(written.value) <= limit:
         return chr(int(written.value))
@@ -203,7 +202,6 @@ def _collection(written: Expression, of: Element) -> tuple[bool | int | float | 
 
 
 def _within_size(values: tuple[bool | int | float | str, ...], type_: Array | Sequence) -> Value:
-    """Return the elements; raises ParseError if their number does not fit the type."""
     match type_:
         case Array(_, size) if len(values) != size:
             raise ParseError(f"expected {size} elements, found {len(values)}")
@@ -214,7 +212,6 @@ def _within_size(values: tuple[bool | int | float | str, ...], type_: Array | Se
 
 
 def _element(node: ast.expr) -> Expression:
-    """Convert an element of the tuple to an expression."""
     import ast
 
     match node:

@@ -40,7 +40,6 @@ class _Function:
 
     @property
     def made(self) -> str:
-        """The name of the function that it creates."""
         return self.inner.partition("(")[0]
 
 
@@ -56,14 +55,12 @@ class _Module:
     modules: dict[str, str] = field(default_factory=dict)
 
     def class_of(self, name: TypeName) -> str:
-        """Return the local name of a message class."""
         if name not in self.classes:
             taken = name.name in self.classes.values()
             self.classes[name] = f"_{name.package}_{name.kind}_{name.name}" if taken else name.name
         return self.classes[name]
 
     def factory_call(self, prefix: str, name: TypeName) -> str:
-        """Return the expression that creates the reader or writer of a large message."""
         if name in self.own:
             return f"{prefix}_{name.name}()"
         path = f"{_module(name)}__cdr"
@@ -88,7 +85,6 @@ def _module(name: TypeName) -> str:
 
 
 def _serializers(interface: Interface, layouts: LayoutBuilder, all_classes: frozenset[str], root: str) -> str:
-    """Return the serializer module of one interface file."""
     own = [message.name for message in messages_of(interface)]
     module = _Module(layouts, frozenset(own), all_classes)
     for name in own:
@@ -112,7 +108,6 @@ def _serializers(interface: Interface, layouts: LayoutBuilder, all_classes: froz
 
 
 def _shared_imports(text: str) -> list[str]:
-    """Return the import lines that the functions of a module need."""
     wanted = (
         ("_array(", "from array import array as _array"),
         ("_repeat(", "from itertools import repeat as _repeat"),
@@ -131,7 +126,6 @@ def _constants(text: str) -> list[str]:
 
 
 def _functions(name: TypeName, module: _Module) -> Iterator[_Function]:
-    """Yield the factories for one message."""
     large = module.layouts.is_large(name)
     if large:
         layout = module.layouts.of(name, UNKNOWN)

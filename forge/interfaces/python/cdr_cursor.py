@@ -76,7 +76,6 @@ class Cursor:
 
 
 def _rounded(offset: str, alignment: int) -> str:
-    """Return the expression that rounds an offset up."""
     if alignment <= HEADER_SIZE:
         return f"{offset} + {alignment - 1} & -{alignment}"
     return f"({offset} + {alignment - 1 - HEADER_SIZE} & -{alignment}) + {HEADER_SIZE}"

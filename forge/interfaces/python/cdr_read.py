@@ -182,7 +182,6 @@ class _Reader:
         self.cursor.move_to(end, last=last)
 
     def _store_text(self, chars: StringData, expression: str) -> None:
-        """Emit the lines that store a string, and check its bound."""
         slot = self.slots.slot(chars.path)
         self.lines.add(f"{slot} = {expression}")
         if chars.type.bound is not None:
@@ -247,7 +246,6 @@ class _Reader:
         self.cursor.move_to(end, last=last)
 
     def _repeated(self, group: Loop, number: str) -> None:
-        """Emit the loop that reads one element at a time."""
         element = self._element(group)
         if group.body.inlined:
             self._for_all(group, number, element, None)
@@ -263,7 +261,6 @@ class _Reader:
         self.lines.dedent()
 
     def _element(self, group: Loop) -> _Reader:
-        """Return the reader of one element of a loop."""
         slots = Slots(self.lines, self.lines.names.new(singular(group.path[-1])))
         return _Reader(self.lines, self.references, slots, Cursor(self.lines, absolute=False))
 

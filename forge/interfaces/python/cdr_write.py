@@ -123,7 +123,6 @@ class _Writer:
                 self._set_offset(following)
 
     def finish(self) -> None:
-        """Emit the return statement."""
         if self.appending:
             self.lines.add('return b"".join(parts)')
         elif self.pieces:
@@ -147,7 +146,6 @@ class _Writer:
                 self.lines.add(f"o = {self.shared(name)}({self._owner(path)}, append, o)")
 
     def _piece(self, expression: str, *, counting: bool, first: bool = False) -> None:
-        """Add one piece, and its size to `o` if `counting` is True."""
         if counting and not expression.isidentifier():
             name = self.lines.names.new("piece")
             self.lines.add(f"{name} = {expression}")
@@ -200,7 +198,6 @@ class _Writer:
         return name
 
     def _values(self, run: Run | None) -> list[str]:
-        """Return the arguments for the members of a run, and emit the lines that compute them."""
         return [value for member in (run.members if run else ()) for value in self._value(member)]
 
     def _value(self, member: Member) -> Iterator[str]:
@@ -216,7 +213,6 @@ class _Writer:
                 yield self._count(path, type_)
 
     def _block(self, block: InlineArray) -> str:
-        """Emit the lines that convert an array to bytes and check their number."""
         conversion = _CONVERSIONS.get(block.of.name)
         word = self._attribute(block.path)
         name = self.lines.names.of(block.path, self.root)
@@ -265,7 +261,6 @@ class _Writer:
             self.lines.add(f"o += {length}")
 
     def _large_array(self, block: InlineArray) -> str:
-        """Emit the lines that get a large array and check its size."""
         if block.of.name in _CONVERSIONS:
             return self._block(block)
         name = self.lines.names.of(block.path, self.root)

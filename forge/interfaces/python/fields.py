@@ -92,7 +92,6 @@ def _needs(field: Field) -> frozenset[str]:
 
 
 def _build(field: Field, scope: Scope) -> tuple[str, ...]:
-    """Return the lines of the constructor for a field: the default, a fast path, and the property setter."""
     name, slot = python_attribute(field.name), f"{scope.own}._{field.name}"
     # The property setter reports a default that is out of range.
     target = slot if _fits(field) else f"{scope.own}.{name}"
@@ -150,7 +149,6 @@ def _zeros(type_: Array, scope: Scope) -> str:
 
 
 def _convert(field: Field) -> str:
-    """Return the call that converts an argument of the constructor to an array."""
     number, variable = numeric(field.type) or "", python_attribute(field.name)
     if isinstance(field.type, Array):
         return f"_arrays.new_array({field.name!r}, {variable}, {number!r}, {field.type.size})"
@@ -160,7 +158,6 @@ def _convert(field: Field) -> str:
 
 
 def _accept(field: Field, classes: Mapping[TypeName, str]) -> tuple[str, ...]:
-    """Return the lines of the setter."""
     store = f"self._{field.name} = value"
     if isinstance(field.type, Array | Sequence):
         return (f"self._{field.name} = {_collection(field, classes)}",)
@@ -174,7 +171,6 @@ def _accept(field: Field, classes: Mapping[TypeName, str]) -> tuple[str, ...]:
 
 
 def _tests(type_: Type, variable: str) -> list[str]:
-    """Return the conditions under which a value is valid without further checks."""
     limits = []
     match type_:
         case Primitive("boolean"):
@@ -196,7 +192,6 @@ def _tests(type_: Type, variable: str) -> list[str]:
 
 
 def _scalar_check(field: Field, classes: Mapping[TypeName, str]) -> str:
-    """Return the call that checks a single value."""
     start = f"({field.name!r}, value"
     match field.type:
         case Primitive("boolean" | "octet" as name):
@@ -216,7 +211,6 @@ def _scalar_check(field: Field, classes: Mapping[TypeName, str]) -> str:
 
 
 def _collection(field: Field, classes: Mapping[TypeName, str]) -> str:
-    """Return the call that checks an array or a sequence."""
     type_, number = field.type, numeric(field.type)
     size = f", {type_.size}" if isinstance(type_, Array) else ""
     if number and size:
@@ -239,5 +233,4 @@ def _collection(field: Field, classes: Mapping[TypeName, str]) -> str:
 
 
 def _bound(type_: Type, prefix: str) -> str:
-    """Return the argument with the bound of a sequence, or an empty text."""
     return f", {prefix}{type_.bound}" if isinstance(type_, Sequence) and type_.bound is not None else ""

@@ -83,7 +83,6 @@ def interface_files(_: Catalog, root: str = "") -> Callable[[Interface], Iterato
 
 
 def _namespace(package: str, kind: str, names: Sequence[TypeName]) -> Iterator[File]:
-    """Yield the __init__ module with the classes of one kind, and its stub."""
     members = sorted((f"_{snake_case(name.name)}", name.name) for name in names)
     for ending in ("py", "pyi"):
         text = render(f"python/namespace.{ending}.j2", package=package, kind=kind, members=members)
@@ -91,7 +90,6 @@ def _namespace(package: str, kind: str, names: Sequence[TypeName]) -> Iterator[F
 
 
 def _interface(interface: Interface, root: str = "") -> Iterator[File]:
-    """Yield the module of one interface file, and its stub."""
     messages = tuple(messages_of(interface))
     imported = _imported(interface, messages)
     classes = imported | {message.name: message.name.name for message in messages}
@@ -117,7 +115,6 @@ def _module(name: TypeName) -> str:
 
 
 def _services(interface: Interface) -> tuple[Service, ...]:
-    """Return the services defined in the module of an interface."""
     match interface:
         case Service():
             return (interface,)
@@ -139,7 +136,6 @@ def _action(interface: Interface, classes: Mapping[TypeName, str]) -> _ActionVie
 
 
 def _imported(interface: Interface, messages: Sequence[Message]) -> dict[TypeName, str]:
-    """Return the classes that the module imports, with their local names."""
     wanted = {
         element.name
         for message in messages
@@ -164,7 +160,6 @@ def _defined(interface: Interface, messages: Sequence[Message]) -> set[str]:
 
 
 def _imports(views: Sequence[_MessageView], messages: Sequence[Message]) -> list[str]:
-    """Return the import lines for the standard library, numpy and the run time."""
     needs = {need for view in views for field in view.fields for need in field.needs}
     lines = ["from array import array as _array"] if "array" in needs else []
     if _decorator(messages) != "property":

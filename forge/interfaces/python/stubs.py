@@ -154,7 +154,6 @@ def docstring(lines: Iterable[str]) -> tuple[str, ...]:
 
 
 def _safe(line: str) -> str:
-    """Escape backslashes, quotes and control characters of a line in a docstring."""
     escaped = line.rstrip().replace("\\", "\\\\")
     if '"""' in escaped or escaped.endswith('"'):
         escaped = escaped.replace('"', '\\"')

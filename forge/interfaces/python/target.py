@@ -44,7 +44,6 @@ def interface_files(catalog: Catalog, root: str = "") -> Callable[[Interface], I
 
 
 def _unsupported(catalog: Catalog) -> Iterator[Problem]:
-    """Yield a problem for each long double, which rosidl_generator_py does not support either."""
     for interface in catalog.interfaces.values():
         for message in sections_of(interface):
             members: tuple[Field | Constant, ...] = (*message.fields, *message.constants)

@@ -116,7 +116,6 @@ def _grammar() -> Lark:
 
 
 def _check_outline(text: str, written: str, rest: str) -> None:
-    """Reject a line that is not of the form 'TYPE name'."""
     if not written:
         start = len(text) - len(text.lstrip())
         raise ParseError(
@@ -135,7 +134,6 @@ def _check_outline(text: str, written: str, rest: str) -> None:
 
 
 def _explained(written: str, offset: int) -> ParseError:
-    """Return the error for a type that the grammar rejected at `offset`."""
     if offset == len(written) and written.count("[") > written.count("]"):
         return ParseError("a type cannot contain spaces", offset=offset)
     if written.count("/") > 1:

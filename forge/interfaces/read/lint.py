@@ -77,7 +77,6 @@ def _problem(
 
 
 def _names(message: Message) -> Iterator[Problem]:
-    """Yield names that conflict with languages, system headers or generated classes."""
     for field in message.fields:
         if field.name in _NAMES:
             hint = f"rename it, for example to '{field.name}_value'"
@@ -93,7 +92,6 @@ def _names(message: Message) -> Iterator[Problem]:
 
 
 def _lines(parsed: Parsed) -> Iterator[Problem]:
-    """Yield declarations with an unexpected meaning."""
     for message in sections_of(parsed.interface):
         for field in message.fields:
             if field.default is not None:
@@ -106,7 +104,6 @@ def _lines(parsed: Parsed) -> Iterator[Problem]:
 
 
 def _value(declared: Field | Constant) -> Iterator[Problem]:
-    """Yield problems with the value of a field or a constant."""
     code, mark, _ = (declared.place.source or "" if declared.place else "").partition("#")
     _, rest = code.strip().split(maxsplit=1)
     text = rest.removeprefix(declared.name).strip().removeprefix("=").strip()
@@ -120,7 +117,6 @@ def _value(declared: Field | Constant) -> Iterator[Problem]:
 
 
 def _quotes(declared: Field | Constant, text: str, mark: str) -> Iterator[Problem]:
-    """Yield problems with quotes."""
     place = declared.place
     opened = text.lstrip("[ ")[:1]
     if opened and opened in QUOTES and text.replace(f"\\{opened}", "").count(opened) % 2:
@@ -134,7 +130,6 @@ def _quotes(declared: Field | Constant, text: str, mark: str) -> Iterator[Proble
 
 
 def _characters(declared: Field | Constant, text: str) -> Iterator[Problem]:
-    """Yield problems with characters that rosidl replaces or fails on."""
     place = declared.place
     if "\t" in text:
         yield _problem(place, "a tab in a string becomes a space", "write '\\t'", at="\t")
@@ -161,7 +156,6 @@ def _number(declared: Field | Constant, element: Primitive, text: str) -> Iterat
 
 
 def _comments(source: Source) -> Iterator[Problem]:
-    """Yield problems with comments that rosidl changes."""
     lines = source.text.removeprefix("\ufeff").splitlines()
     for number, line in enumerate(lines, 1):
         _, mark, comment = line.partition("#")

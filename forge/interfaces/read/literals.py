@@ -61,7 +61,6 @@ def read_value(text: str, type_: Type) -> Value:
 
 
 def _collection(text: str, of: Element) -> tuple[bool | int | float | str, ...]:
-    """Parse the elements between brackets."""
     if isinstance(of, Named):
         raise ParseError("a field of a message type cannot have a default", hint="remove the value")
     if not (text.startswith("[") and text.endswith("]") and len(text) > 1):
@@ -83,7 +82,6 @@ def _collection(text: str, of: Element) -> tuple[bool | int | float | str, ...]:
 
 
 def _number(text: str, name: str) -> bool | int | float:
-    """Parse a boolean, a floating-point number or an integer."""
     if name == "boolean":
         if text.lower() not in _TRUTH:
             raise _unreadable(text, "a bool", hint="write true or false")
@@ -126,7 +124,6 @@ def _unreadable(text: str, kind: str, hint: str | None = None) -> ParseError:
 
 
 def _unquote(text: str) -> str:
-    """Remove enclosing quotes, if any; escapes are kept."""
     for quote in QUOTES:
         if text.startswith(quote) and text.endswith(quote):
             inside = text[1:-1]
@@ -142,7 +139,6 @@ def _unquote(text: str) -> str:
 
 
 def _unescape(text: str) -> str:
-    """Resolve C escapes once; unknown ones are kept as written."""
     if "\\" not in text:
         return text
     plain = _ESCAPE.sub(_character, text)

@@ -94,7 +94,6 @@ def read_leniently(source: Source) -> Reading:
 
 
 def _in_lines(source: Source) -> Iterator[Occurrence]:
-    """Yield the names in the declarations of a .msg, .srv or .action file."""
     name = type_name(source)
     for suffix, section in zip(SECTIONS[name.kind], split_sections(lines_of(source)), strict=False):
         owner = replace(name, name=name.name + suffix)
@@ -130,7 +129,6 @@ def _read_idl(source: Source) -> Reading:
 
 
 def _in_idl(reader: FileReader, interface: Interface | None) -> Iterator[Occurrence]:
-    """Yield the names in an .idl file."""
     main = interface.name if interface else type_name(reader.source)
     for word in reader.includes:
         if path := _INCLUDE.fullmatch(word):
@@ -155,7 +153,6 @@ def _in_idl(reader: FileReader, interface: Interface | None) -> Iterator[Occurre
 
 
 def _declared(message: Message) -> Iterator[Occurrence]:
-    """Yield the names of the fields and constants of a struct."""
     for kind, declared in ((NameKind.FIELD, message.fields), (NameKind.CONSTANT, message.constants)):
         for each in declared:
             if each.place:

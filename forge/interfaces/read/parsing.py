@@ -142,7 +142,6 @@ def split_sections(lines: list[Line]) -> Iterator[list[Line]]:
 
 
 def _outline_problems(source: Source, name: TypeName, lines: list[Line], count: int) -> list[Problem]:
-    """Return the problems with the name of the file and its number of sections."""
     problems = []
     if source.text.startswith(_BYTE_ORDER_MARK):
         message = "the file starts with a byte-order mark, which ROS's own generators reject"
@@ -183,7 +182,6 @@ class _SectionReader:
     problems: list[Problem] = field(default_factory=list)
 
     def read(self, lines: list[Line]) -> Message:
-        """Return the message, without invalid declarations."""
         heading = next((n for n, line in enumerate(lines) if not line.text.startswith("#")), len(lines))
         entries = self._entries(lines[heading:])
         fields: dict[str, Field] = {}
@@ -227,7 +225,6 @@ class _SectionReader:
             return None
 
     def _add(self, entry: _Entry, fields: dict[str, Field], constants: dict[str, Constant]) -> None:
-        """Add the field or constant of an entry, or report its problem."""
         declaration, line = entry.declaration, entry.line
         earlier = (constants if declaration.constant else fields).get(declaration.name)
         if earlier:

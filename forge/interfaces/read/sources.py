@@ -199,7 +199,6 @@ def names_in(package: str, folder: Path, rosdistro: str = OLDEST) -> Iterator[Ty
 
 
 def _declared_in(manifest: Path) -> frozenset[str]:
-    """Return the dependencies in a manifest, none if it cannot be read."""
     try:
         root = parse_xml(read_file(manifest), manifest)
     except (OSError, ForgeError):
@@ -214,7 +213,6 @@ def _has_interfaces(folder: Path, rosdistro: str) -> bool:
 
 
 def _namespaces(folder: Path) -> tuple[str, ...]:
-    """Return the names of folders with definitions: msg, srv and action, then others with .idl files."""
     others = {path.parent.name for path in folder.glob("*/*.idl")} - SECTIONS.keys()
     return (*SECTIONS, *sorted(others))
 

@@ -93,7 +93,6 @@ def _declaration(package: str) -> str:
 
 
 def _references(interface: Interface) -> Iterator[tuple[Field, TypeName]]:
-    """Yield each member with a message type of another file, and that type."""
     messages = tuple(messages_of(interface))
     own = {message.name for message in messages}
     for message in messages:

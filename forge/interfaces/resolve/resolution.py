@@ -76,7 +76,6 @@ def nested_messages(parsed: Parsed, known: DefinitionLookup) -> dict[TypeName, M
 
 
 def _unique(parsed: Iterable[Parsed]) -> tuple[dict[TypeName, Parsed], list[Problem]]:
-    """Return the files by type name, and a problem for each conflict."""
     unique: dict[TypeName, Parsed] = {}
     outputs: dict[tuple[str, str], Parsed] = {}
     problems = []
@@ -116,7 +115,6 @@ class _Search:
     _broken: set[TypeName] = field(default_factory=set)
 
     def follow(self, start: Message) -> None:
-        """Look up all messages that a message refers to, directly or indirectly."""
         waiting = [start]
         while waiting:
             for member in waiting.pop().fields:
@@ -130,7 +128,6 @@ class _Search:
                     self.problems.append(self._unknown(start, member, element.name))
 
     def _look_up(self, name: TypeName) -> Message | None:
-        """Return a message of another package; the errors of an invalid file are reported once."""
         if name in self._broken or name.package == self.package:
             return None
         try:
@@ -168,7 +165,6 @@ class _Search:
         return Problem(f"unknown type '{written}'", member.place, self._hint(name, candidates))
 
     def _hint(self, name: TypeName, candidates: Mapping[str, TypeName]) -> str | None:
-        """Suggest the most similar type, and how to make it available."""
         near = self._nearest(name, candidates)
         package = near.partition("/")[0] if near else name.package
         known = {self.package, name.package} if near else {each.package for each in candidates.values()}

@@ -92,12 +92,10 @@ class _Flattening:
         self.phase = self.start
 
     def layout(self) -> MessageLayout:
-        """Return the finished layout."""
         self._close()
         return MessageLayout(tuple(self.steps), tuple(self.inlined), self.start, self.phase)
 
     def add_members(self, path: Path, name: TypeName) -> None:
-        """Add all members of a message."""
         message = self.layouts.known[name]
         for member in message.members:
             inside = (*path, member.name)
@@ -107,7 +105,6 @@ class _Flattening:
                 self.run.append(Scalar(inside, Primitive("uint8"), hidden=True))
 
     def add(self, path: Path, type_: Type) -> None:
-        """Add one member."""
         match type_:
             case Primitive():
                 self.run.append(Scalar(path, type_))
@@ -158,7 +155,6 @@ class _Flattening:
         self.phase = end
 
     def _close(self) -> None:
-        """End the run."""
         if self.run:
             run = Run(tuple(self.run), self.phase)
             self._step(run, run.end(self.phase))

@@ -47,7 +47,6 @@ class SizeCalculator:
     """Computes the sizes of messages; `known` contains them and all nested messages."""
 
     def __init__(self, known: Mapping[TypeName, Message]) -> None:
-        """Start with empty caches."""
         self._known = known
         self._layouts = LayoutBuilder(known)
         self._message_sizes: dict[tuple[TypeName, int, bool], int | None] = {}
@@ -84,7 +83,6 @@ class SizeCalculator:
         return self._end_phases[key]
 
     def _alignment(self, type_: Type) -> int:
-        """Return the alignment of the first byte of a member."""
         match type_:
             case Primitive(name):
                 return SIZES[name]
@@ -111,7 +109,6 @@ class SizeCalculator:
                 return self._variable_size(type_, start, full=full)
 
     def _variable_size(self, type_: String | Sequence, start: int, *, full: bool) -> int | None:
-        """Return the size of a length and the data that it counts."""
         prefix = _rounded(start, _LENGTH) + _LENGTH - start
         size: int | None
         match type_:
