@@ -26,6 +26,7 @@ _CHUNK = 65536
 """Bytes read at a time."""
 _MOST_PARTS = 8
 
+_NOT_A_FILE = frozenset({errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.ENAMETOOLONG})
 _KINDS = {
     stat.S_IFDIR: "a folder",
     stat.S_IFIFO: "a named pipe",
@@ -80,6 +81,20 @@ def read_text(path: str | Path) -> str:
     """
     text = read_file(path).decode(errors="replace")
     return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
+
+
+def text_if_exists(path: str | Path) -> str | None:
+    """Return the text of a file with its newlines and with surrogate escapes, None if there is no such file.
+
+    Raises OSError if the file exists, but cannot be read.
+    """
+    try:
+        with open(path, encoding="utf-8", errors="surrogateescape") as stream:
+            return stream.read()
+    except OSError as error:
+        if error.errno in _NOT_A_FILE:
+            return None
+        raise
 
 
 def text_or_nothing(path: str | Path) -> str:
@@ -300,3 +315,43 @@ def write_if_changed(path: Path, text: str, *, mode: int | None = None) -> bool:
         pass
     replace_file(path, content, mode=mode)
     return True
+
+
+def mounts_below(folder: str) -> Iterator[str]:
+    """Yield the mount points at or below a folder, which is spelled as the caller spells it."""
+    real = os.path.realpath(folder)
+    for point in sorted(mount_points()):
+        if point == real or point.startswith(f"{real.rstrip('/')}/"):
+            yield folder + point[len(real) :]
+
+
+def remove_folder(folder: str, last: str = "") -> None:
+    """Remove a folder, but neither what is mounted in it nor anything behind a link.
+
+    The entry called `last` is the mark of the folder: it goes last, and stays if the folder stays. Raises
+    OSError as the system does.
+    """
+    mounts = set(mounts_below(folder))
+    _remove(folder, mounts, {parent for mount in mounts for parent in _parents(mount, folder)}, last)
+
+
+def _remove(folder: str, mounts: set[str], above: set[str], last: str = "") -> None:
+    if folder in mounts:
+        return
+    with os.scandir(folder) as found:
+        entries = sorted(found, key=lambda entry: entry.name == last)
+    for entry in entries:
+        if entry.name == last and folder in above:
+            return
+        if entry.is_dir(follow_symlinks=False):
+            _remove(entry.path, mounts, above)
+        else:
+            os.unlink(entry.path)
+    if folder not in above:
+        os.rmdir(folder)
+
+
+def _parents(path: str, top: str) -> Iterator[str]:
+    while path != top and path.startswith(top):
+        path = os.path.dirname(path)
+        yield path

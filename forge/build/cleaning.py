@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.ament_index import INDEX
 from forge.base.errors import Problem
-from forge.base.files import listed_paths
+from forge.base.files import listed_paths, mounts_below, remove_folder
 from forge.base.frozen import frozen
 from forge.base.layout import (
     BACKUP_DIR,
@@ -27,7 +27,6 @@ from forge.base.layout import (
     LAYOUT_MARKER,
     SCRATCH_DIR,
 )
-from forge.base.mounts import mounts_below, remove_folder
 from forge.base.text import listed
 from forge.build.build_dir import set_aside_path
 from forge.build.folder_marks import (

@@ -93,16 +93,15 @@ def _walk(root: Path, below: str, above: tuple[str, ...] = ()) -> Iterator[str]:
         raise WorkspaceError(Problem(f"'{root / below}' is a link to an enclosing folder", hint=hint))
     for entry in sorted(os.scandir(root / below), key=lambda entry: entry.name):
         path = f"{below}/{entry.name}" if below else entry.name
-        if entry.name in _LEFT_OUT or (not below and _is_of_target(entry)):
+        for_other_platform = (
+            not below and entry.is_dir(follow_symlinks=False) and Path(entry, LAYOUT_MARKER).is_file()
+        )
+        if entry.name in _LEFT_OUT or for_other_platform:
             continue
         if entry.is_dir() and not (entry.is_symlink() and _inside(root, path)):
             yield from _walk(root, path, (*above, real))
         else:
             yield path
-
-
-def _is_of_target(entry: os.DirEntry[str]) -> bool:
-    return entry.is_dir(follow_symlinks=False) and Path(entry, LAYOUT_MARKER).is_file()
 
 
 def _inside(root: Path, path: str) -> bool:
@@ -116,7 +115,10 @@ def _add(archive: tarfile.TarFile, root: Path, path: str, name: str) -> None:
     member.mtime = _TIME
     if place.is_symlink() and _inside(root, path):
         member.type = tarfile.SYMTYPE
-        member.linkname = _relative(place)
+        target = place.readlink()
+        if target.is_absolute():
+            target = Path(os.path.relpath(target.parent.resolve() / target.name, place.parent.resolve()))
+        member.linkname = str(target)
         archive.addfile(member)
         return
     status = place.stat()
@@ -124,10 +126,3 @@ def _add(archive: tarfile.TarFile, root: Path, path: str, name: str) -> None:
     member.mode = 0o755 if status.st_mode & 0o100 else 0o644
     with place.open("rb") as stream:
         archive.addfile(member, stream)
-
-
-def _relative(link: Path) -> str:
-    target = link.readlink()
-    if not target.is_absolute():
-        return str(target)
-    return os.path.relpath(target.parent.resolve() / target.name, link.parent.resolve())

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from forge.base.frozen import Pairs
 
 _CONFIG = re.compile(r"(?P<folder>.*)/(?P<name>[^/]+?)(?P<end>Config|-config)\.cmake")
-_USUAL = re.compile(r".*/(?:share/(?P<name>\w+)/cmake|lib/cmake/(?P<other>\w+))")
+_USUAL = re.compile(r".*/(?:share/(\w+)/cmake|lib/cmake/(\w+))")
 """Folders in which find_package() finds a config file whatever else the prefix contains."""
 
 
@@ -21,15 +21,13 @@ def config_folders(files: Iterable[str]) -> Pairs:
 
     The folder is '' if it is not for certain that CMake looks there for this name.
     """
-    return tuple(
-        (found["name"], _usual(found)) for path in files if (found := _CONFIG.fullmatch(path)) is not None
-    )
-
-
-def _usual(found: re.Match[str]) -> str:
-    place = _USUAL.fullmatch(found["folder"])
-    named = (place["name"] or place["other"]) if place else ""
-    return found["folder"] if named == found["name"] and found["end"] == "Config" else ""
+    configs = []
+    for path in files:
+        if config := _CONFIG.fullmatch(path):
+            usual = _USUAL.fullmatch(config["folder"])
+            certain = usual and config["end"] == "Config" and config["name"] in usual.groups()
+            configs.append((config["name"], config["folder"] if certain else ""))
+    return tuple(configs)
 
 
 def config_variables(packages: Iterable[Pairs]) -> dict[str, str]:
@@ -39,8 +37,8 @@ def config_variables(packages: Iterable[Pairs]) -> dict[str, str]:
     name, the order of the prefixes decides as usual, and there is no variable.
     """
     folders = defaultdict(set)
-    for found in packages:
-        for name, folder in found:
+    for package in packages:
+        for name, folder in package:
             folders[name.lower()].add((name, folder))
-    only = (next(iter(found)) for found in folders.values() if len(found) == 1)
+    only = (next(iter(configs)) for configs in folders.values() if len(configs) == 1)
     return {f"{name}_DIR": folder for name, folder in only if folder}

@@ -100,7 +100,7 @@ def parse_dsv(text: str, path: str) -> tuple[tuple[DsvChange, ...], tuple[str, .
             continue
         operation, separator, rest = line.partition(";")
         variable, has_value, values = rest.partition(";")
-        if operation == "source" and separator and _may_be_sourced(rest):
+        if operation == "source" and separator and _stays_inside(rest):
             sources.append(rest)
         elif "\0" not in line and operation in OPERATIONS and has_value and _VARIABLE.fullmatch(variable):
             several = operation not in {"set", "set-if-unset"}
@@ -119,7 +119,7 @@ def parse_dsv(text: str, path: str) -> tuple[tuple[DsvChange, ...], tuple[str, .
     return tuple(changes), tuple(sources)
 
 
-def _may_be_sourced(path: str) -> bool:
+def _stays_inside(path: str) -> bool:
     parts = {part for part in path.split("/") if part not in {"", "."}}
     return bool(parts) and ".." not in parts and "\0" not in path
 
@@ -183,7 +183,10 @@ def apply(
     for prefix, edit in edits:
         value = edit.at(prefix)
         entries = lists.get(edit.variable)
-        if edit.operation == "set" or (edit.operation == "default" and not _text(edit, result, entries)):
+        if edit.operation == "set" or (
+            edit.operation == "default"
+            and not (result.get(edit.variable) if entries is None else entries.text())
+        ):
             lists.pop(edit.variable, None)
             result[edit.variable] = value
         elif edit.operation != "default":
@@ -192,10 +195,6 @@ def apply(
             entries.add(value, last=edit.operation == "append")
     result.update((variable, entries.text()) for variable, entries in lists.items())
     return result
-
-
-def _text(edit: Edit, result: Mapping[str, str], entries: _Entries | None) -> str:
-    return entries.text() if entries is not None else result.get(edit.variable, "")
 
 
 @dataclass(slots=True)

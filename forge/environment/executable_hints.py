@@ -12,7 +12,7 @@ from forge.base.files import text_or_nothing
 from forge.base.names import did_you_mean
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Sequence
     from pathlib import Path
 
 _BUILD_TYPE = re.compile(r"<build_type[^>]*>\s*(\w+)\s*</build_type>")
@@ -25,9 +25,12 @@ def missing_executable_hint(package: str, name: str, prefix: Path, paths: Sequen
     if plain is not None:
         command = f"chmod +x {shlex.quote(str(plain))}"
         return f"the file exists, but is not executable: use install(PROGRAMS ...), or {command}"
-    python = _build_type(package, prefix) == "ament_python"
-    elsewhere = next((path for path in _other_paths(name, prefix) if os.access(path, os.X_OK)), None)
+    match = _BUILD_TYPE.search(text_or_nothing(prefix / "share" / package / "package.xml"))
+    build_type = match[1] if match else ""
+    others = (prefix / "bin" / name, *sorted(prefix.glob(f"lib/*/{name}")))
+    elsewhere = next((path for path in others if os.access(path, os.X_OK)), None)
     if elsewhere is not None:
+        python = build_type == "ament_python"
         line = f"install_scripts=$base/lib/{package}" if python else "DESTINATION lib/${PROJECT_NAME}"
         where = "below [install] in its setup.cfg" if python else "in install() in its CMakeLists.txt"
         return f"it is in '{elsewhere.parent}' instead of lib/{package}: write {line} {where}"
@@ -36,7 +39,13 @@ def missing_executable_hint(package: str, name: str, prefix: Path, paths: Sequen
         return near
     if paths:
         return f"'forge pkg executables {package}' lists all executables"
-    return _nothing(package, name, folder, _build_type(package, prefix))
+    message = f"package '{package}' has no executables in '{folder}'"
+    if build_type == "ament_python":
+        return f"{message}: add it to 'console_scripts' in its setup.py, and build again"
+    if build_type == "ament_cmake":
+        line = f"install(TARGETS {name} DESTINATION lib/${{PROJECT_NAME}})"
+        return f"{message}: add {line} to its CMakeLists.txt, and build again"
+    return message
 
 
 def refuse_windows_line_endings(path: Path) -> None:
@@ -53,22 +62,3 @@ def refuse_windows_line_endings(path: Path) -> None:
                 hint=f"fix the source: sed -i 's/\\r$//' {shlex.quote(path.name)}, and build again",
             )
         )
-
-
-def _other_paths(name: str, prefix: Path) -> Iterable[Path]:
-    return (prefix / "bin" / name, *sorted(prefix.glob(f"lib/*/{name}")))
-
-
-def _build_type(package: str, prefix: Path) -> str:
-    match = _BUILD_TYPE.search(text_or_nothing(prefix / "share" / package / "package.xml"))
-    return match[1] if match else ""
-
-
-def _nothing(package: str, name: str, folder: Path, build_type: str) -> str:
-    message = f"package '{package}' has no executables in '{folder}'"
-    if build_type == "ament_python":
-        return f"{message}: add it to 'console_scripts' in its setup.py, and build again"
-    if build_type == "ament_cmake":
-        line = f"install(TARGETS {name} DESTINATION lib/${{PROJECT_NAME}})"
-        return f"{message}: add {line} to its CMakeLists.txt, and build again"
-    return message

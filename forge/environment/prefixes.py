@@ -8,13 +8,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.ament_index import INDEX
+from forge.base.files import text_if_exists
 from forge.base.frozen import frozen
 from forge.base.layout import LAYOUT_MARKER
 from forge.base.names import is_safe_name
 from forge.environment.install_state import is_built_on
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
 PACKAGES = Path("share/colcon-core/packages")
 SYSTEM = (Path("/usr/local"), Path("/usr"))
@@ -52,7 +53,12 @@ def find_underlays(variables: Mapping[str, str], install: Path) -> Underlays:
     """
     roots = _folders(variables, "COLCON_PREFIX_PATH")
     roots += filter(None, map(_root_of, _folders(variables, "AMENT_PREFIX_PATH")))
-    roots += filter(_is_distribution, _folders(variables, "CMAKE_PREFIX_PATH"))
+    # The setup scripts of ros_workspace, as each ROS 2 in /opt/ros has them.
+    roots += [
+        prefix
+        for prefix in _folders(variables, "CMAKE_PREFIX_PATH")
+        if os.path.isfile(f"{prefix}/_local_setup_util.py")
+    ]
     own = install.resolve()
     by_path: dict[Path, Path] = {}
     for root in roots:
@@ -102,7 +108,11 @@ def provider(name: str, underlays: Underlays, system: Sequence[Path] = SYSTEM) -
     System prefixes count only with a CMake config or a manifest: they are not sourced, so that their ament
     index is not searched.
     """
-    found = (prefix for prefix in underlays.prefixes if _marked(name, prefix) or _provides(name, prefix))
+    found = (
+        prefix
+        for prefix in underlays.prefixes
+        if (prefix / INDEX / "packages" / name).is_file() or _provides(name, prefix)
+    )
     return next(found, None) or next((prefix for prefix in system if _provides(name, prefix)), None)
 
 
@@ -119,14 +129,19 @@ def installed_packages(root: Path) -> tuple[InstalledPackage, ...]:
     """
     candidates = _candidates(root)
     if not candidates:
+        index = root / INDEX
+        needs_of = {
+            name: text_if_exists(index / "package_run_dependencies" / name) or ""
+            for name in _names(index / "packages")
+        }
         return tuple(
-            InstalledPackage(name, root, _run_dependencies(root, name))
-            for name in _names(root / INDEX / "packages")
+            InstalledPackage(name, root, frozenset(filter(None, needs.strip().split(";"))))
+            for name, needs in needs_of.items()
         )
     return tuple(
         InstalledPackage(name, prefix, frozenset(filter(None, needs.split(os.pathsep))))
         for name, prefix in candidates
-        if (needs := _read(prefix / PACKAGES / name)) is not None
+        if (needs := text_if_exists(prefix / PACKAGES / name)) is not None
     )
 
 
@@ -175,30 +190,24 @@ def _root_of(prefix: Path) -> Path | None:
     return prefix.parent if _layout(prefix.parent) == "isolated" else None
 
 
-def _is_distribution(prefix: Path) -> bool:
-    """Tell whether a prefix has the setup scripts of ros_workspace, as each ROS 2 in /opt/ros."""
-    return os.path.isfile(f"{prefix}/_local_setup_util.py")
-
-
 def _layout(root: Path) -> str | None:
-    text = _read(root / LAYOUT_MARKER)
+    text = text_if_exists(root / LAYOUT_MARKER)
     return text.strip() if text is not None else None
-
-
-def _marked(name: str, prefix: Path) -> bool:
-    return (prefix / INDEX / "packages" / name).is_file()
 
 
 def _provides(name: str, prefix: Path) -> bool:
     # Called for many names and prefixes in every build: avoid creating Path objects.
-    return any(os.path.isfile(f"{prefix}/{path}") for path in _evidence(name))
-
-
-def _evidence(name: str) -> Iterator[str]:
-    yield f"share/{name}/package.xml"
-    for folder in (f"share/{name}/cmake", f"lib/cmake/{name}"):
-        yield f"{folder}/{name}Config.cmake"
-        yield f"{folder}/{name.lower()}-config.cmake"
+    return any(
+        os.path.isfile(f"{prefix}/{path}")
+        for path in (
+            f"share/{name}/package.xml",
+            *(
+                f"{folder}/{config}"
+                for folder in (f"share/{name}/cmake", f"lib/cmake/{name}")
+                for config in (f"{name}Config.cmake", f"{name.lower()}-config.cmake")
+            ),
+        )
+    )
 
 
 def _names(folder: Path) -> list[str]:
@@ -206,16 +215,3 @@ def _names(folder: Path) -> list[str]:
     with suppress(FileNotFoundError, NotADirectoryError), os.scandir(folder) as entries:
         return sorted(entry.name for entry in entries if is_safe_name(entry.name) and entry.is_file())
     return []
-
-
-def _run_dependencies(root: Path, name: str) -> frozenset[str]:
-    text = _read(root / INDEX / "package_run_dependencies" / name) or ""
-    return frozenset(filter(None, text.strip().split(";")))
-
-
-def _read(path: Path) -> str | None:
-    """Return a file's text, or None if it is missing."""
-    try:
-        return path.read_text(encoding="utf-8", errors="surrogateescape")
-    except (FileNotFoundError, NotADirectoryError, IsADirectoryError):
-        return None

@@ -31,11 +31,15 @@ if TYPE_CHECKING:
 def setup(name: str, root: Path, underlays: Sequence[Path]) -> str:
     """Return the script that sources the scripts `underlays`, lowest first, and its own local_setup."""
     shell = SHELLS[name]
+    sourced = [
+        _sourced(shell, f"The workspace {script.parent}.", shell.quoted(str(script.parent)), script.name)
+        for script in underlays
+    ]
     own = _sourced(shell, "This workspace.", "$_forge_setup_root", f"local_setup.{name}")
     borrowing = any(shell.runs_in_sh(script.name) for script in underlays)
     return render(
         f"scripts/{shell.family}/setup.j2",
-        statements=[*(_underlay(shell, script) for script in underlays), own],
+        statements=[*sourced, own],
         present="_forge_setup_present",
         options="_forge_setup_options",
         borrowed="_forge_setup_sh",
@@ -224,11 +228,6 @@ def _script(shell: Shell, name: str, script: Script, prefix: str) -> Statement |
         return None
     statement = _sourced(shell, f"A hook of '{name}'.", prefix, shell.quoted(path))
     return statement | {"prefix_variables": ("COLCON_CURRENT_PREFIX", "AMENT_CURRENT_PREFIX")}
-
-
-def _underlay(shell: Shell, script: Path) -> Statement:
-    folder = str(script.parent)
-    return _sourced(shell, f"The workspace {folder}.", shell.quoted(folder), script.name)
 
 
 def _sourced(shell: Shell, comment: str, prefix: str, path: str) -> Statement:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import os
 import subprocess
 import tempfile
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.env_vars import without_secrets
 from forge.base.errors import HostError, Problem, WorkspaceError
+from forge.base.files import text_if_exists
 from forge.base.layout import LAYOUT_MARKER
 from forge.environment import scripts
 from forge.environment.dsv import Edit, PackageEdits, Script, apply, order, read_hooks, resolve_hooks
@@ -23,8 +23,7 @@ if TYPE_CHECKING:
 
     from forge.environment.dsv import Hook
 
-_NOT_THERE = frozenset({errno.ENOENT, errno.ENOTDIR, errno.ENAMETOOLONG})
-_SHELL_S_OWN = frozenset({"_", "SHLVL", "PWD", "OLDPWD", "COLCON_CURRENT_PREFIX", "AMENT_CURRENT_PREFIX"})
+_SET_BY_SHELL = frozenset({"_", "SHLVL", "PWD", "OLDPWD", "COLCON_CURRENT_PREFIX", "AMENT_CURRENT_PREFIX"})
 
 
 def build_environment(
@@ -128,17 +127,7 @@ def _read_edits(name: str, prefix: Path, _stamp: tuple[int, int, int]) -> tuple[
 
 
 def _read_hooks(name: str, prefix: Path) -> Iterable[Hook]:
-    @cache
-    def read(path: str) -> str | None:
-        try:
-            with open(os.path.join(prefix, path), encoding="utf-8", errors="surrogateescape") as stream:
-                return stream.read()
-        except OSError as error:
-            if error.errno in _NOT_THERE:
-                return None
-            raise
-
-    return read_hooks(name, read)
+    return read_hooks(name, cache(lambda path: text_if_exists(os.path.join(prefix, path))))
 
 
 def _apply(
@@ -171,5 +160,5 @@ def _source(hook: Path, prefix: Path, variables: Mapping[str, str]) -> dict[str,
         reason = done.stderr.decode(errors="replace").strip() or f"exit code {done.returncode}"
         raise HostError(Problem(f"the environment hook '{hook}' failed: {reason}"))
     pairs = (item.decode(errors="surrogateescape").partition("=") for item in after.split(b"\0") if item)
-    left = {name: value for name, _, value in pairs if name not in _SHELL_S_OWN}
-    return left | {name: value for name, value in variables.items() if name in _SHELL_S_OWN}
+    left = {name: value for name, _, value in pairs if name not in _SET_BY_SHELL}
+    return left | {name: value for name, value in variables.items() if name in _SET_BY_SHELL}

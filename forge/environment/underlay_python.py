@@ -27,7 +27,11 @@ _SCRIPTS_READ = 20
 
 def python_versions(root: Path) -> frozenset[Version]:
     """Return the Python versions of an underlay's modules in lib/pythonX.Y; empty without modules."""
-    found = (versions for prefix in _prefixes(root) if (versions := frozenset(_versions(prefix))))
+    found = (
+        versions
+        for prefix in _prefixes(root)
+        if (versions := frozenset(version for _, version in _module_folders(prefix)))
+    )
     return next(found, frozenset())
 
 
@@ -47,17 +51,20 @@ def underlay_python(root: Path) -> Path | None:
         recorded = recorded_python(root)
         if recorded is not None:
             return Path(recorded)
-    return next((python for prefix in _prefixes(root) for python in _interpreters(prefix)), None)
+    for prefix in _prefixes(root):
+        for name in _entries(f"{prefix}/bin")[:_SCRIPTS_READ]:
+            with suppress(OSError), Path(prefix, "bin", name).open("rb") as stream:
+                match = _SHEBANG.match(stream.readline(512))
+                python = Path(os.fsdecode(match[1])) if match else None  # none if it is found on PATH
+                if python is not None and python.exists():
+                    return python
+    return None
 
 
 def _prefixes(root: Path) -> Iterator[Path]:
     yield root
     if (root / LAYOUT_MARKER).is_file():
         yield from (root / name for name in _entries(f"{root}"))
-
-
-def _versions(prefix: Path) -> Iterator[Version]:
-    return (version for _, version in _module_folders(prefix))
 
 
 def _module_folders(prefix: Path) -> Iterator[tuple[str, Version]]:
@@ -70,16 +77,6 @@ def _module_folders(prefix: Path) -> Iterator[tuple[str, Version]]:
                 # Empty folders of that name also belong to underlays without modules.
                 if match and _entries(path):
                     yield path, (int(match[1]), int(match[2]))
-
-
-def _interpreters(prefix: Path) -> Iterator[Path]:
-    """Yield the existing interpreters of the first scripts of a prefix, without those found on PATH."""
-    for name in _entries(f"{prefix}/bin")[:_SCRIPTS_READ]:
-        with suppress(OSError), Path(prefix, "bin", name).open("rb") as stream:
-            match = _SHEBANG.match(stream.readline(512))
-            python = Path(os.fsdecode(match[1])) if match else None
-            if python is not None and python.exists():
-                yield python
 
 
 def _entries(folder: str) -> list[str]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from forge.interfaces.model import Named, element_of, messages_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
+    from collections.abc import Iterable, Mapping
 
     from forge.interfaces.model import Catalog, Interface, Source, TypeName
 
@@ -28,29 +28,24 @@ def fingerprints(catalogs: Iterable[Catalog], generator: str) -> dict[TypeName, 
         interfaces.update({name: catalog.known[name] for name in catalog.sources if name in catalog.known})
         interfaces.update(catalog.interfaces)
         described |= catalog.has_descriptions
-    needs = dict(_needs(interfaces))
+    owners = {message.name: name for name, each in interfaces.items() for message in messages_of(each)}
+    needs = {}
+    for name, interface in interfaces.items():
+        elements = (element_of(field.type) for message in messages_of(interface) for field in message.fields)
+        names = (element.name for element in elements if isinstance(element, Named))
+        needs[name] = {owners.get(need, need) for need in names} - {name}
     digests: dict[TypeName, str] = {}
     for name in TopologicalSorter(needs).static_order():
         below = [digests[need] for need in sorted(needs.get(name, ()))]
-        digests[name] = _digest(generator, str(described), _text(sources.get(name)), *below)
+        source = sources.get(name)
+        text = f"{source.relative}\0{source.text}" if source else ""
+        digests[name] = _digest(generator, str(described), text, *below)
     return digests
 
 
 def fingerprint_of_all(catalog: Catalog, digests: Mapping[TypeName, str]) -> str:
     """Return a digest of a whole catalog, including the names of its interfaces."""
     return _digest(*(f"{name} {digests[name]}" for name in catalog.interfaces))
-
-
-def _needs(interfaces: Mapping[TypeName, Interface]) -> Iterator[tuple[TypeName, set[TypeName]]]:
-    owners = {message.name: name for name, each in interfaces.items() for message in messages_of(each)}
-    for name, interface in interfaces.items():
-        elements = (element_of(field.type) for message in messages_of(interface) for field in message.fields)
-        names = (element.name for element in elements if isinstance(element, Named))
-        yield name, {owners.get(need, need) for need in names} - {name}
-
-
-def _text(source: Source | None) -> str:
-    return f"{source.relative}\0{source.text}" if source else ""
 
 
 def _digest(*texts: str) -> str:

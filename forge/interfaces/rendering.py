@@ -10,7 +10,7 @@ from forge.base.errors import InterfaceError, raise_if_any
 from forge.base.frozen import frozen
 from forge.interfaces.fingerprints import fingerprint_of_all
 from forge.interfaces.model import File
-from forge.interfaces.resolve.cycles import nesting_problems
+from forge.interfaces.resolve.resolution import nesting_problems
 from forge.interfaces.targets import find_target
 
 if TYPE_CHECKING:

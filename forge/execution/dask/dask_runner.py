@@ -8,8 +8,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from forge.base.errors import HostError, Problem
+from forge.base.files import remove_folder
 from forge.base.layout import SCRATCH_DIR
-from forge.base.mounts import remove_folder
 from forge.build.events import Aborted, Finished, StepStarted
 from forge.execution.dask.messages import RemoteTask
 from forge.execution.dask.step_runner import try_lock

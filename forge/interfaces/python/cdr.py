@@ -28,6 +28,18 @@ if TYPE_CHECKING:
     from forge.interfaces.model import Catalog, Interface, TypeName
 
 
+_IMPORTS = (
+    ("_array(", "from array import array as _array"),
+    ("_repeat(", "from itertools import repeat as _repeat"),
+    ("_lazy.", "from forge_cdr import lazy as _lazy"),
+    ("_pieces.", "from forge_cdr import pieces as _pieces"),
+    ("_ndarray(", "import numpy as _numpy"),
+)
+"""What a generated module imports if its text contains a use of it."""
+
+_CONSTANTS = ("HEADER", "HEADER_BYTES", "LITTLE_ENDIAN")
+
+
 @frozen
 class _Function:
     """The factory of a reader or a writer, for the template."""
@@ -100,29 +112,15 @@ def _serializers(interface: Interface, layouts: LayoutBuilder, all_classes: froz
     return render(
         "python/cdr.py.j2",
         title=str(interface.name),
-        shared=_shared_imports(text),
+        shared=[line for use, line in _IMPORTS if use in text],
         imported=[(f"{root}{path}", name, local) for path, name, local in (*classes, *others)],
-        constants=_constants(text),
+        # Functions look up names faster as module globals than as attributes.
+        constants=[
+            *(["_ndarray = _numpy.ndarray"] if "_ndarray(" in text else []),
+            *(f"_{name} = _pieces.{name}" for name in _CONSTANTS if re.search(rf"_{name}\b", text)),
+        ],
         functions=functions,
     )
-
-
-def _shared_imports(text: str) -> list[str]:
-    wanted = (
-        ("_array(", "from array import array as _array"),
-        ("_repeat(", "from itertools import repeat as _repeat"),
-        ("_lazy.", "from forge_cdr import lazy as _lazy"),
-        ("_pieces.", "from forge_cdr import pieces as _pieces"),
-        ("_ndarray(", "import numpy as _numpy"),
-    )
-    return [line for use, line in wanted if use in text]
-
-
-def _constants(text: str) -> list[str]:
-    """Return the assignments of names that functions look up as module globals, which is faster."""
-    names = [name for name in ("HEADER", "HEADER_BYTES", "LITTLE_ENDIAN") if re.search(rf"_{name}\b", text)]
-    arrays = ["_ndarray = _numpy.ndarray"] if "_ndarray(" in text else []
-    return [*arrays, *(f"_{name} = _pieces.{name}" for name in names)]
 
 
 def _functions(name: TypeName, module: _Module) -> Iterator[_Function]:

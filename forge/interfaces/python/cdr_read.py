@@ -7,13 +7,11 @@ slots. Structs check the end of the data themselves; slices do not, so the funct
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
-from forge.interfaces.model import Array
-from forge.interfaces.python.cdr_cursor import Cursor
-from forge.interfaces.python.cdr_slots import CONVERSIONS, Slots
+from forge.interfaces.model import Array, Sequence
 from forge.interfaces.python.cdr_text import (
     HEADER_SIZE,
     PackedGroup,
@@ -22,10 +20,11 @@ from forge.interfaces.python.cdr_text import (
     singular,
     struct_format,
 )
-from forge.interfaces.python.types import TYPE_CODES
+from forge.interfaces.python.types import DTYPES, TYPE_CODES
 from forge.interfaces.wire.layout import (
     SIZES,
     InlineArray,
+    Length,
     Loop,
     MessageCall,
     Phase,
@@ -36,11 +35,12 @@ from forge.interfaces.wire.layout import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterable
 
     from forge.interfaces.model import TypeName
     from forge.interfaces.python.cdr_text import FunctionSource, Group
-    from forge.interfaces.wire.layout import MessageLayout
+    from forge.interfaces.wire.layout import Member, MessageLayout, Path
+
 
 _HEADER_CHECK = ("if encapsulation != _LITTLE_ENDIAN:", "    raise _pieces.Refused")
 
@@ -82,7 +82,7 @@ def emit_part_reader(
     lines.add("return message, o")
 
 
-def _looks_at_size(groups: Sequence[Group]) -> bool:
+def _looks_at_size(groups: Iterable[Group]) -> bool:
     return any(not isinstance(group, PackedGroup) for group in groups)
 
 
@@ -120,8 +120,10 @@ class _Reader:
                     self._run(before)
                 if chars:
                     self._text(chars, after, last=last)
-            case StringData():
-                self._wide(group, last=last)
+            case StringData(path):
+                end = self.cursor.check_available(f"4 * {self.slots.length(path)}")
+                self._store_text(group, f"_pieces.from_wide(view[o:{end}])")
+                self.cursor.move_to(end, last=last)
             case PrimitiveElements():
                 self._numbers(group, last=last)
             case Loop():
@@ -175,11 +177,6 @@ class _Reader:
         self.lines.add("if nul:", f"    {text} = _pieces.unterminated({text}, nul)")
         self._store_text(chars, f"{text}.decode()")
         self.lines.add(*conversions)
-
-    def _wide(self, group: StringData, *, last: bool) -> None:
-        end = self.cursor.check_available(f"4 * {self.slots.length(group.path)}")
-        self._store_text(group, f"_pieces.from_wide(view[o:{end}])")
-        self.cursor.move_to(end, last=last)
 
     def _store_text(self, chars: StringData, expression: str) -> None:
         slot = self.slots.slot(chars.path)
@@ -303,3 +300,151 @@ def _batch(group: Loop) -> Run | None:
         isinstance(m, Scalar) and not m.hidden and m.type.name not in {"char", "wchar"} for m in run.members
     )
     return run if plain and first.alignment == run.alignment and not run.end(run.start).remainder else None
+
+
+CONVERSIONS = {"boolean": "from_flags", "octet": "from_octets", "char": "from_chars", "wchar": "from_wchars"}
+"""The run-time functions for collections that are stored as neither numpy arrays nor arrays."""
+
+
+@dataclass(slots=True)
+class Slots:
+    """The messages being read, and the lengths that were read."""
+
+    lines: FunctionSource
+    root: str
+    """The local name of the message, or of the element of a loop."""
+    conversions: list[str] = field(default_factory=list)
+    """The lines that check and convert values after they were unpacked."""
+    _owners: dict[Path, str] = field(default_factory=dict)
+    _lengths: dict[Path, str] = field(default_factory=dict)
+
+    def slot(self, path: Path) -> str:
+        """Return the expression for a slot; () is the element itself."""
+        return f"{self.owner(path[:-1])}._{path[-1]}" if path else self.root
+
+    def owner(self, path: Path) -> str:
+        """Return the local name of a message."""
+        return self._owners[path] if path else self.root
+
+    def length(self, path: Path) -> str:
+        """Return the local name of a length."""
+        return self._lengths[path]
+
+    def new_owner(self, path: Path) -> str:
+        """Return a new local name for the message at a path."""
+        self._owners[path] = self.local(path)
+        return self._owners[path]
+
+    def local(self, path: Path) -> str:
+        """Return a new local name for the value at a path, or the existing name of the element itself."""
+        return self.lines.names.of(path, self.root) if path else self.root
+
+    def unpack(self, targets: list[str], call: str) -> None:
+        """Emit the line that unpacks values, and those that convert them to the types of fields."""
+        if len(targets) == 1:
+            self.lines.add(f"({targets[0]},) = {call}")
+        else:
+            self.lines.add(*(assignment("", targets, f" = {call}") if targets else [call]))
+        self.lines.add(*self.conversions)
+        self.conversions.clear()
+
+    def targets(self, members: Iterable[Member]) -> list[str]:
+        """Return the assignment targets for the values of a run, and queue their conversions."""
+        return [target for member in members if (target := self._target(member))]
+
+    def _target(self, member: Member) -> str | None:
+        match member:
+            case Scalar(hidden=True):
+                return None
+            case Scalar(path, type_) if type_.name in {"char", "wchar"}:
+                name = self.local(path)
+                self.conversions.append(f"{self.slot(path)} = _pieces.{type_.name}({name})")
+                return name
+            case Scalar(path):
+                return self.slot(path)
+            case InlineArray(path):
+                name = self.local(path)
+                self.conversions.append(f"{self.slot(path)} = {self.array(member, name)}")
+                return name
+            case Length(path, type_):
+                name = self._lengths[path] = self.lines.names.new(f"{'_'.join(path) or self.root}_size")
+                if isinstance(type_, Sequence) and type_.bound is not None:
+                    self.conversions += [f"if {name} > {type_.bound}:", "    raise _pieces.Refused"]
+                return name
+
+    def array(self, block: InlineArray, raw: str) -> str:
+        """Return the expression that creates an array from its bytes."""
+        if block.of.name in CONVERSIONS:
+            return f"_pieces.{CONVERSIONS[block.of.name]}({raw})"
+        dtype = self.lines.table(DTYPES[block.of.name], f"_numpy.dtype({DTYPES[block.of.name]!r})")
+        return f"_ndarray(({block.type.size},), {dtype}, bytearray({raw}))"
+
+
+@dataclass(slots=True)
+class Cursor:
+    """The offset of the next byte to read, including the header; alignment does not count the header."""
+
+    lines: FunctionSource
+    absolute: bool = True
+    """True if the offset is `constant`, False if it is `o` plus `constant`."""
+    constant: int = 0
+
+    @property
+    def expression(self) -> str:
+        """The expression for the offset."""
+        if self.absolute:
+            return str(self.constant)
+        return f"o + {self.constant}" if self.constant else "o"
+
+    def store(self) -> None:
+        """Emit the assignment of the offset to `o`."""
+        if self.absolute or self.constant:
+            self.lines.add(f"o = {self.expression}")
+        self._mark_stored()
+
+    def advance(self, size: str) -> None:
+        """Emit the line that skips as many bytes as the expression `size`."""
+        self.lines.add(f"o += {size}" if self.expression == "o" else f"o = {self.expression} + {size}")
+        self._mark_stored()
+
+    def align(self, alignment: int) -> None:
+        """Emit the line that skips padding of unknown size."""
+        self.lines.add(f"o = {_rounded(self.expression, alignment)}")
+        self._mark_stored()
+
+    def pad(self, padding: int | None, alignment: int, count: str | None) -> None:
+        """Emit the lines that skip the padding before elements; an empty sequence has none.
+
+        `count` is the expression for the number of elements, or None for an array.
+        """
+        if padding == 0:
+            return
+        if count is not None:
+            self.store()
+            skip = f"o += {padding}" if padding else f"o = {_rounded('o', alignment)}"
+            self.lines.add(f"if {count}:", f"    {skip}")
+        elif padding:
+            self.constant += padding
+        else:
+            self.align(alignment)
+
+    def check_available(self, length: str) -> str:
+        """Emit the lines that reject data with fewer remaining bytes; return the name of the end offset."""
+        self.store()
+        end = self.lines.names.new("end")
+        self.lines.add(f"{end} = o + {length}", f"if {end} > size:", "    raise _pieces.Refused")
+        return end
+
+    def move_to(self, end: str, *, last: bool) -> None:
+        """Emit the assignment of `o` after the data, unless nothing follows."""
+        if not last:
+            self.lines.add(f"o = {end}")
+
+    def _mark_stored(self) -> None:
+        self.absolute, self.constant = False, 0
+
+
+def _rounded(offset: str, alignment: int) -> str:
+    if alignment <= HEADER_SIZE:
+        return f"{offset} + {alignment - 1} & -{alignment}"
+    return f"({offset} + {alignment - 1 - HEADER_SIZE} & -{alignment}) + {HEADER_SIZE}"

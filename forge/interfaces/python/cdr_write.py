@@ -35,15 +35,16 @@ from forge.interfaces.wire.layout import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable
 
     from forge.interfaces.model import TypeName
     from forge.interfaces.python.cdr_text import Group
-    from forge.interfaces.wire.layout import Member, MessageLayout, Path
+    from forge.interfaces.wire.layout import MessageLayout, Path
 
 _READABLE = 60
 """Longer calls get a separate line."""
 
+_WIDENED = frozenset({"char", "wchar"})
 _CONVERSIONS = {"boolean": "to_flags", "octet": "to_octets", "char": "to_chars", "wchar": "to_wchars"}
 
 
@@ -185,32 +186,27 @@ class _Writer:
             self.lines.add(*wrap_arguments(f"append({made}(", values, "))"))
         elif self.sole:
             self.lines.add(*wrap_arguments(f"return {made}(", values, ")"))
+        elif len(call := f"{made}({', '.join(values)})") <= _READABLE:
+            self.pieces.append(call)
         else:
-            self.pieces.append(self._named(made, values))
-
-    def _named(self, function: str, values: list[str]) -> str:
-        """Return a call, or the name of its result if the call is long."""
-        call = f"{function}({', '.join(values)})"
-        if len(call) <= _READABLE:
-            return call
-        name = self.lines.names.new("piece")
-        self.lines.add(*wrap_arguments(f"{name} = {function}(", values, ")"))
-        return name
+            name = self.lines.names.new("piece")
+            self.lines.add(*wrap_arguments(f"{name} = {made}(", values, ")"))
+            self.pieces.append(name)
 
     def _values(self, run: Run | None) -> list[str]:
-        return [value for member in (run.members if run else ()) for value in self._value(member)]
-
-    def _value(self, member: Member) -> Iterator[str]:
-        match member:
-            case Scalar(hidden=True):
-                return
-            case Scalar(path, type_):
-                word = self._attribute(path)
-                yield f"_pieces.to_{type_.name}({word})" if type_.name in {"char", "wchar"} else word
-            case InlineArray():
-                yield self._block(member)
-            case Length(path, type_):
-                yield self._count(path, type_)
+        values = []
+        for member in run.members if run else ():
+            match member:
+                case Scalar(hidden=True):
+                    pass
+                case Scalar(path, type_):
+                    word = self._attribute(path)
+                    values.append(f"_pieces.to_{type_.name}({word})" if type_.name in _WIDENED else word)
+                case InlineArray():
+                    values.append(self._block(member))
+                case Length(path, type_):
+                    values.append(self._count(path, type_))
+        return values
 
     def _block(self, block: InlineArray) -> str:
         conversion = _CONVERSIONS.get(block.of.name)
@@ -244,7 +240,16 @@ class _Writer:
         size = SIZES[group.of.name]
         if isinstance(group.type, Array):
             block = InlineArray(group.path, group.type, group.of)
-            name, empty, length = self._large_array(block), "", str(block.size)
+            empty, length = "", str(block.size)
+            if block.of.name in _CONVERSIONS:
+                name = self._block(block)
+            else:
+                name = self.lines.names.of(block.path, self.root)
+                self.lines.add(
+                    f"{name} = {self._attribute(block.path)}",
+                    f"if {name}.nbytes != {block.size}:",
+                    "    raise _pieces.Refused",
+                )
         else:
             name, number = self._locals[group.path]
             empty = f' if {number} else b""'
@@ -259,17 +264,6 @@ class _Writer:
         self._piece(name, counting=False)
         if counting:
             self.lines.add(f"o += {length}")
-
-    def _large_array(self, block: InlineArray) -> str:
-        if block.of.name in _CONVERSIONS:
-            return self._block(block)
-        name = self.lines.names.of(block.path, self.root)
-        self.lines.add(
-            f"{name} = {self._attribute(block.path)}",
-            f"if {name}.nbytes != {block.size}:",
-            "    raise _pieces.Refused",
-        )
-        return name
 
     def _loop(self, group: Loop, *, counting: bool) -> None:
         self._start_appending()

@@ -96,13 +96,15 @@ def _build(field: Field, scope: Scope) -> tuple[str, ...]:
     # The property setter reports a default that is out of range.
     target = slot if _fits(field) else f"{scope.own}.{name}"
     lines = [f"if {name} is ...:", f"    {target} = {_own_value(field, scope)}"]
-    fast_test = None
     if numeric(field.type) and field.default is None:
         return (*lines, "else:", f"    {slot} = {_convert(field)}")
     if scope.direct and not isinstance(field.type, Array | Sequence):
-        fast_test = _fast_test(field.type, scope.classes, name)
-    if fast_test:
-        lines += [f"elif {fast_test}:", f"    {slot} = {name}"]
+        # The condition under which a value is valid without further checks.
+        if isinstance(field.type, Named):
+            tests = [f"{name}.__class__ is {scope.classes[field.type.name]}"]
+        else:
+            tests = _tests(field.type, name)
+        lines += [f"elif {' and '.join(tests)}:", f"    {slot} = {name}"]
     return (*lines, "else:", f"    {scope.own}.{name} = {name}")
 
 
@@ -111,13 +113,6 @@ def _fits(field: Field) -> bool:
     if field.type != Primitive("float") or not isinstance(field.default, float):
         return True
     return not abs(field.default) > float(FLOAT_MAX) or isinf(field.default)
-
-
-def _fast_test(type_: Type, classes: Mapping[TypeName, str], variable: str) -> str:
-    """Return the condition under which a single value is valid without further checks."""
-    if isinstance(type_, Named):
-        return f"{variable}.__class__ is {classes[type_.name]}"
-    return " and ".join(_tests(type_, variable))
 
 
 def _own_value(field: Field, scope: Scope) -> str:

@@ -39,25 +39,6 @@ class _MessageView:
     own: str
 
 
-@frozen
-class _ServiceView:
-    """A service class, for the template."""
-
-    name: str
-    request: str
-    response: str
-    event: str | None
-
-
-@frozen
-class _ActionView:
-    """An action class, for the template."""
-
-    name: str
-    cancel: str
-    status: str
-
-
 def files(catalog: Catalog) -> Iterator[File]:
     """Yield the files of the Python package; paths are relative to a folder on the Python path."""
     yield from package_files(catalog)
@@ -70,8 +51,13 @@ def package_files(catalog: Catalog) -> Iterator[File]:
     yield File(f"{catalog.package}/__init__.py", "")
     yield File(f"{catalog.package}/py.typed", "")
     for kind in sorted({name.kind for name in catalog.interfaces}):
-        names = [name for name in catalog.interfaces if name.kind == kind]
-        yield from _namespace(catalog.package, kind, names)
+        names = [name.name for name in catalog.interfaces if name.kind == kind]
+        members = sorted((f"_{snake_case(name)}", name) for name in names)
+        for ending in ("py", "pyi"):
+            text = render(
+                f"python/namespace.{ending}.j2", package=catalog.package, kind=kind, members=members
+            )
+            yield File(f"{catalog.package}/{kind}/__init__.{ending}", text)
 
 
 def interface_files(_: Catalog, root: str = "") -> Callable[[Interface], Iterator[File]]:
@@ -82,31 +68,35 @@ def interface_files(_: Catalog, root: str = "") -> Callable[[Interface], Iterato
     return partial(_interface, root=root)
 
 
-def _namespace(package: str, kind: str, names: Sequence[TypeName]) -> Iterator[File]:
-    members = sorted((f"_{snake_case(name.name)}", name.name) for name in names)
-    for ending in ("py", "pyi"):
-        text = render(f"python/namespace.{ending}.j2", package=package, kind=kind, members=members)
-        yield File(f"{package}/{kind}/__init__.{ending}", text)
-
-
 def _interface(interface: Interface, root: str = "") -> Iterator[File]:
     messages = tuple(messages_of(interface))
     imported = _imported(interface, messages)
     classes = imported | {message.name: message.name.name for message in messages}
     path = _module(interface.name).replace(".", "/")
+    services = _services(interface)
+    is_action = isinstance(interface, Action)
     shared = {
         "title": str(interface.name),
         "imported": [(f"{root}{_module(name)}", name.name, local) for name, local in imported.items()],
         "decorator": _decorator(messages),
-        "services": [_service(part) for part in _services(interface)],
-        "action": _action(interface, classes),
+        "services": [
+            {
+                "name": service.name.name,
+                "request": service.request.name.name,
+                "response": service.response.name.name,
+                "event": service.event.name.name if service.has_events else None,
+            }
+            for service in services
+        ],
+        "action": is_action
+        and {"name": interface.name.name, "cancel": classes[_CANCEL], "status": classes[_STATUS]},
     }
     views = [_message(message, classes) for message in messages]
     text = render("python/interface.py.j2", **shared, messages=views, imports=_imports(views, messages))
     yield File(f"{path}.py", text)
     stub_names = StubNames(classes, shadowed_builtins(messages))
     stubs = [view_stub(message, stub_names) for message in messages]
-    lines = stub_imports(messages, stub_names.shadowed, aliases=bool(_services(interface)))
+    lines = stub_imports(messages, stub_names.shadowed, aliases=bool(services))
     yield File(f"{path}.pyi", render("python/interface.pyi.j2", **shared, messages=stubs, imports=lines))
 
 
@@ -124,17 +114,6 @@ def _services(interface: Interface) -> tuple[Service, ...]:
             return ()
 
 
-def _service(service: Service) -> _ServiceView:
-    event = service.event.name.name if service.has_events else None
-    return _ServiceView(service.name.name, service.request.name.name, service.response.name.name, event)
-
-
-def _action(interface: Interface, classes: Mapping[TypeName, str]) -> _ActionView | None:
-    if not isinstance(interface, Action):
-        return None
-    return _ActionView(interface.name.name, classes[_CANCEL], classes[_STATUS])
-
-
 def _imported(interface: Interface, messages: Sequence[Message]) -> dict[TypeName, str]:
     wanted = {
         element.name
@@ -144,19 +123,19 @@ def _imported(interface: Interface, messages: Sequence[Message]) -> dict[TypeNam
     }
     if isinstance(interface, Action):
         wanted |= {_CANCEL, _STATUS}
-    wanted -= {message.name for message in messages}
-    taken = [*(name.name for name in wanted), *_defined(interface, messages)]
+    own = {message.name for message in messages}
+    wanted -= own
+    defined = {interface.name, *own, *(service.name for service in _services(interface))}
+    taken = [
+        *(name.name for name in wanted),
+        *{name.name for name in defined}.union(
+            field.name for message in messages for field in message.fields
+        ),
+    ]  # a field shadows a class in constructors
     return {
         name: name.name if taken.count(name.name) == 1 else f"_{name.package}_{name.kind}_{name.name}"
         for name in sorted(wanted)
     }
-
-
-def _defined(interface: Interface, messages: Sequence[Message]) -> set[str]:
-    """Return the names that the module defines, and the fields, which shadow names in constructors."""
-    classes = {interface.name, *(message.name for message in messages)}
-    classes |= {service.name for service in _services(interface)}
-    return {name.name for name in classes} | {field.name for message in messages for field in message.fields}
 
 
 def _imports(views: Sequence[_MessageView], messages: Sequence[Message]) -> list[str]:

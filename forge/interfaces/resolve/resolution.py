@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from dataclasses import dataclass, field, replace
+from graphlib import CycleError, TopologicalSorter
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from forge.base.errors import InterfaceError, Location, Problem, raise_if_any
@@ -16,15 +19,15 @@ from forge.interfaces.model import (
     messages_of,
     with_events,
 )
-from forge.interfaces.resolve.cycles import cycle_problems
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
     from pathlib import Path
 
-    from forge.interfaces.model import Field, Source
+    from forge.interfaces.model import Field, Message, Source, TypeName
     from forge.interfaces.read.parsing import Parsed
     from forge.interfaces.resolve.dependencies import DefinitionLookup
+
 
 MAX_EXPLAINED = 20
 """The maximum number of unknown types with a suggestion, which is expensive to compute."""
@@ -190,3 +193,55 @@ class _Search:
             own = {each.name: text for text, each in candidates.items() if each.package == name.package}
             return first or own.get(nearest(name.name, own) or "") or nearest(name.name, candidates)
         return nearest(written, namesakes) or nearest(written, candidates) or first
+
+
+MAX_NESTING = 100
+"""The maximum nesting of messages; importing a message imports all nested ones recursively."""
+
+_MAX_REPORTED = 20
+"""The maximum number of cycles that are reported for a package."""
+
+
+def nesting_problems(messages: Mapping[TypeName, Message]) -> list[Problem]:
+    """Return a problem if messages are nested too deeply for generated code."""
+    below = {
+        name: {e.name for member in message.fields if isinstance(e := element_of(member.type), Named)}
+        for name, message in messages.items()
+    }
+    depth: dict[TypeName, int] = {}
+    for name in TopologicalSorter(below).static_order():
+        depth[name] = 1 + max((depth[inner] for inner in below.get(name, ())), default=0)
+        if depth[name] > MAX_NESTING:
+            message = f"messages in '{name}' are nested more than {MAX_NESTING} levels deep"
+            place = next((member.place for member in messages[name].fields), None)
+            hint = "reduce the nesting: Python could not import such a message, nor a compiler include it"
+            return [Problem(message, place, hint)]
+    return []
+
+
+def cycle_problems(messages: Mapping[TypeName, Message]) -> list[Problem]:
+    """Return a problem for each cycle of nested messages."""
+    needs: dict[TypeName, dict[TypeName, Field]] = defaultdict(dict)
+    for name, message in messages.items():
+        for member in message.fields:
+            element = element_of(member.type)
+            if isinstance(element, Named) and element.name in messages:
+                needs[name].setdefault(element.name, member)
+    problems: list[Problem] = []
+    while len(problems) < _MAX_REPORTED and (cycle := _cycle(needs)):
+        path = " -> ".join(f"{name.package}/{name.name}" for name in cycle)
+        place = needs[cycle[0]][cycle[1]].place
+        problems.append(Problem(f"a message cannot contain itself: {path}", place))
+        for container, contained in pairwise(cycle):
+            del needs[container][contained]
+    return problems
+
+
+def _cycle(needs: Mapping[TypeName, Mapping[TypeName, Field]]) -> list[TypeName] | None:
+    """Return a cycle, with its first member repeated at the end, or None."""
+    try:
+        TopologicalSorter(needs).prepare()
+    except CycleError as error:
+        # graphlib follows the edges in the opposite direction of 'contains'.
+        return list(reversed(error.args[1]))
+    return None
