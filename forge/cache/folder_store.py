@@ -33,7 +33,8 @@ _CLONE = 0x40049409
 
 
 DRAFT = re.compile(r"\..*\.forge-draft")
-_SUBFOLDER = re.compile(r"[0-9a-f]{2}")
+_MARK = ".forge_cache"
+_TEXT = b"This folder contains a package cache of forge, which removes files in 'ac' and 'cas'.\n"
 PRIVATE = 0o700
 """The permissions of private folders."""
 _SHARED = stat.S_ISGID | stat.S_IRWXG
@@ -48,16 +49,14 @@ class FolderStore:
         self.folder = folder
         self.name = str(folder)
         self._checked: set[Path] = set()
-        """Existing folders whose permissions have been checked."""
+        """Existing folders whose permissions have been checked, and the mark."""
 
     def foreign_entry(self) -> Path | None:
-        """Return an entry of the folder where results and blobs belong that forge did not make, or None."""
-        for folder in (self.folder / "ac", self.folder / "cas"):
-            for entry in sorted(folder.iterdir()) if folder.is_dir() else ():
-                named = _SUBFOLDER.fullmatch(entry.name) and entry.is_dir() and not entry.is_symlink()
-                if not (named or DRAFT.fullmatch(entry.name)):
-                    return entry
-        return None
+        """Return an entry where results and blobs belong if the folder has no mark of a cache, or None."""
+        if (self.folder / _MARK).is_file():
+            return None
+        folders = (self.folder / kind for kind in ("ac", "cas"))
+        return next((entry for folder in folders if folder.is_dir() for entry in folder.iterdir()), None)
 
     def result(self, key: str) -> ActionResult | None:
         """Return the result stored for a key, or None.
@@ -193,7 +192,16 @@ class FolderStore:
                 )
 
     def _make(self, folder: Path) -> None:
-        """Create a folder in the store, and its parents, with the permissions of stored files."""
+        """Create a folder in the store, and its parents, with the permissions of stored files.
+
+        The store is marked before anything else.
+        """
+        mark = self.folder / _MARK
+        if folder != self.folder and mark not in self._checked:
+            self._make(self.folder)
+            if not mark.is_file():
+                replace_file(mark, _TEXT, mode=self.rights & 0o666)
+            self._checked.add(mark)
         try:
             folder.mkdir(mode=self.rights & 0o777)
         except FileExistsError:

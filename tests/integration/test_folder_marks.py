@@ -204,12 +204,57 @@ def test_a_bundle_overwrites_only_a_bundle(forge: Forge, tree: Tree) -> None:
     assert (ran.code, (root / "mine").read_text()) == (2, "mine")
 
 
-def test_pruning_removes_only_what_is_named_as_a_cache_names_it(forge: Forge, tree: Tree) -> None:
-    root = tree({"c/cas/ab/notes": "mine", "c/ac/ab/notes": "mine"})
-    for verb in (("prune", "--size", "0"), ("verify",)):
-        assert forge("cache", *verb, "--cache", str(root / "c"), cwd=root).code == 0
-    assert (root / "c/cas/ab/notes").is_file()
-    assert (root / "c/ac/ab/notes").is_file()
+SHA = "ab" + "0" * 62
+
+
+@pytest.mark.parametrize("way", [way for way in WAYS if way != "link"])
+@pytest.mark.parametrize("verb", ["stats", "prune", "verify", "build"])
+def test_a_folder_that_only_looks_like_a_cache_is_refused(
+    forge: Forge, tree: Tree, verb: str, way: str
+) -> None:
+    """Such as a disk cache of Bazel, however it is named."""
+    mine = {f"c/packages/{kind}/ab/{SHA}": "mine" for kind in ("ac", "cas")}
+    root = tree({**cmake_package("a"), **mine, "c/packages/CACHEDIR.TAG": "mine"})
+    folder, variables = str(root / "c/packages"), {}
+    words = ["build", "--cache-size", "1K"] if verb == "build" else ["cache", verb]
+    words += ["--size", "0"] if verb == "prune" else []
+    if way == "variable" or (verb != "build" and way != "option"):
+        variables = {"FORGE_CACHE_DIR": str(root / "c")}
+        words += ["--cache"] if verb == "build" else []
+    elif way == "option":
+        words += ["--cache", folder]
+    elif way == "forge.toml":
+        (root / "forge.toml").write_text(f'[build]\ncache = "{folder}"\n')
+    else:
+        (root / "defaults.yaml").write_text(f"build: {{cache: {folder}}}\n")
+        variables = {"COLCON_DEFAULTS_FILE": str(root / "defaults.yaml")}
+    before = everything(root)
+    ran = forge(*words, cwd=root, **({"env": variables} if variables else {}))
+    assert (ran.code, everything(root)) == (2, before), ran.out + ran.err
+    assert "is not a package cache of forge" in ran.err
+    assert "--cache" in ran.err
+
+
+@pytest.mark.needs("cmake", "ninja")
+@pytest.mark.parametrize("earlier", [False, True], ids=["marked", "of an earlier version"])
+def test_a_cache_is_recognized_and_keeps_files_of_others(forge: Forge, tree: Tree, *, earlier: bool) -> None:
+    root = tree({**cmake_package("a"), "c/mine": "mine"})
+    cache = ("--cache", str(root / "c"))
+    assert forge("build", *cache, cwd=root).code == 0
+    if earlier:
+        (root / "c/.forge_cache").unlink()
+    for name in ("cas/notes", "cas/ab/notes", "ac/ab/notes", f"ac/{SHA}"):
+        (root / "c" / name).parent.mkdir(exist_ok=True)
+        (root / "c" / name).write_text("mine")
+    assert forge("cache", "verify", *cache, cwd=root).code == 0
+    assert "removed 0 bytes" not in forge("cache", "prune", "--size", "0", *cache, cwd=root).out
+    files = {str(path.relative_to(root / "c")) for path in (root / "c").rglob("*") if path.is_file()}
+    mine = {"mine", "cas/notes", "cas/ab/notes", "ac/ab/notes", f"ac/{SHA}"}
+    assert files - {"counts.json", ".lock", ".forge_cache"} == mine
+    shutil.rmtree(root / "build")
+    assert forge("build", *cache, "--cache-size", "0", cwd=root).code == 0
+    assert (root / "c/.forge_cache").is_file()
+    assert (root / "c/cas/notes").is_file()
 
 
 @pytest.mark.needs("cmake", "ninja")
