@@ -11,8 +11,11 @@ from typing import TYPE_CHECKING
 import pytest
 import yaml
 
+from tests.bench import page as benchmarks
 from tests.reference import all_parsers
 from tests.snippets import ROOT, TYPED, blocks, commands, run
+from tests.upstream import figures as compatibility
+from tests.upstream.page import page as compatibility_page
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -81,6 +84,23 @@ def test_the_index_has_every_page() -> None:
     targets = {part.split(")")[0] for part in index.read_text(encoding="utf-8").split("](")[1:]}
     pages = {path.relative_to(index.parent).as_posix() for path in index.parent.rglob("*.md")}
     assert pages - targets == {"README.md"}
+
+
+def test_benchmarks_match_their_figures() -> None:
+    """After a new measurement, run `python -m tests.bench.page`."""
+    for path, text in benchmarks.files(benchmarks.read(benchmarks.DOCS / benchmarks.FIGURES)).items():
+        assert (benchmarks.DOCS / path).read_text(encoding="utf-8") == text, path
+
+
+def test_the_compatibility_page_matches_its_counts_and_explains_each_shortfall() -> None:
+    """After a new count, run `python -m tests.upstream.page`."""
+    counted = compatibility.read(ROOT / "docs/compatibility.json")
+    page = (ROOT / "docs/reference/compatibility.md").read_text(encoding="utf-8")
+    assert page == compatibility_page(counted)
+    rows: tuple[compatibility.Suite | compatibility.Repository, ...]
+    rows = (*counted.suites, *counted.repositories)
+    for row in rows:
+        assert row.notes or all(passed == total for passed, total in row.counts.values()), row.name
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=_name)
