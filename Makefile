@@ -3,12 +3,15 @@
 
 PYTHON ?= python3
 PYTEST ?= .venv/bin/python -m pytest
+# The tests of a file share fixtures and stay together; the slow files come first, and short ones fill the end.
+PARALLEL = --numprocesses logical --dist loadfile --no-loadscope-reorder
 
-.PHONY: help demo test bare quick newest-cmake oldest-cmake cross fuzz fuzz-parsers scale soak peers debian-peers lint types bench quick-bench clean
+.PHONY: help demo test test-all bare quick newest-cmake oldest-cmake cross fuzz fuzz-parsers scale soak peers debian-peers lint types bench quick-bench clean
 
 help:
 	@echo "make demo    build examples_ws without any ROS and run its programs"
-	@echo "make test    run the whole test suite"
+	@echo "make test    run the tests but the slow ones, on all processors: less than ten minutes on two"
+	@echo "make test-all  run the slow ones, too"
 	@echo "make bare    run both as on a fresh machine with only Python, make and g++"
 	@echo "make quick   run the unit tests, which start no programs, in less than a minute"
 	@echo "make newest-cmake, make oldest-cmake"
@@ -29,28 +32,31 @@ demo: .venv-demo/.ready
 	@. .venv-demo/bin/activate && sh examples_ws/demo.sh
 
 test: .venv/.ready
-	$(PYTEST)
+	$(PYTEST) $(PARALLEL) --skip-slow
+
+test-all: .venv/.ready
+	$(PYTEST) $(PARALLEL)
 
 bare:
 	$(PYTHON) -m tests.bare_machine $(MAKE) demo test
 
 quick: .venv/.ready
-	$(PYTEST) --numprocesses 2 --dist loadfile --hypothesis-profile quick tests/unit
+	$(PYTEST) $(PARALLEL) --hypothesis-profile quick tests/unit
 
 # 'make test' takes the CMake that PATH has; these take the wheels'.
 newest-cmake: .venv/.ready
-	FORGE_TEST_CMAKE=$(CURDIR)/.venv/bin/cmake $(PYTEST) tests/cmake
+	FORGE_TEST_CMAKE=$(CURDIR)/.venv/bin/cmake $(PYTEST) $(PARALLEL) tests/cmake
 
 oldest-cmake: .venv/.ready .venv-cmake/.ready
-	FORGE_TEST_CMAKE=$(CURDIR)/.venv-cmake/bin/cmake $(PYTEST) tests/cmake
-	FORGE_TEST_CMAKE=$(CURDIR)/.venv-cmake/bin/cmake CMAKE_GENERATOR="Unix Makefiles" $(PYTEST) tests/cmake
+	FORGE_TEST_CMAKE=$(CURDIR)/.venv-cmake/bin/cmake $(PYTEST) $(PARALLEL) tests/cmake
+	FORGE_TEST_CMAKE=$(CURDIR)/.venv-cmake/bin/cmake CMAKE_GENERATOR="Unix Makefiles" $(PYTEST) $(PARALLEL) tests/cmake
 
 cross: .venv/.ready
 	.venv/bin/python -m pip install --quiet --editable '.[cross]'
 	FORGE_TEST_ZIG=1 $(PYTEST) tests/e2e/test_cross.py
 
 fuzz: .venv/.ready
-	FORGE_CDR_EXAMPLES=200 FORGE_CDR_MUTATIONS=1000000 $(PYTEST) \
+	FORGE_CDR_EXAMPLES=200 FORGE_CDR_MUTATIONS=1000000 $(PYTEST) $(PARALLEL) \
 	  tests/e2e/test_cdr_differential.py tests/e2e/test_cdr_cpp_python.py
 
 # With atheris in .venv (pip install atheris) inputs are sought that reach new code. Then long files of all
@@ -66,7 +72,7 @@ scale: .venv/.ready
 # edits: 250 in each of the four tests, or SEQUENCES. SEED=2 makes other ones.
 soak: .venv/.ready
 	FORGE_TEST_KILLS=13 FORGE_TEST_FAULTS=50 FORGE_TEST_FLOOD=1024 FORGE_TEST_SEED=$(or $(SEED),1) \
-	  FORGE_TEST_EXAMPLES=60 FORGE_TEST_SEQUENCES=$(or $(SEQUENCES),250) $(PYTEST) tests/e2e/test_kill.py \
+	  FORGE_TEST_EXAMPLES=60 FORGE_TEST_SEQUENCES=$(or $(SEQUENCES),250) $(PYTEST) $(PARALLEL) tests/e2e/test_kill.py \
 	  tests/e2e/test_faults.py tests/e2e/test_incremental.py tests/e2e/test_cache.py
 
 peers: .venv-peers/.ready

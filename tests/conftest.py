@@ -93,6 +93,8 @@ _FOREIGN = (
     *("AMENT_", "CLICOLOR", "CMAKE_PREFIX_PATH", "COLCON_", "FORCE_COLOR", "FORGE_", "PYTHONPATH", "ROS_"),
 )
 _LEFT_OUT = "left_out"
+SLOW = "make test-all"
+"""The command that runs the slow tests, too."""
 
 
 class Tree(Protocol):
@@ -249,9 +251,10 @@ def browser(chromium: Browser) -> Iterator[Browser]:
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Add --accept and --once."""
+    """Add --accept, --once and --skip-slow."""
     parser.addoption("--accept", action="store_true", help="write what goldens are to expect from now on")
     parser.addoption("--once", metavar="FILE", help="skip the tests listed in FILE; add those that pass")
+    parser.addoption("--skip-slow", action="store_true", help="leave out the tests that are marked slow")
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -288,7 +291,9 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    """Leave out a test whose tool this machine lacks."""
+    """Leave out a test whose tool this machine lacks, and slow ones on request."""
+    if item.config.getoption("--skip-slow") and item.get_closest_marker("slow"):
+        pytest.skip(f"slow: {SLOW}")
     for marker in item.iter_markers("needs"):
         for tool in marker.args:
             if not _is_there(tool):
@@ -312,6 +317,9 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
         terminalreporter.line(f"{count} for want of {tool}: {remedy}")
     for reason, count in sorted(reasons.items()):
         terminalreporter.line(f"{count} because of: {reason}")
+    if terminalreporter.config.getoption("--skip-slow"):
+        terminalreporter.line("more random edits, kills and faults: make soak; more messages: make fuzz")
+        terminalreporter.line("thousands of packages: make scale; all benchmark scenarios: make quick-bench")
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:

@@ -6,7 +6,7 @@ import json
 import re
 import shutil
 from itertools import chain
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 import yaml
@@ -16,9 +16,6 @@ from tests.reference import all_parsers
 from tests.snippets import ROOT, TYPED, blocks, commands, run
 from tests.upstream import figures as compatibility
 from tests.upstream.page import page as compatibility_page
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 TRANSLATIONS = {
     path: path.with_name(path.name.replace(".zh-CN", ""))
@@ -198,19 +195,6 @@ def test_the_tutorial_shows_whole_definitions() -> None:
     assert len(shown) == 3
     for name, text in shown.items():
         assert text.startswith(written[f"{name}.{name.split('/')[1]}"].rstrip()), name
-
-
-def test_commands_are_found_in_files() -> None:
-    lines = ("- forge build", "RUN x && forge test --a \\", '"command": "forge env > .env"', "  forge list")
-    assert [_IN_FILE.findall(line) for line in lines] == [
-        ["forge build"],
-        ["forge test --a "],
-        ["forge env "],
-        ["forge list"],
-    ]
-    assert (
-        _IN_FILE.findall("- name: Install forge\n  path: .forge-cache\n- ln -s /bin/forge /usr/bin\n") == []
-    )
 
 
 def _without_blocks(text: str) -> str:

@@ -6,7 +6,7 @@ import argparse
 import ast
 import dataclasses
 import re
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
@@ -17,9 +17,6 @@ from forge.output.console import Tally
 from forge.workspace.overrides import NO_SETTINGS
 from tests import reference
 from tests.snippets import ROOT
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 REFERENCE = ROOT / "docs/reference"
 COMMANDS_PAGE = REFERENCE / "commands.md"

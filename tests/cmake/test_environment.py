@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import subprocess
-from typing import TYPE_CHECKING
 
 import pytest
 
-if TYPE_CHECKING:
-    from .conftest import Ament, Project
+from .conftest import Ament, Project
 
 pytestmark = [pytest.mark.needs("cmake"), pytest.mark.needs("ninja")]
 

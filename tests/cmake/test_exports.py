@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
 
 import pytest
 
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from .conftest import Ament, Project
+from .conftest import Ament, Project
 
 pytestmark = [pytest.mark.needs("cmake"), pytest.mark.needs("ninja")]
 cxx = pytest.mark.needs("g++")

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from .conftest import Ament
+from .conftest import Ament
 
 MAIN = """\
 #include "forge_cdr/forge_cdr.hpp"

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from .conftest import Ament
+from .conftest import Ament
 
 pytestmark = [pytest.mark.needs("cmake"), pytest.mark.needs("ninja")]
 INDEX = "share/ament_index/resource_index"

@@ -8,14 +8,10 @@ import sys
 import sysconfig
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
-from .conftest import PYTHON_VERSION
-
-if TYPE_CHECKING:
-    from .conftest import Ament, Project
+from .conftest import PYTHON_VERSION, Ament, Project
 
 pytestmark = [pytest.mark.needs("cmake"), pytest.mark.needs("ninja")]
 cxx = pytest.mark.needs("g++")

@@ -4,14 +4,10 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from typing import TYPE_CHECKING
 
 import pytest
 
-from .conftest import PYTHON_VERSION
-
-if TYPE_CHECKING:
-    from .conftest import Ament
+from .conftest import PYTHON_VERSION, Ament
 
 pytestmark = [pytest.mark.needs("cmake"), pytest.mark.needs("ninja")]
 SITE = f"lib/python{PYTHON_VERSION}/site-packages"

@@ -5,16 +5,11 @@ from __future__ import annotations
 import re
 import shutil
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
-from .conftest import BUILD_TOOLS, EMBEDDED
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from .conftest import Ament
+from .conftest import BUILD_TOOLS, EMBEDDED, Ament
 
 pytestmark = [pytest.mark.needs("cmake"), pytest.mark.needs("ninja")]
 

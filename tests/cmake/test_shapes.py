@@ -9,14 +9,11 @@ import subprocess
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
 from tests.cmake.conftest import ROOT
-
-if TYPE_CHECKING:
-    from tests.conftest import Golden
+from tests.conftest import Golden
 
 SHAPES = Path(__file__).parent / "shapes"
 MESSAGES = 260

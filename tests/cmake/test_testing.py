@@ -7,17 +7,12 @@ import shutil
 import subprocess
 import sys
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import pytest
 
-from .conftest import EMBEDDED
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from .conftest import Ament, Project
+from .conftest import EMBEDDED, Ament, Project
 
 pytestmark = [pytest.mark.needs("cmake"), pytest.mark.needs("ninja")]
 

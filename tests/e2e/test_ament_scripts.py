@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from tests.conftest import Tree
 
-pytestmark = pytest.mark.needs(str(DEBIAN), "g++", "strace")
+pytestmark = [pytest.mark.slow, pytest.mark.needs(str(DEBIAN), "g++", "strace")]
 
 CMAKE = """cmake_minimum_required(VERSION 3.10)
 project({0} NONE)

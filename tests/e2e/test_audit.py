@@ -4,20 +4,16 @@ from __future__ import annotations
 
 import shutil
 import subprocess
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from pathlib import Path
 
 import pytest
 
 from tests.cmake.test_shapes import copy_shapes
+from tests.conftest import Forge, Ran, Tree
 from tests.snippets import ROOT
 
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-    from pathlib import Path
-
-    from tests.conftest import Forge, Ran, Tree
-
-pytestmark = pytest.mark.needs("strace", "cmake", "g++")
+pytestmark = [pytest.mark.slow, pytest.mark.needs("strace", "cmake", "g++")]
 
 MINIMUM = "cmake_minimum_required(VERSION 3.16)\n"
 OUTSIDE = """\

@@ -10,18 +10,14 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
+from tests.conftest import Forge, Ran
 from tests.evolving import PYTHON, differences, look
 from tests.packages import manifest_text
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from tests.conftest import Forge, Ran
 
 pytestmark = pytest.mark.needs("cmake", "ninja", "g++")
 

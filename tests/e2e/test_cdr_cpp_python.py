@@ -10,11 +10,12 @@ from __future__ import annotations
 import os
 import struct
 import subprocess
+from collections.abc import Iterable, Iterator, Sequence
 from functools import cache
 from importlib import import_module
 from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 import yaml
@@ -26,17 +27,14 @@ from forge.base.standard_interfaces import EMBEDDED
 from forge.interfaces.cpp import target as cpp
 from forge.interfaces.cpp.headers import main_path
 from forge.interfaces.cpp.text import qualified
-from forge.interfaces.model import messages_of
+from forge.interfaces.model import Catalog, Message, TypeName, messages_of
 from forge.interfaces.python import target as python
 from forge.interfaces.read.sources import Library
 from tests import fastcdr
 from tests.generated import embedded_catalog, importable, probe_catalog
 from tests.messages import class_of, messages, plain
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
-
-    from forge.interfaces.model import Catalog, Message, TypeName
+pytestmark = pytest.mark.slow
 
 HERE = Path(__file__).parent
 RUNTIME = EMBEDDED / "rosidl_default_runtime" / "include"

@@ -10,9 +10,11 @@ import os
 import random
 import sys
 import tracemalloc
+from collections.abc import Iterator
 from functools import cache
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -20,16 +22,20 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_typestore
 
 from forge.base.names import snake_case
-from forge.interfaces.model import Array, Message, Named, Primitive, Sequence, String, messages_of
+from forge.interfaces.model import (
+    Array,
+    Message,
+    Named,
+    Primitive,
+    Sequence,
+    String,
+    Type,
+    TypeName,
+    messages_of,
+)
 from forge.interfaces.read.sources import Library
 from tests.generated import embedded_catalog, generate_embedded, importable
 from tests.messages import messages, plain
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from forge.interfaces.model import Type, TypeName
 
 EXAMPLES = int(os.environ.get("FORGE_CDR_EXAMPLES", "5"))
 MUTATIONS = int(os.environ.get("FORGE_CDR_MUTATIONS", "5000"))

@@ -5,16 +5,13 @@ from __future__ import annotations
 import json
 import shutil
 import subprocess
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
 from forge.cli.colcon_options import COLCON_OPTIONS, EXTRA_EXTENSIONS, NO_ABBREVIATIONS, PASSED_ON
 from forge.cli.main import parser_of
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 pytestmark = pytest.mark.needs("colcon")
 

@@ -7,21 +7,17 @@ from __future__ import annotations
 
 import re
 import subprocess
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import pytest
 
+from tests.conftest import Forge, Ran
 from tests.packages import manifest_text
 from tests.peers import Colcon
 from tests.snippets import ROOT
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-    from pathlib import Path
-
-    from tests.conftest import Forge, Ran
-
-pytestmark = pytest.mark.needs("colcon", "cmake", "make")
+pytestmark = [pytest.mark.slow, pytest.mark.needs("colcon", "cmake", "make")]
 
 CMAKE = """cmake_minimum_required(VERSION 3.16)
 project({name} NONE)

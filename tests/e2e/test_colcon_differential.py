@@ -7,22 +7,18 @@ from __future__ import annotations
 
 import random
 import re
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
+from tests.conftest import Forge, Ran, Tree
 from tests.packages import manifest_text
 from tests.peers import Colcon
 from tests.random_workspaces import Shape, random_options, write_random_workspace
 from tests.snippets import ROOT
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from tests.conftest import Forge, Ran, Tree
-
-pytestmark = pytest.mark.needs("colcon")
+pytestmark = [pytest.mark.slow, pytest.mark.needs("colcon")]
 
 VARIABLES = {"ROS_VERSION": "2", "ROS_DISTRO": "humble", "ROS_PYTHON_VERSION": "3"}
 SEEDS = range(8)

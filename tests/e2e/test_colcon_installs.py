@@ -12,23 +12,20 @@ import re
 import shlex
 import subprocess
 import sys
-from typing import TYPE_CHECKING, Protocol
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Protocol
 
 import pytest
 
+from tests.conftest import Forge
 from tests.listed_differences import ListedDifferences
 from tests.packages import manifest_text
 from tests.peers import Colcon
 from tests.random_installs import TYPES, random_installs
 from tests.snippets import ROOT
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-    from pathlib import Path
-
-    from tests.conftest import Forge
-
-pytestmark = pytest.mark.needs("colcon", "cmake", "ninja", "bash", "zsh")
+pytestmark = [pytest.mark.slow, pytest.mark.needs("colcon", "cmake", "ninja", "bash", "zsh")]
 
 AMENT = """cmake_minimum_required(VERSION 3.18)
 project(below NONE)

@@ -7,22 +7,18 @@ from __future__ import annotations
 
 import re
 from collections import OrderedDict
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
+from tests.conftest import Forge, Tree
 from tests.e2e.test_colcon_installs import surroundings  # noqa: F401  (a fixture)
 from tests.listed_differences import ListedDifferences
 from tests.packages import manifest_text
 from tests.peers import Colcon
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from tests.conftest import Forge, Tree
-
-pytestmark = pytest.mark.needs("colcon", "cmake", "ninja")
+pytestmark = [pytest.mark.slow, pytest.mark.needs("colcon", "cmake", "ninja")]
 
 PAGE = ListedDifferences("Files of build and log folders")
 CMAKE = """cmake_minimum_required(VERSION 3.18)

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
+from tests.conftest import Forge
 from tests.e2e.test_colcon_installs import contents
 from tests.packages import manifest_text
 from tests.peers import Colcon
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from tests.conftest import Forge
-
-pytestmark = pytest.mark.needs("colcon")
+pytestmark = [pytest.mark.slow, pytest.mark.needs("colcon")]
 
 SETUP = """import os, sys
 from setuptools import Command, Extension, find_packages, setup

@@ -7,23 +7,19 @@ from __future__ import annotations
 
 import random
 import re
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 import pytest
 
+from tests.conftest import Forge, Ran, Tree
 from tests.packages import manifest_text
 from tests.peers import Colcon
 from tests.snippets import ROOT
 from tests.testable import PYTEST, UNITTEST, cmake_package, python_package
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from tests.conftest import Forge, Ran, Tree
-
-pytestmark = pytest.mark.needs("colcon", "cmake", "ctest", "ninja")
+pytestmark = [pytest.mark.slow, pytest.mark.needs("colcon", "cmake", "ctest", "ninja")]
 
 VARIABLES = {"ROS_VERSION": "2", "ROS_DISTRO": "humble", "ROS_PYTHON_VERSION": "3"}
 AMENT = """cmake_minimum_required(VERSION 3.18)

@@ -6,22 +6,18 @@ import itertools
 import os
 import shlex
 import subprocess
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from forge.environment.sourcing import sourced_environment
+from tests.conftest import Forge
 from tests.e2e.test_colcon_installs import told
 from tests.e2e.test_shells import each_layout
 from tests.packages import manifest_text
 from tests.peers import Colcon
 
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from tests.conftest import Forge
-
-pytestmark = pytest.mark.needs("colcon", "cmake", "bash", "zsh", "dash", "fish")
+pytestmark = [pytest.mark.slow, pytest.mark.needs("colcon", "cmake", "bash", "zsh", "dash", "fish")]
 
 CMAKE = """cmake_minimum_required(VERSION 3.18)
 project({name} NONE)

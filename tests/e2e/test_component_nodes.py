@@ -17,7 +17,7 @@ from tests.rosidl import DEBIAN, underlay
 if TYPE_CHECKING:
     from tests.conftest import Tree
 
-pytestmark = pytest.mark.needs(str(DEBIAN), "g++")
+pytestmark = [pytest.mark.slow, pytest.mark.needs(str(DEBIAN), "g++")]
 
 ENOUGH = 3 * (os.cpu_count() or 1) + 1
 COMPONENTS_CMAKE = """cmake_minimum_required(VERSION 3.16)

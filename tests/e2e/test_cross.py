@@ -21,9 +21,12 @@ if TYPE_CHECKING:
 
 BY_ZIG = os.environ.get("FORGE_TEST_ZIG") == "1"
 
-pytestmark = pytest.mark.needs(
-    "bash", "cmake", "ninja", "qemu-aarch64", *(() if BY_ZIG else ("aarch64-linux-gnu-g++",))
-)
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.needs(
+        "bash", "cmake", "ninja", "qemu-aarch64", *(() if BY_ZIG else ("aarch64-linux-gnu-g++",))
+    ),
+]
 
 TOOLCHAIN = """\
 set(CMAKE_SYSTEM_NAME Linux)

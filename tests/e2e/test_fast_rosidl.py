@@ -18,7 +18,7 @@ from tests.rosidl import DEBIAN, interface_package, underlay
 if TYPE_CHECKING:
     from tests.conftest import Tree
 
-pytestmark = pytest.mark.needs(str(DEBIAN), "g++")
+pytestmark = [pytest.mark.slow, pytest.mark.needs(str(DEBIAN), "g++")]
 
 FILES = {
     "msg/Plain.msg": '# A comment\nint32 X=3\nfloat64 a 1.5\nstring<=5 s "x"\nint8[3] arr [1, 2, 3]\n',

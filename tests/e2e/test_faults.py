@@ -18,23 +18,19 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
 from forge.base.layout import LOCK_FILE
 from forge.execution.started import BUILD_FOLDER_VARIABLE
+from tests.conftest import Tree
 from tests.evolving import differences, look
 from tests.packages import manifest_text
 from tests.snippets import ROOT
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from tests.conftest import Tree
 
 pytestmark = pytest.mark.needs("cmake")
 

@@ -157,6 +157,7 @@ def edits(root: Path) -> tuple[Callable[[int], object], ...]:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "options",
     [(), ("--merge-install",), ("--symlink-install",), ("--symlink-install", "--merge-install")],

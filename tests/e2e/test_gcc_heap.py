@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from tests.conftest import Forge, Tree
 
-pytestmark = pytest.mark.needs("cmake", "ninja", "make", "g++")
+pytestmark = [pytest.mark.slow, pytest.mark.needs("cmake", "ninja", "make", "g++")]
 
 OPTION = "--param=ggc-min-heapsize=524288"
 PLENTY = Memory(64 << 30, 64 << 30)

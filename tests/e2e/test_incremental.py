@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     Steps = Sequence[Sequence[tuple[str, int]]]
     """The edits, with their numbers, between one build and the next."""
 
-pytestmark = pytest.mark.needs("cmake", "g++")
+pytestmark = [pytest.mark.slow, pytest.mark.needs("cmake", "g++")]
 
 EXAMPLES = int(os.environ.get("FORGE_TEST_SEQUENCES", "3"))
 """How many sequences each of the four tests tries; `make soak` asks for many."""

@@ -6,15 +6,12 @@ import os
 import subprocess
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
 import forge
+from tests.conftest import Tree
 from tests.packages import manifest_text
-
-if TYPE_CHECKING:
-    from tests.conftest import Tree
 
 HOME = Path(forge.__file__).parents[1]
 COMMAND = Path(sys.executable).with_name("forge")

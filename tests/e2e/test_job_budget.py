@@ -8,21 +8,17 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
+from tests.conftest import Tree
 from tests.packages import manifest_text
 from tests.snippets import surroundings
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from tests.conftest import Tree
-
-pytestmark = pytest.mark.needs("cmake", "make", "g++")
+pytestmark = [pytest.mark.slow, pytest.mark.needs("cmake", "make", "g++")]
 
 COMPILERS = frozenset({"cc1plus", "cc1", "as", "ld"})
 """The programs that do the work of one job, one after the other."""

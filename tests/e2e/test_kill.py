@@ -10,16 +10,13 @@ import signal
 import subprocess
 import sys
 import time
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from tests.evolving import EDITS, LOW, PLAIN, PYTHON, Evolving, differences, look
 from tests.packages import manifest_text
 from tests.underlay_states import below
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 pytestmark = pytest.mark.needs("cmake", "ninja", "g++")
 

@@ -10,23 +10,19 @@ import socket
 import subprocess
 import sys
 import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
+from tests.conftest import Forge, Ran, Tree
 from tests.packages import manifest_text
 from tests.snippets import ROOT, surroundings
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-    from pathlib import Path
-
-    from tests.conftest import Forge, Ran, Tree
-
-pytestmark = pytest.mark.needs("cmake", "ninja", "make", "g++")
+pytestmark = [pytest.mark.slow, pytest.mark.needs("cmake", "ninja", "make", "g++")]
 
 CMAKE = """cmake_minimum_required(VERSION 3.18)
 project({name} CXX)

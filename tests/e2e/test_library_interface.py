@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
+from tests.conftest import Forge, Ran, Tree
 from tests.e2e.test_exact_installs import build, cmake, hold_against_clean
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from tests.conftest import Forge, Ran, Tree
 
 pytestmark = [pytest.mark.needs("cmake", "ninja", "g++")]
 

@@ -12,19 +12,15 @@ import subprocess
 import sys
 import termios
 import time
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from pathlib import Path
 
 import pyte
 import pytest
 
+from tests.conftest import Tree
 from tests.packages import manifest_text
 from tests.snippets import ROOT
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-    from pathlib import Path
-
-    from tests.conftest import Tree
 
 pytestmark = pytest.mark.needs("cmake")
 

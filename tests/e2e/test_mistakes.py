@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import subprocess
-from typing import TYPE_CHECKING
 
 import pytest
 
+from tests.conftest import Forge, Tree
 from tests.packages import manifest_text
 from tests.snippets import ROOT
-
-if TYPE_CHECKING:
-    from tests.conftest import Forge, Tree
 
 pytestmark = pytest.mark.needs("cmake", "g++")
 

@@ -8,15 +8,11 @@ import subprocess
 import sys
 import sysconfig
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.conftest import Ran
+from tests.conftest import Forge, Ran, Tree
 from tests.snippets import ROOT, surroundings
-
-if TYPE_CHECKING:
-    from tests.conftest import Forge, Tree
 
 MANIFEST = """<?xml version="1.0"?>
 <package format="3">

@@ -7,15 +7,12 @@ import os
 import subprocess
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
 from forge.cli.main import COMMANDS
+from tests.conftest import Tree
 from tests.packages import manifest_text
-
-if TYPE_CHECKING:
-    from tests.conftest import Tree
 
 pytestmark = pytest.mark.needs("git")
 

@@ -8,20 +8,18 @@ from __future__ import annotations
 import shutil
 import subprocess
 import venv
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 import setuptools
 
 from forge.build.inputs.depfiles import external_inputs
+from tests.conftest import Forge, Tree, Variables
 from tests.evolving import differences, look
 from tests.packages import manifest_text
 
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from tests.conftest import Forge, Tree, Variables
+pytestmark = pytest.mark.slow
 
 SETUP = """import glob, os, subprocess, sys
 from setuptools import Extension, setup

@@ -4,19 +4,14 @@ from __future__ import annotations
 
 import re
 import shutil
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from forge.workspace.manifest import parse_manifest
-from forge.workspace.model import BUILD_KINDS, RUN_KINDS
+from forge.workspace.model import BUILD_KINDS, RUN_KINDS, Manifest
+from tests.conftest import Forge
 from tests.snippets import ROOT, shell
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from forge.workspace.model import Manifest
-    from tests.conftest import Forge
 
 EXAMPLES = ROOT / "examples_ws"
 SOURCES = EXAMPLES / "ros2/src"

@@ -17,6 +17,8 @@ import pytest
 from tests.bench.workspaces import CMAKELISTS, MANIFEST, write_workspace
 from tests.packages import manifest_text
 
+pytestmark = pytest.mark.slow
+
 LARGE = os.environ.get("FORGE_TEST_SCALE") == "1"
 PACKAGES = 5000 if LARGE else 400
 BUILT = 5000 if LARGE else 80

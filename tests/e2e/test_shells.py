@@ -5,13 +5,14 @@ from __future__ import annotations
 import shutil
 import subprocess
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from forge.base.layout import Layout
 from forge.environment.sourcing import (
     build_environment,
     packages_in_order,
@@ -20,11 +21,6 @@ from forge.environment.sourcing import (
 )
 from tests.installs import Made, dsv_package, make_install
 from tests.strategies import graphs
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from forge.base.layout import Layout
 
 SHELLS = {"sh": ("dash",), "bash": ("bash", "--norc"), "zsh": ("zsh", "-f"), "fish": ("fish", "--no-config")}
 ODD = 'wörk space\'s "$HOME" `id` %n !x #y \\ *;&'

@@ -10,17 +10,13 @@ import shutil
 import socket
 import subprocess
 import sys
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
+from tests.conftest import Tree
 from tests.packages import manifest_text
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
-
-    from tests.conftest import Tree
 
 pytestmark = pytest.mark.needs("cmake")
 

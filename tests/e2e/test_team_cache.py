@@ -7,25 +7,18 @@ import os
 import re
 import shutil
 import time
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
-from tests.evolving import PLAIN, differences, look
-from tests.nginx import serving
+from tests.conftest import Forge, Ran
+from tests.evolving import PLAIN, Entry, differences, look
+from tests.nginx import Nginx, serving
 from tests.packages import manifest_text
-from tests.rude import rude
+from tests.rude import Moves, rude
 from tests.snippets import ROOT, shell
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
-    from pathlib import Path
-
-    from tests.conftest import Forge, Ran
-    from tests.evolving import Entry
-    from tests.nginx import Nginx
-    from tests.rude import Moves
 
 pytestmark = pytest.mark.needs("/usr/sbin/nginx", "cmake", "g++")
 

@@ -6,8 +6,8 @@ import runpy
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
@@ -15,8 +15,7 @@ from forge.cli.main import main
 from forge.interfaces.read.sources import Library
 from tests.snippets import shell
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
+pytestmark = pytest.mark.slow
 
 CODE = Path(__file__).parents[1] / "data/user_code"
 PYTHON = sorted((CODE / "python").glob("*.py"))

@@ -5,18 +5,14 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
 from forge.base.layout import docs_url
+from tests.conftest import Forge, Tree, Variables
 from tests.packages import manifest_text
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
-
-    from tests.conftest import Forge, Tree, Variables
 
 CMAKE = """cmake_minimum_required(VERSION 3.18)
 project({name} NONE)

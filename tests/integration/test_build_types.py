@@ -6,15 +6,12 @@ import subprocess
 import sys
 import zipfile
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
+from tests.conftest import Forge, Tree
 from tests.packages import manifest_text
 from tests.snippets import ROOT, blocks
-
-if TYPE_CHECKING:
-    from tests.conftest import Forge, Tree
 
 PAGE = (ROOT / "docs/how-to/build-types.md").read_text(encoding="utf-8")
 PLUGIN = next(block.text for block in blocks(PAGE) if block.mark.endswith("forge_make.py"))
@@ -129,13 +126,6 @@ def test_another_version_of_a_plugin_builds_its_packages_again(
     with (tmp_path / "plugin/site/forge_make.py").open("a") as stream:
         stream.write("# version 2\n")
     assert "greeter: build, the build type 'make' changed\n" in forge("build", "--dry-run", cwd=greeter).out
-
-
-@pytest.mark.usefixtures("plugin")
-def test_forge_lists_extensions_with_their_distributions(forge: Forge) -> None:
-    lines = forge("extensions").out.splitlines()
-    assert "  make          forge-make 1.0" in lines
-    assert "  cmake         forge-make 1.0 (not used: forge has its own)" in lines
 
 
 @pytest.mark.usefixtures("plugin")

@@ -5,19 +5,15 @@ from __future__ import annotations
 import re
 import subprocess
 import tarfile
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from forge.base.layout import LAYOUT_MARKER
 from forge.environment.bundling import for_building
+from tests.conftest import Forge, Tree
 from tests.e2e.test_shells import PLAIN, each_layout, each_shell, report, sourced
 from tests.installs import Made, make_install
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from tests.conftest import Forge, Tree
 
 SITE = "lib/python3.11/site-packages"
 WALKER = Made(

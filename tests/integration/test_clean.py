@@ -6,16 +6,12 @@ import io
 import re
 import shutil
 import sys
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
+from tests.conftest import Forge, Tree
 from tests.testable import cmake_package
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from tests.conftest import Forge, Tree
 
 pytestmark = pytest.mark.needs("cmake", "ninja")
 

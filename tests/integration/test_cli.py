@@ -6,15 +6,12 @@ import errno
 import subprocess
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
 from forge.base.errors import ForgeError, Location, Problem, raise_if_any, share_hints
 from forge.cli import commands, main
-
-if TYPE_CHECKING:
-    from tests.conftest import Forge
+from tests.conftest import Forge
 
 
 def test_problems_in_a_row_that_have_one_remedy_give_it_once() -> None:

@@ -11,17 +11,14 @@ import subprocess
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
 from forge.cli import main as cli
 from forge.cli.completion_words import main, package_names
+from tests.conftest import Forge, Tree
 from tests.packages import manifest_text
 from tests.snippets import ROOT
-
-if TYPE_CHECKING:
-    from tests.conftest import Forge, Tree
 
 INDEX = "share/ament_index/resource_index"
 PROGRAM = Path(cli.__file__).with_name("completion_words.py")

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from tests.conftest import Forge, Tree
+from tests.conftest import Forge, Tree
 
 MANIFEST = """<package format="3"><name>a</name><version>1.0.0</version><description>d</description>
 <maintainer email="m@example.com">m</maintainer><license>MIT</license>

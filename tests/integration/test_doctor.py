@@ -7,16 +7,13 @@ import os
 import re
 import sys
 import time
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import pytest
 
+from tests.conftest import Forge, Tree
 from tests.packages import manifest_text
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from tests.conftest import Forge, Tree
 
 CMAKE = "cmake_minimum_required(VERSION 3.18)\nproject({name} NONE)\n{lines}\n"
 SETUP = "from setuptools import find_packages, setup\nsetup(name='{name}', packages=['{name}'])\n"

@@ -11,17 +11,14 @@ import subprocess
 import sys
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
+from forge.base.layout import Layout
 from forge.cli.commands.env import as_dotenv
 from forge.environment.sourcing import sourced_environment, workspace_environment
+from tests.conftest import Forge
 from tests.installs import Made, dsv_package, make_install
-
-if TYPE_CHECKING:
-    from forge.base.layout import Layout
-    from tests.conftest import Forge
 
 ODD = "a 'b' \"c\" $d `e` ö"
 SITE = "lib/python3.11/site-packages"

@@ -6,7 +6,6 @@ import os
 import re
 import subprocess
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import given, settings
@@ -14,13 +13,11 @@ from hypothesis import given, settings
 from forge.build.recipes.initial_cache import manifest_variables
 from forge.environment.dsv import Edit, PackageEdits, apply
 from forge.environment.scripts import local_setup, package_setup, setup
+from forge.interfaces.model import Message
 from forge.interfaces.writing import write_depfile
 from forge.workspace.model import Dependency, DependencyKind, Export, Manifest, Person
 from tests.hostile import CANARY, FRAGMENTS
 from tests.unit.test_injection import BIDI, EXAMPLES, NEUTRAL, definition, generated, messages, quick
-
-if TYPE_CHECKING:
-    from forge.interfaces.model import Message
 
 
 def code_of(text: str, language: str) -> str:

@@ -3,28 +3,17 @@
 from __future__ import annotations
 
 import json
-import re
 import signal
 import subprocess
 import sys
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
-from forge.build.events import Aborted, Finished, Fresh, Output, Skipped, Started
-from forge.build.tasks import BuildPlan, Step, StepKind, Task
-from forge.output.charts.sampling import Usage
-from forge.output.console import ConsoleReporter
-from forge.output.handlers import HANDLERS, without_text_output
-from forge.output.json_events import JsonEvents
-from tests.packages import manifest_text, package
+from tests.conftest import Forge, Tree
+from tests.packages import manifest_text
 from tests.snippets import ROOT
 from tests.testable import PYTEST, cmake_package, python_package
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from tests.conftest import Forge, Tree
 
 CMAKE = """cmake_minimum_required(VERSION 3.18)
 project({name} NONE)
@@ -179,23 +168,3 @@ def test_an_interrupted_build_says_so(tree: Tree) -> None:
     assert words(events, "b") == ["Planned", "Skipped"]
     assert events[-1]["code"] == running.returncode == 130
     assert events[-1]["aborted"] == ["a"]
-
-
-def test_the_page_names_every_event_and_every_key(capfd: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    table = {"a": package("a")}
-    step = Step(StepKind.BUILD, ("make",), tmp_path)
-    plan = BuildPlan({"a": Task("a", table["a"], tmp_path, tmp_path, (), (step,), "why")}, ("a",))
-    report = ConsoleReporter(plan, table, without_text_output(HANDLERS), tmp_path)
-    json_events = JsonEvents(plan, table, printed=True, output=True)
-    json_events.announce(steps=True, seconds={"a": 1.0})
-    json_events.report_usage(Usage(2, 1 << 30, ((1.0, 0.5, 1 << 20),)))
-    line = Output("a", b"x: error\n", stderr=False)
-    for event in (Started("a"), line, Finished("a", 1, 0.1, step), Aborted("a", 1), Skipped("a", "b")):
-        report.show(event)
-        json_events.write(event, report)
-    json_events.write(Fresh("a"), report)
-    json_events.conclude(report, 1.0)
-    page = (ROOT / "docs/reference/events.md").read_text(encoding="utf-8")
-    known = set(re.findall(r"`(\w+)`", page))
-    events = events_in(capfd.readouterr().out)
-    assert {str(word) for event in events for word in (event["event"], *event)} <= known

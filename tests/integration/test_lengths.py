@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import subprocess
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
 from forge.base.layout import Layout
 from forge.build.preflight import LIMIT, variable_length_problems
 from forge.build.tasks import BuildPlan, Task
+from tests.conftest import Forge, Tree
 from tests.packages import manifest_text, package
-
-if TYPE_CHECKING:
-    from tests.conftest import Forge, Tree
 
 SIZE = "'AMENT_PREFIX_PATH' would have 128 KiB, more than the limit of Linux, 128 KiB"
 SITE = "lib/python3.11/site-packages"

@@ -9,14 +9,11 @@ import subprocess
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
+from tests.conftest import Forge, Tree
 from tests.packages import manifest_text
-
-if TYPE_CHECKING:
-    from tests.conftest import Forge, Tree
 
 MARK = "share/ament_index/resource_index/packages/walker"
 BROKEN = (

@@ -6,16 +6,13 @@ import os
 import signal
 import subprocess
 import sys
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
 from forge.base.layout import PROCESSES_FILE
 from forge.execution.started import BUILD_FOLDER_VARIABLE, StartedProcesses
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 SLEEP = ["sleep", "60"]
 ENDS_AND_LEAVES = ["sh", "-c", "sleep 60 >/dev/null & echo $!"]

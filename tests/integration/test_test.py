@@ -9,18 +9,14 @@ import shutil
 import subprocess
 import sys
 import time
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
+from tests.conftest import Forge, Ran, Tree
 from tests.packages import manifest_text
 from tests.snippets import ROOT
 from tests.testable import PYTEST, UNITTEST, cmake_package, python_package
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from tests.conftest import Forge, Ran, Tree
 
 pytestmark = pytest.mark.needs("cmake", "ctest", "ninja")
 

@@ -8,15 +8,12 @@ import os
 import shutil
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
 from forge.testing.collecting import collect
+from tests.conftest import Forge, Tree
 from tests.packages import manifest_text
-
-if TYPE_CHECKING:
-    from tests.conftest import Forge, Tree
 
 GOOD = '<testsuite name="a" tests="1" failures="0" errors="0" skipped="0"/>\n'
 BAD = """<testsuite name="b" tests="2" failures="1" errors="0" skipped="0">

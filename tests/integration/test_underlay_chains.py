@@ -7,18 +7,15 @@ import os
 import shutil
 import subprocess
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
 from forge.environment.install_state import recorded_underlays
 from forge.environment.prefixes import find_underlays
+from tests.conftest import Forge, Ran
 from tests.installs import Made, make_install
 from tests.packages import manifest_text
 from tests.peers import Colcon
-
-if TYPE_CHECKING:
-    from tests.conftest import Forge, Ran
 
 pytestmark = pytest.mark.needs("cmake", "bash", "sh")
 

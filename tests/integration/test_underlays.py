@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import shutil
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from forge.base.standard_interfaces import EMBEDDED
 from forge.environment.install_state import recorded_underlays
 from forge.environment.underlays import lost_underlays, overridden
+from tests.conftest import Forge, Tree
 from tests.installs import Made, make_install
 from tests.packages import manifest_text
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from tests.conftest import Forge, Tree
 
 LOST = (
     "warning: the underlay '{}' no longer exists: packages built on it may not run\n"

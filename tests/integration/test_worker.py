@@ -7,8 +7,8 @@ import shutil
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
@@ -16,11 +16,7 @@ import forge
 from forge.cli.worker import INTERFACE_MODULES, worker
 from forge.execution import worker_client
 from forge.execution.fork_server import started_server
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from tests.conftest import Tree
+from tests.conftest import Tree
 
 CLIENT = Path(worker_client.__file__)
 HOME = str(Path(forge.__file__).parents[1])

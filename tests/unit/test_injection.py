@@ -6,9 +6,9 @@ import ast
 import json
 import os
 import re
+from collections.abc import Iterable
 from html.parser import HTMLParser
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import HealthCheck, example, given, settings
@@ -42,9 +42,6 @@ from forge.workspace.model import Person
 from forge.workspace.overrides import Overrides
 from tests.hostile import CANARY, FRAGMENTS, hostile
 from tests.packages import manifest_text
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
 
 EXAMPLES = int(os.environ.get("FORGE_FUZZ_EXAMPLES", "40"))
 quick = settings(

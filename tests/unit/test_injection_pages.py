@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 from xml.etree import ElementTree as ET
 
 import pytest
@@ -21,15 +21,11 @@ from forge.output.charts.pages import trace
 from forge.output.charts.timing_views import STEP_KINDS, page
 from forge.output.charts.timing_views import facts as timing_facts
 from forge.output.charts.timings import read_build
+from tests.conftest import Forge, Tree
 from tests.hostile import FRAGMENTS, hostile
 from tests.packages import manifest_text, package
 from tests.sites import read_page
 from tests.unit.test_injection import everywhere, quick
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from tests.conftest import Forge, Tree
 
 _UNSEEN = re.compile("[\0-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069]")
 """What nobody sees, and what turns the rest of a line; none of it belongs into a page."""

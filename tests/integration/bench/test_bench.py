@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
@@ -14,9 +14,6 @@ from tests.bench.profiles import main as add_profiles
 from tests.bench.scenarios import SCENARIOS
 from tests.bench.target_table import TARGETS
 from tests.bench.targets import ByHand, verdicts
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 QUICK = ("start-up", "list", "completion", "construction", "sourcing", "configure")
 NAMES = tuple(SCENARIOS) if os.environ.get("FORGE_TEST_BENCH") == "1" else QUICK

@@ -6,16 +6,12 @@ import os
 import signal
 import threading
 import time
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 import pytest
 
+from tests.conftest import Forge, Tree
 from tests.packages import manifest_text
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from tests.conftest import Forge, Tree
 
 CMAKE = "cmake_minimum_required(VERSION 3.18)\nproject(a NONE)\ninstall(FILES said.txt DESTINATION share/a)\n"
 PACKAGE = {

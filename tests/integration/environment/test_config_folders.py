@@ -79,8 +79,3 @@ def test_what_is_where_ament_installs_it_has_a_variable() -> None:
         "a_DIR": "/w/install/a/share/a/cmake",
         "b_DIR": "/w/install/b/lib/cmake/b",
     }
-
-
-def test_the_order_of_prefixes_decides_between_two() -> None:
-    files = (f"/w/install/{package}/share/a/cmake/aConfig.cmake" for package in "ab")
-    assert config_variables(config_folders([file]) for file in files) == {}

@@ -3,16 +3,13 @@ from __future__ import annotations
 import itertools
 import re
 import subprocess
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from forge.base.errors import HostError
 from forge.environment.sourcing import build_environment
 from tests.installs import dsv_package, make_install
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 @pytest.mark.needs("dash")

@@ -7,19 +7,15 @@ import subprocess
 import sys
 import threading
 import time
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from forge.base.layout import LOCK_FILE, PROCESSES_FILE
 from forge.execution.lock import lock_build_dir
 from forge.execution.started import StartedProcesses
+from tests.conftest import Forge, Tree
 from tests.testable import cmake_package
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from tests.conftest import Forge, Tree
 
 HOLD = """
 import sys, time
@@ -84,6 +80,7 @@ def test_what_one_that_ended_by_itself_left_running_may_stay(tmp_path: Path) -> 
         daemon.kill()
 
 
+@pytest.mark.slow
 @pytest.mark.needs("cmake")
 def test_the_time_waited_is_not_part_of_the_summary(tree: Tree, forge: Forge) -> None:
     root = tree(cmake_package("a", "add_test(NAME t COMMAND sh -c true)"))

@@ -7,8 +7,9 @@ import signal
 import sys
 import threading
 import time
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
@@ -29,10 +30,6 @@ from forge.execution.loop import execute
 from forge.execution.runner import ProcessRunner, TaskLifecycle
 from forge.execution.scheduler import Scheduler
 from tests.packages import package
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-    from pathlib import Path
 
 
 def task(tmp_path: Path, name: str, *programs: str, needs: Sequence[str] = ()) -> Task:

@@ -4,17 +4,13 @@ from __future__ import annotations
 
 import json
 import shutil
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
+from tests.conftest import Forge, Ran, Tree
 from tests.packages import manifest_text
 from tests.testable import PYTEST, cmake_package, python_package
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from tests.conftest import Forge, Ran, Tree
 
 pytestmark = pytest.mark.needs("cmake", "ctest", "ninja")
 

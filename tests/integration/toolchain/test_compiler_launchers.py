@@ -7,16 +7,12 @@ import shutil
 import socket
 import subprocess
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
 from forge.base.layout import COMPILATIONS_FILE
 from forge.toolchain.compiler_launchers.launcher_stats import HostPool, LauncherSummary, open_launcher_stats
-
-if TYPE_CHECKING:
-    from tests.conftest import Forge, Tree
-
+from tests.conftest import Forge, Tree
 from tests.unit.toolchain.test_compiler_launchers import PACKAGE
 
 

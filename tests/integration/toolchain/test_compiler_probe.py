@@ -7,15 +7,12 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
 from forge.toolchain.cmake_warnings import unused_variables
 from forge.toolchain.compiler_probe import Toolchain
-
-if TYPE_CHECKING:
-    from tests.conftest import Tree
+from tests.conftest import Tree
 
 LISTS = """cmake_minimum_required(VERSION 3.18)
 project(x VERSION 1.2 LANGUAGES CXX)

@@ -1,15 +1,12 @@
 from __future__ import annotations
 
 import sys
-from typing import TYPE_CHECKING
 
 import pytest
 
 from forge.base.errors import HostError
 from forge.toolchain.interpreter import Interpreter, find_interpreter, own_path
-
-if TYPE_CHECKING:
-    from tests.conftest import Tree
+from tests.conftest import Tree
 
 OWN = Interpreter(own_path(), (sys.version_info.major, sys.version_info.minor))
 

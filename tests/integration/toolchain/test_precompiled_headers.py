@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     Compile = Callable[..., subprocess.Popen[str]]
 
-pytestmark = pytest.mark.needs("g++")
+pytestmark = [pytest.mark.slow, pytest.mark.needs("g++")]
 
 TOOLS = (("c++", "1"),)
 SOURCE = "#include <vector>\nstd::vector<int> f() { return {1}; }\n"

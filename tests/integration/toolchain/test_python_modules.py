@@ -3,15 +3,12 @@ from __future__ import annotations
 import os
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
 from forge.base.errors import HostError
 from forge.toolchain.python_modules import install_command, require_modules
-
-if TYPE_CHECKING:
-    from tests.conftest import Tree
+from tests.conftest import Tree
 
 BIN = Path(sys.executable).parent
 SUDO = "" if os.geteuid() == 0 else "sudo "

@@ -5,15 +5,12 @@ from __future__ import annotations
 import shutil
 import subprocess
 import sys
-from typing import TYPE_CHECKING
 
 import pytest
 
 from forge.workspace.creation import NewPackage, render_package
 from forge.workspace.model import Person
-
-if TYPE_CHECKING:
-    from tests.conftest import Tree
+from tests.conftest import Tree
 
 ADA = Person("Ada", "ada@example.org")
 

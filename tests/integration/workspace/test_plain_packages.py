@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
-if TYPE_CHECKING:
-    from tests.conftest import Forge, Tree
+from tests.conftest import Forge, Tree
 
 ENV = {"PYTHONPATH": str(Path(__file__).parents[3])}
 CMAKE = "cmake_minimum_required(VERSION 3.10)\nproject({} NONE)\n"

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import pytest
 
+from tests.conftest import Forge, Tree
 from tests.packages import manifest_text
-
-if TYPE_CHECKING:
-    from tests.conftest import Forge, Tree
 
 LIBRARY = {"src/z/pyproject.toml": '[project]\nname = "np.lib"\nversion = "1"\n'}
 SETUP = "from setuptools import setup\nsetup(name='aa-user', {})\n"

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import pytest
 
 from forge.base.errors import GroupedProblems, Problem, WarningReporter, joined
-
-if TYPE_CHECKING:
-    import pytest
 
 
 def outdated(name: str) -> Problem:

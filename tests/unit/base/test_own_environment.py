@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import shlex
 import sys
-from typing import TYPE_CHECKING
 
 import pytest
 
 from forge.base.own_environment import extra_command, install_beside_forge
-
-if TYPE_CHECKING:
-    from tests.conftest import Tree
+from tests.conftest import Tree
 
 RECEIPT = """[tool]
 requirements = [

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from pathlib import Path
 
 import jinja2
 import networkx as nx
@@ -12,10 +13,6 @@ from forge.base import templating
 from forge.base.env_vars import compiled_templates
 from forge.output.charts.drawing import drawn
 from forge.output.charts.graph_formats import PackageGraph
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 TEMPLATE = "cpp/interface.hpp.j2"
 NAMES = {"source": "tour/msg/A", "guard": "TOUR__A_HPP_", "headers": ["a.hpp"]}
@@ -46,20 +43,6 @@ def test_in_pages_and_only_there_names_are_escaped(page: str) -> None:
 
 
 @pytest.mark.usefixtures("afresh")
-def test_compiled_templates_are_kept_and_used(tmp_path: Path) -> None:
-    templating.keep_compiled(tmp_path / "deep/kept")
-    text = templating.render(TEMPLATE, **NAMES)
-    (kept,) = (tmp_path / "deep/kept").iterdir()
-    templating.environment.cache_clear()
-    before = kept.stat().st_mtime_ns
-    assert templating.render(TEMPLATE, **NAMES) == text
-    assert kept.stat().st_mtime_ns == before
-    kept.write_bytes(b"broken")
-    templating.environment.cache_clear()
-    assert templating.render(TEMPLATE, **NAMES) == text
-
-
-@pytest.mark.usefixtures("afresh")
 def test_a_folder_that_is_gone_or_cannot_be_is_no_harm(tmp_path: Path) -> None:
     templating.keep_compiled(tmp_path / "gone")
     templating.environment()
@@ -70,15 +53,6 @@ def test_a_folder_that_is_gone_or_cannot_be_is_no_harm(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     templating.keep_compiled(tmp_path / "file/below")
     assert "a.hpp" in templating.render(TEMPLATE, **NAMES)
-
-
-@pytest.mark.usefixtures("afresh")
-def test_the_first_folder_that_can_be_is_taken(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")
-    templating.keep_compiled(tmp_path / "file/below", tmp_path / "second", tmp_path / "third")
-    templating.render(TEMPLATE, **NAMES)
-    assert any((tmp_path / "second").iterdir())
-    assert not (tmp_path / "third").exists()
 
 
 def test_compiled_templates_are_the_users_own_whatever_a_team_shares(tmp_path: Path) -> None:

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from forge.base.layout import Layout
 from forge.build.certain_failures import CMakeSearch
+from forge.workspace.model import Package
 from forge.workspace.resolve import resolve_dependencies
+from tests.conftest import Tree
 from tests.packages import package
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from forge.workspace.model import Package
-    from tests.conftest import Tree
 
 CERTAIN = "cmake_minimum_required(VERSION 3.16)\nproject(a)\nfind_package(rclcpp REQUIRED)\n"
 

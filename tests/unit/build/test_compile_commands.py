@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import json
 import os
-from typing import TYPE_CHECKING
 
 from forge.build.compile_commands import merge_compile_commands
-
-if TYPE_CHECKING:
-    from tests.conftest import Tree
+from tests.conftest import Tree
 
 
 def test_lists_become_one_list_and_odd_files_are_left_out(tree: Tree) -> None:

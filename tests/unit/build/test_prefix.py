@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 import stat
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from forge.base.files import remove_tree
-from forge.base.layout import BACKUP_DIR
+from forge.base.layout import BACKUP_DIR, Layout
 from forge.build.prefix import PrefixExchange, leftover_backups, tidy, written_log
 from tests.installs import Made, make_install
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from forge.base.layout import Layout
 
 BIG = "x" * 100_000
 

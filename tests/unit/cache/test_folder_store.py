@@ -6,7 +6,8 @@ import grp
 import hashlib
 import os
 import stat
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
@@ -14,10 +15,6 @@ from forge.base.errors import HostError
 from forge.cache.folder_store import FolderStore
 from forge.cache.maintenance import Counts, add_counts
 from forge.cache.model import ActionResult, Digest
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 KEY = "ab" * 32
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import json
 import os
 import stat
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
@@ -16,9 +17,6 @@ from forge.build.model import BuildInputs, BuildRecord
 from forge.cache.relocation import Relocator
 from forge.cache.restoring import Contents, TreeWriter
 from forge.cache.trees import LARGE, Tree, Uncacheable, decode_index, encode_index, scan_tree
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 HASH = "0" * 64
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import argparse
 import re
 import shlex
-from typing import TYPE_CHECKING
+from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
 import pytest
@@ -13,10 +14,6 @@ from forge.base.layout import docs_url
 from forge.cli.examples import EXAMPLES, examples
 from forge.cli.main import parser_of
 from tests.reference import all_parsers
-
-if TYPE_CHECKING:
-    import argparse
-    from pathlib import Path
 
 PARSERS = dict(all_parsers())
 NEED = "a command needs two examples and a page in forge/cli/examples.py"

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from forge.output.handlers import HANDLERS
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from tests.conftest import Forge
+from tests.conftest import Forge
 
 TOPIC = (
     "error: unknown command 'topic'\nhint: 'ros2 topic' is part of a ROS installation: source that first\n"

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
 from importlib import import_module
-from typing import TYPE_CHECKING
+from pathlib import Path
+from types import ModuleType
 
 import pytest
 
 from forge.base.standard_interfaces import EMBEDDED
+from tests.conftest import Tree
 from tests.generated import RUNTIME
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-    from types import ModuleType
-
-    from tests.conftest import Tree
 
 INDEX = "share/ament_index/resource_index"
 LISTED = (

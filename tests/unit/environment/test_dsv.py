@@ -1,19 +1,14 @@
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterable
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from forge.base.errors import WorkspaceError
-from forge.environment.dsv import DsvChange, Edit, Script, apply, order, parse_dsv, read_hooks, resolve_hooks
+from forge.environment.dsv import DsvChange, Edit, Script, apply, order, parse_dsv, resolve_hooks
 from tests.strategies import graphs
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from forge.environment.dsv import Read
 
 
 def prepend(value: str, variable: str = "X") -> Edit:
@@ -21,33 +16,9 @@ def prepend(value: str, variable: str = "X") -> Edit:
     return Edit("prepend", variable, value, below=True)
 
 
-def reader(files: dict[str, str]) -> Read:
-    """Return what reads these files and no others."""
-
-    def read(path: str) -> str | None:
-        return files.get(path)
-
-    return read
-
-
 def after(held: dict[str, str], edits: Iterable[Edit], *, first: bool = False) -> dict[str, str]:
     """Return the variables after the edits of a package in /p."""
     return apply(held, [("/p", edit) for edit in edits], first=first)
-
-
-def test_a_dsv_file_has_changes_and_sources() -> None:
-    """Blank lines and comments are skipped; several values are several changes."""
-    text = (
-        "# hooks\n\nprepend-non-duplicate;PATH;bin;sbin\nset;A;b;c\nsource;share/p/x.dsv\nset-if-unset;B;\n"
-    )
-    changes, sources = parse_dsv(text, "x.dsv")
-    assert changes == (
-        DsvChange("prepend-non-duplicate", "PATH", "bin"),
-        DsvChange("prepend-non-duplicate", "PATH", "sbin"),
-        DsvChange("set", "A", "b;c"),
-        DsvChange("set-if-unset", "B", ""),
-    )
-    assert sources == ("share/p/x.dsv",)
 
 
 @pytest.mark.parametrize(
@@ -62,44 +33,6 @@ def test_invalid_lines_are_reported_with_their_line(line: str) -> None:
         f"    {line}\n"
         "hint: the format is 'OPERATION;VARIABLE;VALUE' or 'source;PATH'"
     )
-
-
-def test_sourced_files_are_read_in_their_place() -> None:
-    """A file's own changes come first, then what it sources, grouped by name without extension."""
-    files = {
-        "share/p/package.dsv": "source;a.sh\nsource;b.dsv\nset;FIRST;1\nsource;a.bash\nsource;c.sh\n",
-        "b.dsv": "set;SECOND;2\nsource;share/p/package.dsv\n",
-        "c.dsv": "set;THIRD;3\n",
-    }
-    assert read_hooks("p", reader(files)) == (
-        DsvChange("set", "FIRST", "1"),
-        Script(("a.sh", "a.bash")),
-        DsvChange("set", "SECOND", "2"),
-        DsvChange("set", "THIRD", "3"),  # the dsv file beside c.sh speaks for it, though nobody lists it
-    )
-
-
-def test_a_package_without_dsv_does_nothing() -> None:
-    """A dsv file that is not there is no hook either."""
-    assert read_hooks("p", lambda _: None) == ()
-    files = {"share/p/package.dsv": "source;gone.dsv\n"}
-    assert read_hooks("p", reader(files)) == ()
-
-
-@pytest.mark.parametrize(
-    ("paths", "shell", "expected"),
-    [
-        (("a.sh",), "bash", "a.sh"),
-        (("a.sh", "a.bash"), "bash", "a.bash"),
-        (("a.sh", "a.bash"), "zsh", "a.sh"),
-        (("a.bash", "a.ps1"), "sh", None),
-    ],
-)
-def test_a_script_is_sourced_in_the_shell_s_own_language(
-    paths: tuple[str, ...], shell: str, expected: str | None
-) -> None:
-    """Plain sh is everybody's second choice."""
-    assert Script(paths).path(shell) == expected
 
 
 def test_settling_asks_which_files_exist() -> None:
@@ -175,13 +108,6 @@ _HELD = st.dictionaries(st.sampled_from("XY"), st.sampled_from(["", "/p/a", "b:/
 
 
 @given(_EDITS, _HELD)
-def test_doing_it_again_changes_nothing(edits: list[Edit], held: dict[str, str]) -> None:
-    """A workspace that is sourced twice is sourced once."""
-    once = after(held, edits)
-    assert after(once, edits) == once
-
-
-@given(_EDITS, _HELD)
 def test_what_was_held_keeps_its_order(edits: list[Edit], held: dict[str, str]) -> None:
     """Sourcing adds entries around those of the user and never takes one away."""
     result = after(held, edits)
@@ -190,14 +116,6 @@ def test_what_was_held_keeps_its_order(edits: list[Edit], held: dict[str, str]) 
             [entry for entry in result[name].split(":") if entry in text.split(":")] if name in result else []
         )
         assert not text or mine == text.split(":")
-
-
-@given(graphs())
-def test_needs_are_sourced_first(needs: dict[str, frozenset[str]]) -> None:
-    """Every package comes once, after those that it needs."""
-    ordered = order(needs)
-    assert sorted(ordered) == sorted(needs)
-    assert all(ordered.index(need) < ordered.index(name) for name in needs for need in needs[name])
 
 
 @given(graphs(acyclic=False))

@@ -1,22 +1,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
 from forge.environment.prefixes import (
-    InstalledPackage,
     Underlays,
     find_underlays,
-    installed_packages,
     provider,
-    system_prefixes,
 )
+from tests.conftest import Tree
 from tests.installs import Made, make_install
-
-if TYPE_CHECKING:
-    from tests.conftest import Tree
 
 OWN = Path("/nowhere/install")
 
@@ -24,12 +18,6 @@ OWN = Path("/nowhere/install")
 def paths(*folders: Path) -> str:
     """Return folders as a path variable."""
     return ":".join(map(str, folders))
-
-
-def test_nothing_sourced_is_no_underlay() -> None:
-    """An empty environment, and one that names what is not there."""
-    assert find_underlays({}, OWN) == Underlays()
-    assert find_underlays({"COLCON_PREFIX_PATH": "/not/there:", "AMENT_PREFIX_PATH": ""}, OWN) == Underlays()
 
 
 def test_the_chain_is_lowest_first_and_prefixes_win_in_their_order(tmp_path: Path) -> None:
@@ -44,13 +32,6 @@ def test_the_chain_is_lowest_first_and_prefixes_win_in_their_order(tmp_path: Pat
     found = find_underlays(variables, OWN)
     assert found.chain == (low, high)
     assert found.prefixes == (high / "tool", low, high / "library")
-
-
-def test_packages_that_set_no_variable_are_found_by_their_root(tmp_path: Path) -> None:
-    """A package without CMake config is on neither path, but in the sourced tree."""
-    root = make_install(tmp_path, [Made("data")]).install
-    found = find_underlays({"COLCON_PREFIX_PATH": str(root)}, OWN)
-    assert found.prefixes == (root / "data",)
 
 
 def test_our_own_install_is_no_underlay(tmp_path: Path) -> None:
@@ -98,42 +79,3 @@ def test_one_file_shows_that_a_prefix_provides_a_package(evidence: str, tree: Tr
     assert provider("Missing", sourced, ()) is None
     in_system = provider("Lib", Underlays(), (root / "high",))
     assert in_system == (None if "ament_index" in evidence else root / "high")
-
-
-def test_the_system_is_looked_at_beside_the_path_too(tree: Tree) -> None:
-    """As CMake does; a folder of programs that is no bin says nothing."""
-    root = tree({"env/bin/x": "", "tools/x": ""})
-    assert system_prefixes({"PATH": paths(root / "env/bin", root / "tools", root / "env/bin")}) == (
-        root / "env",
-        Path("/usr/local"),
-        Path("/usr"),
-    )
-
-
-@pytest.mark.parametrize("merged", [False, True])
-def test_installed_packages_come_from_the_index(merged: bool, tmp_path: Path) -> None:
-    """With their prefixes and dependencies, without hidden files and stray folders."""
-    layout = make_install(tmp_path, [Made("a", ("b", "c")), Made("b")], merged=merged)
-    (layout.prefix("a") / "share/colcon-core/packages/.hidden").touch()
-    (layout.install / "stray").mkdir()
-    assert installed_packages(layout.install) == (
-        InstalledPackage("a", layout.prefix("a"), frozenset({"b", "c"})),
-        InstalledPackage("b", layout.prefix("b"), frozenset()),
-    )
-
-
-def test_a_distribution_s_prefix_has_ament_s_index(tree: Tree) -> None:
-    """There the needs are joined by semicolons, and not every package has a list."""
-    index = "share/ament_index/resource_index"
-    root = tree(
-        {f"{index}/packages/a": "", f"{index}/packages/b": "", f"{index}/package_run_dependencies/a": "b;c\n"}
-    )
-    assert installed_packages(root) == (
-        InstalledPackage("a", root, frozenset({"b", "c"})),
-        InstalledPackage("b", root, frozenset()),
-    )
-
-
-def test_a_folder_without_index_has_no_packages(tmp_path: Path) -> None:
-    """Nothing is guessed."""
-    assert installed_packages(tmp_path) == ()

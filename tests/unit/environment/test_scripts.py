@@ -1,16 +1,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
 from forge.environment.dsv import Edit, PackageEdits, Script
 from forge.environment.scripts import local_setup, package_setup, render_dsv, setup
 from forge.environment.shells import SHELLS
-
-if TYPE_CHECKING:
-    from tests.conftest import Golden
+from tests.conftest import Golden
 
 ROOT = Path("/ws/install")
 
@@ -35,46 +32,26 @@ EVERYTHING = (
 )
 
 
-def installed(*packages: tuple[str, tuple[Edit | Script, ...]], merged: bool = False) -> list[PackageEdits]:
-    """Return packages in prefixes of their own, or in one."""
-    return [PackageEdits(name, "" if merged else name, edits) for name, edits in packages]
+def test_local_setup_reads_as_written_by_hand(golden: Golden) -> None:
+    """One statement for each variable, until an operation or a script comes between.
 
-
-@pytest.mark.parametrize(
-    ("case", "packages"),
-    [
-        ("empty", []),
-        ("isolated", installed(("library", LIBRARY), ("programs", PROGRAMS))),
-        ("merged", installed(("library", LIBRARY), ("programs", PROGRAMS), merged=True)),
-        ("everything", installed(("library", LIBRARY), ("odd", EVERYTHING), ("programs", PROGRAMS))),
-    ],
-)
-def test_local_setup_reads_as_written_by_hand(
-    case: str, packages: list[PackageEdits], golden: Golden
-) -> None:
-    """One statement for each variable, until an operation or a script comes between."""
-    texts = {f"local_setup.{shell}": local_setup(shell, ROOT, packages) for shell in SHELLS}
-    golden(f"scripts/{case}", texts)
+    tests/e2e/test_shells.py runs the scripts of all shells and layouts.
+    """
+    edits = {"library": LIBRARY, "odd": EVERYTHING, "programs": PROGRAMS}
+    packages = [PackageEdits(name, name, each) for name, each in edits.items()]
+    golden("scripts/everything", {"local_setup.sh": local_setup("sh", ROOT, packages)})
 
 
 def test_setup_sources_the_chain(golden: Golden) -> None:
     """Underlays by their scripts, then this workspace."""
-    foreign = Path("/opt/ros/humble/local_setup.sh")
-    golden(
-        "scripts/chain",
-        {
-            f"setup.{shell}": setup(shell, ROOT, [foreign, Path(f"/home/a b/install/local_setup.{shell}")])
-            for shell in SHELLS
-        },
-    )
+    chain = [Path("/opt/ros/humble/local_setup.sh"), Path("/home/a b/install/local_setup.sh")]
+    golden("scripts/chain", {"setup.sh": setup("sh", ROOT, chain)})
 
 
-@pytest.mark.parametrize(("name", "edits"), [("library", LIBRARY), ("odd", EVERYTHING)])
-def test_package_scripts(name: str, edits: tuple[Edit | Script, ...], golden: Golden) -> None:
-    """A package alone, in front of everything; a hook for PowerShell is a file that nobody sources."""
-    package = PackageEdits(name, "", edits)
-    texts = {f"package.{shell}": package_setup(shell, ROOT / name, package) for shell in SHELLS}
-    golden(f"scripts/package-{name}", texts)
+def test_a_package_alone_comes_in_front_of_everything(golden: Golden) -> None:
+    """A hook for PowerShell is a file that nobody sources."""
+    package = PackageEdits("odd", "", EVERYTHING)
+    golden("scripts/package-odd", {"package.sh": package_setup("sh", ROOT / "odd", package)})
 
 
 def test_a_dsv_file_is_its_lines() -> None:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import os
 import threading
 import time
+from collections.abc import Callable
 from contextlib import closing
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
@@ -22,10 +23,6 @@ from forge.execution.jobserver import (
     without_jobserver_notices,
 )
 from forge.execution.makeflags import MakeFlags, read_make_flags
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
 
 BOTH, ONLY_FIFO, ONLY_PIPE, NONE = (
     frozenset({FIFO, PIPE}),

@@ -1,8 +1,6 @@
 """MAKEFLAGS as users, make and cargo write it."""
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from forge.execution.makeflags import MakeFlags, read_make_flags
 
@@ -32,27 +30,3 @@ from forge.execution.makeflags import MakeFlags, read_make_flags
 )  # fmt: skip
 def test_job_options_are_separated_from_other_flags(text: str, flags: MakeFlags) -> None:
     assert read_make_flags(text) == flags
-
-
-@pytest.mark.parametrize(
-    ("text", "line"),
-    [
-        ("", "-j2 --jobserver-auth=3,4"),
-        ("ks -j9 -- V=1", "ks -j2 --jobserver-auth=3,4 -- V=1"),
-        ("-k", "-j2 --jobserver-auth=3,4 -k"),
-        ("V=1", "-j2 --jobserver-auth=3,4 V=1"),
-    ],
-)
-def test_ours_come_after_makes_first_letters_and_before_variables(text: str, line: str) -> None:
-    assert read_make_flags(text).line(2, "3,4") == line
-
-
-words = st.sampled_from(["-k", "--silent", "-j3", "-l2", "--jobserver-auth=3,4", "-w"])
-
-
-@given(st.sampled_from(["", "ks", "w"]), st.lists(words), st.lists(st.sampled_from(["V=1", "-x=2"])))
-def test_a_line_says_again_what_was_read(letters: str, options: list[str], variables: list[str]) -> None:
-    flags = read_make_flags(" ".join([letters, *options, *(["--", *variables] if variables else [])]))
-    again = read_make_flags(flags.line(flags.jobs, flags.auth))
-    assert (again.jobs, again.auth, again.rest) == (flags.jobs, flags.auth, flags.rest)
-    assert read_make_flags(flags.line()).jobs is None

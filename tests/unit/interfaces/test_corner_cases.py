@@ -10,7 +10,7 @@ import json
 import re
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
@@ -21,6 +21,7 @@ from forge.interfaces import load
 from forge.interfaces.hashing import hashes
 from forge.interfaces.model import (
     Array,
+    Interface,
     Message,
     Named,
     Primitive,
@@ -33,10 +34,7 @@ from forge.interfaces.model import (
 from forge.interfaces.read.parsing import parse, parse_all
 from forge.interfaces.read.sources import Library, read_folder
 from forge.interfaces.resolve.resolution import resolve
-
-if TYPE_CHECKING:
-    from forge.interfaces.model import Interface
-    from tests.conftest import Forge, Tree
+from tests.conftest import Forge, Tree
 
 BASIC = {
     "bool": ("true", "[false, true, false]"),

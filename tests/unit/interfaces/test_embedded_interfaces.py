@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
@@ -14,19 +14,23 @@ import forge
 from forge.base.distributions import DISTRIBUTIONS, up_to
 from forge.base.standard_interfaces import has_definitions
 from forge.interfaces.hashing import hashes
-from forge.interfaces.model import Action, Constant, Message, Named, Primitive, Service, element_of
-from forge.interfaces.read.parsing import SECTIONS, parse_all, type_name
+from forge.interfaces.model import (
+    Action,
+    Constant,
+    Field,
+    Interface,
+    Message,
+    Named,
+    Primitive,
+    Service,
+    Value,
+    element_of,
+)
+from forge.interfaces.read.parsing import SECTIONS, Parsed, parse_all, type_name
 from forge.interfaces.read.sources import Library, read_folder
 from forge.interfaces.resolve.resolution import resolve
 from forge.workspace.manifest import parse_manifest
-from forge.workspace.model import DependencyKind
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from forge.interfaces.model import Field, Interface, Value
-    from forge.interfaces.read.parsing import Parsed
-    from forge.workspace.model import Manifest
+from forge.workspace.model import DependencyKind, Manifest
 
 EMBEDDED = Path(forge.__file__).parent / "embedded"
 HASHES = Path(__file__).parents[2] / "data/embedded_hashes.json"
@@ -60,33 +64,6 @@ NAMES = [
 ]
 GROUP = "rosidl_interface_packages"
 
-LISTS = """\
-cmake_minimum_required(VERSION 3.18)
-project({name} NONE)
-
-find_package(ament_cmake REQUIRED)
-find_package(rosidl_default_generators REQUIRED)
-{finds}
-rosidl_generate_interfaces(${{PROJECT_NAME}}
-{files}{needs})
-
-ament_export_dependencies(rosidl_default_runtime)
-ament_package()
-"""
-
-LISTS_OF_DISTRIBUTIONS = """\
-cmake_minimum_required(VERSION 3.18)
-project({name} NONE)
-
-find_package(ament_cmake REQUIRED)
-find_package(rosidl_default_generators REQUIRED)
-{finds}
-rosidl_interfaces_of_distribution(interfaces)
-rosidl_generate_interfaces(${{PROJECT_NAME}} ${{interfaces}}{needs})
-
-ament_export_dependencies(rosidl_default_runtime)
-ament_package()
-"""
 
 in_each_package = pytest.mark.parametrize("name", NAMES)
 
@@ -163,35 +140,6 @@ def test_the_manifest_names_the_packages_whose_types_are_used(name: str) -> None
     assert manifest.names(frozenset({DependencyKind.EXEC})) == (*needs, "rosidl_default_runtime")
 
 
-def _dependencies_argument(needs: list[str], *, differs: bool) -> str:
-    if not needs:
-        return ""
-    words = f"DEPENDENCIES {' '.join(needs)}"
-    return f" {words}" if differs else f"  {words}\n"
-
-
-@in_each_package
-def test_the_build_file_lists_every_file_and_has_the_shape_of_all(name: str) -> None:
-    needs = sorted(_needs(name))
-    differs = (EMBEDDED / name / "since").is_dir()
-    expected = (LISTS_OF_DISTRIBUTIONS if differs else LISTS).format(
-        name=name,
-        finds="".join(f"find_package({need} REQUIRED)\n" for need in needs),
-        files="".join(f'  "{parsed.source.relative}"\n' for parsed in _parsed(name)),
-        needs=_dependencies_argument(needs, differs=differs),
-    )
-    assert (EMBEDDED / name / "CMakeLists.txt").read_text(encoding="utf-8") == expected
-
-
-@in_each_package
-def test_nothing_lies_in_a_package_but_what_it_needs(name: str) -> None:
-    root = EMBEDDED / name
-    files = {path.relative_to(root).as_posix() for path in root.rglob("*") if path.is_file()}
-    removed = {f"since/{rosdistro}/removed" for rosdistro in DISTRIBUTIONS} & files
-    definitions = {path.relative_to(root).as_posix() for path in _everywhere(name)}
-    assert files == {"package.xml", "CMakeLists.txt", *removed, *definitions}
-
-
 def _table(path: Path, rosdistro: str) -> dict[str, object]:
     """Return the table of Humble with the changes up to a distribution; null stands for a removed type."""
     changes = json.loads(path.with_stem(f"{path.stem}_since").read_text(encoding="utf-8"))
@@ -241,45 +189,6 @@ def test_log_levels_are_bytes_in_humble_and_numbers_later() -> None:
     }
     numbers = {rosdistro: {Primitive("uint8")} for rosdistro in DISTRIBUTIONS[1:]}
     assert types == {"humble": {Primitive("octet")}, **numbers}
-
-
-@in_each_package
-def test_every_file_begins_with_what_it_is_for(name: str) -> None:
-    for parsed in _everywhere(name).values():
-        assert re.match(r"# [A-Z].*\.\n", parsed.source.text), parsed.source.relative
-        assert re.match(r"(#.*\n)+(\n|$)", parsed.source.text), "a blank line sets the heading apart"
-
-
-@in_each_package
-def test_a_comment_is_short(name: str) -> None:
-    for message in _messages(name):
-        assert len(message.doc) <= 6, message.name
-        members: list[Field | Constant] = [*message.fields, *message.constants]
-        for member in members:
-            assert len(member.doc) <= 4, f"{message.name}.{member.name}"
-    for parsed in _everywhere(name).values():
-        assert max(map(len, parsed.source.text.splitlines())) <= 100
-        comments = " ".join(line.partition("#")[2] for line in parsed.source.text.splitlines())
-        assert all(len(sentence.split()) <= 40 for sentence in re.split(r"[.;:]\s|\s{2,}", comments))
-
-
-@in_each_package
-def test_brackets_in_the_comment_of_a_field_hold_its_unit(name: str) -> None:
-    for message in _messages(name):
-        for field in message.fields:
-            assert "[" not in "".join(field.doc), f"{message.name}.{field.name}"
-            assert field.unit is None or re.fullmatch(r"[A-Za-z0-9/^() ]{1,12}", field.unit)
-        for constant in message.constants:
-            assert "[" not in "".join(constant.doc), f"{message.name}.{constant.name}"
-
-
-@in_each_package
-def test_declarations_are_written_alike(name: str) -> None:
-    """One blank between type and name, blanks around '=', two or more before a trailing comment."""
-    shape = re.compile(r"|#( \S.*)?|---|[\w/]+(<=\d+)?(\[(<=)?\d*\])? \w+( = \S+| \S+)?( {2,}# \S.*)?")
-    for parsed in _everywhere(name).values():
-        odd = [line for line in parsed.source.text.splitlines() if not shape.fullmatch(line)]
-        assert odd == [], parsed.source.relative
 
 
 def test_the_reference_has_a_row_for_each_package() -> None:

@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
-from tests.conftest import GOLDEN
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from tests.conftest import Forge, Golden
+from tests.conftest import GOLDEN, Forge, Golden
 
 CASES = sorted(path.name for path in (GOLDEN / "interfaces/errors").iterdir())
 

@@ -6,16 +6,14 @@ import copy
 import pickle
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
 import forge
 from forge.base.errors import InterfaceError, SelectionError
 from forge.interfaces import Types, load
-
-if TYPE_CHECKING:
-    from tests.conftest import Tree
+from tests.conftest import Tree
 
 LINE = "=" * 80
 

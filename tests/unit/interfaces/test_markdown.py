@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
@@ -15,9 +15,6 @@ from forge.interfaces.read.sources import Library, read_folder
 from forge.interfaces.rendering import TARGETS, render
 from forge.interfaces.resolve.resolution import resolve
 from tests.conftest import GOLDEN, Forge, Golden, Tree
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 NAME = TypeName("demo", "msg", "Thing")
 EMPTY = Catalog("demo", {}, {}, {})

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import pytest
 
 from forge.base.errors import InterfaceError
@@ -14,9 +12,7 @@ from forge.interfaces.read.sources import Library
 from forge.interfaces.resolve.dependencies import require
 from forge.interfaces.resolve.resolution import resolve
 from forge.interfaces.schema import parse_name, read_schema, schema_text
-
-if TYPE_CHECKING:
-    from tests.conftest import Forge, Tree
+from tests.conftest import Forge, Tree
 
 LINE = "=" * 80
 LIBRARY = Library()

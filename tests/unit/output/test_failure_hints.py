@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import given
@@ -16,10 +15,8 @@ from forge.output.failure_hints import FailureContext, failure_context, hint_of
 from forge.workspace.manifest import parse_manifest
 from forge.workspace.model import Package
 from forge.workspace.whereabouts import Whereabouts
+from tests.conftest import Tree
 from tests.packages import manifest_text, package
-
-if TYPE_CHECKING:
-    from tests.conftest import Tree
 
 SCENE = FailureContext(
     package("mine", "shapes"),

@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Callable, Iterable
 from threading import Event, Thread
-from typing import TYPE_CHECKING
 
-from rich.console import Console
+from rich.console import Console, ConsoleOptions, RenderableType
 from rich.live import Live
+from rich.segment import Segment
 
 from forge.output.live import Above
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
-
-    from rich.console import ConsoleOptions, RenderableType
-    from rich.segment import Segment
 
 
 class SlowConsole(Console):

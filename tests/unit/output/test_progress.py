@@ -49,17 +49,6 @@ def test_what_runs_is_known_with_its_step() -> None:
     assert texts(now, 5.0, width=30) == ["33%  1/3 packages  5.0s", "  b  cmake  3.0s", "  failed: a"]
 
 
-def test_what_does_not_fit_is_counted() -> None:
-    many = after(Progress(0.0, {}, 9), *((0.0, Started(f"p{number}")) for number in range(9)))
-    assert texts(many, 1.0, 2)[1:] == ["  p0    1.0s", "  p1    1.0s", "  and 7 more"]
-    collapsed = frozenset({"p0", "p1", "p2"})
-    assert texts(many, 75.0, 5, collapsed=collapsed)[1:] == [
-        *(f"  p{number}    1min 15s" for number in range(3, 8)),
-        "  and 1 more",
-        "  3 embedded packages",
-    ]
-
-
 BUILD = Step(StepKind.BUILD, (), Path())
 
 
@@ -80,16 +69,6 @@ def test_the_share_of_a_package_is_that_of_its_build_tool() -> None:
     assert texts(after(installing, (9, Finished("a", 0, 9.0))), 10.0, width=80) == [
         "[===============>              ]  50%  1/2 packages  10.0s"
     ]
-
-
-def test_the_estimate_follows_the_count_of_a_build_tool() -> None:
-    begun = Progress(0.0, {"a": 100.0}, 1)
-    quarter = after(begun, (0, Started("a")), (5, Output("a", b"[1/4] x\n", stderr=False)))
-    assert quarter.left(10.0) == 30.0
-    linked = after(quarter, (9, Output("a", b"[4/4] x\n", stderr=False)))
-    assert (linked.share(9.0), after(linked, (9, Finished("a", 0, 9.0))).share(9.0)) == (0.99, 1.0)
-    assert texts(quarter, 10.0, width=80)[0].endswith("25%  0/1 packages  10.0s  about 30s left")
-    assert texts(quarter, 100.0)[0].endswith("about 5min 0s left")
 
 
 @pytest.mark.parametrize(
@@ -127,22 +106,6 @@ def test_a_damaged_record_of_durations_gives_no_estimate() -> None:
     after_a = after(begun, (0, Started("a")), (5, Finished("a", 0, 5.0)))
     assert after_a.left(10.0) is None
     assert texts(after_a, 10.0, width=30) == ["0%  1/2 packages  10.0s"]
-
-
-def test_what_may_be_up_to_date_is_not_estimated() -> None:
-    """An edit that changes nothing installed rebuilds one package, however many depend on it."""
-    known = dict.fromkeys("abcd", 10.0)
-    begun = after(Progress(0.0, known, 4, unsure=frozenset("cd")), (0, Started("a")))
-    assert begun.left(5.0) == 15.0
-    assert texts(begun, 5.0)[0] == "12%  0/4 packages  5.0s  at least 15s left"
-    both = after(begun, (10, Finished("a", 0, 10.0)), (10, Started("c")))
-    assert both.left(10.0) == 20.0, "c was not up to date"
-    end = after(both, (20, Finished("c", 0, 10.0)), (20, Fresh("d")))
-    assert texts(end, 20.0) == ["67%  3/4 packages  20.0s  about 10s left"]
-
-
-def test_without_experience_there_is_no_estimate() -> None:
-    assert after(Progress(0.0, expectations("ab", {}), 2), (9, Finished("a", 0, 9.0))).left(10.0) is None
 
 
 @given(st.lists(st.tuples(st.floats(0, 100), EVENTS)), st.dictionaries(NAMES, st.floats(0, 100)))

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from forge.build.events import Finished, Output
 from forge.output.repeated_warnings import RepeatedWarnings
 from tests.unit.output.test_console import STEP, report_on, shown
-
-if TYPE_CHECKING:
-    import pytest
 
 OLD = """CMake Deprecation Warning at {file}:{line} (cmake_minimum_required):
   Compatibility with CMake < 3.10 will be removed from a future version of

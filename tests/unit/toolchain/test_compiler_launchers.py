@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
@@ -12,6 +11,7 @@ from forge.base.layout import Layout
 from forge.build.recipes.context import BuildContext
 from forge.build.recipes.initial_cache import initial_cache
 from forge.build.up_to_date import relevant_environment
+from forge.execution.job_pool import JobPool
 from forge.execution.opening import open_job_pool
 from forge.execution.options import JobOptions
 from forge.toolchain.compiler_launchers.choice import LAUNCHERS, launcher_variables, selected_launcher
@@ -22,11 +22,8 @@ from forge.toolchain.compiler_launchers.launcher_stats import (
     read_hosts,
 )
 from forge.toolchain.resources import processors
+from tests.conftest import Forge, Tree
 from tests.packages import manifest_text
-
-if TYPE_CHECKING:
-    from forge.execution.job_pool import JobPool
-    from tests.conftest import Forge, Tree
 
 CMAKE = "cmake_minimum_required(VERSION 3.18)\nproject(one CXX)\nadd_library(one one.cpp)\n"
 

@@ -3,7 +3,6 @@ from __future__ import annotations
 import os
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
@@ -14,9 +13,7 @@ from forge.toolchain.interpreter import (
     other_than_recorded,
     own_path,
 )
-
-if TYPE_CHECKING:
-    from tests.conftest import Tree
+from tests.conftest import Tree
 
 OWN = Interpreter(own_path(), (sys.version_info.major, sys.version_info.minor))
 PATH = {"PATH": str(Path(sys.executable).parent)}

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import pytest
 
 from forge.toolchain.languages import any_enables_cxx, enables_cxx
+from tests.conftest import Tree
 from tests.packages import package
-
-if TYPE_CHECKING:
-    from tests.conftest import Tree
 
 
 @pytest.mark.parametrize(

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from forge.build.up_to_date import relevant_environment
-from forge.toolchain.config_search import ConfigSearch, prefixes_of_path
+from forge.toolchain.config_search import ConfigSearch
 from forge.toolchain.program_lookup import ProgramLookup
-from forge.toolchain.programs import Tools, cmake_root, definitions, identities, programs_in
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from tests.conftest import Tree
+from forge.toolchain.programs import Tools, cmake_root, identities, programs_in
+from tests.conftest import Tree
 
 PROGRAM = "#!/bin/true\n"
 
@@ -26,28 +22,6 @@ def lookup(*folders: Path) -> ProgramLookup:
 
 def path_of(identity: str) -> str:
     return identity.rsplit(" ", 2)[0]
-
-
-def test_the_first_program_on_path_counts(tree: Tree) -> None:
-    root = tree({"a/tool": "no program", "b/tool": PROGRAM, "c/tool": PROGRAM, "d/x": ""})
-    found = lookup(root / "a", root / "b", root / "c")
-    assert path_of(found.identity("tool")) == str(root / "b/tool")
-    assert found.identity("other") == ""
-    assert {"tool"} == found.names
-    assert found.identity(str(root / "c/tool")).startswith(str(root / "c/tool "))
-
-
-def test_a_folder_more_changes_what_leads_there_alone(tree: Tree) -> None:
-    root = tree({"a/tool": PROGRAM, "b/other": PROGRAM})
-    before, after = lookup(root / "a"), lookup(root / "b", root / "a")
-    assert before.identity("tool") == after.identity("tool")
-    assert before.stamp() != after.stamp()
-
-
-def test_links_of_folders_make_no_difference(tree: Tree) -> None:
-    root = tree({"usr/bin/tool": PROGRAM})
-    (root / "bin").symlink_to("usr/bin")
-    assert lookup(root / "bin").identity("tool") == lookup(root / "usr/bin").identity("tool")
 
 
 def test_another_program_in_place_is_another(tree: Tree) -> None:
@@ -104,10 +78,6 @@ def test_identities_have_what_arguments_and_variables_name(tree: Tree) -> None:
     ]
 
 
-def test_definitions_in_one_word_and_in_two() -> None:
-    assert list(definitions(["-DA=1", "-D", "B:BOOL=2", "-DC", "-Wno-dev"])) == [("A", "1"), ("B", "2")]
-
-
 def test_the_modules_of_cmake_lie_beside_it(tree: Tree) -> None:
     root = tree(
         {
@@ -134,11 +104,6 @@ def test_config_files_below_a_prefix(tree: Tree, place: str) -> None:
     root = tree({place: "", "lib/cmake/zedless/x": ""})
     assert ConfigSearch().folder(str(root), "zed") == str((root / place).parent)
     assert ConfigSearch().folder(str(root), "yam") == ""
-
-
-def test_prefixes_stand_above_bin_and_sbin() -> None:
-    folders = ("/opt/a/bin", "/opt/a/sbin/", "/opt/b/tools", "/bin", "/usr/bin")
-    assert prefixes_of_path(folders) == ("/opt/a", "/", "/usr")
 
 
 def test_only_variables_that_can_change_a_build_count() -> None:

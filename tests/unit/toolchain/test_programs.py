@@ -5,18 +5,15 @@ from __future__ import annotations
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
 from forge.base.errors import HostError
 from forge.base.own_environment import extra_command
 from forge.toolchain.programs import find_tools, ninja_first
+from forge.workspace.model import Package
+from tests.conftest import Tree
 from tests.packages import package
-
-if TYPE_CHECKING:
-    from forge.workspace.model import Package
-    from tests.conftest import Tree
 
 PROGRAM = "#!/bin/sh\n"
 
@@ -34,18 +31,6 @@ def compiled(root: Path, project: str) -> Package:
     made.path.mkdir(exist_ok=True)
     (made.path / "CMakeLists.txt").write_text(project)
     return made
-
-
-def test_python_packages_need_none_of_them() -> None:
-    assert find_tools([package("a", build_type="ament_python")], {}) is None
-
-
-def test_programs_come_from_path(tree: Tree, monkeypatch: pytest.MonkeyPatch) -> None:
-    root = tree({"bin/cmake": PROGRAM, "bin/ninja": PROGRAM, "bin/g++": PROGRAM})
-    beside_nothing(monkeypatch, root)
-    tools = find_tools([package("a")], {"PATH": str(root / "bin")})
-    assert tools is not None
-    assert (tools.cmake, tools.ninja) == (root / "bin/cmake", root / "bin/ninja")
 
 
 def test_cmake_command_names_another(tree: Tree) -> None:
@@ -77,15 +62,6 @@ def test_cmake_without_a_build_program(tree: Tree, monkeypatch: pytest.MonkeyPat
     beside_nothing(monkeypatch, root)
     with pytest.raises(HostError, match="neither Ninja nor make found"):
         find_tools([package("a")], {"PATH": str(root / "bin")})
-
-
-@pytest.mark.parametrize("project", ["project(a NONE)", "project(a\n  VERSION 1.0\n  LANGUAGES NONE)"])
-def test_a_package_without_languages_needs_no_compiler(
-    tree: Tree, monkeypatch: pytest.MonkeyPatch, project: str
-) -> None:
-    root = tree({"bin/cmake": PROGRAM, "bin/make": PROGRAM})
-    beside_nothing(monkeypatch, root)
-    assert find_tools([compiled(root, project)], {"PATH": str(root / "bin")}) is not None
 
 
 def test_the_ninja_that_came_with_forge_goes_before_that_of_the_system(

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from forge.workspace.discovery import discover
 from forge.workspace.duplicates import clashes
+from tests.conftest import Tree
 from tests.packages import manifest_text
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from tests.conftest import Tree
 
 
 def packages(*paths: str) -> dict[str, str]:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
+from forge.base.errors import Problem
 from forge.base.layout import Layout
 from forge.build.certain_failures import CMakeSearch
 from forge.workspace.cmake_metadata import requirements, used_by_tests_only
@@ -15,13 +16,8 @@ from forge.workspace.manifest import parse_manifest
 from forge.workspace.missing import MissingDependencies, missing_dependencies
 from forge.workspace.model import Package
 from forge.workspace.resolve import resolve_dependencies
+from tests.conftest import Tree
 from tests.packages import manifest_text, package
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-
-    from forge.base.errors import Problem
-    from tests.conftest import Tree
 
 
 def requiring(tree: Tree, made: Package, *names: str) -> Package:

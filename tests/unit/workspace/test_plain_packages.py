@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
@@ -12,10 +11,8 @@ from forge.workspace.discovery import discover
 from forge.workspace.model import DependencyKind, Package, Workspace
 from forge.workspace.overrides import Overrides
 from forge.workspace.python_metadata import read_pyproject, read_setup_cfg, read_setup_py
+from tests.conftest import Forge, Tree
 from tests.packages import manifest_text
-
-if TYPE_CHECKING:
-    from tests.conftest import Forge, Tree
 
 CMAKE = "cmake_minimum_required(VERSION 3.10)\nproject({} NONE)\n"
 SETUP = "from setuptools import setup\nsetup({})\n"

@@ -36,11 +36,6 @@ def test_variables_that_cmake_or_its_commands_read(text: str) -> None:
     assert "FOO" in in_lists(text).variables
 
 
-def test_what_is_no_variable_of_the_environment() -> None:
-    text = "set(x ${FOO})\nset(y $CACHE{BAR})\nset(z $ENV{${name}})\n"
-    assert in_lists(text).variables == frozenset()
-
-
 @pytest.mark.parametrize(
     "text",
     [
@@ -54,10 +49,6 @@ def test_what_is_no_variable_of_the_environment() -> None:
 )
 def test_variables_that_python_reads(text: str) -> None:
     assert in_python(text).variables == {"FOO"}
-
-
-def test_capitals_of_a_script_that_reads_no_variable_are_none() -> None:
-    assert in_python("setup(name='FOO')") == in_python("")
 
 
 @pytest.mark.parametrize(
@@ -117,17 +108,6 @@ def test_what_others_read_through_a_file_that_may_be_installed() -> None:
 )
 def test_words_that_may_be_programs(text: str) -> None:
     assert "mytool" in in_lists(text).words
-
-
-def test_comments_and_commands_of_cmake_are_no_programs() -> None:
-    text = "# mytool\n#[[ mytool\n mytool ]]\ninstall(FILES x) # a mytool for install\nmytool (x)\n"
-    assert not {"mytool", "install"} & in_lists(text).words
-
-
-def test_paths_are_programs_where_they_are_whole() -> None:
-    words = in_lists("set(CMAKE_C_COMPILER /opt/cc1)\nset(X ${Y}/bin/cc2)").words
-    assert "/opt/cc1" in words
-    assert not [word for word in words if "cc2" in word]
 
 
 def test_python_names_programs_only_where_it_starts_some() -> None:

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
 from forge.cli.colcon_options import classified
 from forge.workspace.root import find_root, rebase_paths
+from tests.conftest import Forge, Tree
 from tests.packages import manifest_text
-
-if TYPE_CHECKING:
-    from tests.conftest import Forge, Tree
 
 MARK = "install/.colcon_install_layout"
 PACKAGE = "package.xml"

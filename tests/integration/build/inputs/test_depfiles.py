@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import subprocess
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from forge.build.inputs.depfiles import cmake_root, external_inputs, read_below
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-    from pathlib import Path
-
-    from tests.conftest import Tree
+from tests.conftest import Tree
 
 pytestmark = pytest.mark.needs("cmake", "gcc", "ninja", "make")
 

@@ -4,16 +4,11 @@ from __future__ import annotations
 
 import shutil
 import subprocess
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
-from forge.build.inputs.native_graph import cmake_edge, read_native_graph
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from forge.build.inputs.native_graph import Edge, NativeGraph
+from forge.build.inputs.native_graph import Edge, NativeGraph, cmake_edge, read_native_graph
 
 pytestmark = pytest.mark.needs("cmake", "gcc", "ninja", "make")
 

@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from forge.build.tests.recipes import UNITTESTS
 from forge.testing.collecting import collect
+from tests.conftest import Tree
 from tests.unit.build.tests.test_unittests import TESTS
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from tests.conftest import Tree
 
 
 def run(root: Path, *arguments: str) -> tuple[int, str, Path]:

@@ -8,20 +8,19 @@ from __future__ import annotations
 import os
 import subprocess
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
 from forge.base.files import write_if_changed
 from forge.base.standard_interfaces import EMBEDDED
 from forge.interfaces.cpp import target as cpp
+from forge.interfaces.model import Catalog
 from forge.interfaces.read.sources import Library
 from forge.interfaces.resolve.dependencies import dependency_catalogs
 from forge.interfaces.wire.flattening import INLINE_LIMIT
 from tests.generated import catalog_of, embedded_catalog
 
-if TYPE_CHECKING:
-    from forge.interfaces.model import Catalog
+pytestmark = pytest.mark.slow
 
 HERE = Path(__file__).parent
 RUNTIME = EMBEDDED / "rosidl_default_runtime" / "include"

@@ -4,16 +4,12 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
+from tests.conftest import Tree
 from tests.generated import RUNTIME, generate, probe_catalog
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from tests.conftest import Tree
 
 RIGHT = """
 from array import array

@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import pytest
 
-from forge.build.tests.detection import has_ctests, inspect_tests, requirements_of_tests
-from tests.packages import package
-
-if TYPE_CHECKING:
-    from tests.conftest import Tree
+from forge.build.tests.detection import has_ctests, requirements_of_tests
+from tests.conftest import Tree
 
 
 @pytest.mark.parametrize(
@@ -44,12 +39,6 @@ def test_nothing_is_asked_for(tree: Tree, name: str, text: str) -> None:
     assert requirements_of_tests(tree({name: text})) == frozenset()
 
 
-def test_names_are_normalised(tree: Tree) -> None:
-    assert requirements_of_tests(tree({"setup.py": "setup(tests_require=['Pytest_Cov>=1'])"})) == {
-        "pytest-cov"
-    }
-
-
 def test_ctest_has_something_to_do_where_a_test_is_added_or_a_file_included(tree: Tree) -> None:
     root = tree(
         {
@@ -66,20 +55,3 @@ def test_ctest_has_something_to_do_where_a_test_is_added_or_a_file_included(tree
         True,
         False,
     ]
-
-
-@pytest.mark.parametrize(
-    ("cache", "configuration"),
-    [
-        ("CMAKE_BUILD_TYPE:STRING=Debug\n", "Debug"),
-        ("CMAKE_BUILD_TYPE:UNINITIALIZED=RelWithDebInfo", "RelWithDebInfo"),
-        ("CMAKE_BUILD_TYPE:STRING=\n", "Release"),
-        ("", "Release"),
-    ],
-)
-def test_ctest_is_asked_for_the_configuration_that_was_built(
-    tree: Tree, cache: str, configuration: str
-) -> None:
-    root = tree({"CMakeCache.txt": cache, "CTestTestfile.cmake": "add_test(x true)"})
-    assert inspect_tests(package("p", build_type="cmake"), root, root).configuration == configuration
-    assert inspect_tests(package("p", build_type="cmake"), root, root / "none").configuration == ""

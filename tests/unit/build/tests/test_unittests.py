@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import pytest
 
 from forge.build.tests.unittests import NONE_FOUND, main
 from forge.testing.collecting import collect
-
-if TYPE_CHECKING:
-    import pytest
-
-    from tests.conftest import Tree
+from tests.conftest import Tree
 
 TESTS = """import unittest
 

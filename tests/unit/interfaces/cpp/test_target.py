@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import math
-import re
 import struct
-from typing import TYPE_CHECKING
+from collections.abc import Iterable
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from forge.interfaces.cpp import target as cpp
-from forge.interfaces.cpp.text import comment, literal, spell
+from forge.interfaces.cpp.text import comment, literal
 from forge.interfaces.model import (
     Array,
     Catalog,
@@ -32,11 +31,6 @@ from forge.interfaces.read.sources import Library, read_folder
 from forge.interfaces.resolve.resolution import resolve
 from tests.conftest import GOLDEN, Golden
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-ESCAPE = re.compile(r'\\([0-7]{3}|u[0-9a-f]{4}|U[0-9a-f]{8}|x[0-9a-f]{4}" u"|.)')
-ESCAPED = {"n": "\n", "r": "\r", "t": "\t", '"': '"', "\\": "\\", "?": "?"}
 POINT = Named(TypeName("geometry_msgs", "msg", "Point"))
 
 
@@ -51,18 +45,6 @@ def texts(*messages: Message, others: Iterable[Named] = (POINT,)) -> dict[str, s
 def message(*fields: Field, constants: tuple[Constant, ...] = (), name: str = "Thing") -> Message:
     """Return a message of the package 'demo'."""
     return Message(TypeName("demo", "msg", name), fields, constants)
-
-
-def understood(text: str) -> str:
-    """Return what C++ makes of the inside of a string literal."""
-
-    def character(match: re.Match[str]) -> str:
-        code = match.group(1)
-        if code[0] in "uUx":
-            return chr(int(code[1:].removesuffix('" u"'), 16))
-        return ESCAPED[code] if code in ESCAPED else chr(int(code, 8))
-
-    return ESCAPE.sub(character, text)
 
 
 def test_a_package_reads_as_if_written_by_hand(golden: Golden) -> None:
@@ -85,38 +67,6 @@ def test_every_interface_has_rosidls_headers() -> None:
     ]
 
 
-def test_a_package_without_interfaces_has_its_visibility_header() -> None:
-    """It is there even if nothing else is."""
-    assert list(texts()) == ["demo/msg/rosidl_generator_cpp__visibility_control.hpp"]
-
-
-def test_guards_follow_the_path() -> None:
-    """Two underscores stand between folders."""
-    header = texts(message())["demo/msg/detail/thing__struct.hpp"]
-    assert (
-        "#ifndef DEMO__MSG__DETAIL__THING__STRUCT_HPP_\n#define DEMO__MSG__DETAIL__THING__STRUCT_HPP_"
-        in header
-    )
-
-
-def test_a_header_includes_what_its_members_need_once() -> None:
-    """Members of one type share an include; the headers of services' and actions' parts are known."""
-    parts = [
-        Named(TypeName("other", "srv", "AskMe_Request")),
-        Named(TypeName("other", "action", "GoOn_SendGoal_Request")),
-    ]
-    types: list[Type] = [POINT, Array(POINT, 2), Sequence(POINT), *parts]
-    fields = [Field(f"f{position}", type_) for position, type_ in enumerate(types)]
-    headers = texts(message(*fields), others=[POINT, *parts])
-    assert re.findall(r'#include "([^"]*)"', headers["demo/msg/detail/thing__struct.hpp"]) == [
-        "geometry_msgs/msg/detail/point__struct.hpp",
-        "other/action/detail/go_on__struct.hpp",
-        "other/srv/detail/ask_me__struct.hpp",
-        "rosidl_runtime_cpp/member_types.hpp",
-        "rosidl_runtime_cpp/message_initialization.hpp",
-    ]
-
-
 @pytest.mark.parametrize("name", ["DELETE", "ERROR", "NAN", "NO_ERROR"])
 def test_a_constant_may_be_called_like_a_macro(name: str) -> None:
     """The macro steps aside while the struct is defined."""
@@ -125,29 +75,6 @@ def test_a_constant_may_be_called_like_a_macro(name: str) -> None:
     before, _, after = header.partition(f"static constexpr std::int8_t {name} = 1;")
     assert f'#pragma push_macro("{name}")\n#undef {name}\n' in before
     assert f'#pragma pop_macro("{name}")\n' in after
-
-
-@pytest.mark.parametrize(
-    ("type_", "text"),
-    [
-        (Primitive("octet"), "unsigned char"),
-        (Primitive("char"), "unsigned char"),
-        (Primitive("wchar"), "char16_t"),
-        (Primitive("long double"), "long double"),
-        (Primitive("uint16"), "std::uint16_t"),
-        (String(bound=5), "::rosidl_runtime_cpp::String<ContainerAllocator>"),
-        (String(wide=True), "::rosidl_runtime_cpp::U16String<ContainerAllocator>"),
-        (Array(POINT, 3), "std::array<::geometry_msgs::msg::Point_<ContainerAllocator>, 3>"),
-        (Sequence(Primitive("boolean")), "::rosidl_runtime_cpp::Sequence<bool, ContainerAllocator>"),
-        (
-            Sequence(Primitive("double"), 4),
-            "::rosidl_runtime_cpp::BoundedSequence<double, 4, ContainerAllocator>",
-        ),
-    ],
-)
-def test_a_type_is_spelled_as_the_specification_says(type_: Type, text: str) -> None:
-    """Bounds of texts are no part of the C++ type."""
-    assert spell(type_) == text
 
 
 @pytest.mark.parametrize(
@@ -186,18 +113,6 @@ def test_what_has_no_literal_is_our_mistake(type_: Type) -> None:
         literal((1, 2), type_)
 
 
-@given(st.text(st.characters(exclude_characters="\0"), max_size=20), st.booleans())
-def test_a_text_is_understood_as_it_was_meant(value: str, wide: bool) -> None:
-    """A literal is printable ASCII without trigraphs, and C++ reads the value back from it."""
-    text = literal(value, String(wide=wide))
-    assert text.isascii()
-    assert text.isprintable()
-    assert "??" not in text
-    plain = understood(text.removeprefix("u")[1:-1])
-    meant = value if wide else value.encode("utf-8", "surrogatepass").decode("latin-1")
-    assert plain == meant
-
-
 @given(st.floats(width=32, allow_nan=False, allow_infinity=False))
 def test_a_float_is_read_back_the_same(value: float) -> None:
     """Single precision loses nothing."""
@@ -233,21 +148,3 @@ def test_documentation_becomes_comments(
 ) -> None:
     """Units return to where the definition had them."""
     assert comment(doc, unit) == lines
-
-
-def test_a_hidden_member_has_no_setter_and_no_text() -> None:
-    """It is there in the struct, and nowhere else; declared beside others it is like them."""
-    empty = texts(message())
-    assert "structure_needs_at_least_one_member = 0u;" in empty["demo/msg/detail/thing__struct.hpp"]
-    assert "set__" not in empty["demo/msg/detail/thing__struct.hpp"]
-    assert "structure_needs" not in empty["demo/msg/detail/thing__traits.hpp"]
-    assert "structure_needs" not in empty["demo/msg/detail/thing__builder.hpp"]
-    hidden = Field("structure_needs_at_least_one_member", Primitive("uint8"))
-    shown = texts(message(hidden, Field("other", Primitive("uint8"))))
-    assert "set__structure_needs_at_least_one_member" in shown["demo/msg/detail/thing__struct.hpp"]
-
-
-def test_generating_twice_gives_the_same() -> None:
-    """Nothing depends on the order of a set."""
-    thing = message(Field("a", POINT), Field("b", String()))
-    assert texts(thing) == texts(thing)

@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 from array import array
 from collections import UserList, UserString
+from collections.abc import Iterable
 from importlib import import_module
-from typing import TYPE_CHECKING
+from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -14,11 +16,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.generated import CODES, refused
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-    from pathlib import Path
-    from types import ModuleType
 
 
 def test_messages_do_not_share_their_parts(msg: ModuleType) -> None:

@@ -9,7 +9,9 @@ import sys
 from array import array
 from collections import UserString
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from types import ModuleType
+from typing import Any
 
 import numpy as np
 import pytest
@@ -28,10 +30,6 @@ from forge.interfaces.model import (
 )
 from forge.interfaces.python import modules as python
 from tests.generated import INTEGERS, catalog_of, classes_of, generate, importable, refused
-
-if TYPE_CHECKING:
-    from pathlib import Path
-    from types import ModuleType
 
 FLOAT = "a float in [-3.402823466e+38, 3.402823466e+38]"
 

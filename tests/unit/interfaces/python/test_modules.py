@@ -7,17 +7,15 @@ import math
 import pickle
 from array import array
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from types import ModuleType
+from typing import Any
 
 import pytest
 
 from forge.interfaces.python import modules as python
 from tests.conftest import GOLDEN, Golden
-from tests.generated import PROBE, catalog_of, embedded_catalog, probe_catalog, refused
-
-if TYPE_CHECKING:
-    from pathlib import Path
-    from types import ModuleType
+from tests.generated import PROBE, catalog_of, refused
 
 
 def test_a_package_has_a_module_for_each_file_and_one_for_each_kind() -> None:
@@ -32,22 +30,6 @@ def test_a_package_has_a_module_for_each_file_and_one_for_each_kind() -> None:
         "probe/srv/__init__.py",
         "probe/srv/_do_it.py",
     ]
-
-
-def test_every_module_with_content_has_a_stub() -> None:
-    files = {file.path: file.text for file in python.files(probe_catalog())}
-    modules = {path for path, text in files.items() if path.endswith(".py") and text}
-    assert {f"{path}i" for path in modules} == {path for path in files if path.endswith(".pyi")}
-
-
-def test_generating_twice_gives_the_same_files() -> None:
-    catalog = probe_catalog()
-    assert list(python.files(catalog)) == list(python.files(catalog))
-
-
-def test_no_line_ends_in_blanks() -> None:
-    for file in (*python.files(probe_catalog()), *python.files(embedded_catalog("action_msgs"))):
-        assert not [line for line in file.text.splitlines() if line != line.rstrip()], file.path
 
 
 def test_only_the_main_name_is_exported(probe: Path) -> None:
@@ -112,14 +94,6 @@ def test_a_default_read_on_the_class_is_fresh_and_shared_on_instances(msg: Modul
     assert getattr(msg.Defaults(), name) is getattr(msg.Defaults(), name)
 
 
-def test_the_namespace_of_a_derived_class_begins_with_constants_and_defaults(msg: ModuleType) -> None:
-    prepared = type(msg.Defaults).__prepare__("Derived", (msg.Defaults,))
-    assert (prepared["WHOLE__DEFAULT"], prepared["SOME__DEFAULT"]) == (0.0, array("i", [1, 2]))
-    assert prepared["SOME__DEFAULT"] is not msg.Defaults().SOME__DEFAULT
-    assert type(msg.Constants).__prepare__("Derived", ())["LOW"] == -128
-    assert type(msg.Point).__prepare__("Derived", ()) == {}
-
-
 def test_slots_stand_in_the_order_of_the_fields_and_nothing_else_can_be_set(msg: ModuleType) -> None:
     assert msg.Nested.__slots__ == ["_header", "_point"]
     with pytest.raises(AttributeError):
@@ -145,12 +119,6 @@ def test_field_types_are_spelled_as_rosidl_does(msg: ModuleType) -> None:
     assert (types["a_int8"], types["bytes"]) == ("int8[3]", "octet[2]")
     assert (types["numbers"], types["shorts"]) == ("sequence<int32, 3>", "sequence<string<3>, 2>")
     assert types["points"] == "sequence<probe/Point, 2>"
-
-
-def test_field_types_are_handed_out_as_a_copy(msg: ModuleType) -> None:
-    msg.Point.get_fields_and_field_types().clear()
-    assert list(msg.Point().get_fields_and_field_types()) == ["x", "y"]
-    assert msg.Point._fields_and_field_types == {"x": "double", "y": "double"}
 
 
 def test_slot_types_describe_the_fields(msg: ModuleType) -> None:
@@ -226,12 +194,6 @@ def test_messages_can_be_copied_and_pickled(msg: ModuleType, name: str) -> None:
     for made in (copy.copy(original), copy.deepcopy(original), pickle.loads(pickle.dumps(original))):
         assert made == original
         assert made is not original
-
-
-def test_a_copy_is_shallow_and_a_deep_copy_is_not(msg: ModuleType) -> None:
-    original = msg.Nested()
-    assert copy.copy(original).point is original.point
-    assert copy.deepcopy(original).point is not original.point
 
 
 def test_the_metaclass_carries_what_client_libraries_look_for(msg: ModuleType) -> None:

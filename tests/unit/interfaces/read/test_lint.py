@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
@@ -11,9 +10,7 @@ from forge.interfaces.model import Source
 from forge.interfaces.read.lint import lint
 from forge.interfaces.read.parsing import parse_all
 from forge.interfaces.read.sources import Library, read_folder
-
-if TYPE_CHECKING:
-    from tests.conftest import Forge, Tree
+from tests.conftest import Forge, Tree
 
 
 def told(text: str, relative: str = "msg/A.msg") -> list[str]:

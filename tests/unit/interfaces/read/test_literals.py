@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from forge.interfaces.model import Array, Named, Primitive, Sequence, String, TypeName
+from forge.interfaces.model import Array, Named, Primitive, Sequence, String, Type, TypeName, Value
 from forge.interfaces.read.errors import ParseError
 from forge.interfaces.read.literals import INTEGER_RANGES, read_value
-
-if TYPE_CHECKING:
-    from forge.interfaces.model import Type, Value
 
 INT8 = Primitive("int8")
 INT32 = Primitive("int32")

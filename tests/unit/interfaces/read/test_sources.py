@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
@@ -10,11 +10,7 @@ from forge.base.errors import InterfaceError
 from forge.base.standard_interfaces import EMBEDDED
 from forge.interfaces.model import TypeName
 from forge.interfaces.read.sources import Library, names_in, read_folder, read_runtime, read_source
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from tests.conftest import Tree
+from tests.conftest import Tree
 
 INDEX = "share/ament_index/resource_index/rosidl_interfaces"
 
@@ -73,12 +69,6 @@ def test_includes_win_over_prefixes_and_prefixes_over_what_forge_brings(tree: Tr
 def test_a_package_is_taken_whole_from_where_it_is_found(tree: Tree) -> None:
     prefix = tree({"share/std_msgs/msg/String.msg": "int8 mine"})
     assert Library(prefixes=(prefix,)).find(TypeName("std_msgs", "msg", "Header")) is None
-
-
-def test_an_interface_is_parsed_once() -> None:
-    library = Library()
-    name = TypeName("std_msgs", "msg", "Header")
-    assert library.find(name) is library.find(name)
 
 
 def test_packages_are_those_with_interfaces(tree: Tree) -> None:

@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
 from forge.base.errors import InterfaceError
-from forge.interfaces.model import Source, TypeName
+from forge.interfaces.model import Catalog, Source, TypeName
 from forge.interfaces.read.parsing import Parsed, parse, parse_all, type_name
 from forge.interfaces.resolve.dependencies import dependency_catalogs
 from forge.interfaces.resolve.resolution import nested_messages, resolve
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-
-    from forge.interfaces.model import Catalog
 
 
 @dataclass

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Iterator, Mapping
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -14,9 +15,6 @@ from forge.interfaces.model import Message, Primitive, TypeName
 from forge.interfaces.wire.sizes import MemberSize, MessageSize, SizeCalculator
 from tests.generated import catalog_of, generate, importable
 from tests.messages import messages
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
 
 DEFINITIONS = {
     "msg/Fixed.msg": "uint8 a\nfloat64 b\nint16[3] c\nuint32 d\nint8 e",

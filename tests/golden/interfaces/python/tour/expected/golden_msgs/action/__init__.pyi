@@ -1,1 +1,0 @@
-from golden_msgs.action._watch import Watch as Watch

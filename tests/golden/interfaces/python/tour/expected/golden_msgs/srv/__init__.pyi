@@ -1,1 +1,0 @@
-from golden_msgs.srv._calibrate import Calibrate as Calibrate
