@@ -98,7 +98,22 @@ def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
                 merge_compile_commands(build.context.layout.build)
             build.mode.warn(opened.recorder.kept)
             session.report.launcher_summaries = opened.launcher_stats.finish()
-            _report_results(plan, build, opened)
+            options, cache = build.options, opened.cache
+            if cache is not None:
+                cache.finish()
+                if options.explain and not options.report.json:
+                    session.write("".join(f"{name}: {cache.remark(name)}\n" for name in sorted(cache.notes)))
+            seconds = session.seconds
+            build.mode.conclude(plan, session.report, seconds)
+            if usage := opened.sampler.usage():
+                session.json_events.report_usage(usage)
+            session.json_events.conclude(session.report, seconds)
+            if options.timings and session.log_folder is not None:
+                from forge.output.charts.pages import PAGE, write_timings
+
+                write_timings(session.log_folder)
+                page = os.path.relpath(session.log_folder.parent / "latest_build" / PAGE)
+                session.write(f"timings: {displayed(page, options.origin)}\n", stderr=options.report.json)
     if build.options.query.strict:
         raise_if_any(state.merged_prefix.conflicts((*plan.tasks, *plan.fresh)), WorkspaceError)
     build.mode.warn(state.merged_prefix.conflicts(plan.tasks))
@@ -358,25 +373,6 @@ def _warn_of_packages(plan: BuildPlan, build: PreparedBuild, state: BuildState) 
     )
     if downloads := announced_downloads(configured):
         print_problem(downloads, "note")
-
-
-def _report_results(plan: BuildPlan, build: PreparedBuild, opened: _Opened) -> None:
-    options, session, cache = build.options, opened.session, opened.cache
-    if cache is not None:
-        cache.finish()
-        if options.explain and not options.report.json:
-            session.write("".join(f"{name}: {cache.remark(name)}\n" for name in sorted(cache.notes)))
-    seconds = session.seconds
-    build.mode.conclude(plan, session.report, seconds)
-    if usage := opened.sampler.usage():
-        session.json_events.report_usage(usage)
-    session.json_events.conclude(session.report, seconds)
-    if options.timings and session.log_folder is not None:
-        from forge.output.charts.pages import PAGE, write_timings
-
-        write_timings(session.log_folder)
-        page = os.path.relpath(session.log_folder.parent / "latest_build" / PAGE)
-        session.write(f"timings: {displayed(page, options.origin)}\n", stderr=options.report.json)
 
 
 def _report_audit(audit: Audit, plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:

@@ -262,7 +262,17 @@ def check_plan(
     warn(warnings)
     own = [task for task in plan.tasks.values() if not task.embedded]
     raise_if_any((*_unfit_generators(own, context), *errors), WorkspaceError)
-    _check_special_files([task.package for task in own], context.root, warn)
+    opened_files: list[Problem] = []
+    others: list[Problem] = []
+    for package in [task.package for task in own]:
+        names = _OF_PYTHON if package.build_type in PYTHON_TYPES else ("CMakeLists.txt",)
+        opened = {package.path / name for name in names}
+        for problem in special_files(context.root, package.path):
+            is_opened = problem.location is not None and problem.location.path in opened
+            (opened_files if is_opened else others).append(problem)
+    raise_if_any(opened_files, WorkspaceError)
+    hint = "a program that opens it would wait or read without end"
+    warn(replace(problem, hint=hint) for problem in others)
     if plan.tasks:
         from forge.build.prefix import blocking_paths
         from forge.toolchain.python_modules import require_modules
@@ -272,21 +282,6 @@ def check_plan(
         # CMake installs a file into an existing folder of the same name.
         found = (p for task in plan.tasks.values() for p in blocking_paths(task, context.layout))
         raise_if_any(found, WorkspaceError)
-
-
-def _check_special_files(packages: Iterable[Package], root: Path, warn: WarningReporter) -> None:
-    """Raise WorkspaceError for named pipes and devices that a build certainly opens; warn about others."""
-    errors: list[Problem] = []
-    warnings: list[Problem] = []
-    for package in packages:
-        names = _OF_PYTHON if package.build_type in PYTHON_TYPES else ("CMakeLists.txt",)
-        opened = {package.path / name for name in names}
-        for problem in special_files(root, package.path):
-            is_opened = problem.location is not None and problem.location.path in opened
-            (errors if is_opened else warnings).append(problem)
-    raise_if_any(errors, WorkspaceError)
-    hint = "a program that opens it would wait or read without end"
-    warn(replace(problem, hint=hint) for problem in warnings)
 
 
 _OF_PYTHON = ("setup.py", "setup.cfg", "pyproject.toml")

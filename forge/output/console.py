@@ -231,7 +231,14 @@ class ConsoleReporter:
             case Fresh(task):
                 self._fresh.append(task)
             case StepFinished():
-                self._end_step(event)
+                package = event.task
+                if event.step.kind is StepKind.CONFIGURE:
+                    self._configured.add(package)
+                if package in self._warnings:
+                    self._warnings[package].end_step()
+                # Of repeated steps, only the last result counts.
+                failed = event.step.meaning(event.code) == TEST_FAILURES
+                (self._failed_tests.add if failed else self._failed_tests.discard)(package)
             case StepStarted():
                 pass
 
@@ -292,16 +299,6 @@ class ConsoleReporter:
                     self._out(
                         f"  {palette.paint('hint', 'hint:')} did you mean '{near}' instead of '{variable}'?"
                     )
-
-    def _end_step(self, event: StepFinished) -> None:
-        task = event.task
-        if event.step.kind is StepKind.CONFIGURE:
-            self._configured.add(task)
-        if task in self._warnings:
-            self._warnings[task].end_step()
-        # Of repeated steps, only the last result counts.
-        failed = event.step.meaning(event.code) == TEST_FAILURES
-        (self._failed_tests.add if failed else self._failed_tests.discard)(task)
 
     def _progress(self, line: str) -> None:
         if self._on["console_start_end"]:

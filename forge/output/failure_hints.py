@@ -201,7 +201,7 @@ def _own_header_not_found(header: str, context: FailureContext) -> str:
     if header not in own and (near := did_you_mean(header, own, _SURE)):
         return near
     if header in own or header.startswith(f"{context.package.name}/"):
-        # One that is not there yet is probably generated.
+        # A header that does not exist yet is probably generated.
         folder = own.get(header, f"include/{header}").removesuffix(header).rstrip("/") or "."
         return f"for a header of this package: target_include_directories(YOUR_TARGET PRIVATE {folder})"
     return (
@@ -211,7 +211,7 @@ def _own_header_not_found(header: str, context: FailureContext) -> str:
 
 
 def _lines_for(name: str, context: FailureContext) -> list[str]:
-    """Return the lines that make a target use a package, without those that are there."""
+    """Return the lines that make a target use a package, without those that it already has."""
     lines = [] if context.declares(name) else [f"{context.depend(name)} in {context.manifest}"]
     lines += [] if name in context.found else [f"find_package({name} REQUIRED)"]
     return lines if name in context.linked else [*lines, f"ament_target_dependencies(YOUR_TARGET {name})"]

@@ -44,8 +44,13 @@ def first_error(output: Sequence[str], folder: str = "") -> FirstError | None:
     for pattern, extent in ((_INTERFACE, 4), (_COMPILER, 3), (_CMAKE, 4), (_LINKER, 1), (_OTHER, 2)):
         for index, line in enumerate(plain):
             if pattern.search(line) and not line.startswith(DECLINED_PREFIX):
-                first, *rest = _block(plain, index, extent)
-                return FirstError((with_paths(first, folder), *rest), pattern is _INTERFACE)
+                rest = []
+                for other in plain[index + 1 : index + extent]:
+                    if not (other.startswith((" ", "hint:")) or (not other and line.startswith("CMake"))):
+                        break
+                    if other.strip():
+                        rest.append(other)
+                return FirstError((with_paths(line, folder), *rest), pattern is _INTERFACE)
     return None
 
 
@@ -58,13 +63,3 @@ def is_visible(error: FirstError, shown: str) -> bool:
     """Tell whether an error is at the end of what was just printed."""
     plain = COLOUR.sub("", shown).splitlines()
     return error.lines[0] in plain[-_VISIBLE_LINES:]
-
-
-def _block(lines: Sequence[str], start: int, extent: int) -> tuple[str, ...]:
-    """Return the line and the lines that belong to it: indented ones and a hint."""
-    block = [lines[start]]
-    for line in lines[start + 1 : start + extent]:
-        if not (line.startswith((" ", "hint:")) or (not line and block[0].startswith("CMake"))):
-            break
-        block.append(line)
-    return tuple(line for line in block if line.strip())

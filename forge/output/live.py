@@ -162,7 +162,7 @@ def _elapsed(seconds: float) -> str:
 class Above:
     """Prints above the status lines.
 
-    Each output also draws them anew. Without the lock of the redrawing thread, both would count the lines to
+    Each output also redraws them. Without the lock of the redrawing thread, both would count the lines to
     erase before either is written, and the second would erase a line of the output.
     """
 

@@ -110,7 +110,15 @@ class LogWriter:
                 self._note_event(name, "Command", _command(event))
                 self._note_command(event)
             case Output(_, lines, stderr):
-                self._note_output(name, lines, stderr=stderr)
+                separate = split_lines(lines)
+                kind = "StderrLine" if stderr else "StdoutLine"
+                start = f"[{time.monotonic() - self._begun:f}] ({name}) {kind}: "
+                noted = "".join([f"{start}{{'line': {line!r}}}\n" for line in separate])
+                self._append("events.log", noted.encode())
+                stamp = self._stamp(name)
+                self._append_for(name, "stderr.log" if stderr else "stdout.log", lines)
+                self._append_for(name, "stdout_stderr.log", lines)
+                self._append_for(name, "streams.log", b"".join([stamp + line for line in separate]))
             case StepFinished(_, _, code):
                 self._note_event(name, "CommandEnded", {"returncode": code})
                 self._note_command(event)
@@ -145,15 +153,6 @@ class LogWriter:
         """Append an event in colcon's notation; `members` are a dictionary, or its representation."""
         line = f"[{time.monotonic() - self._begun:f}] ({name}) {kind}: {members}\n"
         self._append("events.log", line.encode(errors="surrogateescape"))
-
-    def _note_output(self, name: str, lines: bytes, *, stderr: bool) -> None:
-        separate = split_lines(lines)
-        start = f"[{time.monotonic() - self._begun:f}] ({name}) {'StderrLine' if stderr else 'StdoutLine'}: "
-        self._append("events.log", "".join([f"{start}{{'line': {line!r}}}\n" for line in separate]).encode())
-        stamp = self._stamp(name)
-        self._append_for(name, "stderr.log" if stderr else "stdout.log", lines)
-        self._append_for(name, "stdout_stderr.log", lines)
-        self._append_for(name, "streams.log", b"".join([stamp + line for line in separate]))
 
     def _note_command(self, event: StepStarted | StepFinished) -> None:
         text, name = _command_line(event), event.task

@@ -79,8 +79,8 @@ class Repository:
     def tree(self) -> Mapping[str, _Entry]:
         """The files at the revision.
 
-        A submodule is compared with the commit that its superproject records at the revision, whatever has
-        the name of the revision in the submodule.
+        A submodule is compared with the commit that its superproject records at the revision, even if the
+        submodule has a revision of the same name.
         """
         if self.superproject is None:
             commit = self._resolved()

@@ -86,7 +86,12 @@ def load_workspace(
     query = _with_literal_names(query, found, every)
     hidden = ignored(query, every)
     workspace = _without(found, hidden)
-    broken = _placeholders(workspace)
+    # Packages stand for the broken ones, so that options and dependencies can name them.
+    broken = {
+        each.name: Package(each.path, Manifest(each.name, "", "", "", (), each.path), ros=False)
+        for each in workspace.broken
+        if each.name not in workspace.packages
+    }
     whole = resolve_workspace(
         replace(workspace, packages={**workspace.packages, **broken}),
         variables,
@@ -130,15 +135,6 @@ def _with_literal_names(query: Query, workspace: Workspace, every: Collection[st
         return tuple(map(literals, value)) if isinstance(value, tuple) else value
 
     return replace(query, **{name: literals(getattr(query, name)) for name in _NAMING}) if plain else query
-
-
-def _placeholders(workspace: Workspace) -> dict[str, Package]:
-    """Return packages that stand for the broken ones, so that options and dependencies can name them."""
-    return {
-        broken.name: Package(broken.path, Manifest(broken.name, "", "", "", (), broken.path), ros=False)
-        for broken in workspace.broken
-        if broken.name not in workspace.packages
-    }
 
 
 def _without_broken(loaded: LoadedWorkspace, names: frozenset[str], *, listing: bool) -> LoadedWorkspace:

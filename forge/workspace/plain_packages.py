@@ -44,11 +44,7 @@ def identify_plain(folder: Folder) -> Identity | None:
         identity = step(folder)
         if identity is not None:
             return identity
-    return _unfit(folder)
-
-
-def _unfit(folder: Folder) -> Identity | None:
-    """Report CMake or Python files that are not regular files."""
+    # Files that are not regular are reported.
     notes = []
     for name in sorted({"CMakeLists.txt", "setup.py", "pyproject.toml"}.intersection(folder.entries)):
         try:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem
 from forge.base.layout import CONFIGURED_FILE, SCRATCH_DIR
-from forge.build.recipes import ament_scripts, component_nodes, fast_rosidl, project_include
+from forge.build.recipes import ament_scripts, component_nodes, fast_rosidl
 from forge.build.recipes.context import Recipe, common_options
 from forge.build.tasks import Step, StepKind
 from forge.build.up_to_date import FAST_ROSIDL, PATH_MAPS, ROSDISTRO
@@ -60,13 +60,10 @@ def ament_recipe(package: Package, context: BuildContext) -> Recipe:
 def ament_options(package: Package, context: BuildContext) -> tuple[str, ...]:
     """Return the options that require a configure run when they change."""
     test_results = (f"--test-result-base={value}" for _, value in _test_results(context))
-    fast = (FAST_ROSIDL,) if _is_accelerated(package, context) else ()
+    is_accelerated = any(part.is_accelerated(package, context) for part in (fast_rosidl, component_nodes))
+    fast = (FAST_ROSIDL,) if is_accelerated else ()
     distribution = (f"{ROSDISTRO}{value}" for _, value in _distribution(package, context))
     return (*plain_options(package, context), *test_results, *distribution, *context.ament_cmake_args, *fast)
-
-
-def _is_accelerated(package: Package, context: BuildContext) -> bool:
-    return any(part.is_accelerated(package, context) for part in (fast_rosidl, component_nodes))
 
 
 def tests(package: Package, context: TestContext) -> Recipe:
@@ -96,23 +93,33 @@ def _recipe(
     parts: tuple[tuple[Path, str], ...] = (),
 ) -> Recipe:
     """Return the steps; `ament` are CMake variables, and `parts` files of which CMake includes some."""
-    build = context.layout.build_dir(package.name)
+    from forge.base.templating import render
     from forge.build.recipes import initial_cache
 
+    build = context.layout.build_dir(package.name)
     folder = scratch_folder(build)
     manifest = folder / "manifest.cmake"
-    entries = (*ament, *project_include.cache_entries(folder))
+    # CMake includes this file at the end of project().
+    include = folder / "project.cmake"
+    included = [path.name for path, _ in parts if path.suffix == ".cmake"]
+    entries = (*ament, ("CMAKE_PROJECT_INCLUDE", str(include)))
     files = (
         (folder / "initial_cache.cmake", initial_cache.initial_cache(context, manifest, entries)),
         (manifest, initial_cache.manifest_variables(package.manifest)),
-        *project_include.files(folder, parts),
+        (include, render("cmake/project.cmake.j2", parts=included)),
+        *parts,
     )
     configure = _configure(package, context, arguments, (files[0][1], *(text for _, text in parts)))
     cmake = str(context.cmake)
     first = ("--clean-first",) if context.clean_first else ()
     build_step = Step(StepKind.BUILD, (cmake, "--build", str(build), *first, *_jobs(context)), build)
     install = (cmake, "--install", str(build))
-    install_step = Step(StepKind.INSTALL, install, build, _how_to_install(package, context))
+    # CMake skips a file whose time differs by less than a second from the installed one, even if its content
+    # differs: a second build within a second would not be installed.
+    env: Pairs = (("CMAKE_INSTALL_ALWAYS", "1"),)
+    if _links(package, context):
+        env = (*env, ("CMAKE_INSTALL_MODE", "ABS_SYMLINK_OR_COPY"))
+    install_step = Step(StepKind.INSTALL, install, build, env)
     return Recipe((configure, *_target(build, context), build_step, install_step), files)
 
 
@@ -213,16 +220,6 @@ def _generator(
 def _jobs(context: BuildContext) -> tuple[str, ...]:
     """Return the load limit for the build tool; the runner sets the number of jobs."""
     return () if context.load_limit is None else ("--", f"-l{context.load_limit:g}")
-
-
-def _how_to_install(package: Package, context: BuildContext) -> tuple[tuple[str, str], ...]:
-    """Return the environment variables for `cmake --install`.
-
-    CMAKE_INSTALL_ALWAYS is needed because CMake skips a file whose time differs by less than a second from
-    the installed one, even if its content differs: a second build within a second would not be installed.
-    """
-    always = (("CMAKE_INSTALL_ALWAYS", "1"),)
-    return (*always, ("CMAKE_INSTALL_MODE", "ABS_SYMLINK_OR_COPY")) if _links(package, context) else always
 
 
 def _test_results(context: BuildContext) -> Pairs:

@@ -199,7 +199,7 @@ def run_setup_install(options: SetupInstall) -> tuple[tuple[Path, ...], str]:
 
 
 def _is_file(path: str) -> bool:
-    """Return True if something lies at a path that is not a folder: a file, or a link to anything."""
+    """Tell whether a path is a file, or a link to anything."""
     return os.path.lexists(path) and (os.path.islink(path) or not os.path.isdir(path))  # noqa: PTH112, PTH114  (each installed file: no Path for each)
 
 

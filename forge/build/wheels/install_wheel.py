@@ -86,7 +86,14 @@ def install_wheel(options: WheelInstall) -> tuple[Problem, ...]:
     if options.link:
         site = options.prefix / options.site_packages
         link_to_sources(Installed(options.source, options.prefix, site, output), installed)
-    _remove_stale(options.build / MANIFEST, installed, options.prefix)
+    manifest = options.build / MANIFEST
+    for path in sorted(set(_recorded(manifest)) - set(installed), reverse=True):
+        if path.is_relative_to(options.prefix):
+            path.unlink(missing_ok=True)
+            for folder in path.parents:
+                if folder == options.prefix or not _remove_empty(folder):
+                    break
+    replace_file(manifest, "".join(f"{path}\n" for path in sorted(installed)).encode())
     return tuple(wheel_warnings(options.source, options.prefix / options.site_packages, installed))
 
 
@@ -226,17 +233,6 @@ def _remove_links(manifest: Path, prefix: Path) -> None:
     for path in _recorded(manifest):
         if path.is_relative_to(prefix) and path.is_symlink():
             path.unlink()
-
-
-def _remove_stale(manifest: Path, installed: Sequence[Path], prefix: Path) -> None:
-    """Remove files that are no longer installed, then record the installed files."""
-    for path in sorted(set(_recorded(manifest)) - set(installed), reverse=True):
-        if path.is_relative_to(prefix):
-            path.unlink(missing_ok=True)
-            for folder in path.parents:
-                if folder == prefix or not _remove_empty(folder):
-                    break
-    replace_file(manifest, "".join(f"{path}\n" for path in sorted(installed)).encode())
 
 
 def _recorded(manifest: Path) -> tuple[Path, ...]:

@@ -38,7 +38,13 @@ def link_to_sources(package: Installed, installed: Iterable[Path]) -> None:
     sources: dict[str, list[Path]] = {}
     for path in map(Path, source_files(str(package.source))):
         sources.setdefault(path.name, []).append(path)
-    copies = _copies(package)
+    made: dict[str, str] = {}
+    for source, target in _COPYING.findall(package.output):
+        if " -> " not in target:
+            whole = os.path.normpath(package.source / source)
+            made[os.path.normpath(package.source / target / os.path.basename(whole))] = whole  # noqa: PTH119
+    start = f"{package.prefix}{os.sep}"
+    copies = {Path(target): Path(_first(target, made)) for target in made if target.startswith(start)}
     for path in installed:
         if path.is_symlink():
             continue
@@ -69,17 +75,6 @@ def _original(
         candidates = [source_file for source_file in candidates if source_file in usual]
     is_metadata = path.parent.suffix in {".dist-info", ".egg-info"}
     return candidates[0] if len(candidates) == 1 and not is_metadata else None
-
-
-def _copies(package: Installed) -> dict[Path, Path]:
-    """Return the original source of each installed file that the backend reported to have copied."""
-    made: dict[str, str] = {}
-    for source, target in _COPYING.findall(package.output):
-        if " -> " not in target:
-            whole = os.path.normpath(package.source / source)
-            made[os.path.normpath(package.source / target / os.path.basename(whole))] = whole  # noqa: PTH119
-    start = f"{package.prefix}{os.sep}"
-    return {Path(target): Path(_first(target, made)) for target in made if target.startswith(start)}
 
 
 def _first(path: str, made: Mapping[str, str]) -> str:

@@ -57,7 +57,7 @@ if TYPE_CHECKING:
 
 
 _MOST = 20
-"""So many entries that remain are listed."""
+"""The number of remaining entries that are listed."""
 
 
 def register(parser: Parser) -> None:

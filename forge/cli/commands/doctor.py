@@ -96,12 +96,10 @@ def _load(root: Path, layout: Layout, options: argparse.Namespace) -> tuple[Chec
         )
     except ForgeError as error:
         return CheckResult("workspace", "cannot be loaded", errors=error.problems), bare
-    return _workspace(loaded, CMakeSearch(loaded.resolution, layout, variables)), _subject(bare, loaded)
-
-
-def _workspace(loaded: LoadedWorkspace, search: CMakeSearch) -> CheckResult:
     missing = missing_dependencies(
-        loaded.resolution, loaded.selection.names, certainly_missing=search.certainly_missing
+        loaded.resolution,
+        loaded.selection.names,
+        certainly_missing=CMakeSearch(loaded.resolution, layout, variables).certainly_missing,
     )
     names = loaded.selection.names
     own = sum(not loaded.resolution.packages[name].embedded for name in names)
@@ -109,7 +107,7 @@ def _workspace(loaded: LoadedWorkspace, search: CMakeSearch) -> CheckResult:
     summary = f"{counted(own, 'package')}{others}" if own else "no packages found"
     faults = (*loaded.workspace.problems, *missing.errors)
     warnings = (*loaded.warnings, *missing.warnings)
-    return CheckResult("workspace", summary, errors=faults, warnings=warnings)
+    return CheckResult("workspace", summary, errors=faults, warnings=warnings), _subject(bare, loaded)
 
 
 def _subject(bare: CheckContext, loaded: LoadedWorkspace) -> CheckContext:

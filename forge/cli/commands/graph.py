@@ -64,7 +64,18 @@ def _text(chart: PackageGraph, options: argparse.Namespace, root: Path) -> str:
     if options.json:
         return json.dumps(graph_formats.plain(chart), indent=2) + "\n"
     if options.html or options.svg:
-        return _picture(chart, options, root)
+        from forge.base.templating import render
+        from forge.build.journal import open_journal
+        from forge.output.charts.drawing import drawn, facts
+
+        records = open_journal(root / options.build_base).records
+        seconds = {name: record.seconds for name, record in records.items() if record.seconds}
+        graph = graph_formats.drawn_graph(chart)
+        picture = drawn(chart, graph, seconds)
+        title = f"{graph_formats.printable(root.name)}: {len(picture.nodes)} packages"
+        if options.svg:
+            return render("html/graph.svg.j2", title=title, picture=picture)
+        return render("html/graph.html.j2", title=title, picture=picture, facts=facts(chart, graph, seconds))
     if options.mermaid:
         return _joined(graph_formats.mermaid(chart))
     if options.dot:
@@ -73,22 +84,6 @@ def _text(chart: PackageGraph, options: argparse.Namespace, root: Path) -> str:
     legend = graph_formats.LEGEND if options.legend else ()
     density = (f"dependency density {graph_formats.density(chart):.2f} %\n",) if options.density else ()
     return _joined((*legend, *density, *graph_formats.matrix(chart)))
-
-
-def _picture(chart: PackageGraph, options: argparse.Namespace, root: Path) -> str:
-    """Return the graph as an image in which the height of a package shows its last build time."""
-    from forge.base.templating import render
-    from forge.build.journal import open_journal
-    from forge.output.charts.drawing import drawn, facts
-
-    records = open_journal(root / options.build_base).records
-    seconds = {name: record.seconds for name, record in records.items() if record.seconds}
-    graph = graph_formats.drawn_graph(chart)
-    picture = drawn(chart, graph, seconds)
-    title = f"{graph_formats.printable(root.name)}: {len(picture.nodes)} packages"
-    if options.svg:
-        return render("html/graph.svg.j2", title=title, picture=picture)
-    return render("html/graph.html.j2", title=title, picture=picture, facts=facts(chart, graph, seconds))
 
 
 def _joined(lines: Iterable[str]) -> str:

@@ -45,7 +45,21 @@ def register(parser: Parser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Print a line for each selected package, in alphabetical or topological order."""
     if any(getattr(options, name) for name in _GRAPH):
-        return _graph(options)
+        from forge.cli.commands import graph
+
+        options.dot = options.topological_graph_dot
+        if not (options.dot or options.topological_graph):
+            hint = "add '--topological-graph' or '--topological-graph-dot', or use 'forge graph'"
+            raise SelectionError(
+                Problem("options of the dependency graph given without requesting the graph", hint=hint)
+            )
+        options.html = options.svg = options.mermaid = False
+        options.output = None
+        options.density = options.topological_graph_density and not options.dot
+        options.legend = options.topological_graph_legend
+        options.dot_cluster = options.topological_graph_dot_cluster
+        options.dot_include_skipped = options.topological_graph_dot_include_skipped
+        return graph.run(options)
     loaded = load_workspace(
         Path.cwd(), package_options.query_of(options), os.environ, embedded=options.embedded
     )
@@ -72,21 +86,3 @@ def _line(package: Package, options: argparse.Namespace) -> str:
     if options.paths_only:
         return shared.displayed(package.path, options.origin)
     return f"{package.name}\t{shared.displayed(package.path, options.origin)}\t({package.type})"
-
-
-def _graph(options: argparse.Namespace) -> int:
-    from forge.cli.commands import graph
-
-    options.dot = options.topological_graph_dot
-    if not (options.dot or options.topological_graph):
-        hint = "add '--topological-graph' or '--topological-graph-dot', or use 'forge graph'"
-        raise SelectionError(
-            Problem("options of the dependency graph given without requesting the graph", hint=hint)
-        )
-    options.html = options.svg = options.mermaid = False
-    options.output = None
-    options.density = options.topological_graph_density and not options.dot
-    options.legend = options.topological_graph_legend
-    options.dot_cluster = options.topological_graph_dot_cluster
-    options.dot_include_skipped = options.topological_graph_dot_include_skipped
-    return graph.run(options)

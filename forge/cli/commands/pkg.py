@@ -141,33 +141,13 @@ class _License(argparse.Action):
 
 
 def _create(options: argparse.Namespace) -> None:
-    blueprint = _blueprint(options)
-    folder = Path(options.destination_directory, blueprint.name)
-    if folder.exists() or folder.is_symlink():
-        hint = "remove it, or choose another name or --destination-directory"
-        raise ForgeError(Problem(f"'{folder}' already exists", hint=hint))
-    items = render_package(blueprint)
-    report = io.StringIO()
-    try:
-        with redirect_stdout(report):  # a reader that leaves early must not stop halfway
-            _announce(blueprint, folder.parent.resolve())
-            _write(blueprint, f"{options.destination_directory.rstrip('/')}/{blueprint.name}", items)
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise HostError(Problem(f"cannot create '{error.filename or folder}': {reason}")) from None
-    finally:
-        print(report.getvalue(), end="")
-    _warn_about(blueprint)
-
-
-def _blueprint(options: argparse.Namespace) -> NewPackage:
     node, library = options.node_name, options.library_name
     if node is not None and node == library:
         node = f"{node}_node"
         _warn(f"node and library cannot both be named '{library}'")
         _warn(f"the node is named '{node}' instead")
     name = options.maintainer_name or _login()
-    return NewPackage(
+    blueprint = NewPackage(
         options.name,
         Person(name, options.maintainer_email or _git_email() or placeholder_email(name)),
         options.build_type,
@@ -179,6 +159,38 @@ def _blueprint(options: argparse.Namespace) -> NewPackage:
         library,
         () if options.interfaces is None else tuple(dict.fromkeys(options.interfaces)) or EXAMPLE_INTERFACES,
     )
+    folder = Path(options.destination_directory, blueprint.name)
+    if folder.exists() or folder.is_symlink():
+        hint = "remove it, or choose another name or --destination-directory"
+        raise ForgeError(Problem(f"'{folder}' already exists", hint=hint))
+    items = render_package(blueprint)
+    report = io.StringIO()
+    try:
+        with redirect_stdout(report):  # a reader that leaves early must not stop halfway
+            person = f"{blueprint.maintainer.name} <{blueprint.maintainer.email}>"
+            print("going to create a new package")
+            print("package name:", blueprint.name)
+            print("destination directory:", folder.parent.resolve())
+            print("package format:", blueprint.format)
+            print("version:", VERSION)
+            print("description:", blueprint.description)
+            print("maintainer:", [person])
+            print("licenses:", [blueprint.license])
+            print("build type:", blueprint.build_type)
+            print("dependencies:", list(blueprint.dependencies))
+            if blueprint.node:
+                print("node_name:", blueprint.node)
+            if blueprint.library:
+                print("library_name:", blueprint.library)
+            if blueprint.interfaces:
+                print("interfaces:", list(blueprint.interfaces))
+            _write(blueprint, f"{options.destination_directory.rstrip('/')}/{blueprint.name}", items)
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise HostError(Problem(f"cannot create '{error.filename or folder}': {reason}")) from None
+    finally:
+        print(report.getvalue(), end="")
+    _warn_about(blueprint)
 
 
 def _login() -> str:
@@ -196,26 +208,6 @@ def _git_email() -> str | None:
         return None
     email = found.stdout.strip()
     return email if is_email(email) else None
-
-
-def _announce(blueprint: NewPackage, destination: Path) -> None:
-    person = f"{blueprint.maintainer.name} <{blueprint.maintainer.email}>"
-    print("going to create a new package")
-    print("package name:", blueprint.name)
-    print("destination directory:", destination)
-    print("package format:", blueprint.format)
-    print("version:", VERSION)
-    print("description:", blueprint.description)
-    print("maintainer:", [person])
-    print("licenses:", [blueprint.license])
-    print("build type:", blueprint.build_type)
-    print("dependencies:", list(blueprint.dependencies))
-    if blueprint.node:
-        print("node_name:", blueprint.node)
-    if blueprint.library:
-        print("library_name:", blueprint.library)
-    if blueprint.interfaces:
-        print("interfaces:", list(blueprint.interfaces))
 
 
 def _write(blueprint: NewPackage, root: str, items: Iterable[GeneratedFile]) -> None:

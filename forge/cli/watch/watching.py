@@ -52,7 +52,7 @@ _LONGEST_PAUSE = 30.0
 def watch(options: BuildOptions, read_again: Callable[[], BuildOptions], build: Build) -> int:
     """Build, then rebuild after each change until interrupted; returns 0 if interrupted while waiting.
 
-    `read_again` returns the options anew, because option files may change. Errors that prevent the first
+    `read_again` reads the options again, because option files may change. Errors that prevent the first
     build end the watch; later ones are reported, and the next change retries.
     """
     stamp = forge_stamp()

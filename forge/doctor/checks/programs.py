@@ -110,7 +110,7 @@ def python(subject: CheckContext) -> CheckResult:
     setuptools = known.get("setuptools", "")
     errors += _old_setuptools(subject, interpreter, setuptools)
     summary = f"{known['version']} ({interpreter.path}, {interpreter.origin}), "
-    summary += f"setuptools {setuptools or 'lent by forge'}"
+    summary += f"setuptools {setuptools or 'bundled with forge'}"
     warnings = other_than_recorded(recorded_python(subject.layout.install), interpreter)
     return CheckResult("python", summary, errors=tuple(errors), warnings=warnings)
 

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Iterable, Mapping
 
-    from forge.workspace.model import Manifest, Package, Workspace
+    from forge.workspace.model import Manifest, Package
 
 _GROUP = "rosidl_interface_packages"
 _GENERATORS = "rosidl_default_generators"
@@ -42,7 +42,15 @@ def make_site(options: argparse.Namespace, default: Path) -> int:
     root = find_root(Path.cwd(), Path.home())
     found = discover(root, ["."], os.environ)
     print_warnings(found.problems)
-    packages = _interface_packages(found)
+    packages = {
+        name: package
+        for name, package in found.packages.items()
+        if (
+            _GROUP in package.manifest.groups
+            or any(each.name == _GENERATORS for each in package.manifest.dependencies)
+        )
+        and any(names_in(name, found.root / package.path))
+    }
     folders = {name: root / package.path for name, package in packages.items()}
     folders |= {name: Path(folder) for name, folder in options.includes}
     hint = "names of interface packages consist of lower-case letters, digits and single underscores"
@@ -59,7 +67,15 @@ def make_site(options: argparse.Namespace, default: Path) -> int:
     sourced = (*prefixes(os.environ), *underlays)
     library = Library(includes=folders, prefixes=sourced, rosdistro=distribution_of(options))
     whole = _wanted(options, folders, library)
-    catalogs = _catalogs(whole, library)
+    results = [_attempt(name, folder, library) for name, folder in whole.items()]
+    problems = [p for result in results if isinstance(result, InterfaceError) for p in result.problems]
+    raise_if_any(dict.fromkeys(problems), InterfaceError)
+    catalogs = [result for result in results if isinstance(result, Catalog)]
+    others = [other for catalog in catalogs for other in dependency_catalogs(catalog, library)]
+    # Of other packages, only the types that these refer to are documented.
+    catalogs += sorted(
+        (other for other in others if other.package not in whole), key=lambda other: other.package
+    )
     abouts = {
         each.package: _about(each.package, library, packages, whole=each.package in whole)
         for each in catalogs
@@ -70,18 +86,6 @@ def make_site(options: argparse.Namespace, default: Path) -> int:
     count = f"{len(written.changed)} of {written.total} files"
     print(f"{count} written, start page: '{out / _FIRST_PAGE}'")
     return 0
-
-
-def _interface_packages(workspace: Workspace) -> dict[str, Package]:
-    return {
-        name: package
-        for name, package in workspace.packages.items()
-        if (
-            _GROUP in package.manifest.groups
-            or any(each.name == _GENERATORS for each in package.manifest.dependencies)
-        )
-        and any(names_in(name, workspace.root / package.path))
-    }
 
 
 def _buried(folders: Iterable[Path], out: Path) -> list[Problem]:
@@ -114,19 +118,6 @@ def _wanted(options: argparse.Namespace, own: Mapping[str, Path], library: Libra
     return {name: known[name] for name in sorted(set(names))}
 
 
-def _catalogs(folders: Mapping[str, Path], library: Library) -> tuple[Catalog, ...]:
-    """Return the catalogs of the folders and of types they refer to; raises InterfaceError."""
-    results = [_attempt(name, folder, library) for name, folder in folders.items()]
-    problems = [p for result in results if isinstance(result, InterfaceError) for p in result.problems]
-    raise_if_any(dict.fromkeys(problems), InterfaceError)
-    catalogs = [result for result in results if isinstance(result, Catalog)]
-    others: dict[str, list[Catalog]] = {}
-    for catalog in catalogs:
-        for other in dependency_catalogs(catalog, library):
-            others.setdefault(other.package, []).append(other)
-    return (*catalogs, *_partial(others, folders))
-
-
 def _attempt(name: str, folder: Path, library: Library) -> Catalog | InterfaceError:
     """Return a catalog, or the error, so that errors of all packages are reported."""
     try:
@@ -134,11 +125,6 @@ def _attempt(name: str, folder: Path, library: Library) -> Catalog | InterfaceEr
         return resolve(name, parsed, library, events=library.has_events)
     except InterfaceError as error:
         return error
-
-
-def _partial(others: Mapping[str, list[Catalog]], whole: Iterable[str]) -> Iterable[Catalog]:
-    for package in sorted(others.keys() - set(whole)):
-        yield from others[package]
 
 
 def _about(name: str, library: Library, packages: Mapping[str, Package], *, whole: bool) -> PackageInfo:
