@@ -24,7 +24,7 @@ from forge.interfaces.model import (
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from forge.interfaces.model import Catalog, Element, Interface, Type
+    from forge.interfaces.model import Catalog, Interface, Type
 
 Description = dict[str, Any]
 """The JSON object that is hashed: the name and the fields of a type."""
@@ -76,7 +76,9 @@ class Hasher:
 
     def described_fields(self, name: TypeName) -> list[Description]:
         """Return the description of each field."""
-        return [_field(member) for member in self._structures[name]]
+        return [
+            {"name": member.name, "type": _described_type(member.type)} for member in self._structures[name]
+        ]
 
     def _text(self, name: TypeName) -> str:
         if name not in self._texts:
@@ -87,7 +89,8 @@ class Hasher:
     def _closure(self, name: TypeName) -> frozenset[TypeName]:
         waiting = [name]
         while waiting:
-            inner = self._inner(waiting[-1])
+            elements = (element_of(member.type) for member in self._structures[waiting[-1]])
+            inner = [element.name for element in elements if isinstance(element, Named)]
             if unknown := [each for each in inner if each not in self._closures]:
                 waiting += unknown
             else:
@@ -144,42 +147,28 @@ def _service(service: Service) -> Iterator[tuple[TypeName, tuple[Field, ...]]]:
     )
 
 
-def _field(member: Field) -> Description:
-    element = element_of(member.type)
-    type_id, string_capacity, nested = _element(element)
-    offset, capacity = _collection(member.type)
-    return {
-        "name": member.name,
-        "type": {
-            "type_id": type_id + offset,
-            "capacity": capacity,
-            "string_capacity": string_capacity,
-            "nested_type_name": nested,
-        },
-    }
-
-
-def _element(element: Element) -> tuple[int, int, str]:
-    """Return the type id, the string capacity and the name of a nested type."""
-    match element:
+def _described_type(type_: Type) -> Description:
+    string_capacity, nested = 0, ""
+    match element_of(type_):
         case Named(name):
-            return 1, 0, str(name)
+            type_id, nested = 1, str(name)
         case String(wide, None):
-            return 18 if wide else 17, 0, ""
+            type_id = 18 if wide else 17
         case String(wide, bound):
-            return 22 if wide else 21, bound or 0, ""
+            type_id, string_capacity = 22 if wide else 21, bound or 0
         case Primitive(name):
-            return _PRIMITIVE_IDS[name], 0, ""
-
-
-def _collection(type_: Type) -> tuple[int, int]:
-    """Return the offset that a collection adds to the type id of its elements, and its capacity."""
+            type_id = _PRIMITIVE_IDS[name]
+    capacity = 0
     match type_:
-        case Array(_, size):
-            return _ARRAY, size
+        case Array(_, capacity):
+            type_id += _ARRAY
         case Sequence(_, None):
-            return _SEQUENCE, 0
+            type_id += _SEQUENCE
         case Sequence(_, bound):
-            return _BOUNDED_SEQUENCE, bound or 0
-        case _:
-            return 0, 0
+            type_id, capacity = type_id + _BOUNDED_SEQUENCE, bound or 0
+    return {
+        "type_id": type_id,
+        "capacity": capacity,
+        "string_capacity": string_capacity,
+        "nested_type_name": nested,
+    }

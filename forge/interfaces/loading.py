@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from types import CodeType
 
     from forge.interfaces.model import Catalog, TypeName
+    from forge.interfaces.resolve.dependencies import DefinitionLookup
 
 _RUNTIME = EMBEDDED / "rosidl_default_runtime" / "python"
 
@@ -78,31 +79,21 @@ def load(
     check_distribution(rosdistro, "rosdistro")
     chosen = rosdistro or distribution_in(os.environ)
     library = Library(includes=dict(includes or {}), rosdistro=chosen)
+    known: DefinitionLookup = library
     if isinstance(definitions, Path):
         package = name or definitions.absolute().name
-        return _import(_of_folder(package, definitions, library))
-    if name is None:
-        raise InterfaceError(_nameless())
-    return _import(_of_schema(definitions, parse_name(name), library))
-
-
-def _nameless() -> Problem:
-    hint = "pass the name of the type; to load a folder, pass a pathlib.Path"
-    return Problem("missing type name of the schema", hint=hint)
-
-
-def _of_folder(package: str, folder: Path, library: Library) -> tuple[Catalog, ...]:
-    parsed = parse_all(read_folder(package, folder, library.rosdistro))
-    catalog = resolve(package, parsed, library, events=library.has_events)
-    return catalog, *dependency_catalogs(catalog, library)
-
-
-def _of_schema(text: str, name: TypeName, library: Library) -> tuple[Catalog, ...]:
-    parsed = parse_all(read_schema(text, name))
-    known = _Schema({each.interface.name: each for each in parsed}, library)
-    own = [each for each in parsed if each.interface.name.package == name.package]
-    catalog = resolve(name.package, own, known, events=library.has_events)
-    return catalog, *dependency_catalogs(catalog, known)
+        parsed = parse_all(read_folder(package, definitions, chosen))
+    elif name is None:
+        hint = "pass the name of the type; to load a folder, pass a pathlib.Path"
+        raise InterfaceError(Problem("missing type name of the schema", hint=hint))
+    else:
+        type_name = parse_name(name)
+        package = type_name.package
+        parsed = parse_all(read_schema(definitions, type_name))
+        known = _Schema({each.interface.name: each for each in parsed}, library)
+        parsed = tuple(each for each in parsed if each.interface.name.package == package)
+    catalog = resolve(package, parsed, known, events=library.has_events)
+    return _import((catalog, *dependency_catalogs(catalog, known)))
 
 
 class _Schema:

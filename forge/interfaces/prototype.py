@@ -35,7 +35,13 @@ def to_yaml(interface: Interface, known: Mapping[TypeName, Message]) -> str:
     """Return a default message, request or goal as YAML; raises InterfaceError if it is too large."""
     import yaml
 
-    message = _first_message(interface)
+    match interface:
+        case Message():
+            message = interface
+        case Service():
+            message = interface.request
+        case Action():
+            message = interface.goal
     if _count(message, known, {}) > LARGEST:
         raise InterfaceError(Problem(f"'{message.name}' has more than {LARGEST} values"))
     default = prototype(message, known)
@@ -46,29 +52,18 @@ def to_yaml(interface: Interface, known: Mapping[TypeName, Message]) -> str:
 def _count(message: Message, known: Mapping[TypeName, Message], counts: dict[TypeName, int]) -> int:
     """Return the number of values in a message, including nested ones; `counts` is a cache."""
     if message.name not in counts:
-        counts[message.name] = sum(_values(member, known, counts) for member in message.fields)
+        total = 0
+        for member in message.fields:
+            element = element_of(member.type)
+            each = _count(known[element.name], known, counts) if isinstance(element, Named) else 1
+            total += 1 + each * (member.type.size if isinstance(member.type, Array) else 1)
+        counts[message.name] = total
     return counts[message.name]
-
-
-def _values(member: Field, known: Mapping[TypeName, Message], counts: dict[TypeName, int]) -> int:
-    element = element_of(member.type)
-    each = _count(known[element.name], known, counts) if isinstance(element, Named) else 1
-    return 1 + each * (member.type.size if isinstance(member.type, Array) else 1)
 
 
 def prototype(message: Message, known: Mapping[TypeName, Message]) -> dict[str, Prototype]:
     """Return the default values of the fields of a message."""
     return {member.name: _default(member, known) for member in message.fields}
-
-
-def _first_message(interface: Interface) -> Message:
-    match interface:
-        case Message():
-            return interface
-        case Service():
-            return interface.request
-        case Action():
-            return interface.goal
 
 
 def _default(member: Field, known: Mapping[TypeName, Message]) -> Prototype:

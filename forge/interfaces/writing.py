@@ -44,7 +44,14 @@ def write(parts: Iterable[Part], out: Path, package: str, state: OutputState | N
     try:
         for part in parts:
             current = before.up_to_date(part.key, part.digest, out)
-            written[part.key] = current or _write_part(part, out, changed)
+            if current is None:
+                stats = {}
+                for file in part.files():
+                    if write_if_changed(out / file.path, file.text):
+                        changed.append(out / file.path)
+                    stats[file.path] = file_stat(out, file.path)
+                current = PartState(part.digest, stats)
+            written[part.key] = current
         languages = {_language(key) for key in written}
         total = sum(len(each.stats) for each in written.values())
         written |= {key: each for key, each in before.parts.items() if _language(key) not in languages}
@@ -56,16 +63,6 @@ def write(parts: Iterable[Part], out: Path, package: str, state: OutputState | N
     except OSError as error:
         raise _unwritable(error, out) from error
     return Written(tuple(changed), total)
-
-
-def _write_part(part: Part, out: Path, changed: list[Path]) -> PartState:
-    stats = {}
-    for file in part.files():
-        path = out / file.path
-        if write_if_changed(path, file.text):
-            changed.append(path)
-        stats[file.path] = file_stat(out, file.path)
-    return PartState(part.digest, stats)
 
 
 def write_site(files: Iterable[File], out: Path, first_page: str) -> Written:
@@ -83,7 +80,11 @@ def write_site(files: Iterable[File], out: Path, first_page: str) -> Written:
         written = {file.path: write_if_changed(out / file.path, file.text) for file in files}
         # Keep all existing files listed, even if the next steps fail.
         write_if_changed(listing, "".join(f"{path}\n" for path in sorted(before | written.keys())))
-        _remove(before - written.keys(), out)
+        for path in sorted(before - written.keys()):
+            (out / path).unlink(missing_ok=True)
+            for folder in PurePosixPath(path).parents[:-1]:
+                with suppress(OSError):
+                    (out / folder).rmdir()
         write_if_changed(listing, "".join(f"{path}\n" for path in sorted(written)))
     except OSError as error:
         raise _unwritable(error, out) from error
@@ -99,14 +100,6 @@ def _listed(listing: Path) -> set[str]:
     return {str(path) for path in paths if not path.is_absolute() and ".." not in path.parts}
 
 
-def _remove(paths: Iterable[str], out: Path) -> None:
-    for path in sorted(paths):
-        (out / path).unlink(missing_ok=True)
-        for folder in PurePosixPath(path).parents[:-1]:
-            with suppress(OSError):
-                (out / folder).rmdir()
-
-
 def _unwritable(error: OSError, out: Path) -> HostError:
     reason = (error.strerror or str(error)).lower()
     return HostError(Problem(f"cannot write: {reason}", Location(error.filename or out)))
@@ -118,7 +111,7 @@ def write_depfile(path: Path, target: Path, sources: Iterable[Path]) -> None:
     Raises HostError for a path that make cannot represent.
     """
     listed = tuple(sources)
-    invalid = [each for each in (target, *listed) if not _is_valid_in_make(str(each))]
+    invalid = [each for each in (target, *listed) if any(sign in str(each) for sign in "\n\r\0;")]
     if invalid:
         hint = "rename the folder: paths must not contain ';' or line breaks"
         raise HostError(Problem(f"make cannot handle the path {str(invalid[0])!r}", hint=hint))
@@ -134,10 +127,6 @@ def write_stamp(path: Path) -> None:
 
 def _language(key: str) -> str:
     return key.partition(" ")[0]
-
-
-def _is_valid_in_make(path: str) -> bool:
-    return not any(character in path for character in "\n\r\0;")
 
 
 def _for_make(path: Path) -> str:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
 from forge.interfaces.cpp.text import qualified
-from forge.interfaces.model import Array, Named, String
+from forge.interfaces.model import Array, Named, Sequence, String
 from forge.interfaces.wire.layout import (
     UNKNOWN,
     InlineArray,
@@ -75,8 +75,15 @@ class MembersViews:
         shape = self._shape(name)
         layout, size = shape.layout, shape.size
         constants = (f"least = {shape.min_size};", f"packed = {size};", f"alignment = {shape.alignment};")
-        wholes = self._wholes(layout)
-        needs = chain(wholes.values(), chain.from_iterable(map(_needs, layout.steps)))
+        wholes: dict[Path, TypeName] = {}  # the outermost nested messages that are copied in one piece
+        for inner in layout.inlined:
+            if self._shape(inner.name).size and _outermost(inner.path, wholes) is None:
+                wholes[inner.path] = inner.name
+        needs = set(wholes.values())
+        for step in layout.steps:
+            match step:
+                case MessageCall(_, needed) | Loop(_, Array(Named(needed)) | Sequence(Named(needed))):
+                    needs.add(needed)
         return MembersView(
             type=f"{qualified(name)}_",
             constants=constants if size else constants[:2],
@@ -104,14 +111,6 @@ class MembersViews:
                 return count * sum(map(self._nested_size, body.steps))
             case _:
                 return 0
-
-    def _wholes(self, layout: MessageLayout) -> dict[Path, TypeName]:
-        """Return the outermost nested messages that are copied in one piece."""
-        wholes: dict[Path, TypeName] = {}
-        for inner in layout.inlined:
-            if self._shape(inner.name).size and _outermost(inner.path, wholes) is None:
-                wholes[inner.path] = inner.name
-        return wholes
 
     def _statements(self, step: LayoutStep, wholes: Mapping[Path, TypeName]) -> Iterator[str]:
         match step:
@@ -196,11 +195,3 @@ def _call(word: str, *paths: Path, bound: int | None = None) -> str:
         lines[-1] += f" {argument}," if lines[-1] else f"{argument},"
     joined = "\n      ".join(lines)
     return f"cdr.{word}(\n      {joined[:-1]});"
-
-
-def _needs(step: LayoutStep) -> Iterator[TypeName]:
-    match step:
-        case MessageCall(_, name):
-            yield name
-        case Loop(_, type_) if isinstance(type_.of, Named):
-            yield type_.of.name

@@ -11,7 +11,7 @@ from forge.interfaces.model import Array, Named, Primitive, Sequence, String
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from forge.interfaces.model import Constant, Field, Message, Type
+    from forge.interfaces.model import Field, Message, Type
 
 _CLEARED = "_init == Initialization::ALL || _init == Initialization::ZERO"
 _DEFAULTED = "_init == Initialization::ALL || _init == Initialization::DEFAULTS_ONLY"
@@ -77,15 +77,27 @@ def struct_view(message: Message) -> StructView:
     """Return the struct of a message."""
     members = message.members
     blocks = _blocks(members)
+    nested = [f"{f.name}(_init)" for f in members if isinstance(f.type, Named)]
+    # Elements of arrays construct their own allocators.
+    allocated = [f"{f.name}({_ALLOCATED[type(f.type)]})" for f in members if type(f.type) in _ALLOCATED]
     return StructView(
         name=message.name.name,
         symbol=f"{message.name.package}__{message.name.kind}__{message.name.name}",
         doc=comment(message.doc),
-        constants=tuple(map(_constant, message.constants)),
+        constants=tuple(
+            ConstantView(
+                "static inline const" if isinstance(constant.type, String) else "static constexpr",
+                spell(constant.type),
+                constant.name,
+                literal(constant.value, constant.type),
+                comment(constant.doc),
+            )
+            for constant in message.constants
+        ),
         members=tuple(MemberView(f.name, spell(f.type), comment(f.doc, f.unit)) for f in members),
         settable=tuple(f.name for f in message.fields),
-        plain=_plain_constructor(members, blocks),
-        allocating=_allocating_constructor(members, blocks),
+        plain=_constructor(nested, blocks, takes_init=bool(nested), takes_allocator=True),
+        allocating=_constructor(allocated, blocks, takes_init=bool(nested), takes_allocator=bool(allocated)),
         blocks=blocks,
         comparison=" &&\n           ".join(f"{f.name} == _other.{f.name}" for f in members),
     )
@@ -95,24 +107,6 @@ def struct_needs_numeric_limits(message: Message) -> bool:
     """Return True if a value of the struct is infinite or NaN."""
     values = [*((f.default, f.type) for f in message.fields), *((c.value, c.type) for c in message.constants)]
     return any(needs_numeric_limits(value, type_) for value, type_ in values)
-
-
-def _constant(constant: Constant) -> ConstantView:
-    storage = "static inline const" if isinstance(constant.type, String) else "static constexpr"
-    value = literal(constant.value, constant.type)
-    return ConstantView(storage, spell(constant.type), constant.name, value, comment(constant.doc))
-
-
-def _plain_constructor(members: tuple[Field, ...], blocks: tuple[Block, ...]) -> ConstructorView:
-    initializers = [f"{f.name}(_init)" for f in members if isinstance(f.type, Named)]
-    return _constructor(initializers, blocks, takes_init=bool(initializers), takes_allocator=True)
-
-
-def _allocating_constructor(members: tuple[Field, ...], blocks: tuple[Block, ...]) -> ConstructorView:
-    """Pass the allocator to all members that take one; elements of arrays construct their own."""
-    initializers = [f"{f.name}({_ALLOCATED[type(f.type)]})" for f in members if type(f.type) in _ALLOCATED]
-    nested = any(isinstance(f.type, Named) for f in members)
-    return _constructor(initializers, blocks, takes_init=nested, takes_allocator=bool(initializers))
 
 
 def _constructor(

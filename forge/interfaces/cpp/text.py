@@ -88,12 +88,9 @@ def comment(lines: Items[str], unit: str | None = None) -> tuple[str, ...]:
     if unit is not None:
         last = f"{last} [{unit}]".lstrip()
     plain = (_UNPRINTABLE.sub(" ", line) for line in (*before, last) if lines or unit)
-    return tuple(_unspliced(f"/// {line}".rstrip()) for line in plain)
-
-
-def _unspliced(line: str) -> str:
-    """Append a period to a line that ends with a backslash or its trigraph, which would splice lines."""
-    return f"{line} ." if line.endswith(("\\", "??/")) else line
+    comments = (f"/// {line}".rstrip() for line in plain)
+    # A backslash or its trigraph at the end would splice lines.
+    return tuple(f"{line} ." if line.endswith(("\\", "??/")) else line for line in comments)
 
 
 def _joined(value: Value, of: Element) -> str:
@@ -137,7 +134,7 @@ def nearest_single(value: float) -> float:
 
 def _text(value: str, type_: String) -> str:
     """Return a literal of the text; one that contains NUL is passed with its length."""
-    body = _wide(value) if type_.wide else quoted(value)
+    body = f'u"{_without_trigraphs("".join(map(_universal, value)))}"' if type_.wide else quoted(value)
     if "\0" not in value:
         return body
     units = len(value.encode("utf-16-le", "surrogatepass")) // 2 if type_.wide else len(_utf8(value))
@@ -147,11 +144,6 @@ def _text(value: str, type_: String) -> str:
 def quoted(value: str) -> str:
     """Return a string literal whose bytes are UTF-8, regardless of the source encoding of the compiler."""
     return '"' + _without_trigraphs("".join(_ascii(chr(byte)) for byte in _utf8(value))) + '"'
-
-
-def _wide(value: str) -> str:
-    """Return a char16_t string literal; characters beyond ASCII by their number."""
-    return 'u"' + _without_trigraphs("".join(map(_universal, value))) + '"'
 
 
 def _without_trigraphs(text: str) -> str:

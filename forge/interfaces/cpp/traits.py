@@ -14,7 +14,6 @@ from forge.interfaces.model import (
     Named,
     Primitive,
     Sequence,
-    Service,
     String,
     element_of,
     messages_of,
@@ -66,38 +65,24 @@ def yaml_view(message: Message) -> YamlView:
 
 def type_traits(interface: Interface) -> Iterator[TypeTraits]:
     """Yield the traits of all types in the header of an interface, parts before the whole."""
-    roles = _roles(interface)
-    for message in messages_of(interface):
-        yield _message_traits(message, ("is_message", *roles.get(message.name, ())))
+    roles: dict[TypeName, str] = {}
     for service in services_of(interface):
-        yield _service_traits(service)
+        roles |= {service.request.name: "is_service_request", service.response.name: "is_service_response"}
+    if isinstance(interface, Action):
+        parts = {"goal": interface.goal, "result": interface.result, "feedback": interface.feedback}
+        roles |= {message.name: f"is_action_{part}" for part, message in parts.items()}
+    for message in messages_of(interface):
+        types = [field.type for field in message.members]
+        fixed = _base("has_fixed_size", types, own=all(map(_is_fixed, types)))
+        bounded = _base("has_bounded_size", types, own=all(map(_is_bounded, types)))
+        role = (roles[message.name],) if message.name in roles else ()
+        yield _identified(message.name, fixed, bounded, ("is_message", *role))
+    for service in services_of(interface):
+        halves = [Named(service.request.name), Named(service.response.name)]
+        fixed, bounded = (_base(trait, halves, own=True) for trait in ("has_fixed_size", "has_bounded_size"))
+        yield _identified(service.name, fixed, bounded, ("is_service",))
     if isinstance(interface, Action):
         yield TypeTraits(qualified(interface.name), ("is_action",))
-
-
-def _roles(interface: Interface) -> dict[TypeName, tuple[str, ...]]:
-    roles: dict[TypeName, tuple[str, ...]] = {}
-    for service in services_of(interface):
-        roles[service.request.name] = ("is_service_request",)
-        roles[service.response.name] = ("is_service_response",)
-    if isinstance(interface, Action):
-        roles[interface.goal.name] = ("is_action_goal",)
-        roles[interface.result.name] = ("is_action_result",)
-        roles[interface.feedback.name] = ("is_action_feedback",)
-    return roles
-
-
-def _message_traits(message: Message, traits: tuple[str, ...]) -> TypeTraits:
-    types = [field.type for field in message.members]
-    fixed = _base("has_fixed_size", types, own=all(map(_is_fixed, types)))
-    bounded = _base("has_bounded_size", types, own=all(map(_is_bounded, types)))
-    return _identified(message.name, fixed, bounded, traits)
-
-
-def _service_traits(service: Service) -> TypeTraits:
-    halves = [Named(service.request.name), Named(service.response.name)]
-    fixed, bounded = (_base(trait, halves, own=True) for trait in ("has_fixed_size", "has_bounded_size"))
-    return _identified(service.name, fixed, bounded, ("is_service",))
 
 
 def _identified(name: TypeName, fixed: str, bounded: str, traits: tuple[str, ...]) -> TypeTraits:

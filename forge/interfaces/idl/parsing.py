@@ -78,7 +78,7 @@ def read_idl(source: Source) -> FileReader:
     text = source.text.removeprefix("\ufeff")
     reader = FileReader(source, text)
     try:
-        tree = _grammar().parse(text)
+        tree = _parser().parse(text)
     except UnexpectedInput as error:
         raise InterfaceError(reader.problem(_explained(error, text))) from None
     deep = _too_deep(tree)
@@ -91,7 +91,7 @@ def read_idl(source: Source) -> FileReader:
 
 
 @cache
-def _grammar() -> Lark:
+def _parser() -> Lark:
     from lark import Lark
 
     return Lark.open("grammar.lark", rel_to=__file__, parser="lalr")
@@ -127,14 +127,11 @@ def _explained(error: UnexpectedInput, text: str) -> ParseError:
     if word in _UNSUPPORTED or (word == "<" and before in _UNSUPPORTED):
         keyword = word if word in _UNSUPPORTED else before
         return ParseError(f"'{keyword}' of OMG IDL is not supported by ROS", offset=offset)
-    message, hint = _EXPLANATIONS.get(word, (f"'{word}' is not expected here", _expectation(error)))
-    return ParseError(message, offset=offset, hint=hint)
-
-
-def _expectation(error: UnexpectedInput) -> str | None:
     expected = getattr(error, "accepts", None) or getattr(error, "allowed", None) or ()
     names = [shown for name, shown in _EXPECTED.items() if name in expected]
-    return f"{' or '.join(names[:2])} is expected" if names else None
+    expectation = f"{' or '.join(names[:2])} is expected" if names else None
+    message, hint = _EXPLANATIONS.get(word, (f"'{word}' is not expected here", expectation))
+    return ParseError(message, offset=offset, hint=hint)
 
 
 def _position(problem: Problem) -> tuple[int, int]:

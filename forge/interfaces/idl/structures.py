@@ -160,7 +160,7 @@ class StructureReader:
 
     def _sequence(self, element: Tree[Token], size: Tree[Token] | None) -> Sequence:
         of = self._type(element)
-        offset = next(token.start_pos or 0 for token in _tokens(element))
+        offset = _start(next(element.scan_values(lambda _: True)))
         if isinstance(of, Array | Sequence):
             hint = "define a struct for the inner one"
             raise ParseError("sequences of arrays or sequences are not supported", offset=offset, hint=hint)
@@ -274,10 +274,6 @@ def _subtrees(tree: Tree[Token]) -> list[Tree[Token]]:
 
 def _token(tree: Tree[Token]) -> Token:
     return cast("Token", tree.children[0])
-
-
-def _tokens(tree: Tree[Token]) -> list[Token]:
-    return list(tree.scan_values(lambda _: True))
 
 
 def _start(token: Token) -> int:

@@ -23,7 +23,7 @@ from forge.interfaces.read.comments import BIDI_CONTROLS
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from forge.interfaces.model import Catalog, Element, Field, Interface, Message, Type, TypeName, Value
+    from forge.interfaces.model import Catalog, Element, Interface, Message, Type, Value
 
 _ESCAPES = str.maketrans(
     {
@@ -115,17 +115,16 @@ def _structure(message: Message) -> _Structure:
         for constant in message.constants
     )
     typedefs = dict.fromkeys(line for member in message.members for line in _typedefs(member.type))
-    members = tuple(map(_member, message.members))
-    return _Structure(message.name.name, _comment(message.doc, 6), tuple(typedefs), constants, members)
-
-
-def _member(member: Field) -> _Line:
-    annotations = []
-    if member.default is not None:
-        annotations.append(f"@default (value={_literal(member.default, member.type)})")
-    if member.unit is not None:
-        annotations.append(f"@unit (value={_quoted(member.unit)})")
-    return _Line(_comment(member.doc, 8), tuple(annotations), f"{_type(member.type)} {member.name}")
+    members = []
+    for member in message.members:
+        annotations = []
+        if member.default is not None:
+            annotations.append(f"@default (value={_literal(member.default, member.type)})")
+        if member.unit is not None:
+            annotations.append(f"@unit (value={_quoted(member.unit)})")
+        declaration = f"{_type(member.type)} {member.name}"
+        members.append(_Line(_comment(member.doc, 8), tuple(annotations), declaration))
+    return _Structure(message.name.name, _comment(message.doc, 6), tuple(typedefs), constants, tuple(members))
 
 
 def _comment(lines: tuple[str, ...], indent: int) -> str:
@@ -141,7 +140,7 @@ def _type(type_: Type) -> str:
         case Sequence(of, bound):
             return f"sequence<{_type(of)}, {bound}>"
         case Named(name):
-            return _scoped(name)
+            return f"{name.package}::{name.kind}::{name.name}"
         case String(wide, bound):
             return ("wstring" if wide else "string") + (f"<{bound}>" if bound else "")
         case Primitive(name):
@@ -161,10 +160,6 @@ def _typedefs(type_: Type) -> Iterator[str]:
 
 def _identifier(element: Element) -> str:
     return _type(element).replace("::", "__").replace("<", "__").replace(">", "")
-
-
-def _scoped(name: TypeName) -> str:
-    return f"{name.package}::{name.kind}::{name.name}"
 
 
 def _literal(value: Value, type_: Type) -> str:

@@ -38,7 +38,7 @@ class Expression:
 
 def read_expression(tree: Tree[Token]) -> Expression:
     """Parse an expression; raises ParseError if rosidl does not support it."""
-    token = _first_token(tree)
+    token = next(iter(tree.scan_values(lambda _: True)))
     offset = token.start_pos or 0
     match tree.data:
         case "signed":
@@ -75,13 +75,15 @@ def value_of(written: Expression, type_: Type) -> Value:
     try:
         if not isinstance(type_, Array | Sequence):
             return _single(written, type_)
-        return _within_size(_collection(written, type_.of), type_)
+        values = _collection(written, type_.of)
+        match type_:
+            case Array(_, size) if len(values) != size:
+                raise ParseError(f"expected {size} elements, found {len(values)}")
+            case Sequence(_, int(bound)) if len(values) > bound:
+                raise ParseError(f"expected at most {bound} elements, found {len(values)}")
+        return values
     except ParseError as error:
         raise error.shifted(written.offset) from None
-
-
-def _first_token(tree: Tree[Token]) -> Token:
-    return next(iter(tree.scan_values(lambda _: True)))
 
 
 def _signed(sign: str, operand: Expression) -> Expression:
@@ -147,41 +149,29 @@ def _single(written: Expression, type_: Type) -> bool | int | float | str:
                 return bool(written.value)
             raise ParseError(f"'{written.value}' is not a boolean", hint="write TRUE or FALSE")
         case Primitive("float" | "double" | "long double"):
-            return _real(written)
+            is_number = written.kind in {"integer", "real"}
+            if not is_number and not (written.kind == "name" and _NOT_FINITE.fullmatch(str(written.value))):
+                raise ParseError(f"'{written.value}' is not a number")
+            return float(str(written.value))  # from text: a very long integer becomes infinite, not an error
         case Primitive("char" | "wchar" as name):
-            return _one_character(written, name)
+            limit = _LIMITS[name]
+            if written.kind == "integer" and 0 <= int(written.value) <= limit:
+                return chr(int(written.value))
+            text = str(written.value)
+            if written.kind == "text" and len(text) == 1 and ord(text) <= limit:
+                return text
+            hint = f"write it as a number up to {limit}"
+            raise ParseError(f"'{written.value}' is not a single {name}", hint=hint)
         case Primitive(name):
-            return _integer(written, name)
+            if written.kind != "integer":
+                raise ParseError(f"'{written.value}' is not an integer")
+            low, high = INTEGER_RANGES[name]
+            if not low <= int(written.value) <= high:
+                hint = f"the range is {low} to {high}"
+                raise ParseError(f"'{written.value}' is out of range for {name}", hint=hint)
+            return int(written.value)
         case _:
             raise ParseError("a member of a struct's type cannot have a default", hint="leave it out")
-
-
-def _real(written: Expression) -> float:
-    if written.kind in {"integer", "real"} or (
-        written.kind == "name" and _NOT_FINITE.fullmatch(str(written.value))
-    ):
-        return float(str(written.value))  # from text: a very long integer becomes infinite, not an error
-    raise ParseError(f"'{written.value}' is not a number")
-
-
-def _integer(written: Expression, name: str) -> int:
-    if written.kind != "integer":
-        raise ParseError(f"'{written.value}' is not an integer")
-    low, high = INTEGER_RANGES[name]
-    if not low <= int(written.value) <= high:
-        raise ParseError(
-            f"'{written.value}' is out of range for {name}", hint=f"the range is {low} to {high}"
-        )
-    return int(written.value)
-
-
-def _one_character(written: Expression, name: str) -> str:
-    limit = _LIMITS[name]
-    if written.kind == "integer" and 0 <= int(written.value) <= limit:
-        return chr(int(written.value))
-    if written.kind == "text" and len(str(written.value)) == 1 and ord(str(written.value)) <= limit:
-        return str(written.value)
-    raise ParseError(f"'{written.value}' is not a single {name}", hint=f"write it as a number up to {limit}")
 
 
 def _collection(written: Expression, of: Element) -> tuple[bool | int | float | str, ...]:
@@ -199,16 +189,6 @@ def _collection(written: Expression, of: Element) -> tuple[bool | int | float | 
     if not isinstance(body, ast.Tuple | ast.List):
         raise ParseError("the string is not a tuple", hint='a tuple of one element is "(1,)"')
     return tuple(_single(_element(node), of) for node in body.elts)
-
-
-def _within_size(values: tuple[bool | int | float | str, ...], type_: Array | Sequence) -> Value:
-    match type_:
-        case Array(_, size) if len(values) != size:
-            raise ParseError(f"expected {size} elements, found {len(values)}")
-        case Sequence(_, int(bound)) if len(values) > bound:
-            raise ParseError(f"expected at most {bound} elements, found {len(values)}")
-        case _:
-            return values
 
 
 def _element(node: ast.expr) -> Expression:

@@ -23,19 +23,15 @@ def read_comments(lines: Iterable[str]) -> tuple[tuple[str, ...], str | None]:
     If there is exactly one pair of brackets, its contents are the unit and are removed from the text.
     """
     texts = [line.lstrip("#").rstrip() for line in lines]
-    texts, unit = _without_unit(texts)
+    whole, unit = "\n".join(texts), None
+    found = [bracket for bracket in _BRACKET.finditer(whole) if bracket[1] and bracket[2] == "]"]
+    if len(found) == 1:
+        unit = found[0][1]
+        # If the blanks before the bracket span several lines, no line contains all of it: the text is kept.
+        written = whole[len(whole[: found[0].start()].rstrip()) : found[0].end()]
+        texts = [text.replace(written, "").rstrip() for text in texts]
     if len(texts) == 1:
         return ((texts[0].lstrip(),) if texts[0] else ()), unit
     squeezed = [text for number, text in enumerate(texts) if text or (number and texts[number - 1])]
     block = "\n".join(squeezed).strip("\n")
     return tuple(textwrap.dedent(block).split("\n")) if block else (), unit
-
-
-def _without_unit(texts: list[str]) -> tuple[list[str], str | None]:
-    whole = "\n".join(texts)
-    found = [bracket for bracket in _BRACKET.finditer(whole) if bracket[1] and bracket[2] == "]"]
-    if len(found) != 1:
-        return texts, None
-    # If the blanks before the bracket span several lines, no line contains all of it, and the text is kept.
-    written = whole[len(whole[: found[0].start()].rstrip()) : found[0].end()]
-    return [text.replace(written, "").rstrip() for text in texts], found[0][1]

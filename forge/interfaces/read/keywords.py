@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import keyword
 import re
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from forge.base.errors import Location, Problem
+from forge.base.errors import Problem
 from forge.base.names import python_attribute
 from forge.interfaces.model import sections_of
 from forge.interfaces.read.errors import ParseError
@@ -14,7 +15,7 @@ from forge.interfaces.read.errors import ParseError
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from forge.interfaces.model import Field, Interface
+    from forge.interfaces.model import Interface
 
 _CPP_KEYWORDS = """
     alignas alignof and and_eq asm auto bitand bitor bool break case catch char char16_t
@@ -53,13 +54,8 @@ def python_keywords(interfaces: Iterable[Interface]) -> Iterator[Problem]:
             attribute = python_attribute(field.name)
             if attribute != field.name:
                 text = f"field name '{field.name}' is a keyword of Python, where it becomes '{attribute}'"
-                place = _place_of_name(field)
+                place = field.place
+                found = re.search(rf"\b{field.name}\b", place.source) if place and place.source else None
+                if place and found:
+                    place = replace(place, column=found.start() + 1)
                 yield Problem(text, place, f"rename it, for example to '{field.name}_value'")
-
-
-def _place_of_name(field: Field) -> Location | None:
-    place = field.place
-    found = re.search(rf"\b{field.name}\b", place.source) if place and place.source else None
-    if place is None or found is None:
-        return place
-    return Location(place.path, place.line, found.start() + 1, place.source)

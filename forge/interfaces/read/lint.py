@@ -49,14 +49,15 @@ def lint(parsed: Iterable[Parsed]) -> list[Problem]:
     """Return the problems of all files, in the order of files and lines."""
     found = []
     for each in parsed:
-        if each.source.relative.endswith(".idl"):
+        is_idl = each.source.relative.endswith(".idl")
+        if is_idl:
             from forge.interfaces.idl.parsing import read_idl
 
             problems = read_idl(each.source).warnings
         else:
-            problems = [*_comments(each.source), *_lines(each)]
+            problems = list(_comments(each.source))
         for message in sections_of(each.interface):
-            problems += _names(message)
+            problems += _names(message) if is_idl else (*_lines(message), *_names(message))
         problems += python_keywords([each.interface])
         found += sorted(problems, key=_position)
     return found
@@ -91,16 +92,15 @@ def _names(message: Message) -> Iterator[Problem]:
             yield _problem(constant.place, text, "use a more specific name", at=constant.name)
 
 
-def _lines(parsed: Parsed) -> Iterator[Problem]:
-    for message in sections_of(parsed.interface):
-        for field in message.fields:
-            if field.default is not None:
-                yield from _value(field)
-            if field.unit is not None and _NO_UNIT.fullmatch(field.unit):
-                text = f"'{field.unit}' is parsed as the unit of the field and removed from the comment"
-                yield _problem(field.place, text, "remove the brackets", at=f"[{field.unit}]")
-        for constant in message.constants:
-            yield from _value(constant)
+def _lines(message: Message) -> Iterator[Problem]:
+    for field in message.fields:
+        if field.default is not None:
+            yield from _value(field)
+        if field.unit is not None and _NO_UNIT.fullmatch(field.unit):
+            text = f"'{field.unit}' is parsed as the unit of the field and removed from the comment"
+            yield _problem(field.place, text, "remove the brackets", at=f"[{field.unit}]")
+    for constant in message.constants:
+        yield from _value(constant)
 
 
 def _value(declared: Field | Constant) -> Iterator[Problem]:

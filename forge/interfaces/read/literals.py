@@ -82,24 +82,16 @@ def _collection(text: str, of: Element) -> tuple[bool | int | float | str, ...]:
 
 
 def _number(text: str, name: str) -> bool | int | float:
+    """Parse a boolean, a float, or an integer, which may have leading zeros or a prefix 0x, 0o or 0b."""
     if name == "boolean":
         if text.lower() not in _TRUTH:
             raise _unreadable(text, "a bool", hint="write true or false")
         return _TRUTH[text.lower()]
     if name in {"float", "double"}:
-        return _real(text)
-    return _integer(text, name)
-
-
-def _real(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise _unreadable(text, "a number") from None
-
-
-def _integer(text: str, name: str) -> int:
-    """Parse an integer; leading zeros are ignored, the prefixes 0x, 0o and 0b are as in Python."""
+        try:
+            return float(text)
+        except ValueError:
+            raise _unreadable(text, "a number") from None
     try:
         value = int(text)
     except ValueError:

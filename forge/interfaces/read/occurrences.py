@@ -22,9 +22,10 @@ if TYPE_CHECKING:
 
     from forge.base.errors import Location, Problem
     from forge.interfaces.idl.parsing import FileReader
-    from forge.interfaces.model import Interface, Message, Source
+    from forge.interfaces.model import Interface, Source
 
 _INCLUDE = re.compile(r'["<](\w+)/(\w+)/(\w+)\.idl[">]')
+_TYPE = re.compile(r"[\w/]*")
 _CONSTANTS = "_Constants"
 
 
@@ -87,10 +88,17 @@ class Reading:
 
 def read_leniently(source: Source) -> Reading:
     """Read a file that may be incomplete: report all problems, and keep what is valid."""
-    if source.relative.endswith(".idl"):
-        return _read_idl(source)
-    interface, problems = parse_leniently(source)
-    return Reading(source, interface, tuple(problems), tuple(_in_lines(source)))
+    if not source.relative.endswith(".idl"):
+        interface, problems = parse_leniently(source)
+        return Reading(source, interface, tuple(problems), tuple(_in_lines(source)))
+    from forge.interfaces.idl.parsing import read_idl
+
+    try:
+        reader = read_idl(source)
+    except InterfaceError as error:
+        return Reading(source, None, error.problems)
+    found = reader.interface() if reader.has_interface() else None
+    return Reading(source, found, tuple(reader.problems), tuple(_in_idl(reader, found)))
 
 
 def _in_lines(source: Source) -> Iterator[Occurrence]:
@@ -99,33 +107,20 @@ def _in_lines(source: Source) -> Iterator[Occurrence]:
         owner = replace(name, name=name.name + suffix)
         for line in section:
             code = line.text.partition("#")[0].rstrip()
-            if code:
-                yield from _in_line(code, line.number - 1, owner)
-
-
-def _in_line(code: str, line: int, owner: TypeName) -> Iterator[Occurrence]:
-    try:
-        declaration = read_declaration(code, owner.package)
-    except ParseError:
-        return
-    element = element_of(declaration.type)
-    if isinstance(element, Named):
-        end = re.compile(r"[\w/]*").match(code).end()  # type: ignore[union-attr]  # matches nothing as well
-        yield Occurrence(NameKind.REFERENCE, line, 0, end, element.name.name, owner, element.name)
-    kind = NameKind.CONSTANT if declaration.constant else NameKind.FIELD
-    start = declaration.name_offset
-    yield Occurrence(kind, line, start, start + len(declaration.name), declaration.name, owner)
-
-
-def _read_idl(source: Source) -> Reading:
-    from forge.interfaces.idl.parsing import read_idl
-
-    try:
-        reader = read_idl(source)
-    except InterfaceError as error:
-        return Reading(source, None, error.problems)
-    interface = reader.interface() if reader.has_interface() else None
-    return Reading(source, interface, tuple(reader.problems), tuple(_in_idl(reader, interface)))
+            try:
+                declaration = read_declaration(code, owner.package) if code else None
+            except ParseError:
+                continue
+            if declaration is None:
+                continue
+            number, start = line.number - 1, declaration.name_offset
+            element = element_of(declaration.type)
+            if isinstance(element, Named):
+                stop = _TYPE.match(code).end()  # type: ignore[union-attr]  # matches nothing as well
+                yield Occurrence(NameKind.REFERENCE, number, 0, stop, element.name.name, owner, element.name)
+            kind = NameKind.CONSTANT if declaration.constant else NameKind.FIELD
+            end = start + len(declaration.name)
+            yield Occurrence(kind, number, start, end, declaration.name, owner)
 
 
 def _in_idl(reader: FileReader, interface: Interface | None) -> Iterator[Occurrence]:
@@ -149,14 +144,8 @@ def _in_idl(reader: FileReader, interface: Interface | None) -> Iterator[Occurre
         for word in words:
             yield _at(reader.place(word.start_pos or 0), kind, str(word), main)
     for message in sections_of(interface) if interface else ():
-        yield from _declared(message)
-
-
-def _declared(message: Message) -> Iterator[Occurrence]:
-    for kind, declared in ((NameKind.FIELD, message.fields), (NameKind.CONSTANT, message.constants)):
-        for each in declared:
-            if each.place:
-                yield _at(each.place, kind, each.name, message.name)
+        for kind, members in ((NameKind.FIELD, message.fields), (NameKind.CONSTANT, message.constants)):
+            yield from (_at(each.place, kind, each.name, message.name) for each in members if each.place)
 
 
 def _at(

@@ -56,9 +56,17 @@ class Parsed:
 
 def parse_all(sources: Iterable[Source]) -> tuple[Parsed, ...]:
     """Parse several files; raises InterfaceError with the problems of all of them."""
-    results = [_attempt(source) for source in sources]
-    raise_if_any((p for r in results if isinstance(r, InterfaceError) for p in r.problems), InterfaceError)
-    return tuple(result for result in results if isinstance(result, Parsed))
+    results: list[Parsed] = []
+    problems: list[Problem] = []
+    for source in sources:
+        try:
+            interface = parse(source)
+        except InterfaceError as error:
+            problems += error.problems
+            continue
+        results.append(Parsed(source, interface))
+    raise_if_any(problems, InterfaceError)
+    return tuple(results)
 
 
 def parse(source: Source) -> Interface:
@@ -86,7 +94,8 @@ def parse_leniently(source: Source) -> tuple[Interface, list[Problem]]:
         reader = _SectionReader(replace(name, name=name.name + suffix), source)
         messages.append(reader.read(section or []))
         problems += reader.problems
-    problems.sort(key=_line_number)
+    # Problems of the whole file come first.
+    problems.sort(key=lambda problem: (problem.location.line or 0) if problem.location else 0)
     match messages:
         case [message]:
             return message, problems
@@ -94,14 +103,6 @@ def parse_leniently(source: Source) -> tuple[Interface, list[Problem]]:
             return Service(name, request, response), problems
         case _:
             return Action(name, *messages), problems
-
-
-def _attempt(source: Source) -> Parsed | InterfaceError:
-    """Return the error instead of raising it, so that all files are parsed."""
-    try:
-        return Parsed(source, parse(source))
-    except InterfaceError as error:
-        return error
 
 
 def type_name(source: Source) -> TypeName:
@@ -159,11 +160,6 @@ def _outline_problems(source: Source, name: TypeName, lines: list[Line], count: 
     return problems
 
 
-def _line_number(problem: Problem) -> int:
-    """Return the line of a problem as a sort key; problems of the whole file come first."""
-    return (problem.location.line or 0) if problem.location else 0
-
-
 @dataclass(slots=True)
 class _Entry:
     """A declaration and its comment lines."""
@@ -210,19 +206,15 @@ class _SectionReader:
             if mark:
                 collected.append(mark + comment)
             if code:
-                declaration = self._declaration(line, code.rstrip())
-                broken = declaration is None
-                if declaration:
+                try:
+                    declaration = read_declaration(code.rstrip(), self.name.package)
                     entries.append(_Entry(line, declaration, collected))
+                    broken = False
+                except ParseError as error:
+                    self._report(line, error)
+                    broken = True
                 collected = []
         return entries
-
-    def _declaration(self, line: Line, code: str) -> Declaration | None:
-        try:
-            return read_declaration(code, self.name.package)
-        except ParseError as error:
-            self._report(line, error)
-            return None
 
     def _add(self, entry: _Entry, fields: dict[str, Field], constants: dict[str, Constant]) -> None:
         declaration, line = entry.declaration, entry.line

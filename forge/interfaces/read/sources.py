@@ -55,9 +55,11 @@ def definition_files(folder: Path, rosdistro: str = OLDEST) -> dict[str, Path | 
     """
     definitions: dict[str, Path | None] = {}
     for base in definition_folders(folder, rosdistro):
-        found = (path for kind in _namespaces(base) for path in _files(base / kind, kind))
-        for path in found:
-            definitions.setdefault(path.relative_to(base).as_posix(), base)
+        for kind in _namespaces(base):
+            generated = {path.stem for each in SECTIONS for path in (base / kind).glob(f"*.{each}")}
+            own_idl = (path for path in (base / kind).glob("*.idl") if path.stem not in generated)
+            for path in sorted({*(base / kind).glob(f"*.{kind}"), *own_idl}):
+                definitions.setdefault(path.relative_to(base).as_posix(), base)
         for relative in removed_definitions(base):
             definitions.setdefault(relative, None)
     return definitions
@@ -128,7 +130,11 @@ class Library:
         """Return the interface of that name, or None; raises InterfaceError if its file is invalid."""
         if name not in self._parsed:
             path = self.file(name)
-            self._parsed[name] = self._parse(name, path) if path else None
+            self._parsed[name] = None
+            if path:
+                source = read_source(name.package, path.parent.parent, f"{name.kind}/{path.name}")
+                interface = with_events(parse(source)) if self.has_events else parse(source)
+                self._parsed[name] = Parsed(source, interface) if interface.name == name else None
         return self._parsed[name]
 
     def file(self, name: TypeName) -> Path | None:
@@ -182,11 +188,6 @@ class Library:
         if self.embedded:
             yield self.embedded / package
 
-    def _parse(self, name: TypeName, path: Path) -> Parsed | None:
-        source = read_source(name.package, path.parent.parent, f"{name.kind}/{path.name}")
-        interface = with_events(parse(source)) if self.has_events else parse(source)
-        return Parsed(source, interface) if interface.name == name else None
-
 
 def names_in(package: str, folder: Path, rosdistro: str = OLDEST) -> Iterator[TypeName]:
     """Yield the names of the interfaces in a folder, without installed requests and responses of services."""
@@ -215,19 +216,6 @@ def _has_interfaces(folder: Path, rosdistro: str) -> bool:
 def _namespaces(folder: Path) -> tuple[str, ...]:
     others = {path.parent.name for path in folder.glob("*/*.idl")} - SECTIONS.keys()
     return (*SECTIONS, *sorted(others))
-
-
-def _files(folder: Path, kind: str) -> list[Path]:
-    return sorted({*folder.glob(f"*.{kind}"), *_idl_only(folder)})
-
-
-def _idl_only(folder: Path) -> list[Path]:
-    """Return the .idl files that were not generated from other files in the folder."""
-    return [
-        path
-        for path in folder.glob("*.idl")
-        if not any(path.with_suffix(f".{kind}").is_file() for kind in SECTIONS)
-    ]
 
 
 def _entries(folder: Path) -> set[str]:

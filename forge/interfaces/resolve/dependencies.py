@@ -9,7 +9,7 @@ from forge.base.errors import InterfaceError, Problem
 from forge.interfaces.model import Action, Catalog, Named, TypeName, element_of, messages_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
+    from collections.abc import Iterable, Iterator
 
     from forge.interfaces.model import Field, Interface
     from forge.interfaces.read.parsing import Parsed
@@ -76,7 +76,20 @@ def dependency_catalogs(
         if name not in found:
             found[name] = require(name, known)
             waiting += [reference for _, reference in _references(found[name].interface)]
-    return _partial_catalogs(found, has_descriptions=catalog.has_descriptions)
+    messages = {message.name: message for p in found.values() for message in messages_of(p.interface)}
+    packages: dict[str, list[TypeName]] = defaultdict(list)
+    for name in sorted(found):
+        packages[name.package].append(name)
+    return tuple(
+        Catalog(
+            package,
+            {name: found[name].interface for name in names},
+            messages,
+            {name: found[name].source for name in names},
+            catalog.has_descriptions,
+        )
+        for package, names in packages.items()
+    )
 
 
 def require(name: TypeName, known: DefinitionLookup) -> Parsed:
@@ -100,20 +113,3 @@ def _references(interface: Interface) -> Iterator[tuple[Field, TypeName]]:
             element = element_of(member.type)
             if isinstance(element, Named) and element.name not in own:
                 yield member, element.name
-
-
-def _partial_catalogs(found: Mapping[TypeName, Parsed], *, has_descriptions: bool) -> tuple[Catalog, ...]:
-    messages = {message.name: message for p in found.values() for message in messages_of(p.interface)}
-    packages: dict[str, list[TypeName]] = defaultdict(list)
-    for name in sorted(found):
-        packages[name.package].append(name)
-    return tuple(
-        Catalog(
-            package,
-            {name: found[name].interface for name in names},
-            messages,
-            {name: found[name].source for name in names},
-            has_descriptions,
-        )
-        for package, names in packages.items()
-    )

@@ -10,21 +10,13 @@ from typing import TYPE_CHECKING
 
 from forge.base.errors import InterfaceError, Location, Problem, raise_if_any
 from forge.base.names import nearest, snake_case
-from forge.interfaces.model import (
-    Catalog,
-    Message,
-    Named,
-    TypeName,
-    element_of,
-    messages_of,
-    with_events,
-)
+from forge.interfaces.model import Catalog, Message, Named, element_of, messages_of, with_events
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
     from pathlib import Path
 
-    from forge.interfaces.model import Field, Message, Source, TypeName
+    from forge.interfaces.model import Field, Source, TypeName
     from forge.interfaces.read.parsing import Parsed
     from forge.interfaces.resolve.dependencies import DefinitionLookup
 
@@ -228,20 +220,17 @@ def cycle_problems(messages: Mapping[TypeName, Message]) -> list[Problem]:
             if isinstance(element, Named) and element.name in messages:
                 needs[name].setdefault(element.name, member)
     problems: list[Problem] = []
-    while len(problems) < _MAX_REPORTED and (cycle := _cycle(needs)):
+    while len(problems) < _MAX_REPORTED:
+        try:
+            TopologicalSorter(needs).prepare()
+        except CycleError as error:
+            # graphlib follows the edges in the opposite direction of 'contains'.
+            cycle: list[TypeName] = error.args[1][::-1]
+        else:
+            break
         path = " -> ".join(f"{name.package}/{name.name}" for name in cycle)
         place = needs[cycle[0]][cycle[1]].place
         problems.append(Problem(f"a message cannot contain itself: {path}", place))
         for container, contained in pairwise(cycle):
             del needs[container][contained]
     return problems
-
-
-def _cycle(needs: Mapping[TypeName, Mapping[TypeName, Field]]) -> list[TypeName] | None:
-    """Return a cycle, with its first member repeated at the end, or None."""
-    try:
-        TopologicalSorter(needs).prepare()
-    except CycleError as error:
-        # graphlib follows the edges in the opposite direction of 'contains'.
-        return list(reversed(error.args[1]))
-    return None

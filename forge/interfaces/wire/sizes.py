@@ -63,7 +63,10 @@ class SizeCalculator:
             high = None if high is None else _rounded(high, alignment)
             smallest, largest = self._size_range(member.type, phase)
             members.append(MemberSize(low, low == high, alignment, smallest, largest))
-            phase = self._phase_after(member.type, phase)
+            key = (member.type, phase)
+            if key not in self._end_phases:
+                self._end_phases[key] = self._layouts.of_element(member.type, phase).end
+            phase = self._end_phases[key]
             more = None if high is None else self._size_at(member.type, high % MAX_ALIGNMENT, full=True)
             high = None if high is None or more is None else high + more
             low += self._size_at(member.type, low % MAX_ALIGNMENT, full=False) or 0
@@ -75,12 +78,6 @@ class SizeCalculator:
         smallest = min(self._size_at(type_, start, full=False) or 0 for start in starts)
         sizes = [self._size_at(type_, start, full=True) for start in starts]
         return smallest, None if None in sizes else max(size for size in sizes if size is not None)
-
-    def _phase_after(self, type_: Type, phase: Phase) -> Phase:
-        key = (type_, phase)
-        if key not in self._end_phases:
-            self._end_phases[key] = self._layouts.of_element(type_, phase).end
-        return self._end_phases[key]
 
     def _alignment(self, type_: Type) -> int:
         match type_:
