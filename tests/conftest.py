@@ -9,10 +9,12 @@ import signal
 import sys
 import tempfile
 from collections import Counter
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING, Protocol
 from unittest.mock import patch
 
@@ -35,13 +37,10 @@ settings.register_profile("quick", settings.get_profile("forge"), max_examples=2
 settings.load_profile("forge")
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-    from types import ModuleType
-
     from tests.browser import Browser
 
-    Variables = Mapping[str, str | None]
-    """Values by name; None takes a variable away."""
+Variables = Mapping[str, str | None]
+"""Values by name; None takes a variable away."""
 
 collect_ignore = ["golden"]
 """Goldens hold tests as well: those of the packages that `forge pkg create` makes."""

@@ -5,15 +5,12 @@ from __future__ import annotations
 import contextlib
 import socket
 import threading
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from io import BufferedReader
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
-    from io import BufferedReader
-
-    Moves = Iterable[bytes | float | None]
-    """Bytes are sent, seconds waited for; after None comes another request, at the end it closes."""
+Moves = Iterable[bytes | float | None]
+"""Bytes are sent, seconds waited for; after None comes another request, at the end it closes."""
 
 
 @dataclass

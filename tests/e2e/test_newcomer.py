@@ -55,23 +55,6 @@ def one_message(ran: Ran, *parts: str) -> None:
         assert part in ran.err, ran.err
 
 
-def test_no_package_at_all(forge: Forge, tree: Tree) -> None:
-    one_message(forge("build", cwd=tree({"readme.txt": "\n"})), "no package", "hint: ")
-
-
-def test_two_packages_of_one_name(forge: Forge, tree: Tree) -> None:
-    root = tree({"src/a/package.xml": manifest("twin"), "src/b/package.xml": manifest("twin")})
-    one_message(forge("build", cwd=root), "'twin'", "src/a", "src/b")
-
-
-def test_a_cycle_is_named(forge: Forge, tree: Tree) -> None:
-    needs = {"a": "b", "b": "c", "c": "a", "bystander": "a"}
-    root = tree({f"src/{name}/package.xml": manifest(name, need) for name, need in needs.items()})
-    ran = forge("build", cwd=root)
-    one_message(ran, "a -> b -> c -> a", "hint: ")
-    assert "bystander" not in ran.err
-
-
 def test_a_malformed_manifest_is_shown_where_it_breaks(forge: Forge, tree: Tree) -> None:
     broken = manifest("a").replace("</version>", "</versoin>")
     ran = forge("build", cwd=tree({"src/a/package.xml": broken}))
@@ -100,11 +83,6 @@ def test_a_client_library_that_is_only_needed_to_run_is_a_warning(forge: Forge, 
     ran = forge("build", cwd=tree({"src/a/package.xml": text, "src/a/CMakeLists.txt": cmakelists("a")}))
     assert ran.code == 0, ran
     assert "warning: 'a' needs 'rclpy'" in ran.err
-
-
-def test_a_manifest_without_a_maintainer_says_so(forge: Forge, tree: Tree) -> None:
-    text = "".join(line for line in manifest("a").splitlines(keepends=True) if "maintainer" not in line)
-    one_message(forge("build", cwd=tree({"src/a/package.xml": text})), "src/a/package.xml", "maintainer")
 
 
 def test_a_package_that_is_not_there(forge: Forge, tree: Tree) -> None:

@@ -68,15 +68,6 @@ def test_the_workspace_of_the_nodes_holds_those_of_the_outer_one_too(forge: Forg
     assert listed.err == ""
 
 
-def test_the_outer_workspace_does_not_see_the_nodes(forge: Forge, workspace: Path) -> None:
-    assert forge("list", "--names-only", cwd=workspace).out.split() == SHARED
-
-
-@pytest.mark.needs("colcon")
-def test_nor_does_colcon(workspace: Path) -> None:
-    assert shell("colcon --log-base /dev/null list --names-only", workspace).split() == SHARED
-
-
 def test_who_needs_whom_is_known_without_ros(forge: Forge, workspace: Path) -> None:
     order = forge("list", "--names-only", "--topological-order", cwd=workspace / "ros2").out.split()
     assert order.index("robot_motion") < order.index("example_action_rclcpp") < order.index("robot_startup")
@@ -131,11 +122,6 @@ def test_what_the_sources_include_and_import_is_a_dependency(package: str) -> No
     imported = set(re.findall(r"^(?:from|import) (\w+)", code(package, "*.py"), re.MULTILINE))
     own = {package, "pathlib", "setuptools", "time"}
     assert (included | imported) - own <= set(manifest.names(BUILD_KINDS | RUN_KINDS))
-
-
-@pytest.mark.parametrize("path", sorted(SOURCES.rglob("*.py")), ids=lambda path: path.name)
-def test_python_sources_compile(path: Path) -> None:
-    compile(path.read_text(encoding="utf-8"), path, "exec")
 
 
 @pytest.mark.parametrize("path", sorted(SOURCES.rglob("*.launch.*")), ids=lambda path: path.name)

@@ -151,14 +151,6 @@ def test_what_was_warned_of_is_not_said_again_when_nothing_is_built(forge: Forge
     assert (again.code, again.err) == (0, "")
 
 
-def test_a_merged_install_and_back_is_refused(forge: Forge, workspace: Path) -> None:
-    assert forge("build", "--merge-install", "--packages-select", "a", cwd=workspace).code == 0
-    assert (workspace / "install/share/a/a.txt").is_file()
-    ran = forge("build", "--packages-select", "a", cwd=workspace)
-    assert ran.code == 2
-    assert "--merge-install" in ran.err
-
-
 def test_a_failure_is_reported_with_its_log_and_stops_the_rest(forge: Forge, workspace: Path) -> None:
     lists = 'cmake_minimum_required(VERSION 3.16)\nproject(b NONE)\nmessage(FATAL_ERROR "no luck")\n'
     (workspace / "src/b/CMakeLists.txt").write_text(lists)
@@ -198,25 +190,6 @@ def test_going_on_after_a_failure(forge: Forge, workspace: Path, tree: Tree) -> 
     assert "Finished <<< c" in ran.out
 
 
-def test_nothing_is_configured_twice_and_a_change_of_options_configures_again(
-    forge: Forge, tree: Tree
-) -> None:
-    data = "install(FILES data.txt DESTINATION share/a)"
-    workspace = tree({**files("a", more=data), "src/a/data.txt": "1\n"})
-
-    def steps(*options: str) -> str:
-        assert forge("build", *options, cwd=workspace).code == 0
-        return (workspace / "log/latest_build/a/command.log").read_text()
-
-    assert " -C " in steps()
-    (workspace / "src/a/data.txt").write_text("2\n")
-    said = steps()
-    assert " --install " in said
-    assert " -C " not in said
-    assert (workspace / "install/a/share/a/data.txt").read_text() == "2\n"
-    assert " -DX=1 -Wno-dev " in steps("--cmake-args", "-DX=1", "-Wno-dev")
-
-
 def test_force_begins_in_an_empty_build_folder(forge: Forge, workspace: Path) -> None:
     forge("build", "--packages-select", "a", cwd=workspace)
     left = workspace / "build/a/left.txt"
@@ -231,23 +204,6 @@ def built(forge: Forge, root: Path, *options: str, env: Variables | None = None)
     ran = forge("build", *options, cwd=root, env=env)
     assert ran.code == 0, ran.err
     return [line.split()[2] for line in ran.out.splitlines() if line.startswith("Finished <<<")]
-
-
-def test_what_did_not_change_is_not_built(forge: Forge, workspace: Path) -> None:
-    assert built(forge, workspace) == ["a", "b", "c"]
-    assert built(forge, workspace) == []
-    (workspace / "src/b/package.xml").touch()
-    assert built(forge, workspace) == []
-    assert "1 packages" not in forge("build", cwd=workspace).out
-
-
-def test_a_change_stops_where_what_is_installed_stays_the_same(forge: Forge, workspace: Path) -> None:
-    built(forge, workspace)
-    lists = workspace / "src/a/CMakeLists.txt"
-    lists.write_text(lists.read_text() + "# a remark\n")
-    assert built(forge, workspace) == ["a"]
-    lists.write_text(lists.read_text().replace('"a\\n"', '"other\\n"'))
-    assert built(forge, workspace) == ["a", "b", "c"]
 
 
 @pytest.mark.parametrize(
@@ -282,17 +238,6 @@ def test_every_damage_is_noticed_and_explained(
     assert built(forge, workspace) == []
 
 
-def test_options_and_environment_are_noticed_but_not_being_sourced(forge: Forge, workspace: Path) -> None:
-    built(forge, workspace)
-    assert built(forge, workspace, "--cmake-args", "-DX=1") == ["a", "b", "c"]
-    assert built(forge, workspace) == ["a", "b", "c"]
-    assert built(forge, workspace, env={"CXXFLAGS": "-O1"}) == ["a", "b", "c"]
-    built(forge, workspace)
-    own = str(workspace / "install/a")
-    sourced: Variables = {"CMAKE_PREFIX_PATH": own, "PYTHONPATH": f"{own}/lib", "AMENT_PREFIX_PATH": own}
-    assert built(forge, workspace, env=sourced) == []
-
-
 def test_a_dry_run_prints_every_command_and_runs_none(forge: Forge, workspace: Path) -> None:
     ran = forge("build", "--dry-run", cwd=workspace)
     assert "a: build, not built yet\n" in ran.out
@@ -318,29 +263,6 @@ def test_a_step_can_be_repeated_by_hand(forge: Forge, workspace: Path) -> None:
     assert again.returncode != 0
     assert "here" in again.stderr
     assert forge("build", "--print-command", "b", cwd=workspace).code == 2
-
-
-def test_what_a_package_no_longer_installs_is_removed(forge: Forge, tree: Tree) -> None:
-    more = "install(FILES one.txt two.txt DESTINATION share/a/data)"
-    root = tree({**files("a", more=more), "src/a/one.txt": "1", "src/a/two.txt": "2"})
-    built(forge, root)
-    (root / "install/a/share/a/data/mine.txt").write_text("of the user")
-    tree(files("a", more=more.replace("two.txt ", "")))
-    built(forge, root)
-    assert sorted(p.name for p in (root / "install/a/share/a/data").iterdir()) == ["mine.txt", "one.txt"]
-    tree(files("a"))
-    (root / "install/a/share/a/data/mine.txt").unlink()
-    built(forge, root)
-    assert not (root / "install/a/share/a/data").exists()
-
-
-def test_files_added_under_a_glob_are_found(forge: Forge, tree: Tree) -> None:
-    more = "file(GLOB data data/*.txt)\ninstall(FILES ${data} DESTINATION share/a)"
-    root = tree({**files("a", more=more), "src/a/data/one.txt": "1"})
-    built(forge, root)
-    (root / "src/a/data/two.txt").write_text("2")
-    built(forge, root)
-    assert (root / "install/a/share/a/two.txt").is_file()
 
 
 def test_a_failed_build_is_never_fresh(forge: Forge, workspace: Path) -> None:
@@ -390,13 +312,6 @@ def test_a_missing_dependency_is_reported_before_cmake_runs(forge: Forge, tree: 
     assert ran.err.startswith("src/node/package.xml:8:3: error: 'node' needs 'rclcpp', which is neither")
     assert ran.err.endswith(f"; see {docs_url('how-to/rclcpp.md')}\n")
     assert not (root / "build").exists()
-
-
-def test_links_into_the_sources(forge: Forge, tree: Tree) -> None:
-    more = "install(FILES data.txt DESTINATION share/a)"
-    root = tree({**files("a", more=more), "src/a/data.txt": "one"})
-    assert forge("build", "--symlink-install", cwd=root).code == 0
-    assert (root / "install/a/share/a/data.txt").is_symlink()
 
 
 def test_other_options_configure_again_even_if_cmake_gets_the_same_arguments(
@@ -457,15 +372,6 @@ def test_flags_of_the_environment_reach_every_new_folder(forge: Forge, tree: Tre
     for value in (1, 2):
         assert built(forge, root, env={"CXXFLAGS": f"-DX={value}"}) == ["a"]
         assert subprocess.run([root / "install/a/bin/x"], check=False).returncode == value
-
-
-@pytest.mark.needs("g++")
-def test_what_cmake_read_outside_counts(forge: Forge, tree: Tree) -> None:
-    more = "include(${CMAKE_CURRENT_SOURCE_DIR}/../../outside/words.cmake)\nfile(WRITE w.txt ${words})"
-    root = tree({**files("a", more=more), "outside/words.cmake": "set(words one)"})
-    built(forge, root)
-    (root / "outside/words.cmake").write_text("set(words two)")
-    assert built(forge, root) == ["a"]
 
 
 @pytest.mark.needs("g++")

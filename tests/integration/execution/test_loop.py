@@ -17,11 +17,8 @@ from forge.build.events import (
     Aborted,
     Event,
     Finished,
-    Fresh,
     Output,
     Skipped,
-    Started,
-    StepFinished,
     StepStarted,
 )
 from forge.build.model import BuildInputs, BuildRecord
@@ -76,37 +73,6 @@ def ends(events: Sequence[Event]) -> dict[str, object]:
     return found
 
 
-def test_steps_run_in_order_and_every_line_arrives_with_its_stream(tmp_path: Path) -> None:
-    program = "import sys; print('out'); sys.stdout.flush(); print('err', end='', file=sys.stderr)"
-    done: list[str] = []
-    events = run(plan_of(task(tmp_path, "a", program, "print('second')")), real_runner(done))
-    assert [e for e in events if isinstance(e, Output)] == [
-        Output("a", b"out\n", stderr=False),
-        Output("a", b"err\n", stderr=True),
-        Output("a", b"second\n", stderr=False),
-    ]
-    assert [type(e) for e in events if not isinstance(e, Output)] == [
-        Started,
-        StepStarted,
-        StepFinished,
-        StepStarted,
-        StepFinished,
-        Finished,
-    ]
-    assert done == ["a"]
-
-
-def test_a_failed_step_ends_its_task_and_is_named(tmp_path: Path) -> None:
-    done: list[str] = []
-    events = run(plan_of(task(tmp_path, "a", "raise SystemExit(3)", "print('never')")), real_runner(done))
-    last = events[-1]
-    assert isinstance(last, Finished)
-    assert last.code == 3
-    assert last.step is not None
-    assert last.step.argv[-1] == "raise SystemExit(3)"
-    assert not done
-
-
 def test_a_program_that_cannot_start_is_a_failure_with_a_reason(tmp_path: Path) -> None:
     broken = replace(task(tmp_path, "a"), steps=(Step(StepKind.INSTALL, ("/no/such/program",), tmp_path),))
     events = run(plan_of(broken))
@@ -115,91 +81,6 @@ def test_a_program_that_cannot_start_is_a_failure_with_a_reason(tmp_path: Path) 
         in events
     )
     assert ends(events) == {"a": 127}
-
-
-def test_after_a_failure_running_steps_end_and_nothing_more_starts(tmp_path: Path) -> None:
-    plan = plan_of(
-        task(tmp_path, "bad", "raise SystemExit(1)"),
-        task(tmp_path, "slow", "import time; time.sleep(0.5)", "print('never')"),
-        task(tmp_path, "above", "print()", needs=["bad"]),
-    )
-    events = run(plan, limit=2)
-    assert ends(events) == {"bad": 1, "slow": "Aborted", "above": "Skipped"}
-    assert not any(isinstance(e, Output) for e in events)
-
-
-def test_going_on_skips_only_what_needs_the_failed(tmp_path: Path) -> None:
-    plan = plan_of(
-        task(tmp_path, "bad", "raise SystemExit(1)"),
-        task(tmp_path, "good", "print()"),
-        task(tmp_path, "above", "print()", needs=["bad"]),
-        task(tmp_path, "top", "print()", needs=["above", "bad"]),
-    )
-    assert ends(run(plan, go_on=True)) == {"bad": 1, "good": 0, "above": "Skipped", "top": "Skipped"}
-
-
-def test_a_task_that_turns_out_fresh_lets_others_go_on(tmp_path: Path) -> None:
-    plan = plan_of(
-        task(tmp_path, "a", "raise SystemExit(1)"),
-        task(tmp_path, "b", "raise SystemExit(1)", needs=["a"]),
-        task(tmp_path, "c", "print()", needs=["a", "b"]),
-    )
-    scheduler = Scheduler(plan, 1)
-    events = list(execute(plan, real_runner(), scheduler, lambda one: one if one.name == "c" else None))
-    assert [e.task for e in events if isinstance(e, Fresh)] == ["a", "b"]
-    assert ends(events) == {"c": 0}
-
-
-def test_a_record_is_there_only_after_success(tmp_path: Path) -> None:
-    record = tmp_path / "record"
-    for code, expected in ((0, True), (1, False)):
-        step = Step(
-            StepKind.INSTALL,
-            (sys.executable, "-c", f"raise SystemExit({code})"),
-            tmp_path,
-            record=(record, f"digest {code}"),
-        )
-        run(plan_of(replace(task(tmp_path, "a"), steps=(step,))))
-        assert record.is_file() is expected
-
-
-def test_what_its_record_says_was_done_is_not_done_again(tmp_path: Path) -> None:
-    step = Step(
-        StepKind.INSTALL,
-        (sys.executable, "-c", "raise SystemExit(1)"),
-        tmp_path,
-        record=(tmp_path / "r", "done"),
-    )
-    (tmp_path / "r").write_text("done")
-    assert ends(run(plan_of(replace(task(tmp_path, "a"), steps=(step,))))) == {"a": 0}
-    (tmp_path / "r").write_text("other")
-    assert ends(run(plan_of(replace(task(tmp_path, "a"), steps=(step,))))) == {"a": 1}
-
-
-def test_files_are_written_before_the_first_step(tmp_path: Path) -> None:
-    path = tmp_path / "folder" / "file"
-    one = replace(task(tmp_path, "a", f"print(open({str(path)!r}).read())"), files=((path, "text"),))
-    assert Output("a", b"text\n", stderr=False) in run(plan_of(one))
-
-
-def test_a_steps_own_variables_win(tmp_path: Path) -> None:
-    step = Step(
-        StepKind.INSTALL,
-        (sys.executable, "-c", "import os; print(os.environ['X'])"),
-        tmp_path,
-        (("X", "mine"),),
-    )
-    runner = ProcessRunner(
-        TaskLifecycle(
-            lambda _: {**os.environ, "X": "theirs"},
-            lambda _task, _variables: None,
-            lambda _: BuildRecord(BuildInputs()),
-        )
-    )
-    events = run(plan_of(replace(task(tmp_path, "a"), steps=(step,))), runner)
-    assert Output("a", b"mine\n", stderr=False) in events
-    started = next(e for e in events if isinstance(e, StepStarted))
-    assert started.environment == (("X", "mine"),)
 
 
 def test_an_exception_in_a_worker_is_raised_in_the_loop(tmp_path: Path) -> None:

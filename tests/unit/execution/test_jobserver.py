@@ -20,7 +20,6 @@ from forge.execution.jobserver import (
     common_style,
     create_pool,
     join_pool,
-    without_jobserver_notices,
 )
 from forge.execution.makeflags import MakeFlags, read_make_flags
 
@@ -84,15 +83,6 @@ def test_a_run_has_the_one_style_that_all_its_tools_speak(
     assert common_style(spoken_by) == style
 
 
-def test_ninjas_remarks_about_the_jobserver_are_no_output() -> None:
-    blurb = b"ninja: Jobserver mode detected:  -j2 --jobserver-auth=3,4\n"
-    warning = b"ninja: warning: Jobserver 'pipe' mode detected, a pool that"
-    error = b"ninja: error: loading 'build.ninja'\n"
-    assert without_jobserver_notices(error + blurb + error + warning) == error + error
-    assert without_jobserver_notices(blurb) == b""
-    assert without_jobserver_notices(error) == error
-
-
 def test_tokens_that_no_package_has_are_the_tools(tmp_path: Path) -> None:
     """And all come back: three jobs, of which packages hold two, then one, then none."""
     with closing(JobPool(3, create_pool(FIFO), FLUENT)) as budget:
@@ -104,28 +94,6 @@ def test_tokens_that_no_package_has_are_the_tools(tmp_path: Path) -> None:
                 wait_for(lambda: lying_in(auth) == TOKEN)
             wait_for(lambda: lying_in(auth) == TOKEN * 2)
         wait_for(lambda: lying_in(auth) == TOKEN * 3)
-
-
-def test_a_package_gets_the_token_that_a_tool_returns(tmp_path: Path) -> None:
-    with closing(JobPool(2, create_pool(FIFO), FLUENT)) as budget:
-        auth = auth_in(budget, tmp_path)
-        with budget.package():
-            wait_for(lambda: lying_in(auth) == TOKEN)
-            tool = os.open(auth.removeprefix("fifo:"), os.O_RDWR)
-            token = os.read(tool, 1)
-            begun = threading.Event()
-
-            def run() -> None:
-                with budget.package():
-                    begun.set()
-
-            thread = threading.Thread(target=run)
-            thread.start()
-            assert not begun.wait(0.1)
-            os.write(tool, token)
-            assert begun.wait(5)
-            thread.join()
-            os.close(tool)
 
 
 def test_packages_never_outnumber_the_jobs() -> None:
@@ -191,23 +159,6 @@ def test_while_memory_is_short_one_package_runs_and_the_pool_is_drained(tmp_path
                 assert alone
 
 
-def test_a_stopped_build_begins_no_package() -> None:
-    with closing(JobPool(1)) as budget:
-        results: list[bool] = []
-
-        def run() -> None:
-            with budget.package() as begun:
-                results.append(begun)
-
-        with budget.package():
-            waiting = threading.Thread(target=run)
-            waiting.start()
-            time.sleep(0.05)
-            budget.stop()
-            waiting.join()
-    assert results == [False]
-
-
 def test_variables_and_arguments_of_a_step_depend_on_its_tool(tmp_path: Path) -> None:
     given = {"MAKEFLAGS": "-k -j9", "CMAKE_BUILD_PARALLEL_LEVEL": "9", "X": "1"}
     flags = MakeFlags(rest=("-k",))
@@ -232,17 +183,6 @@ def test_variables_and_arguments_of_a_step_depend_on_its_tool(tmp_path: Path) ->
                 "X": "1",
             }
             assert not descriptors
-
-
-def test_fixed_shares_add_up_to_the_budget(tmp_path: Path) -> None:
-    level = "CMAKE_BUILD_PARALLEL_LEVEL"
-    with closing(JobPool(5)) as budget, budget.package():
-        with budget.package(), budget.tools(step(tmp_path), {}) as (one, _):
-            assert one[level] == "2"
-            with budget.tools(step(tmp_path), {}) as (other, _):
-                assert other[level] == "2"
-        with budget.tools(step(tmp_path), {}) as (alone, _):
-            assert alone[level] == "5"
 
 
 @pytest.mark.parametrize("style", [FIFO, PIPE])
@@ -276,20 +216,3 @@ def test_a_pool_above_us_is_joined_and_left_as_it_was(style: str, tmp_path: Path
 @pytest.mark.parametrize("auth", ["900,901", "fifo:/no/such/fifo", f"fifo:{os.devnull}", "0", "a,b", "-2,-2"])
 def test_what_is_no_pool_cannot_be_joined(auth: str) -> None:
     assert join_pool(auth) is None
-
-
-def test_memory_is_looked_at_by_the_clock_however_many_packages_come_and_go() -> None:
-    looks: list[float] = []
-
-    def short() -> bool:
-        looks.append(time.monotonic())
-        return False
-
-    begun = time.monotonic()
-    with closing(JobPool(2, is_overloaded=short)) as budget:
-        for _ in range(200):
-            with budget.package():
-                time.sleep(0.001)
-        passed = time.monotonic() - begun
-        assert len(looks) <= 2 + passed / 0.25
-        wait_for(lambda: looks[-1] - begun > passed)

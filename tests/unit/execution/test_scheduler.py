@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from forge.base.graph import closures, order
-from forge.build.events import Aborted, Finished, Output, Skipped, Started
+from forge.build.events import Finished, Output, Started
 from forge.build.tasks import BuildPlan, Task
 from forge.execution.scheduler import Scheduler
 from tests.packages import package
@@ -65,11 +65,6 @@ def test_a_task_ends_once_after_its_needs_and_at_most_limit_run(
             assert name not in skipped or skipped[name] in failing | set(skipped)
 
 
-def test_packages_that_more_others_wait_for_go_first() -> None:
-    graph = {"a": frozenset[str](), "b": frozenset[str](), "c": frozenset({"b"}), "d": frozenset({"c"})}
-    assert Scheduler(plan_of(graph), 1).advance() == [Started("b")]
-
-
 @given(graphs(), st.integers(1, 3), st.lists(st.integers(0, 9), min_size=8, max_size=8))
 def test_no_task_starts_before_a_ready_one_with_more_work_above_it(
     graph: dict[str, frozenset[str]], limit: int, lengths: list[int]
@@ -118,18 +113,3 @@ def test_a_package_never_built_counts_like_the_usual_one() -> None:
         scheduler.note(Finished(order[-1], 0, 0.0))
     assert order[0] == "longer"
     assert order[-1] == "short"
-
-
-def test_after_a_failure_nothing_starts() -> None:
-    scheduler = Scheduler(plan_of({"a": frozenset(), "b": frozenset(), "c": frozenset()}), 1)
-    assert scheduler.advance() == [Started("a")]
-    scheduler.note(Finished("a", 1, 0.0))
-    assert scheduler.stopped
-    assert scheduler.advance() == [Skipped("b", "a"), Skipped("c", "a")]
-
-
-def test_an_aborted_package_holds_back_those_that_need_it() -> None:
-    scheduler = Scheduler(plan_of({"a": frozenset(), "b": frozenset({"a"})}), 0)
-    scheduler.advance()
-    scheduler.note(Aborted("a", 0.0))
-    assert scheduler.advance() == [Skipped("b", "a")]

@@ -13,7 +13,6 @@ from forge.build.events import (
     Aborted,
     Event,
     Finished,
-    Fresh,
     Output,
     Skipped,
     Started,
@@ -103,11 +102,6 @@ def test_colours_tell_the_meaning_and_change_no_word(
     assert tuple(re.sub(r"\x1b\[[\d;]*m", "", text) for text in (out, err)) == plain
     monkeypatch.setenv("NO_COLOR", "1")
     assert shown(capfd, report_on("a", "b", "e"), *events) == plain
-
-
-def test_a_build_of_fresh_packages_says_so_in_one_line(capfd: pytest.CaptureFixture[str]) -> None:
-    out, _ = shown(capfd, report_on("b", fresh=("a", "e")), Fresh("b"))
-    assert out == "\nSummary: 0 packages finished, 2 packages unchanged [1.00s]\n"
 
 
 def test_a_failure_names_step_error_log_and_command(capfd: pytest.CaptureFixture[str]) -> None:

@@ -104,20 +104,6 @@ def test_the_value_that_a_step_extends_is_not_logged(tmp_path: Path, monkeypatch
     )
 
 
-def test_a_package_has_all_its_files_which_are_closed_at_its_end(tmp_path: Path) -> None:
-    step = Step(StepKind.BUILD, ("make",), tmp_path)
-    with closing(open_log(tmp_path, "build", ["forge"])) as log_writer:
-        for number in range(20):
-            log_writer.write(Started(f"p{number}"))
-            log_writer.write(StepStarted(f"p{number}", step))
-            log_writer.write(Finished(f"p{number}", 0, 0.1))
-        opened = [str(link.readlink()) for link in Path("/proc/self/fd").iterdir() if link.is_symlink()]
-        assert not [name for name in opened if "/p1/" in name]
-    names = {path.name for path in (tmp_path / "latest/p1").iterdir()}
-    assert names == {"command.log", "stderr.log", "stdout.log", "stdout_stderr.log", "streams.log"}
-    assert (tmp_path / "latest/p1/stderr.log").read_text() == ""
-
-
 def test_a_silent_build_is_seen_to_be_running(tmp_path: Path) -> None:
     with closing(open_log(tmp_path, "build", ["forge"])) as log_writer:
         log_writer.write(Started("a"))
@@ -125,12 +111,6 @@ def test_a_silent_build_is_seen_to_be_running(tmp_path: Path) -> None:
         while (tmp_path / "latest/events.log").read_text().count("TimerEvent") < 2 and time.monotonic() < end:
             time.sleep(0.1)
     assert (tmp_path / "latest/events.log").read_text().count("TimerEvent") >= 2
-
-
-def test_without_a_folder_nothing_is_written() -> None:
-    with closing(open_log(None, "build", [])) as log_writer:
-        log_writer.write(Started("a"))
-    assert log_writer.folder is None
 
 
 def test_something_of_the_users_called_latest_is_left_alone(tmp_path: Path) -> None:

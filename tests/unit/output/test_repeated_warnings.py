@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from forge.build.events import Finished, Output
 from forge.output.repeated_warnings import RepeatedWarnings
@@ -41,14 +39,6 @@ def test_a_kind_is_known_by_its_words() -> None:
     assert kinds.take("a", OLD.format(file="CMakeLists.txt", line=2).encode()) == b"", "a name that is a word"
     assert kinds.take("z", b"note\n") == b"", "other tools repeat themselves, too"
     assert kinds.packages == {"my_pkg": ("a", "two", "z"), "two": ("three",)}
-
-
-@given(st.binary())
-def test_the_first_output_is_kept_as_it_is(output: bytes) -> None:
-    kinds = RepeatedWarnings()
-    assert kinds.take("a", output) == output
-    assert kinds.take("a", output) == output
-    assert not kinds.packages
 
 
 def test_the_summary_names_the_packages(capfd: pytest.CaptureFixture[str]) -> None:

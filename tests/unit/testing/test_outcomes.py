@@ -9,11 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from forge.base.xml import parse_xml
-from forge.testing.failures import Failure, details, first_lines, last_lines, result_line, table
+from forge.testing.failures import details, first_lines, last_lines
 from forge.testing.outcomes import (
     BrokenResultError,
     Counts,
-    NotAResultError,
     Outcome,
     counted_once,
     read_ctest,
@@ -62,13 +61,6 @@ def ctest(text: str) -> Outcome:
     return read_ctest(parse_xml(text.encode(), Path("Test.xml")), "build/p/Testing/1/Test.xml", "build/p")
 
 
-def test_a_junit_file_counts_what_its_suites_say() -> None:
-    outcome = junit(JUNIT)
-    assert outcome.counts == Counts(tests=5, errors=1, failures=1, skipped=2)
-    assert result_line(outcome) == "build/p/r.xml: 5 tests, 1 error, 1 failure, 2 skipped"
-    assert [case.name for case in outcome.cases] == ["test_bad", "test_worse"]
-
-
 def test_test_cases_are_printed_as_colcon_prints_them() -> None:
     bad, worse = junit(JUNIT).cases
     assert details(bad) == [
@@ -83,17 +75,6 @@ def test_test_cases_are_printed_as_colcon_prints_them() -> None:
     ]
     assert details(worse) == ["- p.test_a test_worse", "  <<< error message", "    boom", "  >>>"]
     assert bad.text == "long\nstory"
-
-
-def test_ctests_verdicts_become_counts() -> None:
-    outcome = ctest(CTEST)
-    assert str(outcome.counts) == "4 tests, 1 error, 1 failure, 1 skipped"
-    assert details(outcome.cases[0]) == ["- two", "  <<< failure message", "    so", "    bad", "  >>>"]
-
-
-def test_other_xml_is_no_result() -> None:
-    with pytest.raises(NotAResultError):
-        junit("<html/>")
 
 
 @pytest.mark.parametrize("number", ["-1", "many", "", "1.5"])
@@ -124,14 +105,6 @@ FAILED = "<testcase name='t'><failure message='no'/></testcase>"
 )
 def test_no_failed_test_is_lost_if_the_numbers_disagree(text: str) -> None:
     assert junit(text).counts == Counts(tests=1, failures=1)
-
-
-@pytest.mark.parametrize(
-    "text", ["<Site/>", "<Site><Build/></Site>", "<Site><Testing><Test/></Testing></Site>", "<x/>"]
-)
-def test_other_xml_is_no_run_of_ctest(text: str) -> None:
-    with pytest.raises(BrokenResultError):
-        ctest(text)
 
 
 @pytest.mark.parametrize(
@@ -192,14 +165,6 @@ def test_a_test_of_another_package_is_no_twin() -> None:
     assert counted_once([whole, own])[0].counts.tests == 3
 
 
-def test_the_table_shows_the_beginning_of_many_failures() -> None:
-    assert list(table([])) == []
-    many = [Failure("p", f"t{number}", ("why",), "make it in /ws so", "make it so") for number in range(60)]
-    lines = list(table(many))
-    assert lines[:4] == ["60 failed tests:", "  p: t0", "      why", "    repeat: make it so"]
-    assert lines[-1] == "  and 10 more: forge test-result --verbose"
-
-
 def test_the_first_lines_are_those_of_the_message_else_of_the_story() -> None:
     bad, worse = junit(JUNIT).cases
     assert first_lines([bad]) == ("assert 1 == 2", "  more")
@@ -215,8 +180,3 @@ def test_the_first_lines_are_those_of_the_message_else_of_the_story() -> None:
     )
     assert first_lines(silent.cases) == (" why",)
     assert last_lines("a\n\nb\n") == ("a", "b")
-
-
-@pytest.mark.parametrize("ending", [".xml", ".gtest.xml", ".xunit.xml", ".catch2.xml"])
-def test_a_result_file_of_ament_is_named_after_its_test(ending: str) -> None:
-    assert Outcome(f"build/p/test_results/p/one{ending}", "build/p", Counts(1)).test == "one"

@@ -37,18 +37,6 @@ def environment(root: Path, name: str, version: str = OTHER) -> Path:
     return folder
 
 
-def test_code_goes_where_the_version_says() -> None:
-    """Below any prefix the same."""
-    assert Interpreter(Path("/x/python3"), (3, 12)).site_packages == "lib/python3.12/site-packages"
-
-
-@pytest.mark.parametrize("variables", [PATH, {"VIRTUAL_ENV": "", **PATH}, {"VIRTUAL_ENV": sys.prefix}])
-def test_without_a_word_it_is_python3_on_path(variables: dict[str, str]) -> None:
-    """Here the one that forge itself runs in, as after `pip install ros-forge` in an active environment."""
-    assert find_interpreter(None, variables) == OWN
-    assert OWN.own
-
-
 def test_the_order(tree: Tree) -> None:
     """An option, the active environment, the highest underlay, PATH; and the last build, where it counts."""
     root = tree({})
@@ -84,10 +72,6 @@ def test_the_order(tree: Tree) -> None:
         ("path/bin/python3", "'python3' on PATH"),
     ]
     assert {each.version for each in found} == {(3, sys.version_info.minor + 1)}
-
-
-def test_a_conda_environment_without_python_does_not_count(tmp_path: Path) -> None:
-    assert find_interpreter(None, {"CONDA_PREFIX": str(tmp_path), **PATH}) == OWN
 
 
 @pytest.mark.parametrize("receipt", ["tool/uv-receipt.toml", "tool/pipx_metadata.json", "archive-v0/x/CACHE"])

@@ -3,7 +3,7 @@
 import os
 from pathlib import Path
 
-from forge.workspace.discovery import discover, discover_embedded, special_files
+from forge.workspace.discovery import discover, special_files
 from forge.workspace.model import RUN_KINDS
 from tests.conftest import Tree
 from tests.packages import manifest_text
@@ -89,10 +89,6 @@ def test_a_loop_of_links_ends_and_a_folder_counts_once(tree: Tree) -> None:
     assert found(root) == {"a": "src/a"}
 
 
-def test_a_folder_that_is_not_there_holds_nothing(tree: Tree) -> None:
-    assert found(tree({}), "nowhere") == {}
-
-
 def test_errors_and_duplicate_names_are_reported_and_the_rest_is_found(tree: Tree) -> None:
     root = tree(
         {
@@ -140,10 +136,3 @@ def test_actions_and_services_are_noticed(tree: Tree) -> None:
     assert (found["a"].has_actions, found["a"].has_services) == (True, False)
     assert (found["b"].has_actions, found["b"].has_services) == (False, True)
     assert (found["c"].has_actions, found["c"].has_services) == (True, True)
-
-
-def test_the_embedded_packages_are_sound() -> None:
-    embedded = discover_embedded()
-    assert {"ament_cmake", "std_msgs", "rosidl_default_generators"} <= embedded.keys()
-    assert all(package.embedded for package in embedded.values())
-    assert embedded["action_msgs"].path.is_absolute()

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from forge.base.errors import WorkspaceError
 from forge.workspace.manifest import parse_manifest
-from forge.workspace.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS, Manifest
+from forge.workspace.model import RUN_KINDS, Manifest
 from tests.packages import manifest_text
 
 PATH = Path("src/a/package.xml")
@@ -24,29 +24,6 @@ def problems(text: str) -> list[str]:
     with pytest.raises(WorkspaceError) as error:
         parse(text)
     return [problem.render().splitlines()[0] for problem in error.value.problems]
-
-
-def test_a_manifest_reads_as_written() -> None:
-    manifest = parse(
-        manifest_text(
-            "robot",
-            "<buildtool_depend>ament_cmake</buildtool_depend>",
-            '<depend version_gte="1.2.0">std_msgs</depend>',
-            '<exec_depend condition="$ROS_VERSION == 1">roscpp</exec_depend>',
-            "<test_depend>ament_lint_auto</test_depend>",
-            "<member_of_group>rosidl_interface_packages</member_of_group>",
-            "<group_depend>drivers</group_depend>",
-        )
-    )
-    assert manifest.name == "robot"
-    assert manifest.build_type == "ament_cmake"
-    assert manifest.names(BUILD_KINDS) == ("ament_cmake", "std_msgs")
-    assert manifest.names(RUN_KINDS) == ("std_msgs",)
-    assert manifest.names(TEST_KINDS) == ("ament_lint_auto",)
-    assert manifest.groups == ("rosidl_interface_packages",)
-    assert manifest.group_dependencies == ("drivers",)
-    assert manifest.dependencies[1].versions == (("gte", "1.2.0"),)
-    assert manifest.maintainers[0].email == "tests@example.com"
 
 
 def test_exports_keep_their_inner_text() -> None:
@@ -66,11 +43,6 @@ def test_the_last_active_build_type_counts_with_a_warning() -> None:
     )
     assert manifest.build_type == "ament_cmake"
     assert "several build types" in manifest.warnings[0].message
-
-
-def test_without_a_build_type_it_is_catkins() -> None:
-    text = manifest_text("a").replace("<export><build_type>ament_cmake</build_type></export>", "")
-    assert parse(text).build_type == "catkin"
 
 
 def test_format_1_knows_run_depend() -> None:
@@ -121,10 +93,6 @@ def test_all_structural_errors_are_reported_together() -> None:
 )
 def test_faults_of_meaning(lines: list[str], message: str) -> None:
     assert message in problems(manifest_text("a", *lines))[0]
-
-
-def test_different_versions_are_different_dependencies() -> None:
-    parse(manifest_text("a", '<depend version_gte="1">b</depend>', "<exec_depend>b</exec_depend>"))
 
 
 def test_a_format_1_test_depend_may_not_repeat() -> None:

@@ -54,27 +54,6 @@ def test_what_is_needed_is_added_however_deep_and_nothing_else() -> None:
     assert made.needs["std_msgs"] == {"rosidl_default_generators", "builtin_interfaces"}
 
 
-def test_an_alias_leads_to_the_package_that_answers_to_it() -> None:
-    made = resolve_dependencies(
-        by_name(package("a", "ament_cmake_auto", "ament_cmake_core")), EMBEDDED, nobody
-    )
-    assert made.needs["a"] == {"ament_cmake"}
-
-
-def test_the_workspace_wins_over_the_embedded() -> None:
-    made = resolve_dependencies(by_name(package("a", "std_msgs"), package("std_msgs")), EMBEDDED, nobody)
-    assert not made.packages["std_msgs"].embedded
-    assert set(made.packages) == {"a", "std_msgs"}
-
-
-def test_an_underlay_wins_over_the_embedded() -> None:
-    made = resolve_dependencies(
-        by_name(package("a", "std_msgs", "action_msgs")), EMBEDDED, {"std_msgs": 1}.get
-    )
-    assert "std_msgs" not in made.packages
-    assert "action_msgs" in made.packages
-
-
 def test_a_family_is_used_whole_or_not_at_all() -> None:
     made = resolve_dependencies(
         by_name(package("a", "ament_cmake", "ament_cmake_auto", "std_msgs")), EMBEDDED, {"ament_cmake": 1}.get
@@ -181,14 +160,3 @@ def test_a_cycle_closed_by_test_dependencies_is_broken_with_a_warning() -> None:
     assert [warning.message for warning in warnings] == [
         "test dependency of 'a' on 'b' closes a cycle and is ignored"
     ]
-
-
-def test_a_cycle_of_other_dependencies_stays_an_error() -> None:
-    strong = resolve_dependencies(by_name(package("a", "b"), package("b", "a")), {}, nobody)
-    opened, warnings = break_test_cycles(strong)
-    assert order(opened.needs) is None
-    assert warnings == ()
-    open_already = resolve_dependencies(
-        by_name(package("a", "b", tag="test_depend"), package("b")), {}, nobody
-    )
-    assert break_test_cycles(open_already) == (open_already, ())

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import itertools
 from pathlib import Path
 
 import pytest
@@ -26,7 +25,6 @@ from forge.interfaces.model import (
     Type,
     TypeName,
 )
-from forge.interfaces.read.comments import read_comments
 from forge.interfaces.read.declarations import PRIMITIVES
 from forge.interfaces.read.parsing import parse, parse_all
 
@@ -116,11 +114,6 @@ def test_a_tab_inside_quotes_is_a_blank() -> None:
     assert message('string a "a\tb"').fields[0].default == "a b"
 
 
-def test_words_of_idl_and_of_other_tongues_are_good_names() -> None:
-    words = ["string", "module", "sequence", "property", "type", "builtins", "self", "match"]
-    assert [f.name for f in message("\n".join(f"int8 {w}" for w in words)).fields] == words
-
-
 def test_a_field_and_a_constant_may_differ_only_in_case() -> None:
     parsed = message("int8 a\nint8 A=1")
     assert (parsed.fields, parsed.constants) == ((Field("a", INT8),), (Constant("A", INT8, 1),))
@@ -170,10 +163,6 @@ def test_comments_belong_to_the_file_the_next_or_the_previous(
 def test_a_single_pair_of_brackets_is_the_unit(comment: str, doc: tuple[str, ...], unit: str | None) -> None:
     field = message(f"int8 a # {comment}").fields[0]
     assert (field.doc, field.unit) == (doc, unit)
-
-
-def test_a_unit_whose_blanks_span_lines_stays_in_the_text() -> None:
-    assert read_comments(["# speed", "# [m/s]"]) == (("speed", "[m/s]"), "m/s")
 
 
 def test_services_and_actions_have_sections_of_their_own() -> None:
@@ -242,8 +231,3 @@ def test_names_of_constants_follow_their_pattern() -> None:
     assert [c.name for c in message("\n".join(f"int8 {n}=1" for n in good)).constants] == good
     for bad in ("A__B", "A_", "_A", "aA", "1A"):
         assert "invalid constant name" in problems(f"int8 {bad}=1")[0]
-
-
-def test_only_bare_types_have_constants() -> None:
-    for type_, value in itertools.product(["int8[]", "string<=3", "Pose"], ["1"]):
-        assert "a constant must be a number" in problems(f"{type_} A={value}")[0]

@@ -86,27 +86,11 @@ def test_a_catalog_holds_all_that_its_messages_refer_to() -> None:
     ]
 
 
-def test_other_packages_are_asked_only_for_what_is_referred_to_and_once() -> None:
-    shelf = Shelf(ROS)
-    catalog(
-        {"msg/A.msg": "std_msgs/Header a\nstd_msgs/Header b", "msg/B.msg": "std_msgs/Header c\nA d"}, shelf
-    )
-    assert shelf.asked == ["std_msgs/msg/Header", "builtin_interfaces/msg/Time"]
-
-
 def test_an_action_brings_its_derived_types_and_what_they_imply() -> None:
     found = catalog({"action/Go.action": "---\n---\n"})
     names = {str(name) for name in found.known}
     assert {"tour/action/Go_SendGoal_Request", "tour/action/Go_FeedbackMessage"} <= names
     assert {"unique_identifier_msgs/msg/UUID", "builtin_interfaces/msg/Time"} <= names
-
-
-def test_an_action_without_what_it_implies_is_one_problem_per_type() -> None:
-    assert problems({"action/Go.action": "---\n---\n"}, Shelf({})) == [
-        f"None: cannot find '{name}', which the action 'Go' requires "
-        f"(add <depend>{name.partition('/')[0]}</depend> to package.xml)"
-        for name in ("unique_identifier_msgs/msg/UUID", "builtin_interfaces/msg/Time")
-    ]
 
 
 def test_unknown_types_are_named_with_the_nearest_known() -> None:

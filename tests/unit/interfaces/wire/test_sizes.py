@@ -109,11 +109,3 @@ def test_the_size_of_a_nested_message_depends_on_its_offset() -> None:
         MemberSize(32, fixed=False, alignment=1, min_size=1, max_size=1),
         MemberSize(40, fixed=False, alignment=8, min_size=8, max_size=8),
     )
-
-
-def test_many_elements_take_no_longer_to_compute() -> None:
-    catalog = catalog_of("p", {"msg/A.msg": "B[4000000000] many", "msg/B.msg": "uint16 a\nuint32 b\nuint8 c"})
-    message = catalog.interfaces[TypeName("p", "msg", "A")]
-    assert isinstance(message, Message)
-    # Each starts 8 bytes after the one before; the last has no padding after it.
-    assert SizeCalculator(catalog.known).of(message).min_size == 8 * (4_000_000_000 - 1) + 9
