@@ -61,7 +61,6 @@ if TYPE_CHECKING:
     from forge.output.charts.sampling import NoSampler
     from forge.toolchain.interpreter import Interpreter
     from forge.workspace.load import LoadedWorkspace
-    from forge.workspace.resolve import DependencyResolution
 
 
 @frozen
@@ -331,7 +330,10 @@ def _toolchain(plan: BuildPlan, build: PreparedBuild) -> Toolchain | None:
     context = build.context
     if build.options.cmake.no_toolchain_cache or context.cmake is None or context.ament_cmake_args:
         return None
-    python = context.python if _looks_for_python(plan, build.loaded.resolution) else None
+    # Unlike the embedded one, other versions of ament_cmake look for Python.
+    ament = build.loaded.resolution.packages.get("ament_cmake")
+    uses_ament = any(task.package.build_type == "ament_cmake" for task in plan.tasks.values())
+    python = context.python if uses_ament and not (ament and ament.embedded) else None
     packages = (task.package for task in plan.tasks.values() if not task.package.embedded)
     languages = "C CXX" if any_enables_cxx(packages) else "C"
     arguments = common_arguments(context)
@@ -345,14 +347,6 @@ def _compilers(build: PreparedBuild) -> Pairs:
     named = named_by(build.context.cmake_args, build.variables)
     contents = tuple((word, "") for word in named.options)
     return (*build.context.tools, *named.tools, *contents, *relevant_environment(build.variables))
-
-
-def _looks_for_python(plan: BuildPlan, resolution: DependencyResolution) -> bool:
-    """Tell whether packages use an ament_cmake other than the embedded one, which never looks for Python."""
-    own = resolution.packages.get("ament_cmake")
-    return not (own and own.embedded) and any(
-        task.package.build_type == "ament_cmake" for task in plan.tasks.values()
-    )
 
 
 def _warn_of_packages(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> None:

@@ -175,7 +175,11 @@ def check_before_planning(
         require_packages(loaded)
     python = any("python" in loaded.packages[name].build_type for name in names)
     problems += path_problems((loaded.workspace.root, layout.build, layout.install), python=python)
-    buildable = _without(names, missing.unbuildable, loaded)
+    buildable = tuple(names)
+    if missing.unbuildable:
+        needs = loaded.resolution.needs
+        below = closures(needs, ordered_names(needs))
+        buildable = tuple(name for name in names if missing.unbuildable.isdisjoint((name, *below[name])))
     problems += output_problems(
         loaded,
         layout,
@@ -237,15 +241,6 @@ def report_left_out(names: Sequence[str], buildable: Sequence[str]) -> int:
         message = f"not built, because dependencies are missing: {', '.join(left_out)}"
         print_problem(Problem(message))
     return int(bool(left_out))
-
-
-def _without(names: Sequence[str], unbuildable: frozenset[str], loaded: LoadedWorkspace) -> tuple[str, ...]:
-    """Return the names without unbuildable packages and their dependents."""
-    if not unbuildable:
-        return tuple(names)
-    needs = loaded.resolution.needs
-    below = closures(needs, ordered_names(needs))
-    return tuple(name for name in names if unbuildable.isdisjoint((name, *below[name])))
 
 
 def check_plan(

@@ -298,20 +298,15 @@ def _not_looked_for(name: str, context: FailureContext) -> str | None:
 def _target_not_found(target: str, context: FailureContext) -> str | None:
     name = target.split("::", maxsplit=1)[0]
     if name in context.found or name == context.package.name:
-        return _no_exported_target(target, name, context)
+        prefix = context.prefix_of(name)
+        known = exported_targets(name, prefix) if prefix else ()
+        if not known:
+            return f"'{name}' has no target '{target}'; try ament_target_dependencies(YOUR_TARGET {name})"
+        near = nearest(target, known, _SURE)
+        question = f"; did you mean '{near}'?" if near else ""
+        return f"'{name}' has no target '{target}'; it exports {quoted_names(known)}{question}"
     depend = "" if context.declares(name) else f" and <depend>{name}</depend> to {context.manifest}"
     return f"add find_package({name} REQUIRED) before its use in CMakeLists.txt{depend}"
-
-
-def _no_exported_target(target: str, name: str, context: FailureContext) -> str:
-    """Return the targets that a package, which CMake found, has instead of one that it does not have."""
-    prefix = context.prefix_of(name)
-    known = exported_targets(name, prefix) if prefix else ()
-    if not known:
-        return f"'{name}' has no target '{target}'; try ament_target_dependencies(YOUR_TARGET {name})"
-    near = nearest(target, known, _SURE)
-    question = f"; did you mean '{near}'?" if near else ""
-    return f"'{name}' has no target '{target}'; it exports {quoted_names(known)}{question}"
 
 
 def _not_exported(names: str, context: FailureContext) -> str | None:

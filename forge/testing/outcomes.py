@@ -122,10 +122,17 @@ def read_ctest(root: Element, path: str, home: str) -> Outcome:
         raise BrokenResultError("a 'Test' has no 'Status'")
     verdicts = tuple((_text_of(test, "Name"), _verdict(test)) for test in tests)
     shown = (test for test in tests if test.attributes["Status"] in {"failed", "notrun"})
-    failed = tuple(_ctest_case(test) for test in shown if _verdict(test).bad)
-    skipped = tuple(map(_ctest_skip, (test for test in tests if _verdict(test).skipped)))
+    failed = []
+    for test in (test for test in shown if _verdict(test).bad):
+        text = _ctest_output(test) if test.attributes["Status"] != "notrun" else _reason_not_run(test)
+        failed.append(Case(_text_of(test, "Name"), failures=(text,) if text else (), text=text))
+    skipped = tuple(
+        SkippedTest(_text_of(test, "Name"), "", _reason_not_run(test))
+        for test in tests
+        if _verdict(test).skipped and _completion(test)
+    )
     counts = sum((counts for _, counts in verdicts), Counts())
-    return Outcome(path, home, counts, failed, verdicts, tuple(filter(None, skipped)))
+    return Outcome(path, home, counts, tuple(failed), verdicts, skipped)
 
 
 def find_junit(name: str, home: str, junits: Iterable[Outcome]) -> Outcome | None:
@@ -243,16 +250,6 @@ def _junit_skip(case: Element) -> SkippedTest | None:
 
 def _messages(case: Element, tag: str) -> Iterator[str]:
     return (child.attributes.get("message", "") for child in case.all(tag))
-
-
-def _ctest_case(test: Element) -> Case:
-    text = _ctest_output(test) if test.attributes["Status"] != "notrun" else _reason_not_run(test)
-    return Case(_text_of(test, "Name"), failures=(text,) if text else (), text=text)
-
-
-def _ctest_skip(test: Element) -> SkippedTest | None:
-    """Return the reason that CTest gives, with the last line that the test printed."""
-    return SkippedTest(_text_of(test, "Name"), "", _reason_not_run(test)) if _completion(test) else None
 
 
 def _ctest_output(test: Element) -> str:

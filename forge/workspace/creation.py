@@ -111,7 +111,11 @@ def render_package(blueprint: NewPackage) -> tuple[GeneratedFile, ...]:
                 GeneratedFile("CMakeLists.txt", render("pkg/ament_cmake/CMakeLists.txt.j2", **names)),
                 *_cpp_items(blueprint),
             )
-    return (GeneratedFile("package.xml", _manifest(blueprint)), *items, *_license_items(blueprint))
+    files = [GeneratedFile("package.xml", _manifest(blueprint)), *items]
+    if template := LICENSES.get(blueprint.license):
+        text = render(f"pkg/licenses/{template}", holder=blueprint.maintainer.name)
+        files.append(GeneratedFile("LICENSE", text))
+    return tuple(files)
 
 
 def placeholder_email(name: str) -> str:
@@ -192,9 +196,11 @@ def _text_problems(blueprint: NewPackage) -> Iterator[Problem]:
 
 def _manifest(blueprint: NewPackage) -> str:
     """Return package.xml with dependencies grouped by type."""
+    # rosidl requires this dependency of actions in the manifest.
+    implied = ("action_msgs",) if any(name.endswith(".action") for name in blueprint.interfaces) else ()
     groups: tuple[tuple[tuple[str, str], ...], ...] = (
         tuple(("buildtool_depend", name) for name in _build_tools(blueprint)),
-        tuple(("depend", name) for name in _dependencies(blueprint)),
+        tuple(("depend", name) for name in dict.fromkeys((*blueprint.dependencies, *implied))),
     )
     if blueprint.interfaces:
         groups += ((("exec_depend", "rosidl_default_runtime"),),)
@@ -222,20 +228,6 @@ def _build_tools(blueprint: NewPackage) -> tuple[str, ...]:
     if blueprint.interfaces:
         return ("ament_cmake", "rosidl_default_generators")
     return ("ament_cmake_ros",) if blueprint.library else ("ament_cmake",)
-
-
-def _dependencies(blueprint: NewPackage) -> tuple[str, ...]:
-    """Return the dependencies; for actions also action_msgs, which rosidl requires in the manifest."""
-    if any(name.endswith(".action") for name in blueprint.interfaces):
-        return tuple(dict.fromkeys((*blueprint.dependencies, "action_msgs")))
-    return blueprint.dependencies
-
-
-def _license_items(blueprint: NewPackage) -> tuple[GeneratedFile, ...]:
-    template = LICENSES.get(blueprint.license)
-    if template is None:
-        return ()
-    return (GeneratedFile("LICENSE", render(f"pkg/licenses/{template}", holder=blueprint.maintainer.name)),)
 
 
 def _cpp_folders(blueprint: NewPackage) -> tuple[GeneratedFile, ...]:

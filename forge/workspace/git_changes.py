@@ -90,11 +90,17 @@ class Repository:
                 return {}
             commit = recorded.digest
         try:
-            return _parsed_tree(self._git("ls-tree", "-r", "-z", commit))
+            output = self._git("ls-tree", "-r", "-z", commit)
         except GitError:
             message = f"commit {commit[:12]} is missing: all packages in this repository count as changed"
             self.incomplete = Problem(message, Location(self.top), f"fetch it, for example with {_FETCH}")
             return {}
+        found = {}
+        for line in output.split(b"\0")[:-1]:
+            what, _, name = line.partition(b"\t")
+            mode, _, digest = what.decode().split(" ")
+            found[os.fsdecode(name)] = _Entry(mode, digest)
+        return found
 
     @cached_property
     def index(self) -> Mapping[str, _Entry]:
@@ -250,29 +256,14 @@ def _is_submodule(entries: Mapping[str, _Entry], path: str) -> bool:
     return path in entries and entries[path].mode == _SUBMODULE
 
 
-def _parsed_tree(output: bytes) -> dict[str, _Entry]:
-    """Return the entries in the output of 'git ls-tree -r -z'."""
-    found = {}
-    for line in output.split(b"\0")[:-1]:
-        what, _, name = line.partition(b"\t")
-        mode, _, digest = what.decode().split(" ")
-        found[os.fsdecode(name)] = _Entry(mode, digest)
-    return found
-
-
 def _indexed(match: re.Match[bytes]) -> _Entry:
     mode, digest = match[1].decode(), match[2].decode()
     if match[4] is None:
         return _Entry(mode, digest)
-    changed, modified, inode, size = (
-        int(match[4]) * 10**9 + int(match[5]),
-        int(match[6]) * 10**9 + int(match[7]),
-        int(match[8]),
-        int(match[9]),
-    )
-    return _Entry(
-        mode, digest, (changed, modified, inode, size), bool(int(match[10], 16) & _NOT_IN_SPARSE_CHECKOUT)
-    )
+    *times, inode, size = map(int, match.groups()[3:9])
+    changed, modified = times[0] * 10**9 + times[1], times[2] * 10**9 + times[3]
+    sparse = bool(int(match[10], 16) & _NOT_IN_SPARSE_CHECKOUT)
+    return _Entry(mode, digest, (changed, modified, inode, size), sparse)
 
 
 def _status(status: os.stat_result) -> tuple[int, ...]:

@@ -124,18 +124,14 @@ def _setup_py(folder: Folder) -> Identity | None:
         facts = read_setup_py(folder.text("setup.py"))
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         line = getattr(error, "lineno", None)
-        return Identity(
-            notes=(Problem(f"cannot parse setup.py: {_reason(error)}", Location(path, line)),), descend=True
-        )
+        reason = str(error.args[0]) if error.args else "not valid Python"
+        if isinstance(error, RecursionError | MemoryError):
+            reason = "too deeply nested"
+        problem = Problem(f"cannot parse setup.py: {reason}", Location(path, line))
+        return Identity(notes=(problem,), descend=True)
     if facts is None:
         return None
     return _python(folder, facts.over(_cfg_facts(folder)).over(_toml_facts(folder) or PythonMetadata()), path)
-
-
-def _reason(error: Exception) -> str:
-    if isinstance(error, RecursionError | MemoryError):
-        return "too deeply nested"
-    return str(error.args[0]) if error.args else "not valid Python"
 
 
 def _project(folder: Folder) -> Identity | None:

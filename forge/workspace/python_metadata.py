@@ -89,8 +89,11 @@ def read_setup_py(text: str) -> PythonMetadata | None:
     Raises SyntaxError like Python.
     """
     tree = ast.parse(text)
-    call = next(filter(_is_setup, (node for node in ast.walk(tree) if isinstance(node, ast.Call))), None)
-    if call is None:
+    for call in ast.walk(tree):
+        match call:
+            case ast.Call(func=ast.Name(id="setup") | ast.Attribute(attr="setup")):
+                break
+    else:
         return None
     names = dict(_constants(tree))
     values = {word.arg: _literal(word.value, names) for word in call.keywords if word.arg}
@@ -225,14 +228,6 @@ def _listed(value: str) -> list[str]:
     """Parse a setuptools list: one entry per line, or separated by semicolons on one line."""
     entries: Iterable[str] = value.splitlines() if "\n" in value else value.split(";")
     return [entry for raw in entries if (entry := raw.partition(" #")[0].strip()) and entry[0] != "#"]
-
-
-def _is_setup(call: ast.Call) -> bool:
-    match call.func:
-        case ast.Name(id="setup") | ast.Attribute(attr="setup"):
-            return True
-        case _:
-            return False
 
 
 def _constants(tree: ast.Module) -> Iterator[tuple[str, object]]:

@@ -47,7 +47,6 @@ from forge.workspace.load import load_workspace
 if TYPE_CHECKING:
     import argparse
     from collections.abc import Iterable, Sequence
-    from contextlib import AbstractContextManager
 
     from forge.base.layout import Layout
     from forge.build.cleaning import Removable
@@ -93,7 +92,12 @@ def run(options: argparse.Namespace) -> int:
     word = recorded_layout(layout.install)
     layout = layout if word is None else replace(layout, merged=word == "merged")
     check_bases(root, package_options.query_of(options).search, bases_of(layout))
-    with _locked(layout, wait=not options.no_wait), closing(open_journal(layout.build)) as journal:
+    # Folders that forge did not create have no lock.
+    lock = lock_build_dir(layout.build, wait=not options.no_wait)
+    with (
+        lock if is_own_build_base(layout.build) else nullcontext(),
+        closing(open_journal(layout.build)) as journal,
+    ):
         names = _names(options, root, layout, journal)
         if options.what is None:
             _preview(options, layout, journal, names)
@@ -123,7 +127,9 @@ def run(options: argparse.Namespace) -> int:
             for entry in remaining_in_prefix(removable.prefix)
         )
         _report_rest(kept, options)
-        _write_scripts(layout)
+        # Setup scripts of forge name packages; those of colcon search the folder.
+        if python := recorded_path(layout.install):
+            finish_workspace(layout, (), Path(python))
         if is_own_build_base(layout.build):
             merge_compile_commands(layout.build, force=True)
     return 0
@@ -146,17 +152,14 @@ def _preview(options: argparse.Namespace, layout: Layout, journal: Journal, stal
     for base in dict.fromkeys(removable.base for removable in found):
         count = sum(removable.base == base for removable in found)
         print(f"- {counted(count, 'item')} in {_displayed(base, options)}")
+    lost = listed(stale) or "none"
     print(
         "Nothing was removed. These commands list what they remove and ask first:",
         "  forge clean workspace         all of the above",
         "  forge clean packages PKG ...  the results of these packages",
-        f"  forge clean stale             the results of packages that left the workspace: {_some(stale)}",
+        f"  forge clean stale             the results of packages that left the workspace: {lost}",
         sep="\n",
     )
-
-
-def _some(names: Sequence[str]) -> str:
-    return listed(names) if names else "none"
 
 
 def _names(options: argparse.Namespace, root: Path, layout: Layout, journal: Journal) -> tuple[str, ...]:
@@ -198,11 +201,6 @@ def _load(options: argparse.Namespace, root: Path, layout: Layout) -> LoadedWork
     return loaded
 
 
-def _locked(layout: Layout, *, wait: bool) -> AbstractContextManager[object]:
-    """Return a lock of the build folder, or a null context for a folder that forge did not create."""
-    return lock_build_dir(layout.build, wait=wait) if is_own_build_base(layout.build) else nullcontext()
-
-
 def _shown(removable: Removable, options: argparse.Namespace) -> str:
     if removable.prefix is not None:
         return f"{_displayed(removable.prefix, options)} ({removable.label})"
@@ -224,10 +222,3 @@ def _report_rest(entries: Iterable[tuple[Path, str]], options: argparse.Namespac
         print(f"not removed, because {reason}: {_displayed(path, options)}", file=sys.stderr)
     if len(found) > _MOST:
         print(f"not removed: {len(found) - _MOST} more", file=sys.stderr)
-
-
-def _write_scripts(layout: Layout) -> None:
-    """Rewrite the setup scripts without the removed packages; colcon's scripts search the folder."""
-    python = recorded_path(layout.install)
-    if python:
-        finish_workspace(layout, (), Path(python))

@@ -190,7 +190,14 @@ def _create(options: argparse.Namespace) -> None:
         raise HostError(Problem(f"cannot create '{error.filename or folder}': {reason}")) from None
     finally:
         print(report.getvalue(), end="")
-    _warn_about(blueprint)
+    name = blueprint.name
+    if not name[0].isalpha() or name != name.lower():
+        _warn(f"'{name}' is an unusual name: package names start with a letter and are lower case")
+    if blueprint.license == UNDECLARED_LICENSE:
+        print_problem(Problem("no license yet: choose one with --license, such as --license MIT"), "note")
+    elif blueprint.license not in LICENSES:
+        hint = did_you_mean(blueprint.license, LICENSES) or f"supported licenses are {', '.join(LICENSES)}"
+        _warn(f"no LICENSE file created: unknown license '{blueprint.license}'", hint)
 
 
 def _login() -> str:
@@ -227,17 +234,6 @@ def _write(blueprint: NewPackage, root: str, items: Iterable[GeneratedFile]) -> 
         else:
             print("creating", path)
             write_if_changed(Path(path), item.text)
-
-
-def _warn_about(blueprint: NewPackage) -> None:
-    name = blueprint.name
-    if not name[0].isalpha() or name != name.lower():
-        _warn(f"'{name}' is an unusual name: package names start with a letter and are lower case")
-    if blueprint.license == UNDECLARED_LICENSE:
-        print_problem(Problem("no license yet: choose one with --license, such as --license MIT"), "note")
-    elif blueprint.license not in LICENSES:
-        hint = did_you_mean(blueprint.license, LICENSES) or f"supported licenses are {', '.join(LICENSES)}"
-        _warn(f"no LICENSE file created: unknown license '{blueprint.license}'", hint)
 
 
 def _warn(message: str, hint: str | None = None) -> None:

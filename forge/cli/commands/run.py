@@ -55,47 +55,37 @@ def run(options: argparse.Namespace) -> int:
         raise ForgeError(Problem("missing arguments PACKAGE and EXECUTABLE", hint=hint))
     package, name, *arguments = words if len(words) > 1 else (*words, "")
     install = find_install(Path.cwd(), Path.home())
-    plain = _plain_prefix(package, install)
+    # `ros2 run` does not find the packages of the enclosing workspace that do not use ament.
+    plain = None
+    if not is_registered(package, os.environ, install) and unregistered_prefix(package, install):
+        plain = plain_prefix(package, install, source_packages(install))
     prefix = plain or find_package(package, os.environ, install, lambda: source_packages(install))
-    variables = _environment(package, install, plain)
+    variables: Mapping[str, str] = os.environ
+    if install is not None and (plain or is_unsourced(package, os.environ, install)):
+        from forge.environment.sourcing import sourced_environment
+
+        variables = sourced_environment(install, os.environ)
     paths = (plain_executables if plain else executables)(package, prefix)
-    if not name:
-        raise ForgeError(_without_name(package, prefix, paths))
-    path = _choose(package, name, prefix, paths)
-    program = (*_interpreter(path, prefix, variables), str(path))
-    code = _wait_for((*_words(options.prefix), *program, *arguments), variables)
-    if code:
-        print(f"[ros2run]: {_ending(code)}", file=sys.stderr)
-    return code
-
-
-def _plain_prefix(package: str, install: Path | None) -> Path | None:
-    """Return the prefix of a package without ament of the enclosing workspace, None for others.
-
-    `ros2 run` does not find those packages.
-    """
-    if is_registered(package, os.environ, install) or not unregistered_prefix(package, install):
-        return None
-    return plain_prefix(package, install, source_packages(install))
-
-
-def _environment(package: str, install: Path | None, plain: Path | None) -> Mapping[str, str]:
-    """Return the environment, with the enclosing workspace sourced if only that contains the package."""
-    if install is None or not (plain or is_unsourced(package, os.environ, install)):
-        return os.environ
-    from forge.environment.sourcing import sourced_environment
-
-    return sourced_environment(install, os.environ)
-
-
-def _without_name(package: str, prefix: Path, paths: Sequence[Path]) -> Problem:
-    """Return what to say if only the package is given: the names of its executables."""
     names = sorted({path.name for path in paths})
-    if not names:
-        return Problem("no executable found", hint=missing_executable_hint(package, "x", prefix, paths))
-    shown = ", ".join(f"'{name}'" for name in names[:_SHOWN_NAMES])
-    more = f"; 'forge pkg executables {package}' lists all {len(names)}" if len(names) > _SHOWN_NAMES else ""
-    return Problem("missing argument EXECUTABLE", hint=f"'{package}' has {shown}{more}")
+    if not name and names:
+        shown = ", ".join(f"'{each}'" for each in names[:_SHOWN_NAMES])
+        more = f"; 'forge pkg executables {package}' lists all {len(names)}"
+        hint = f"'{package}' has {shown}{more if len(names) > _SHOWN_NAMES else ''}"
+        raise ForgeError(Problem("missing argument EXECUTABLE", hint=hint))
+    path = _choose(package, name or "x", prefix, paths)
+    program = [str(path)]
+    # The python3 of an active virtual environment is the one that `env` finds.
+    if not any(variables.get(each) for each in ("VIRTUAL_ENV", "CONDA_PREFIX")) and _by_env(path):
+        program[:0] = filter(None, (python_of(prefix),))
+    try:
+        command = shlex.split(options.prefix or "")
+    except ValueError as error:
+        raise ForgeError(Problem(f"cannot parse --prefix: {str(error).lower()}")) from None
+    code = _wait_for((*command, *program, *arguments), variables)
+    if code:
+        ending = f"Process exited with failure {code}" if code > 0 else signal.strsignal(-code)
+        print(f"[ros2run]: {ending}", file=sys.stderr)
+    return code
 
 
 def _choose(package: str, name: str, prefix: Path, paths: Sequence[Path]) -> Path:
@@ -112,17 +102,6 @@ def _choose(package: str, name: str, prefix: Path, paths: Sequence[Path]) -> Pat
     return matches[0]
 
 
-def _interpreter(path: Path, prefix: Path, variables: Mapping[str, str]) -> tuple[str, ...]:
-    """Return the interpreter of the workspace for a script that leaves it to `env`, nothing for others.
-
-    An active virtual environment comes first: its python3 is the one that `env` finds.
-    """
-    if any(variables.get(name) for name in ("VIRTUAL_ENV", "CONDA_PREFIX")) or not _by_env(path):
-        return ()
-    python = python_of(prefix)
-    return (python,) if python else ()
-
-
 def _by_env(path: Path) -> bool:
     """Tell whether a script starts with '#!/usr/bin/env python3'."""
     try:
@@ -130,13 +109,6 @@ def _by_env(path: Path) -> bool:
             return stream.readline(512).split() in _BY_ENV
     except OSError:
         return False
-
-
-def _words(command: str | None) -> list[str]:
-    try:
-        return shlex.split(command or "")
-    except ValueError as error:
-        raise ForgeError(Problem(f"cannot parse --prefix: {str(error).lower()}")) from None
 
 
 def _wait_for(argv: Sequence[str], variables: Mapping[str, str]) -> int:
@@ -191,8 +163,3 @@ def _forwarded_signals() -> Iterator[list[subprocess.Popen[bytes]]]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-
-
-def _ending(code: int) -> str:
-    """Return a description of how the program failed, worded like `ros2 run`."""
-    return f"Process exited with failure {code}" if code > 0 else str(signal.strsignal(-code))

@@ -48,10 +48,8 @@ from forge.workspace.load import load_workspace
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Mapping
     from contextlib import AbstractContextManager
 
-    from forge.base.errors import Problem
     from forge.build.events import Event
     from forge.build.tasks import BuildPlan, Task
     from forge.cli.main import Parser
@@ -136,7 +134,11 @@ def run(namespace: argparse.Namespace) -> int:
         with session_of(plan) as session:
             coverage = plan_coverage(plan, context, variables, warn) if options.coverage else ()
             session.json_events.announce()
-            _fail_absent(absent, session)
+            # They count as failed; the others are still tested.
+            for problem in dict.fromkeys(absent.values()):
+                print_problem(problem)
+            for name, problem in absent.items():
+                session.fail_unbuilt(name, problem)
             write_results_of_untested(names, {**absent, **unbuilt}, context)
             session.report.not_tested = tuple(sorted((*absent, *unbuilt)))
             try:
@@ -156,14 +158,6 @@ def run(namespace: argparse.Namespace) -> int:
             finally:
                 code = _report_results(plan, setup, session, json=reports.json, failed=failed)
     return code
-
-
-def _fail_absent(problems: Mapping[str, Problem], session: Session) -> None:
-    """Report packages that cannot be tested and count them as failed; the others are still tested."""
-    for problem in dict.fromkeys(problems.values()):
-        print_problem(problem)
-    for name, problem in problems.items():
-        session.fail_unbuilt(name, problem)
 
 
 def _scheduler(plan: BuildPlan, options: TestOptions, jobs: JobOptions, job_pool: JobPool) -> Scheduler:

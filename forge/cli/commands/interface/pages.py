@@ -28,7 +28,7 @@ from forge.workspace.root import find_install, find_root
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Mapping
 
     from forge.workspace.model import Manifest, Package
 
@@ -61,7 +61,9 @@ def make_site(options: argparse.Namespace, default: Path) -> int:
     )
     raise_if_any(misnomers, InterfaceError)
     out = options.output or Path(os.path.relpath(root / default))
-    raise_if_any(_buried([root / each.path for each in found.packages.values()], out))
+    if any((root / each.path).resolve().is_relative_to(out.resolve()) for each in found.packages.values()):
+        message = "the output folder contains packages, which discovery would then ignore"
+        raise ForgeError(Problem(message, Location(out), "choose a separate folder with --output"))
     install = find_install(root, Path.home())
     underlays = underlay_prefixes(install) if install else ()
     sourced = (*prefixes(os.environ), *underlays)
@@ -86,17 +88,6 @@ def make_site(options: argparse.Namespace, default: Path) -> int:
     count = f"{len(written.changed)} of {written.total} files"
     print(f"{count} written, start page: '{out / _FIRST_PAGE}'")
     return 0
-
-
-def _buried(folders: Iterable[Path], out: Path) -> list[Problem]:
-    """Return a problem if packages lie below the output folder, which package discovery will ignore."""
-    around = out.resolve()
-    if not any(folder.resolve().is_relative_to(around) for folder in folders):
-        return []
-    hint = "choose a separate folder with --output"
-    return [
-        Problem("the output folder contains packages, which discovery would then ignore", Location(out), hint)
-    ]
 
 
 def _wanted(options: argparse.Namespace, own: Mapping[str, Path], library: Library) -> dict[str, Path]:
