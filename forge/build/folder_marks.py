@@ -47,6 +47,7 @@ _HOME_OF_CMAKE = re.compile(r"^CMAKE_HOME_DIRECTORY:INTERNAL=(.*)$", re.MULTILIN
 _WORD = re.compile(r"[A-Za-z][\w.+-]*")
 _RUN = re.compile(r"[a-z][a-z_-]*_\d{4}-\d\d-\d\d_\d\d-\d\d-\d\d(_\d+)?")
 _LATEST = re.compile(r"latest_[a-z][a-z_-]*")
+_RESULTS_MARK = ".forge_results"
 _LEVELS = 3
 """How deep a folder that is to become a base is searched for sources that no command discovered."""
 
@@ -115,6 +116,18 @@ def is_own_build_dir(build: Path) -> bool:
         any(path.is_file() for mark in _COLCON_MARKS for path in build.glob(mark))
         or (build.parent / SET_ASIDE_DIR / build.name).is_dir()
     )
+
+
+def is_own_result_dir(folder: Path) -> bool:
+    """Tell whether a folder has the marks of one in which tests of a package write their results."""
+    return is_own_build_dir(folder) or (folder / _RESULTS_MARK).is_file()
+
+
+def mark_result_dir(folder: Path) -> None:
+    """Create a folder for the results of a package's tests, with its mark."""
+    if not is_own_result_dir(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / _RESULTS_MARK).touch()
 
 
 def has_package_marks(prefix: Path) -> bool:

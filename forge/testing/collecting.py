@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,6 +12,7 @@ from forge.base.files import read_file, text_or_nothing
 from forge.base.frozen import frozen
 from forge.base.names import is_safe_name
 from forge.base.xml import as_utf8, mentions, parse_xml
+from forge.build.folder_marks import is_own_result_dir, sources_in
 from forge.testing.outcomes import (
     BrokenResultError,
     NotAResultError,
@@ -21,16 +23,20 @@ from forge.testing.outcomes import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
 
 @frozen
 class Collection:
-    """The results by path, all their files, and why some of them cannot be read."""
+    """The results by path, all their files, and why some of them cannot be read.
+
+    The tests of a package write their results to `expected` paths.
+    """
 
     outcomes: tuple[Outcome, ...]
     files: tuple[str, ...]
     problems: tuple[Problem, ...] = ()
+    expected: frozenset[str] = frozenset()
 
 
 def collect(base: Path) -> Collection:
@@ -42,6 +48,7 @@ def collect(base: Path) -> Collection:
     outcomes: list[Outcome] = []
     files: list[str] = []
     problems: list[Problem] = []
+    expected: set[str] = set()
     denied: list[OSError] = []
     for found in _candidates(base, denied):
         files += [found.tag] if found.tag else []
@@ -55,14 +62,15 @@ def collect(base: Path) -> Collection:
             outcomes.append(unreadable(found.path, found.home, reason))
         else:
             files.append(found.path)
+            if found.expected:
+                expected |= {found.path, found.tag}
     for fault in denied:
         if isinstance(fault, PermissionError):  # others were removed meanwhile
             reason = f"cannot read the folder: {fault.strerror}"
             problems.append(Problem(reason, Location(Path(fault.filename))))
             outcomes.append(unreadable(fault.filename, str(base), reason))
-    return Collection(
-        tuple(sorted(outcomes, key=lambda outcome: outcome.path)), tuple(sorted(files)), tuple(problems)
-    )
+    ordered = sorted(outcomes, key=lambda outcome: outcome.path)
+    return Collection(tuple(ordered), tuple(sorted(files)), tuple(problems), frozenset(expected))
 
 
 @frozen
@@ -138,3 +146,64 @@ def _read(found: _Candidate) -> Outcome:
         return read(parse_xml(as_utf8(content, path), path), found.path, found.home)
     except BrokenResultError as error:
         raise WorkspaceError(Problem(f"not a test result: {error}", Location(path))) from None
+
+
+_CTEST_RUN = re.compile(r"\d{8}-\d{4}")
+
+
+def result_folder_problems(names: Iterable[str], base: Path) -> Iterator[Problem]:
+    """Yield a problem for each folder for results with files of others where tests would write theirs.
+
+    colcon marks no such folder; its results are recognized by their contents.
+    """
+    for name in names:
+        folder = base / name
+        if is_own_result_dir(folder):
+            continue
+        places = (*_OF_PYTHON, "Testing", f"{_OF_AMENT}/{name}")
+        for path in (folder / place for place in places):
+            if os.path.lexists(path) and not _is_of_colcon(path, name):
+                message = f"tests of '{name}' would replace '{path}', which forge did not create"
+                yield Problem(
+                    message, hint="move it away, or choose another folder with '--test-result-base'"
+                )
+
+
+def _is_of_colcon(path: Path, package: str) -> bool:
+    """Tell whether colcon left a result here: copies of CTest's, or JUnit files about this package."""
+    if path.is_symlink():
+        return False
+    if path.name == "Testing":
+        runs = [entry for entry in path.iterdir() if entry.name != "TAG"] if path.is_dir() else []
+        return Path(last_run(str(path / "TAG"))).is_file() and all(
+            _CTEST_RUN.fullmatch(run.name) and run.is_dir() and [*run.iterdir()] == [run / "Test.xml"]
+            for run in runs
+        )
+    if path.is_dir():
+        return all(file.suffix != ".xml" or _is_of_colcon(file, package) for file in path.iterdir())
+    try:
+        root = parse_xml(as_utf8(read_file(path), path), path)
+    except (OSError, WorkspaceError):
+        return False
+    cases = [case for suite in (root, *root.all("testsuite")) for case in suite.all("testcase")]
+    classes = [case.attributes.get("classname", "").partition(".")[0] for case in cases]
+    return bool(classes) and set(classes) == {package}
+
+
+def removable_results(found: Collection, base: Path) -> tuple[str, ...]:
+    """Return the result files to delete: all in marked folders, elsewhere those at the expected paths.
+
+    Files in sources stay, such as data of tests.
+    """
+    return tuple(path for path in found.files if _is_removable(path, base, expected=path in found.expected))
+
+
+def _is_removable(path: str, base: Path, *, expected: bool) -> bool:
+    for folder in Path(path).parents:
+        if is_own_result_dir(folder):
+            return True
+        if sources_in(folder):
+            return False
+        if folder == base:
+            break
+    return expected

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from forge.base.files import replace_file
 from forge.base.frozen import frozen
 from forge.build.events import Aborted, Finished
+from forge.build.folder_marks import mark_result_dir
 from forge.build.install_manifests import clean_paths
 from forge.build.model import BuildInputs, BuildRecord
 from forge.build.tasks import TEST_FAILURES, StepKind, environment_file, short_step_line, step_line
@@ -105,6 +106,8 @@ class TestSetup:
         )
 
     def _begin(self, task: Task, _: Mapping[str, str]) -> None:
+        if self.context.options.test_result_base is not None:
+            mark_result_dir(self.context.results_of(task.name))
         clean_paths(task)
         # Tests of ament may write to another folder than CTest.
         folders = dict.fromkeys((self.context.results_of(task.name), task.build_dir))
@@ -153,6 +156,7 @@ def write_results_of_untested(
             result = error_result(name, path.stem, untested[name].message)
             # First the marker, without which the folder would not be forge's.
             replace_file(context.layout.build_dir(name) / RESULT, b"1\n")
+            mark_result_dir(context.results_of(name))
             replace_file(path, result.encode(errors="surrogateescape"))
         else:
             path.unlink(missing_ok=True)

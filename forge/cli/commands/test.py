@@ -24,6 +24,7 @@ from forge.execution.lock import lock_build_dir
 from forge.execution.options import JobOptions
 from forge.execution.scheduler import Scheduler
 from forge.output.handlers import ReportOptions
+from forge.testing.collecting import result_folder_problems
 from forge.testing.coverage import coverage_lines, plan_coverage, write_reports
 from forge.testing.failures import table
 from forge.testing.preparing import (
@@ -84,7 +85,10 @@ def run(namespace: argparse.Namespace) -> int:
     warn(loaded.warnings)
     names = tested_names(loaded, warn)
     results = {"--test-result-base": options.test_result_base}
-    raise_if_any(output_problems(loaded, layout, names, results, prefixes=False), WorkspaceError)
+    problems = [*output_problems(loaded, layout, names, results, prefixes=False)]
+    if options.test_result_base:
+        problems += result_folder_problems(names, options.test_result_base)
+    raise_if_any(problems, WorkspaceError)
     require_packages(loaded)
     needs = needs_of_tests(names, loaded)
     absent = absent_problems(needs, layout, variables)

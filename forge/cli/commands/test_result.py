@@ -10,9 +10,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.base.errors import Problem, print_problem
+from forge.base.errors import Problem, WorkspaceError, print_problem
 from forge.cli import options as shared
-from forge.testing.collecting import collect
+from forge.testing.collecting import collect, removable_results
 from forge.testing.failures import as_json, counts_as_json, details, result_line, skipped_line
 from forge.testing.outcomes import Counts, counted_once
 
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from forge.cli.main import Parser
+    from forge.testing.collecting import Collection
     from forge.testing.outcomes import Outcome
 
 
@@ -27,7 +28,6 @@ def register(parser: Parser) -> None:
     parser.add_argument(
         "--test-result-base",
         type=_folder,
-        default="build",
         metavar="DIR",
         help="folder to search for result files (default: build)",
     )
@@ -40,18 +40,21 @@ def register(parser: Parser) -> None:
         action="store_true",
         help="show the message of each failed test, and why tests were skipped",
     )
-    parser.add_argument("--delete", action="store_true", help="delete all result files after confirmation")
-    parser.add_argument(
-        "--delete-yes", action="store_true", help="delete all result files without confirmation"
-    )
+    parser.add_argument("--delete", action="store_true", help="delete result files after confirmation")
+    parser.add_argument("--delete-yes", action="store_true", help="delete result files without confirmation")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
 
 
 def run(options: argparse.Namespace) -> int:
     """Show or delete results; returns 1 if a test failed."""
+    if options.test_result_base is None:
+        options.test_result_base = Path("build")
+        if not options.test_result_base.is_dir():
+            hint = "run 'forge test' first, or name the folder with '--test-result-base'"
+            raise WorkspaceError(Problem("the folder 'build' does not exist", hint=hint))
     found = collect(options.test_result_base)
     if options.delete or options.delete_yes:
-        return _delete(found.files, options)
+        return _delete(found, options)
     gone = _gone(options.test_result_base)
     counted = [one for one in found.outcomes if _package_of(one.path, options.test_result_base) not in gone]
     ignored = {_package_of(one.path, options.test_result_base) for one in found.outcomes} & gone
@@ -86,8 +89,12 @@ def run(options: argparse.Namespace) -> int:
     return int(total.bad)
 
 
-def _delete(files: Sequence[str], options: argparse.Namespace) -> int:
+def _delete(found: Collection, options: argparse.Namespace) -> int:
     """Delete result files after confirmation; the end of input aborts."""
+    files = removable_results(found, options.test_result_base)
+    for path in sorted({*found.files} - {*files}):
+        message = f"kept '{shared.displayed(path, options.origin)}', where forge's tests write no results"
+        print_problem(Problem(message), "warning")
     if not files:
         print("No result files found to delete")
         return 0

@@ -1,0 +1,99 @@
+"""Folders for test results contain only results; whatever else is there belongs to somebody else."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.integration.test_folder_marks import everything
+from tests.testable import cmake_package, python_package
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tests.conftest import Forge, Tree
+
+PASSES = "def test_a(): pass"
+GOOD = 'add_test(NAME good COMMAND ${CMAKE_COMMAND} -E echo "well")'
+JUNIT = '<testsuites><testsuite tests="1"><testcase classname="{}.test.x" name="x"/></testsuite></testsuites>'
+
+
+@pytest.fixture
+def workspace(forge: Forge, tree: Tree) -> Path:
+    """Return a workspace with tests of three frameworks, built."""
+    packages = {
+        **cmake_package("c", GOOD),
+        **python_package("p", PASSES, pytest=True),
+        **python_package("u", PASSES, pytest=False),
+    }
+    root = tree(packages)
+    assert forge("build", cwd=root).code == 0
+    return root
+
+
+@pytest.mark.parametrize("way", ["option", "forge.toml", "link"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("p/pytest.xml", "p/unittest.xml", "u/pytest.xml", "u/unittest.xml", "c/Testing/TAG"),
+        *("c/Testing/20240101-0000/mine", "c/test_results/c/mine.xml"),
+    ],
+)
+def test_results_replace_no_file_of_others(
+    forge: Forge, workspace: Path, tree: Tree, name: str, way: str
+) -> None:
+    root = tree({f"results/{name}": JUNIT.format("mine") if name.endswith("pytest.xml") else "mine"})
+    if way == "link":
+        (root / "link").symlink_to("results")
+    if way == "forge.toml":
+        (root / "forge.toml").write_text("[test]\ntest-result-base = 'results'\n")
+    words = {"link": ("--test-result-base", "link"), "option": ("--test-result-base", "results")}
+    before = everything(root)
+    ran = forge("test", *words.get(way, ()), cwd=root)
+    assert (ran.code, everything(root)) == (2, before), ran.out + ran.err
+    assert "--test-result-base" in ran.err
+    assert name.split("/")[1] in ran.err
+
+
+def test_folders_for_results_are_recognized(forge: Forge, workspace: Path, tree: Tree) -> None:
+    """Those of forge have a mark, which stays without a build folder; those of colcon contain its results."""
+    root = tree(
+        {
+            "results/c/mine": "mine",
+            "results/p/mine.xml": "mine",
+            "results/p/pytest.xml": JUNIT.format("p"),
+            "results/c/Testing/TAG": "20240101-0000\nExperimental\n",
+            "results/c/Testing/20240101-0000/Test.xml": "<Site/>",
+        }
+    )
+    for _ in range(2):
+        ran = forge("test", "--test-result-base", "results", cwd=root)
+        assert ran.code == 0, ran.out + ran.err
+        assert "2 tests, 0 errors" in ran.out
+    assert [(root / f"results/{name}").read_text() for name in ("c/mine", "p/mine.xml")] == ["mine"] * 2
+
+
+def test_results_are_found_without_a_build_folder(forge: Forge, tree: Tree) -> None:
+    root = tree({"results/p/pytest.xml": JUNIT.format("p")})
+    ran = forge("test-result", "--test-result-base", "results", cwd=root)
+    assert (ran.code, ran.out) == (0, "Summary: 1 test, 0 errors, 0 failures, 0 skipped\n")
+    ran = forge("test-result", cwd=root)
+    assert ran.code == 2
+    assert "'build' does not exist" in ran.err
+
+
+def test_only_results_of_tests_are_deleted(forge: Forge, workspace: Path, tree: Tree) -> None:
+    """Elsewhere than in marked folders, they are where tests write them, and not in sources."""
+    forge("test", "--test-result-base", "results", cwd=workspace)
+    mine = ("docs/junit.xml", "src/p/pytest.xml", "src/p/test_results/p/x.xml", "src/p/test/data.xml")
+    theirs = ("results/p/more.xml", "build/p/more.xml")
+    root = tree({name: JUNIT.format("p") for name in (*mine, *theirs, "old/p/pytest.xml")})
+    for base in ("docs", "src", "src/p", "results", "build", "old", "."):
+        ran = forge("test-result", "--delete-yes", "--test-result-base", base, cwd=root)
+        assert ran.code == 0
+        assert [name for name in mine if not (root / name).is_file()] == []
+        assert ("kept" in ran.err) == (base in {"docs", "src", "src/p", "."})
+    left = {str(path.relative_to(root)) for path in root.rglob("*.xml")} - {*mine}
+    assert not [name for name in left if name.startswith(("results", "old")) or "pytest" in name]
+    assert not (root / "build/p/more.xml").exists()
