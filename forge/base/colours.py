@@ -41,14 +41,9 @@ class Palette:
 
 
 def palette_of(stream: TextIO, variables: Mapping[str, str] = os.environ) -> Palette:
-    """Return the colours for a stream."""
-    return Palette(_is_coloured(stream, variables))
-
-
-def _is_coloured(stream: TextIO, variables: Mapping[str, str]) -> bool:
     if variables.get("NO_COLOR"):
-        return False
+        return Palette(False)
     if any(variables.get(name, "0") not in {"", "0"} for name in ("CLICOLOR_FORCE", "FORCE_COLOR")):
-        return True
+        return Palette(True)
     plain = variables.get("CLICOLOR") == "0" or variables.get("TERM", "") in {"", "dumb"}
-    return not plain and stream.isatty()
+    return Palette(not plain and stream.isatty())

@@ -29,7 +29,7 @@ Severity = Literal["error", "warning", "note"]
 
 _PLAIN = Palette()
 
-_UNSEEN = {
+_INVISIBLE = {
     code: "\N{REPLACEMENT CHARACTER}"
     for codes in ((0, 9), (11, 32), (127, 160), (0x200E, 0x2010), (0x202A, 0x202F), (0x2066, 0x206A))
     for code in range(*codes)
@@ -37,9 +37,9 @@ _UNSEEN = {
 """Control characters and bidirectional marks, which quoted files may contain."""
 
 _FEW = 3
-"""So many problems of one kind are reported one by one."""
+"""The maximum number of problems of one kind that are reported one by one."""
 
-_WIDEST = 200
+_MAX_WIDTH = 200
 """Maximum number of characters of a quoted line."""
 
 EXIT_INTERRUPTED = 130
@@ -48,7 +48,7 @@ EXIT_INTERRUPTED = 130
 _DISK_FULL = "free some space, or choose other folders with '--build-base', '--install-base' and '--log-base'"
 _NETWORK = "the file system's server does not answer; check the mount"
 _FOR_WRITING = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS})
-_VANISHED = frozenset({errno.ENOENT, errno.ENOTDIR, errno.ESTALE})
+_NOT_THERE = frozenset({errno.ENOENT, errno.ENOTDIR, errno.ESTALE})
 _OF_OUTPUT = frozenset({errno.EBADF, errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO})
 _HINTS = {
     errno.EACCES: "if another user created it, for example with sudo, change its owner or remove it",
@@ -114,15 +114,16 @@ class Problem:
 
     def render(self, severity: Severity = "error", palette: Palette = _PLAIN) -> str:
         """Return the text for users: position, message, source line with caret, hint."""
-        where = f"{self.location}: ".translate(_UNSEEN) if self.location else ""
-        lines = [f"{where}{palette.paint(severity, severity + ':')} {self.message.translate(_UNSEEN)}"]
+        where = f"{self.location}: ".translate(_INVISIBLE) if self.location else ""
+        lines = [f"{where}{palette.paint(severity, severity + ':')} {self.message.translate(_INVISIBLE)}"]
         if self.location and self.location.source is not None:
             source, column = _window(self.location.source, self.location.column)
-            lines.append(f"    {source.translate(_UNSEEN)}")
+            lines.append(f"    {source.translate(_INVISIBLE)}")
             if column is not None:
-                lines.append(f"    {_caret_indent(source, column)}{palette.paint(severity, '^')}")
+                indent = "".join("\t" if sign == "\t" else " " for sign in source[: column - 1])
+                lines.append(f"    {indent}{palette.paint(severity, '^')}")
         if self.hint:
-            lines.append(f"{palette.paint('hint', 'hint:')} {self.hint.translate(_UNSEEN)}")
+            lines.append(f"{palette.paint('hint', 'hint:')} {self.hint.translate(_INVISIBLE)}")
         return "\n".join(lines)
 
 
@@ -168,17 +169,16 @@ def joined(problems: Iterable[Problem]) -> list[Problem]:
     for problem in problems:
         kind = problem.group
         groups.setdefault((kind.message, kind.hint) if kind else problem, []).append(problem)
-    return [problem for group in groups.values() for problem in _join(group)]
-
-
-def _join(group: list[Problem]) -> list[Problem]:
-    """Return one problem with the names of all; a few, each with its location, are returned as they are."""
-    kinds = [problem.group for problem in group if problem.group]
-    names = sorted({kind.name for kind in kinds})
-    if len(names) <= _FEW:
-        return group
-    quoted = ", ".join(f"'{name}'" for name in names)
-    return [Problem(kinds[0].message.replace("{}", quoted, 1), hint=kinds[0].hint)]
+    result: list[Problem] = []
+    for group in groups.values():
+        kinds = [problem.group for problem in group if problem.group]
+        names = sorted({kind.name for kind in kinds})
+        if len(names) <= _FEW:  # each is reported with its location
+            result += group
+        else:
+            quoted = ", ".join(f"'{name}'" for name in names)
+            result.append(Problem(kinds[0].message.replace("{}", quoted, 1), hint=kinds[0].hint))
+    return result
 
 
 def share_hints(problems: Iterable[Problem]) -> list[Problem]:
@@ -191,7 +191,6 @@ def share_hints(problems: Iterable[Problem]) -> list[Problem]:
 
 
 def print_problem(problem: Problem, severity: Severity = "error") -> None:
-    """Print a problem on stderr."""
     print(problem.render(severity, palette_of(sys.stderr)), file=sys.stderr)
 
 
@@ -231,7 +230,7 @@ def problem_from_oserror(error: OSError) -> Problem | None:
     """Return a problem for the user, or None for an error that is a bug in forge."""
     if isinstance(error, NotRegularFileError):
         return Problem(f"cannot read '{error.filename}': {error.strerror}")
-    if error.errno in _VANISHED and error.filename:
+    if error.errno in _NOT_THERE and error.filename:
         message = f"'{error.filename}' disappeared while forge was using it"
         return Problem(message, hint="another program may have removed or moved it; try again")
     reason = (error.strerror or str(error)).lower()
@@ -247,12 +246,8 @@ def problem_from_oserror(error: OSError) -> Problem | None:
 
 
 def _window(source: str, column: int | None) -> tuple[str, int | None]:
-    if len(source) <= _WIDEST:
+    if len(source) <= _MAX_WIDTH:
         return source, column
-    start = max(0, (column or 1) - _WIDEST // 2)
-    shown = f"{'...' if start else ''}{source[start : start + _WIDEST]}..."
+    start = max(0, (column or 1) - _MAX_WIDTH // 2)
+    shown = f"{'...' if start else ''}{source[start : start + _MAX_WIDTH]}..."
     return shown, None if column is None else column - start + (3 if start else 0)
-
-
-def _caret_indent(source: str, column: int) -> str:
-    return "".join("\t" if character == "\t" else " " for character in source[: column - 1])

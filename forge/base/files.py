@@ -24,7 +24,8 @@ _DRAFT = ".forge-draft"
 
 _CHUNK = 65536
 """Bytes read at a time."""
-_MOST_PARTS = 8
+_MAX_LINES = 8
+"""The maximum number of lines of a file name."""
 
 _NOT_A_FILE = frozenset({errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.ENAMETOOLONG})
 _KINDS = {
@@ -56,17 +57,17 @@ def read_file(path: str | Path) -> bytes:
 def open_regular(path: str, flags: int) -> int:
     """Return a descriptor of a regular file, for open(); raises NotRegularFileError for other files."""
     # Check before opening, because opening some devices has side effects.
-    _refuse_unfit(path, os.stat(path))
+    _require_regular(path, os.stat(path))
     descriptor = os.open(path, flags | os.O_CLOEXEC | os.O_NONBLOCK)
     try:
-        _refuse_unfit(path, os.fstat(descriptor))
+        _require_regular(path, os.fstat(descriptor))
     except OSError:
         os.close(descriptor)
         raise
     return descriptor
 
 
-def _refuse_unfit(path: str, status: os.stat_result) -> None:
+def _require_regular(path: str, status: os.stat_result) -> None:
     if stat.S_ISDIR(status.st_mode):
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
     problem = not_regular_reason(path, status)
@@ -117,17 +118,12 @@ def listed_paths(path: str | Path) -> Iterator[str]:
         return
     starts = [at for at, line in enumerate(lines) if line.startswith("/")]
     for start, end in pairwise((*starts, len(lines))):
-        yield os.path.normpath(_joined(lines[start:end]))
-
-
-def _joined(parts: list[str]) -> str:
-    """Return the longest existing file name that the first parts form when joined."""
-    names = [parts[0]]
-    found = parts[0]
-    for part in parts[1:_MOST_PARTS]:
-        names = [f"{name}{sign}{part}" for name in names for sign in "\n;"]
-        found = next(filter(os.path.lexists, names), found)
-    return found
+        # The longest existing name that the first lines form when joined.
+        names = [longest := lines[start]]
+        for line in lines[start + 1 : min(end, start + _MAX_LINES)]:
+            names = [f"{name}{sign}{line}" for name in names for sign in "\n;"]
+            longest = next(filter(os.path.lexists, names), longest)
+        yield os.path.normpath(longest)
 
 
 def not_regular_reason(path: str | Path, status: os.stat_result) -> str:
@@ -279,18 +275,16 @@ def writable_by_others(status: os.stat_result) -> bool:
     user = os.geteuid()
     if status.st_mode & stat.S_IWOTH or (status.st_uid not in {user, 0} and user != 0):
         return True
-    return bool(status.st_mode & stat.S_IWGRP) and not _is_own_group(status.st_gid, user)
-
-
-def _is_own_group(group: int, user: int) -> bool:
+    if not status.st_mode & stat.S_IWGRP:
+        return False
     import grp
     import pwd
 
     try:
-        account, members = pwd.getpwuid(user), grp.getgrgid(group)
+        account, group = pwd.getpwuid(user), grp.getgrgid(status.st_gid)
     except KeyError:
-        return False
-    return account.pw_gid == group and members.gr_name == account.pw_name and not members.gr_mem
+        return True
+    return account.pw_gid != status.st_gid or group.gr_name != account.pw_name or bool(group.gr_mem)
 
 
 def has_text(path: Path, text: str) -> bool:

@@ -69,7 +69,6 @@ def _text(content: bytes | str, path: Path) -> str:
 
 
 def yaml_text(value: dict[str, str]) -> str:
-    """Return a mapping as YAML."""
     import yaml
 
     text: str = yaml.safe_dump(value, default_flow_style=False)

@@ -35,9 +35,16 @@ def frozen(cls: type[_Class]) -> type[_Class]:
     made: Any = dataclass(init=False, repr=False, eq=False, slots=True)(cls)
     own: tuple[Field[Any], ...] = tuple(made.__dataclass_fields__.values())
     made.__init__ = _initializer(own, calls_post_init=hasattr(made, "__post_init__"))
-    made.__eq__ = _equality(_reader([f.name for f in own if f.compare]))
-    made.__hash__ = _hash(_reader([f.name for f in own if (f.compare if f.hash is None else f.hash)]))
-    made.__repr__ = _representation
+    compared = _reader([f.name for f in own if f.compare])
+    hashed = _reader([f.name for f in own if (f.compare if f.hash is None else f.hash)])
+
+    def __eq__(self: Any, other: object) -> bool:
+        return compared(self) == compared(other) if other.__class__ is self.__class__ else NotImplemented
+
+    def __hash__(self: Any) -> int:
+        return hash((self.__class__, hashed(self)))
+
+    made.__eq__, made.__hash__, made.__repr__ = __eq__, __hash__, _representation
     made.__setattr__ = made.__delattr__ = _refuse
     made.__getstate__, made.__setstate__ = _state, _restore
     return made  # type: ignore[no-any-return]  # (the class itself, with slots)
@@ -67,20 +74,6 @@ def _initializer(fields: Sequence[Field[Any]], *, calls_post_init: bool) -> Call
 
 def _reader(names: Sequence[str]) -> Callable[[Any], Any]:
     return attrgetter(*names) if names else lambda _: ()
-
-
-def _equality(read: Callable[[Any], Any]) -> Callable[[Any, object], bool]:
-    def __eq__(self: Any, other: object) -> bool:
-        return read(self) == read(other) if other.__class__ is self.__class__ else NotImplemented
-
-    return __eq__
-
-
-def _hash(read: Callable[[Any], Any]) -> Callable[[Any], int]:
-    def __hash__(self: Any) -> int:
-        return hash((self.__class__, read(self)))
-
-    return __hash__
 
 
 def _representation(self: Any) -> str:

@@ -129,11 +129,9 @@ class Layout:
     """The platform whose folders these are, below those of this machine; '' for this machine."""
 
     def prefix(self, name: str) -> Path:
-        """Return the install prefix of package `name`."""
         return self.install if self.merged else self.install / name
 
     def build_dir(self, name: str) -> Path:
-        """Return the build folder of package `name`."""
         return self.build / name
 
     @property

@@ -70,7 +70,6 @@ def option_of(declared: Field[Any]) -> Option | None:
 
 
 def default_of(declared: Field[Any]) -> object:
-    """Return the default of a field."""
     return declared.default if declared.default_factory is MISSING else declared.default_factory()
 
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
-_NOBODY_LISTENS = frozenset({errno.EPIPE, errno.EIO, errno.ENXIO, errno.EBADF})
+_READER_IS_GONE = frozenset({errno.EPIPE, errno.EIO, errno.ENXIO, errno.EBADF})
 
 
 @contextmanager
@@ -32,7 +32,8 @@ def handle_signals(handle: Callable[[int], object]) -> Iterator[None]:
 
     def take(number: int, _frame: object) -> None:
         if number == signal.SIGHUP:
-            _leave_closed_terminals()
+            for descriptor in filter(_is_closed, (1, 2)):
+                _leave(descriptor)
         handle(number)
 
     before = {number: signal.getsignal(number) for number in SIGNALS}
@@ -62,7 +63,9 @@ def open_standard_streams() -> None:
             utf8 = stream.encoding.lower() == "utf-8"
             stream.reconfigure(errors="surrogateescape" if utf8 else "backslashreplace")
     for number, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
-        if not _is_open(number):
+        try:
+            os.fstat(number)
+        except OSError:
             # The lowest free number, which is this one.
             os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)
         if getattr(sys, name) is None:
@@ -75,14 +78,6 @@ def is_writable(descriptor: int) -> bool:
     return bool(fcntl.fcntl(descriptor, fcntl.F_GETFL) & os.O_ACCMODE)
 
 
-def _is_open(descriptor: int) -> bool:
-    try:
-        os.fstat(descriptor)
-    except OSError:
-        return False
-    return True
-
-
 @contextmanager
 def ignore_closed_output(descriptor: int) -> Iterator[None]:
     """Write output; if its reader is gone, continue as with a closed terminal.
@@ -92,15 +87,10 @@ def ignore_closed_output(descriptor: int) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        if error.errno not in _NOBODY_LISTENS or signal.getsignal(signal.SIGHUP) is signal.SIG_DFL:
+        if error.errno not in _READER_IS_GONE or signal.getsignal(signal.SIGHUP) is signal.SIG_DFL:
             raise
         _leave(descriptor)
         signal.raise_signal(signal.SIGHUP)
-
-
-def _leave_closed_terminals() -> None:
-    for descriptor in filter(_is_closed, (1, 2)):
-        _leave(descriptor)
 
 
 def _is_closed(descriptor: int) -> bool:
@@ -108,12 +98,12 @@ def _is_closed(descriptor: int) -> bool:
         # An empty write fails for a closed terminal and has no effect on other files.
         os.write(descriptor, b"")
     except OSError as error:
-        return error.errno in _NOBODY_LISTENS
+        return error.errno in _READER_IS_GONE
     return False
 
 
 def _leave(descriptor: int) -> None:
     with suppress(OSError):
-        nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, descriptor)
-        os.close(nowhere)
+        null_device = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(null_device, descriptor)
+        os.close(null_device)

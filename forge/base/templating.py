@@ -40,11 +40,10 @@ _PAGES = ("html.j2", "svg.j2")
 
 @cache
 def environment() -> jinja2.Environment:
-    """Return the environment shared by all templates."""
     import jinja2
 
     return jinja2.Environment(
-        bytecode_cache=_compiled(),
+        bytecode_cache=_bytecode_cache(),
         loader=jinja2.FileSystemLoader(templates_folder()),
         undefined=jinja2.StrictUndefined,
         autoescape=jinja2.select_autoescape(_PAGES),
@@ -55,11 +54,11 @@ def environment() -> jinja2.Environment:
     )
 
 
-def _compiled() -> jinja2.BytecodeCache | None:
+def _bytecode_cache() -> jinja2.BytecodeCache | None:
     import jinja2
 
-    class Kept(jinja2.BytecodeCache):
-        """A file per template; a folder that has gone since is not made again."""
+    class TemplateFiles(jinja2.BytecodeCache):
+        """A file per template; a folder that was removed since is not created again."""
 
         def load_bytecode(self, bucket: jinja2.bccache.Bucket) -> None:
             with suppress(OSError):
@@ -73,5 +72,5 @@ def _compiled() -> jinja2.BytecodeCache | None:
     for where in _COMPILED:
         with suppress(OSError):
             where.mkdir(parents=True, exist_ok=True)
-            return Kept()
+            return TemplateFiles()
     return None

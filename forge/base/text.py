@@ -56,7 +56,6 @@ class Excerpt:
         self._whole = True
 
     def add(self, lines: bytes, *, stderr: bool) -> None:
-        """Append output."""
         if self._room > 0:
             self._first.append((lines, stderr))
             self._room -= len(lines)

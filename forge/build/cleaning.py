@@ -27,7 +27,7 @@ from forge.base.layout import (
     LAYOUT_MARKER,
     SCRATCH_DIR,
 )
-from forge.base.text import listed
+from forge.base.text import counted, listed
 from forge.build.build_dir import set_aside_path
 from forge.build.folder_marks import (
     has_package_marks,
@@ -118,8 +118,7 @@ def package_removables(name: str, layout: Layout, records: Mapping[str, BuildRec
         return
     if layout.merged:
         if files := _existing(_installed(name, layout, records), layout.install):
-            count = len(files)
-            label = f"{count} installed file{'' if count == 1 else 's'} of '{name}'"
+            label = f"{counted(len(files), 'installed file')} of '{name}'"
             yield Removable(label, layout.install, files, _lists(name, layout))
     else:
         yield from _of_prefix(name, layout, records)
@@ -149,7 +148,7 @@ def workspace_removables(
     if "log" in bases and layout.logs is not None and is_own_log_base(layout.logs):
         runs = tuple(filter(_is_run, _folders(layout.logs)))
         if runs:
-            yield Removable(f"logs of {len(runs)} run{'' if len(runs) == 1 else 's'}", layout.logs, runs)
+            yield Removable(f"logs of {counted(len(runs), 'run')}", layout.logs, runs)
         links = tuple(filter(is_own_log_link, layout.logs.glob("latest*")))
         mark = layout.logs / IGNORE_MARK
         # Beside files of others, which it hides from discovery, the mark may be theirs.
@@ -267,7 +266,7 @@ def _of_prefix(name: str, layout: Layout, records: Mapping[str, BuildRecord]) ->
     paths = _existing(own, prefix)
     if paths or not (files or empty):
         count = len(files) + len(empty) - len(own)
-        rest = f", except {count} file{'' if count == 1 else 's'} that no build installed" if count else ""
+        rest = f", except {counted(count, 'file')} that no build installed" if count else ""
         label = f"prefix of '{name}'{rest}"
         yield Removable(label, layout.install, paths, _lists(name, layout), prefix=prefix, layout=layout)
 

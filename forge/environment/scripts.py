@@ -82,7 +82,6 @@ def package_setup(name: str, prefix: Path, package: PackageEdits) -> str:
 
 
 def render_dsv(lines: Sequence[str]) -> str:
-    """Return the text of a dsv file."""
     return render("scripts/dsv.j2", lines=lines)
 
 

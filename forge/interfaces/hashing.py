@@ -71,11 +71,9 @@ class Hasher:
         return sorted(self._closure(name), key=str)
 
     def fields(self, name: TypeName) -> tuple[Field, ...]:
-        """Return the fields of a type."""
         return self._structures[name]
 
     def described_fields(self, name: TypeName) -> list[Description]:
-        """Return the description of each field."""
         return [
             {"name": member.name, "type": _described_type(member.type)} for member in self._structures[name]
         ]

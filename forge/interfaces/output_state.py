@@ -47,7 +47,6 @@ class OutputState:
 
     @property
     def files(self) -> Iterator[str]:
-        """Yield the paths of all files."""
         for part in self.parts.values():
             yield from part.stats
 

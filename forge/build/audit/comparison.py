@@ -8,6 +8,7 @@ from posixpath import basename, dirname
 from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
+from forge.base.text import counted
 from forge.build.audit.accesses import Access, AccessKind
 from forge.build.audit.ignored_inputs import COMPILER, LITTER, untracked
 from forge.build.tasks import StepKind
@@ -178,10 +179,10 @@ def report(found: Iterable[Finding], packages: int) -> tuple[str, ...]:
     number = sum(map(len, groups.values()))
     affected = len({finding.package for finding, _ in groups})
     if not number:
-        lines.append(f"audit: {_plural(packages, 'package')}, no unexpected inputs")
+        lines.append(f"audit: {counted(packages, 'package')}, no unexpected inputs")
     else:
         uses = "uses" if affected == 1 else "use"
-        of_them = f"{affected} of {_plural(packages, 'package')} {uses} {_plural(number, 'path')}"
+        of_them = f"{affected} of {counted(packages, 'package')} {uses} {counted(number, 'path')}"
         lines.append(f"audit: {of_them} that forge does not track")
     return tuple(lines)
 
@@ -194,10 +195,6 @@ def _group(finding: Finding, folder: str, paths: list[str]) -> Iterator[str]:
         paths = [f"{len(paths)} names in {folder}, such as {basename(paths[0])}"]
     yield from (f"{finding.package}: {finding.kind.value} {path} ({by})" for path in paths)
     yield f"  hint: {_advice(finding.step, finding.kind, finding.owner)}"
-
-
-def _plural(number: int, noun: str) -> str:
-    return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 def _advice(step: StepKind, kind: AccessKind, owner: str) -> str:

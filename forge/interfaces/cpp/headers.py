@@ -38,7 +38,6 @@ class Handle:
 
 
 def main_path(name: TypeName, ending: str) -> str:
-    """Return the path of the header that users include."""
     return f"{name.package}/{name.kind}/{snake_case(name.name)}.{ending}"
 
 
@@ -49,7 +48,6 @@ def detail_path(name: TypeName, part: str, ending: str) -> str:
 
 
 def guard(path: str) -> str:
-    """Return the include guard of a header."""
     return "__".join(path.replace(".", "_").upper().split("/")) + "_"
 
 

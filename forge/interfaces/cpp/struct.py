@@ -74,7 +74,6 @@ class StructView:
 
 
 def struct_view(message: Message) -> StructView:
-    """Return the struct of a message."""
     members = message.members
     blocks = _blocks(members)
     nested = [f"{f.name}(_init)" for f in members if isinstance(f.type, Named)]

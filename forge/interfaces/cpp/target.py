@@ -65,7 +65,6 @@ class Headers:
 
     @property
     def name(self) -> TypeName:
-        """The interface's name."""
         return self.interface.name
 
     @cached_property
@@ -79,7 +78,6 @@ class Headers:
         return needed(self.interface)
 
     def main(self) -> File:
-        """Return the header that users include."""
         return self._file(
             main_path(self.name, "hpp"),
             "interface",
@@ -87,7 +85,6 @@ class Headers:
         )
 
     def struct(self) -> File:
-        """Return the header of structs."""
         headers = ["rosidl_runtime_cpp/member_types.hpp", "rosidl_runtime_cpp/message_initialization.hpp"]
         members = (field for message in self.messages for field in message.members)
         bounded = any(isinstance(f.type, Sequence) and f.type.bound is not None for f in members)
@@ -110,7 +107,6 @@ class Headers:
         )
 
     def builder(self) -> File:
-        """Return the header of builders."""
         return self._detail_file(
             "builder",
             headers=[_detail(self.name, "struct"), "rosidl_runtime_cpp/builder.hpp"],
@@ -120,7 +116,6 @@ class Headers:
         )
 
     def traits(self) -> File:
-        """Return the header of traits and YAML."""
         needed = [_detail(name, "traits") for name in self.needed]
         runtime = ["rosidl_runtime_cpp/traits.hpp", "rosidl_runtime_cpp/yaml.hpp"]
         return self._detail_file(
@@ -131,7 +126,6 @@ class Headers:
         )
 
     def type_support(self) -> File:
-        """Return the header that declares type support."""
         found = handles(self.interface)
         kinds = {handle.kind for handle in found}
         return self._detail_file(

@@ -215,15 +215,12 @@ class FileReader:
         return Location(str(self.source.path), number, offset - start + 1, line)
 
     def problem(self, error: ParseError) -> Problem:
-        """Return an error as a problem of this file."""
         return Problem(error.message, self.place(error.offset), error.hint)
 
     def report(self, error: ParseError) -> None:
-        """Add a problem."""
         self.problems.append(self.problem(error))
 
     def warn(self, error: ParseError) -> None:
-        """Add a warning."""
         self.warnings.append(self.problem(error))
 
     def _definitions(

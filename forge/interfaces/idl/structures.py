@@ -68,7 +68,6 @@ class StructureReader:
     )
 
     def add_typedef(self, tree: Tree[Token]) -> None:
-        """Add a typedef."""
         type_tree, declarator = _subtrees(tree)
         name = _token(declarator)
         self.typedefs.append(name)

@@ -323,11 +323,9 @@ class Slots:
         return f"{self.owner(path[:-1])}._{path[-1]}" if path else self.root
 
     def owner(self, path: Path) -> str:
-        """Return the local name of a message."""
         return self._owners[path] if path else self.root
 
     def length(self, path: Path) -> str:
-        """Return the local name of a length."""
         return self._lengths[path]
 
     def new_owner(self, path: Path) -> str:
@@ -391,13 +389,11 @@ class Cursor:
 
     @property
     def expression(self) -> str:
-        """The expression for the offset."""
         if self.absolute:
             return str(self.constant)
         return f"o + {self.constant}" if self.constant else "o"
 
     def store(self) -> None:
-        """Emit the assignment of the offset to `o`."""
         if self.absolute or self.constant:
             self.lines.add(f"o = {self.expression}")
         self._mark_stored()

@@ -153,15 +153,12 @@ class FunctionSource:
     _known: dict[str, str] = field(default_factory=dict)
 
     def add(self, *lines: str) -> None:
-        """Add lines at the current indentation."""
         self.lines += ["    " * self._depth + line for line in lines]
 
     def indent(self) -> None:
-        """Start a block."""
         self._depth += 1
 
     def dedent(self) -> None:
-        """End a block."""
         self._depth -= 1
 
     def table(self, preferred: str, expression: str) -> str:

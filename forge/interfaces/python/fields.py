@@ -61,12 +61,10 @@ class FieldView:
 
     @property
     def default_name(self) -> str:
-        """The class attribute that holds the default."""
         return f"{self.name.upper()}__DEFAULT"
 
 
 def view_field(field: Field, scope: Scope) -> FieldView:
-    """Return the code of a field."""
     default = None if field.default is None else literal(field.type, field.default)
     return FieldView(
         name=field.name,

@@ -102,7 +102,6 @@ class MessageStub:
 
 
 def view_stub(message: Message, names: StubNames) -> MessageStub:
-    """Return the stub of a message class."""
     fields = {field.name for field in message.fields}
     return MessageStub(
         name=message.name.name,

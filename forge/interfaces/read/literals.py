@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
+from forge.base.text import counted
 from forge.interfaces.model import Array, Named, Primitive, Sequence, String
 from forge.interfaces.read.errors import ParseError
 
@@ -45,12 +46,12 @@ def read_value(text: str, type_: Type) -> Value:
         case Array(of, size):
             values = _collection(text, of)
             if len(values) != size:
-                raise ParseError(f"expected {_elements(size)}, found {len(values)}")
+                raise ParseError(f"expected {counted(size, 'element')}, found {len(values)}")
             return values
         case Sequence(of, bound):
             values = _collection(text, of)
             if bound is not None and len(values) > bound:
-                raise ParseError(f"expected at most {_elements(bound)}, found {len(values)}")
+                raise ParseError(f"expected at most {counted(bound, 'element')}, found {len(values)}")
             return values
         case String():
             return within_bound(_unescape(_unquote(text)), type_)
@@ -175,7 +176,3 @@ def within_bound(text: str, type_: String) -> str:
     if type_.bound is not None and len(text) > type_.bound:
         raise ParseError(f"a text of {len(text)} characters exceeds the bound {type_.bound}")
     return text
-
-
-def _elements(count: int) -> str:
-    return "1 element" if count == 1 else f"{count} elements"

@@ -125,7 +125,6 @@ class Line:
 
 
 def lines_of(source: Source) -> list[Line]:
-    """Return the lines of a file."""
     text = source.text.removeprefix(_BYTE_ORDER_MARK)
     return [Line(n, line.replace("\t", " "), line) for n, line in enumerate(text.splitlines(), 1)]
 

@@ -163,7 +163,6 @@ class Library:
         return {name: folder for name, folder in folders.items() if folder}
 
     def names(self) -> Iterator[TypeName]:
-        """Yield the names of all available interfaces."""
         for package, folder in self.packages().items():
             yield from names_in(package, folder, self.rosdistro)
 

@@ -81,12 +81,10 @@ class Scalar:
 
     @property
     def size(self) -> int:
-        """Its size in bytes."""
         return SIZES[self.type.name]
 
     @property
     def alignment(self) -> int:
-        """Its alignment."""
         return SIZES[self.type.name]
 
 
@@ -100,12 +98,10 @@ class InlineArray:
 
     @property
     def size(self) -> int:
-        """The size of all elements in bytes."""
         return self.type.size * SIZES[self.of.name]
 
     @property
     def alignment(self) -> int:
-        """The alignment of the first element."""
         return SIZES[self.of.name]
 
 
@@ -122,12 +118,10 @@ class Length:
 
     @property
     def size(self) -> int:
-        """Its size in bytes."""
         return 4
 
     @property
     def alignment(self) -> int:
-        """Its alignment."""
         return 4
 
 
@@ -160,7 +154,6 @@ class Run:
 
     @property
     def alignment(self) -> int:
-        """The largest alignment of a member."""
         return max(member.alignment for member in self.members)
 
     @property

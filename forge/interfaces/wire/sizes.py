@@ -53,7 +53,6 @@ class SizeCalculator:
         self._end_phases: dict[tuple[Type, Phase], Phase] = {}
 
     def of(self, message: Message) -> MessageSize:
-        """Return the size of a message."""
         members = []
         low, phase = 0, START
         high: int | None = 0

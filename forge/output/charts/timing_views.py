@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
-from forge.base.text import duration
+from forge.base.text import counted, duration
 from forge.cache.model import RESTORED
 from forge.output.charts.graph_formats import printable
 from forge.output.charts.timings import (
@@ -160,8 +160,7 @@ def facts(build: Build) -> dict[str, object]:
 
 
 def _headline(build: Build) -> str:
-    count = len(build.packages)
-    return f"{count} package{'' if count == 1 else 's'} in {duration(build.seconds)}"
+    return f"{counted(len(build.packages), 'package')} in {duration(build.seconds)}"
 
 
 def _remarks(build: Build) -> Iterator[str]:
