@@ -74,7 +74,7 @@ def test_only_compilations_of_this_build_are_counted(tmp_path: Path) -> None:
 
 
 @pytest.mark.needs("ccache")
-def test_a_build_without_compilations_has_nothing_to_tell(tmp_path: Path) -> None:
+def test_a_build_without_compilations_has_no_statistics(tmp_path: Path) -> None:
     launcher_stats = open_launcher_stats(
         Path("/usr/bin/ccache"), tmp_path, tmp_path, {"CCACHE_DIR": str(tmp_path)}
     )
@@ -82,7 +82,7 @@ def test_a_build_without_compilations_has_nothing_to_tell(tmp_path: Path) -> Non
 
 
 @pytest.mark.needs("ccache")
-def test_what_the_user_told_ccache_stays(tmp_path: Path) -> None:
+def test_settings_of_ccache_by_the_user_are_kept(tmp_path: Path) -> None:
     """A base folder in its file or a variable, even an empty one; a log of the user's own is not counted."""
     log = tmp_path / "their.log"
     log.write_text("# theirs\ndirect_cache_hit\n")

@@ -107,7 +107,7 @@ def test_without_a_compiler_nothing_is_seeded(tree: Tree) -> None:
 
 @pytest.mark.needs("cmake", "ninja", "g++")
 @pytest.mark.parametrize("languages", ["", " NONE"])
-def test_what_python_is_need_not_be_asked_again(tree: Tree, languages: str) -> None:
+def test_the_detection_of_python_is_cached(tree: Tree, languages: str) -> None:
     """A new folder starts the interpreter as seldom as CMake does when it knows the folder already.
 
     That is once; the newest CMake (4.4) trusts no answer from a project with languages, not even its own.

@@ -41,7 +41,7 @@ def test_the_option_comes_first(tree: Tree) -> None:
         ("#!/not/there\n", "error: cannot run the Python interpreter 'P': No such file or directory"),
     ],
 )
-def test_what_is_no_python_is_a_message(program: str, message: str, tree: Tree) -> None:
+def test_a_program_that_is_no_python_is_reported(program: str, message: str, tree: Tree) -> None:
     """Too old, something else, or broken."""
     path = tree({"odd": program}) / "odd"
     with pytest.raises(HostError) as caught:

@@ -107,7 +107,7 @@ def test_the_dependencies_of_an_object_are_complete(compile_source: Compile, tmp
         ("-fvisibility=hidden",),
     ],
 )
-def test_options_that_matter_have_their_own(
+def test_options_that_affect_code_have_a_header_of_their_own(
     others: tuple[str, ...], compile_source: Compile, folder: Path
 ) -> None:
     for options in ((), others, ()):
@@ -173,7 +173,9 @@ def test_a_compiler_that_cannot_precompile_compiles(
     assert precompiled(folder) == []
 
 
-def test_without_its_folder_a_source_compiles(compile_source: Compile, folder: Path) -> None:
+def test_a_source_compiles_without_the_folder_of_precompiled_headers(
+    compile_source: Compile, folder: Path
+) -> None:
     shutil.rmtree(folder)
     assert "! " not in said(compile_source())
 

@@ -14,7 +14,7 @@ BIN = Path(sys.executable).parent
 SUDO = "" if os.geteuid() == 0 else "sudo "
 
 
-def test_modules_that_are_there_say_nothing() -> None:
+def test_existing_modules_are_not_reported() -> None:
     """In our own interpreter, without starting it again, and in another."""
     require_modules(Path(sys.executable), ["numpy", "json"])
     require_modules(BIN / ".." / "bin" / "python3", ["json"])
@@ -58,7 +58,7 @@ def test_a_system_python_gets_an_environment_for_other_modules() -> None:
     )
 
 
-def test_others_get_pip(tree: Tree) -> None:
+def test_other_interpreters_get_a_pip_command(tree: Tree) -> None:
     """An unknown system, an older version, an environment, one without pip by uv."""
     root = tree({"a b/pyvenv.cfg": "home = /usr/bin\n", "uv/pyvenv.cfg": "home = /usr/bin\nuv = 0.9\n"})
     debian, python = {"ID": "debian"}, Path("/usr/bin/python3")

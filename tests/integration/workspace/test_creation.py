@@ -21,7 +21,7 @@ def files_of(blueprint: NewPackage) -> dict[str, str]:
 
 @pytest.mark.parametrize("name", ["3d-scan", "union", "Walker", "walker"])
 @pytest.mark.needs("g++")
-def test_a_library_compiles_whatever_the_package_is_called(name: str, tree: Tree) -> None:
+def test_a_created_library_compiles_with_any_package_name(name: str, tree: Tree) -> None:
     blueprint = NewPackage(name, ADA, "cmake", node="walk", library="gait_planner")
     root = tree(files_of(blueprint))
     argv = ["g++", "-std=c++17", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-fsyntax-only", "-Iinclude"]

@@ -73,7 +73,7 @@ def test_changed_packages_are_those_with_files_that_differ(forge: Forge, root: P
 
 
 @pytest.mark.needs("git")
-def test_repositories_within_are_asked_for_themselves(forge: Forge, root: Path) -> None:
+def test_nested_repositories_are_compared_separately(forge: Forge, root: Path) -> None:
     for name in ("a", "b"):
         git(root / "src" / name, "init")
         git(root / "src" / name, "add", ".")

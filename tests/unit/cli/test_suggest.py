@@ -134,6 +134,8 @@ ALL = "'forge clean --help' lists all options"
         ),
     ],
 )
-def test_what_was_meant(argv: tuple[str, ...], told: str, forge: Forge, tmp_path: Path) -> None:
+def test_misspelled_words_have_a_suggestion(
+    argv: tuple[str, ...], told: str, forge: Forge, tmp_path: Path
+) -> None:
     ran = forge(*argv, cwd=tmp_path)
     assert (ran.code, ran.err) == (2, told)

@@ -20,7 +20,7 @@ _PAIRS = [*product(_TEXTS, ("page", "card")), *product(("ink", "soft"), _TINTS)]
 
 @pytest.mark.parametrize("theme", [DAY, NIGHT], ids=["day", "night"])
 @pytest.mark.parametrize(("text", "ground"), _PAIRS)
-def test_text_can_be_read(theme: dict[str, str], text: str, ground: str) -> None:
+def test_text_has_sufficient_contrast(theme: dict[str, str], text: str, ground: str) -> None:
     light, dark = sorted((luminance(theme[text]), luminance(theme[ground])), reverse=True)
     assert (light + 0.05) / (dark + 0.05) >= 4.5
 

@@ -43,7 +43,7 @@ def test_colours_do_not_hide_a_warning(line: bytes, count: int) -> None:
     assert found(b"[1/1] c\n" + line + b"\n").count(line) == count
 
 
-def test_what_comes_before_the_first_command_and_too_much_is_left_out() -> None:
+def test_output_before_the_first_command_and_beyond_the_limit_is_left_out() -> None:
     assert found(b"a.c:1:2: warning: old\n") == b""
     many = found(b"".join(b"[%d/999] c\na.c:%d: warning: %s\n" % (n, n, b"x" * 9999) for n in range(200)))
     assert len(many) < 1_100_000

@@ -47,7 +47,7 @@ def shown(
     return out, err
 
 
-def test_a_good_build_reads_like_colcons(capfd: pytest.CaptureFixture[str]) -> None:
+def test_a_successful_build_prints_the_same_lines_as_colcon(capfd: pytest.CaptureFixture[str]) -> None:
     report = report_on("a", "e")
     out, err = shown(
         capfd,
@@ -81,7 +81,7 @@ def test_embedded_packages_that_were_built_before_are_only_counted(
     assert err.startswith("Failed   <<< e (embedded) [0.10s")
 
 
-def test_colours_tell_the_meaning_and_change_no_word(
+def test_colours_do_not_change_the_text(
     capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     events = (
@@ -139,7 +139,7 @@ def test_a_failure_names_step_error_log_and_command(capfd: pytest.CaptureFixture
 
 
 @pytest.mark.parametrize(("lines_after", "times"), [(0, 1), (10, 1), (40, 2)])
-def test_an_error_is_printed_once_while_it_is_in_sight(
+def test_a_visible_error_is_not_printed_again(
     capfd: pytest.CaptureFixture[str], lines_after: int, times: int
 ) -> None:
     """CMake prints errors on stderr, of which all is shown; far above the report, they are repeated."""
@@ -184,7 +184,7 @@ def test_direct_and_cohesive_output(capfd: pytest.CaptureFixture[str]) -> None:
     assert out == "\ufffd line\n--- output: a\n\ufffd line\n---\n"
 
 
-def test_a_flood_of_output_keeps_its_beginning_and_its_end(capfd: pytest.CaptureFixture[str]) -> None:
+def test_long_output_keeps_its_beginning_and_end(capfd: pytest.CaptureFixture[str]) -> None:
     report = report_on("a", handlers={**HANDLERS, "console_cohesion": True})
     for number in range(100_000):
         report.show(Output("a", f"{number:100}\n".encode(), stderr=False))
@@ -207,5 +207,5 @@ def test_a_flood_of_output_keeps_its_beginning_and_its_end(capfd: pytest.Capture
         (3723, "1h 2min 3s"),
     ],
 )
-def test_durations_read_like_colcons(seconds: float, text: str) -> None:
+def test_durations_are_formatted_like_colcon(seconds: float, text: str) -> None:
     assert duration(seconds) == text

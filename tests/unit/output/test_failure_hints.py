@@ -103,13 +103,13 @@ NOT_EXPORTED = 'The link interface of target "{}" contains:\n\n    {}\n\n  but t
         ("PermissionError: [Errno 13] Permission denied: '/w/install/x'", "sudo chown -R"),
     ],
 )
-def test_known_causes_have_a_remedy(said: str, expected: str) -> None:
+def test_known_failures_have_a_hint(said: str, expected: str) -> None:
     hint = hint_of(said, SCENE)
     assert hint is not None
     assert expected in hint
 
 
-def test_a_dependency_that_is_written_like_a_ros_package_is_not_looked_for_in_the_system() -> None:
+def test_a_dependency_spelled_like_a_ros_package_gets_no_system_package_hint() -> None:
     said = 'asked CMake to find a package configuration file provided by "{}", but'
     scene = FailureContext(package("mine", "odd_collector"), {"mine": package("mine")})
     assert "add its sources" in str(hint_of(said.format("odd_collector"), scene))
@@ -141,7 +141,7 @@ def test_a_misspelt_package_is_not_looked_for_in_the_system_first() -> None:
         'Unknown CMake command "frobnicate".',
     ],
 )
-def test_no_hint_is_better_than_a_wrong_one(said: str) -> None:
+def test_unclear_failures_have_no_hint(said: str) -> None:
     """What is declared and there, but not found, has a cause that forge does not know."""
     assert hint_of(said, SCENE) is None
 
@@ -182,7 +182,7 @@ def test_headers_are_looked_for_where_they_are_installed(tree: Tree) -> None:
         ("draw_al", (), "did you mean 'draw_all'?"),
     ],
 )
-def test_a_command_that_is_not_there_is_misspelled_or_not_looked_for(
+def test_an_unknown_cmake_command_is_misspelled_or_lacks_find_package(
     tree: Tree, command: str, found: tuple[str, ...], expected: str | None
 ) -> None:
     root = tree({"cmake/draw.cmake": "function(draw_all)\nendfunction()\n"})
@@ -236,7 +236,7 @@ def scene_in(root: Path, text: str = "", *depends: str) -> FailureContext:
     return failure_context(made, packages, "python3", lambda name: root / "install" / name, whereabouts)
 
 
-def test_a_package_of_an_earlier_build_is_not_looked_for_in_the_system(tree: Tree) -> None:
+def test_a_package_of_an_earlier_build_gets_no_system_package_hint(tree: Tree) -> None:
     root = tree({"ws/install/gone/share/gone/package.sh": ""}) / "ws"
     hint = str(hint_of(NO_CONFIG.format("gone"), scene_in(root)))
     assert hint.startswith("'gone' was in the workspace in an earlier build")
@@ -274,12 +274,12 @@ def test_a_workspace_next_door_is_to_be_sourced(tree: Tree) -> None:
         'install FILES given directory "launch/sub" to install.',
     ],
 )
-def test_a_folder_among_files_is_called_a_folder(tree: Tree, said: str) -> None:
+def test_a_folder_named_where_files_are_expected_gets_a_hint(tree: Tree, said: str) -> None:
     scene = scene_in(tree({"src/mine/launch/sub/a.py": ""}))
     assert str(hint_of(said, scene)).startswith("'launch/sub' is a folder, where files are expected")
 
 
-def test_nothing_is_proposed_that_is_already_there(tree: Tree) -> None:
+def test_hints_do_not_suggest_existing_lines(tree: Tree) -> None:
     """Neither a find_package() nor a dependency that is written."""
     text = "find_package(shapes REQUIRED)\nament_target_dependencies(x shapes)\n"
     scene = scene_in(tree({}), text, "shapes")
@@ -289,7 +289,7 @@ def test_nothing_is_proposed_that_is_already_there(tree: Tree) -> None:
     assert "add find_package" not in str(hint_of(not_found, scene))
 
 
-def test_a_target_that_a_package_lacks_is_answered_with_those_it_exports(tree: Tree) -> None:
+def test_an_unknown_target_lists_the_exported_targets(tree: Tree) -> None:
     said = 'Target "n" links to:\n\n    shapes::shapes\n\n  but the target was not found.'
     root = tree(
         {
@@ -312,7 +312,7 @@ def test_a_target_that_a_package_lacks_is_answered_with_those_it_exports(tree: T
         "fatal: unable to access 'https://x.org/y/': Could not resolve host: x.org",
     ],
 )
-def test_a_system_package_is_proposed_only_if_the_package_looks_for_one(tree: Tree, said: str) -> None:
+def test_a_system_package_is_suggested_only_for_optional_dependencies(tree: Tree, said: str) -> None:
     wanting = hint_of(said, scene_in(tree({}), "find_package(nowhere_y QUIET)\nfind_package(a REQUIRED)"))
     assert wanting == (
         "the package downloads https://x.org/y during the build: provide network access, or install "
@@ -321,7 +321,7 @@ def test_a_system_package_is_proposed_only_if_the_package_looks_for_one(tree: Tr
     assert "system package" not in str(hint_of(said, scene_in(tree({}), "# find_package(y)")))
 
 
-def test_a_header_of_no_package_is_not_called_one_of_this_package(tree: Tree) -> None:
+def test_an_unknown_header_is_not_attributed_to_this_package(tree: Tree) -> None:
     said = "a.cpp:1:10: fatal error: {}: No such file or directory"
     scene = scene_in(tree({"src/mine/inc/own.h": ""}))
     assert hint_of(said.format("own.h"), scene) == (
@@ -330,7 +330,7 @@ def test_a_header_of_no_package_is_not_called_one_of_this_package(tree: Tree) ->
     assert "apt-file search /yaml.h" in str(hint_of(said.format("yaml.h"), scene))
 
 
-def test_files_of_forge_are_not_to_be_edited(tree: Tree) -> None:
+def test_failures_in_embedded_packages_have_no_hints(tree: Tree) -> None:
     scene = scene_in(tree({}))
     scene = replace(scene, package=replace(scene.package, embedded=True))
     assert hint_of(NO_CONFIG.format("shapes"), scene) is None

@@ -21,7 +21,9 @@ from forge.output.first_error import first_error
         (["a.cpp:1: error: later", "src/m/A.msg:1:1: error: sooner", "    int8", "    ^", "hint: do"], 4),
     ],
 )
-def test_the_first_error_is_the_surest_and_brings_its_lines(output: list[str], expected: int | None) -> None:
+def test_the_first_error_prefers_specific_patterns_and_includes_its_lines(
+    output: list[str], expected: int | None
+) -> None:
     error = first_error(output)
     assert (len(error.lines) if error else None) == expected
 
@@ -35,7 +37,7 @@ def test_the_first_error_is_the_surest_and_brings_its_lines(output: list[str], e
         ("CMake Error at cmake_install.cmake:3 (x):", "CMake Error at cmake_install.cmake:3 (x):"),
     ],
 )
-def test_a_cmakelists_is_named_as_editors_find_it(line: str, shown: str) -> None:
+def test_paths_of_cmakelists_can_be_opened_by_editors(line: str, shown: str) -> None:
     error = first_error([line], "src/a b")
     assert error is not None
     assert error.lines == (shown,)

@@ -34,7 +34,7 @@ def test_each_run_has_a_folder_and_latest_points_at_it(tmp_path: Path) -> None:
     assert (logs / "COLCON_IGNORE").is_file()
 
 
-def test_events_land_in_the_files_colcons_readers_know(tmp_path: Path) -> None:
+def test_events_are_logged_to_the_files_that_colcon_tools_read(tmp_path: Path) -> None:
     step = Step(StepKind.BUILD, ("make", "a b"), tmp_path)
     with closing(open_log(tmp_path, "build", ["forge"], base_paths=["."])) as log_writer:
         log_writer.announce({"old": {}, "a": {"old": Path("/i/old")}}, unselected=["z", "y"], fresh=["old"])
@@ -89,7 +89,9 @@ def test_events_land_in_the_files_colcons_readers_know(tmp_path: Path) -> None:
     assert len((folder / "streams.log").read_text().splitlines()) == 4
 
 
-def test_the_value_that_a_step_extends_is_not_logged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_inherited_values_of_variables_are_not_logged(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("LIST", "/of/the user")
     monkeypatch.setenv("EMPTY", "")
     step = Step(StepKind.BUILD, ("make",), tmp_path)
@@ -104,7 +106,7 @@ def test_the_value_that_a_step_extends_is_not_logged(tmp_path: Path, monkeypatch
     )
 
 
-def test_a_silent_build_is_seen_to_be_running(tmp_path: Path) -> None:
+def test_a_silent_build_logs_timer_events(tmp_path: Path) -> None:
     with closing(open_log(tmp_path, "build", ["forge"])) as log_writer:
         log_writer.write(Started("a"))
         end = time.monotonic() + 30
@@ -113,7 +115,7 @@ def test_a_silent_build_is_seen_to_be_running(tmp_path: Path) -> None:
     assert (tmp_path / "latest/events.log").read_text().count("TimerEvent") >= 2
 
 
-def test_something_of_the_users_called_latest_is_left_alone(tmp_path: Path) -> None:
+def test_a_user_file_named_latest_is_kept(tmp_path: Path) -> None:
     (tmp_path / "latest").write_text("mine")
     open_log(tmp_path, "build", []).close()
     assert (tmp_path / "latest").read_text() == "mine"

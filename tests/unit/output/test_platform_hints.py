@@ -44,10 +44,10 @@ def test_a_program_for_another_platform_needs_an_emulator(output: str, expected:
         ),
     ],
 )
-def test_what_does_not_fit_the_platform_is_named(output: str, expected: str) -> None:
+def test_failures_of_another_platform_have_a_hint(output: str, expected: str) -> None:
     assert expected in (remedy_for_platform(output, ()) or "")
 
 
 @pytest.mark.parametrize("output", ["", "/bin/sh: 1: bison: not found", "maker: not found"])
-def test_other_failures_get_no_such_remedy(output: str) -> None:
+def test_other_failures_get_no_platform_hint(output: str) -> None:
     assert remedy_for_platform(output, {"maker"}) is None

@@ -39,7 +39,7 @@ def texts(
     return ["".join(text for _, text in line) for line in lines(progress, now, room, width, **more)]
 
 
-def test_what_runs_is_known_with_its_step() -> None:
+def test_running_packages_have_their_current_step() -> None:
     begun = Progress(0.0, {}, 3)
     step = StepStarted("b", Step(StepKind.CONFIGURE, (), Path()))
     now = after(begun, (1, Started("a")), (2, Started("b")), (3, step), (4, Finished("a", 1, 3.0)))
@@ -89,7 +89,7 @@ def test_the_counts_of_tools_are_read(output: bytes, share: float | None) -> Non
     assert counted_share(output) == share
 
 
-def test_the_rest_is_estimated_at_the_pace_until_now() -> None:
+def test_the_remaining_time_is_estimated_from_the_pace_so_far() -> None:
     """Two of four equal packages took ten seconds, and half of the third is done."""
     begun = Progress(0.0, expectations("abcd", {"a": 6.0, "b": 6.0, "c": 6.0}), 4)
     halfway = after(begun, (0, Started("a")), (5, Finished("a", 0, 5.0)), (7, Finished("b", 0, 2.0)))

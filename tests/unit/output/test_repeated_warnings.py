@@ -26,7 +26,7 @@ This warning is for project developers.  Use -Wno-dev to suppress it.
 """
 
 
-def test_a_kind_is_known_by_its_words() -> None:
+def test_warnings_of_a_kind_are_recognized_by_their_text() -> None:
     """Wherever it is, however the name breaks its lines."""
     kinds = RepeatedWarnings()
     first = "note\n" + OLD.format(file="CMakeLists.txt", line=1) + NAMED.format(name="my_pkg", line=3)

@@ -103,7 +103,7 @@ FAILED = "<testcase name='t'><failure message='no'/></testcase>"
         "<testsuite tests='0' errors='0' failures='0'><failure message='in its setup'/></testsuite>",
     ],
 )
-def test_no_failed_test_is_lost_if_the_numbers_disagree(text: str) -> None:
+def test_failed_tests_count_even_if_the_totals_of_a_suite_are_too_low(text: str) -> None:
     assert junit(text).counts == Counts(tests=1, failures=1)
 
 
@@ -118,7 +118,7 @@ def test_no_failed_test_is_lost_if_the_numbers_disagree(text: str) -> None:
         ("Fixture dependency failed", Counts(1, errors=1)),
     ],
 )
-def test_a_test_that_ctest_could_not_run_is_no_skipped_test(completion: str, counts: Counts) -> None:
+def test_a_test_that_ctest_could_not_run_is_not_counted_as_skipped(completion: str, counts: Counts) -> None:
     measured = f"<NamedMeasurement name='Completion Status'><Value>{completion}</Value></NamedMeasurement>"
     test = f"<Test Status='notrun'><Name>t</Name><Results>{measured}</Results></Test>"
     outcome = ctest(f"<Site><Testing>{test}</Testing></Site>")
@@ -157,7 +157,7 @@ def test_counting_once_loses_no_failure_and_no_test(
     assert total.tests <= sum(outcome.counts.tests for outcome in raw)
 
 
-def test_a_test_of_another_package_is_no_twin() -> None:
+def test_tests_of_different_packages_are_never_counted_as_duplicates() -> None:
     whole = ctest(CTEST)
     other = Outcome("build/q/test_results/q/one.xml", "build/q", Counts(5))
     own = Outcome("build/p/test_results/p/one.gtest.xml", "build/p", Counts(5))
@@ -165,7 +165,7 @@ def test_a_test_of_another_package_is_no_twin() -> None:
     assert counted_once([whole, own])[0].counts.tests == 3
 
 
-def test_the_first_lines_are_those_of_the_message_else_of_the_story() -> None:
+def test_the_first_lines_come_from_the_message_or_else_from_the_text() -> None:
     bad, worse = junit(JUNIT).cases
     assert first_lines([bad]) == ("assert 1 == 2", "  more")
     assert first_lines([bad, worse]) == (

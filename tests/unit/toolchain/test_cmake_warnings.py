@@ -20,7 +20,7 @@ def test_definitions_are_recognised_as_cmake_does() -> None:
     assert defined(words) == {"A", "B", "C", "D"}
 
 
-def test_definitions_without_a_value_are_told_before_cmake_rejects_them() -> None:
+def test_definitions_without_a_value_are_reported_before_cmake_rejects_them() -> None:
     good = ["-DA=", "-D", "B:BOOL=ON", "-Wno-dev", "-DC=-D", "D=1"]
     told = [(each.message, each.hint) for each in unset_definitions([*good, "-DFOO", "-D", "BAR:BOOL", "-D"])]
     assert told == [
@@ -45,11 +45,11 @@ def test_the_default_of_a_policy_may_be_unused() -> None:
     assert list(unused.names) == ["A"]
 
 
-def test_variables_of_one_package_stay_its_own_matter() -> None:
+def test_warnings_about_variables_of_one_package_are_kept() -> None:
     unused = UnusedVariables(frozenset({"A"}))
     assert unused.take(complaint("A", "OWN")) == complaint("OWN")
 
 
 @given(st.binary())
-def test_other_words_pass_as_they_are(said: bytes) -> None:
+def test_other_cmake_arguments_are_accepted(said: bytes) -> None:
     assert UnusedVariables(frozenset({"A"})).take(said) == said

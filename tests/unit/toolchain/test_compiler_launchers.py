@@ -52,12 +52,12 @@ def test_a_launcher_is_chosen_by_its_name(word: str | None, name: str) -> None:
     assert selected_launcher(word) == name
 
 
-def test_a_variable_may_name_no_other() -> None:
+def test_an_unknown_launcher_in_the_variable_is_an_error() -> None:
     with pytest.raises(SelectionError, match="FORGE_COMPILER_LAUNCHER: unknown compiler launcher 'cache'"):
         selected_launcher("cache")
 
 
-def test_a_launcher_that_is_not_there_is_one_mistake_with_its_remedy(forge: Forge, tree: Tree) -> None:
+def test_a_missing_launcher_is_one_problem_with_a_hint(forge: Forge, tree: Tree) -> None:
     ran = forge("build", "--compiler-launcher", "recc", cwd=tree(PACKAGE))
     assert ran.code == 2
     assert ran.err.splitlines() == [
@@ -82,7 +82,7 @@ def test_a_workspace_that_compiles_nothing_needs_no_launcher(forge: Forge, tree:
         ("a variable", {}, {"FORGE_COMPILER_LAUNCHER": "recc"}),
     ],
 )
-def test_a_file_or_a_variable_asks_for_a_launcher_and_an_option_for_none(
+def test_a_launcher_from_file_or_variable_can_be_disabled_by_option(
     forge: Forge, tree: Tree, where: str, files: dict[str, str], env: dict[str, str]
 ) -> None:
     root = tree({**PACKAGE, **files})
@@ -100,7 +100,7 @@ def test_cmake_gets_a_launcher_for_each_supported_language() -> None:
     assert {value for _, value in launcher_variables(None)} == {""}
 
 
-def test_the_initial_cache_sets_a_launcher_and_takes_back_one_of_before() -> None:
+def test_the_initial_cache_sets_the_launcher_and_removes_a_former_one() -> None:
     text = initial_cache(context_of(Path("/opt/my tools/distcc")), Path("manifest.cmake"))
     assert 'set(CMAKE_CXX_COMPILER_LAUNCHER "/opt/my tools/distcc" CACHE STRING' in text
     assert "unset(CMAKE_CUDA_COMPILER_LAUNCHER CACHE)" in text

@@ -93,7 +93,9 @@ def test_the_environment_of_the_tool_is_never_chosen(
         find_interpreter(None, {"PATH": path_of(tool / "bin")})
 
 
-def test_the_name_it_was_started_by_makes_no_other(monkeypatch: pytest.MonkeyPatch, tree: Tree) -> None:
+def test_the_interpreter_is_the_same_however_forge_was_started(
+    monkeypatch: pytest.MonkeyPatch, tree: Tree
+) -> None:
     """The forge command uses python3, users write python: that is no reason to rebuild."""
     root = tree({"bin/python3": "", "other/python": "", "other/python3": ""})
     (root / "bin/python").symlink_to("python3")
@@ -139,7 +141,7 @@ def test_the_scripts_of_an_underlay_tell_its_interpreter(tree: Tree) -> None:
     assert find_interpreter(None, PATH, [root / "ros"]).path == python
 
 
-def test_an_invalid_record_of_an_underlay_tells_nothing(tree: Tree) -> None:
+def test_an_invalid_record_of_an_underlay_is_ignored(tree: Tree) -> None:
     """Another check reports it."""
     assert find_interpreter(None, PATH, [tree({"low/.forge.json": "{"}) / "low"]) == OWN
 
@@ -168,7 +170,7 @@ def test_an_invalid_record_of_an_underlay_tells_nothing(tree: Tree) -> None:
         ),
     ],
 )
-def test_another_version_than_that_of_the_underlay_is_refused(
+def test_an_interpreter_of_another_version_than_the_underlay_is_rejected(
     variables: dict[str, str],
     option: str | None,
     used: str,
@@ -223,7 +225,7 @@ def test_a_missing_python_is_a_message(python: str | None, variables: dict[str, 
     assert str(caught.value) == message
 
 
-def test_a_change_of_the_interpreter_is_told_with_the_way_back() -> None:
+def test_a_changed_interpreter_is_reported_with_the_option_that_restores_it() -> None:
     """Most often somebody forgot to activate an environment."""
     now = Interpreter(Path("/usr/bin/python3"), (3, 11), "'python3' on PATH")
     assert other_than_recorded(None, now) == other_than_recorded("/usr/bin/python3", now) == ()

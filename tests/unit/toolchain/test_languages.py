@@ -54,6 +54,8 @@ def test_a_project_without_cxx(text: str) -> None:
         ({}, False),
     ],
 )
-def test_all_cmake_files_of_a_package_count(tree: Tree, files: dict[str, str], expected: bool) -> None:
+def test_languages_are_searched_in_all_cmake_files_of_a_package(
+    tree: Tree, files: dict[str, str], expected: bool
+) -> None:
     found = replace(package("x", build_type="cmake"), path=tree(files))
     assert any_enables_cxx([found]) == expected

@@ -24,14 +24,14 @@ def path_of(identity: str) -> str:
     return identity.rsplit(" ", 2)[0]
 
 
-def test_another_program_in_place_is_another(tree: Tree) -> None:
+def test_a_replaced_program_has_another_identity(tree: Tree) -> None:
     root = tree({"a/tool": PROGRAM})
     before = lookup(root / "a").identity("tool")
     tree({"a/tool": f"{PROGRAM}# longer\n"})
     assert lookup(root / "a").identity("tool") != before
 
 
-def test_a_wrapper_counts_with_what_it_starts(tree: Tree) -> None:
+def test_identities_of_wrappers_include_the_programs_they_start(tree: Tree) -> None:
     root = tree({"opt/cc1": '#!/bin/sh\nexec realcc -DV=1 "$@"\n', "bin/realcc": "binary"})
     (root / "bin/realcc").chmod(0o755)
     found = [path_of(identity) for identity in lookup(root / "bin").behind(str(root / "opt/cc1"))]
@@ -39,7 +39,7 @@ def test_a_wrapper_counts_with_what_it_starts(tree: Tree) -> None:
     assert str(root / "bin/realcc") in found
 
 
-def test_a_launcher_by_the_name_of_a_compiler_starts_the_next(tree: Tree) -> None:
+def test_a_launcher_named_like_a_compiler_starts_the_next_one_on_path(tree: Tree) -> None:
     root = tree({"usr/ccache": "binary", "lib/x": "", "bin/cc": "compiler", "bin2/cc": "another"})
     for path in ("usr/ccache", "bin/cc", "bin2/cc"):
         (root / path).chmod(0o755)
@@ -78,7 +78,7 @@ def test_identities_have_what_arguments_and_variables_name(tree: Tree) -> None:
     ]
 
 
-def test_the_modules_of_cmake_lie_beside_it(tree: Tree) -> None:
+def test_the_modules_of_cmake_are_found_next_to_it(tree: Tree) -> None:
     root = tree(
         {
             "share/cmake/Modules/FindMine.cmake": "",

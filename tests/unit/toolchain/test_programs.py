@@ -86,7 +86,7 @@ def test_the_ninja_that_came_with_forge_goes_before_that_of_the_system(
     assert (found.ninja, named.ninja) == (root / "venv/bin/ninja", Path("/mine/ninja"))
 
 
-def test_what_a_package_starts_by_itself_finds_the_same_ninja(tree: Tree) -> None:
+def test_programs_that_a_package_starts_find_the_same_ninja(tree: Tree) -> None:
     root = tree({"bin/ninja": PROGRAM, "venv/bin/ninja": PROGRAM})
     for name in ("bin/ninja", "venv/bin/ninja"):
         (root / name).chmod(0o755)
@@ -126,7 +126,7 @@ def test_the_wheels_own_cmake_is_found_behind_its_script(tree: Tree, monkeypatch
         ("if(x)\nproject(a)\nelse()\nproject(a NONE)\nendif()", ()),
     ],
 )
-def test_a_compiler_that_is_named_elsewhere_need_not_be_on_path(
+def test_a_compiler_set_explicitly_need_not_be_on_path(
     tree: Tree, monkeypatch: pytest.MonkeyPatch, text: str, arguments: tuple[str, ...]
 ) -> None:
     root = tree({"bin/cmake": PROGRAM, "bin/make": PROGRAM})
@@ -137,7 +137,7 @@ def test_a_compiler_that_is_named_elsewhere_need_not_be_on_path(
     assert find_tools([made], variables) is not None
 
 
-def test_a_build_program_that_is_named_need_not_be_on_path(
+def test_a_build_program_set_explicitly_need_not_be_on_path(
     tree: Tree, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     root = tree({"bin/cmake": PROGRAM})

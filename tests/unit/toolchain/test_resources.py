@@ -55,7 +55,7 @@ HERE = len(os.sched_getaffinity(0))
         ),
     ],
 )
-def test_quotas_of_ours_and_of_groups_above_count_as_processors(
+def test_cpu_quotas_of_all_enclosing_cgroups_limit_the_processors(
     tree: Tree, files: dict[str, str], expected: int
 ) -> None:
     assert processors(tree(files)) == expected
@@ -90,13 +90,13 @@ def test_quotas_of_ours_and_of_groups_above_count_as_processors(
         ),
     ],
 )
-def test_the_least_of_machine_and_groups_is_what_is_left(
+def test_available_memory_is_the_minimum_of_machine_and_cgroups(
     tree: Tree, files: dict[str, str], expected: Memory | None
 ) -> None:
     assert memory(tree(files)) == expected
 
 
-def test_this_machine_says_what_it_has() -> None:
+def test_the_resources_of_this_machine_are_known() -> None:
     now = memory()
     assert now is not None
     assert 0 < now.available <= now.total
@@ -121,12 +121,12 @@ def test_a_limit_is_a_share_or_a_size(text: str, limit: MemoryLimit) -> None:
 
 
 @pytest.mark.parametrize("text", ["", "0", "-1G", "much", "5%%"])
-def test_what_is_no_limit_is_refused(text: str) -> None:
+def test_an_invalid_memory_limit_is_rejected(text: str) -> None:
     with pytest.raises(ValueError, match=f"^{text}$"):
         memory_limit(text)
 
 
-def test_without_a_limit_a_tenth_stays_available_but_no_more_than_a_gib() -> None:
+def test_the_default_memory_limit_keeps_a_tenth_free_but_at_most_one_gib() -> None:
     assert not default_memory_limit(Memory(4 * GIB, GIB // 2)).exceeded(Memory(4 * GIB, GIB // 2))
     assert default_memory_limit(Memory(4 * GIB, GIB // 3)).exceeded(Memory(4 * GIB, GIB // 3))
     assert not default_memory_limit(Memory(64 * GIB, GIB)).exceeded(Memory(64 * GIB, GIB))

@@ -25,7 +25,7 @@ VARIABLES = {"ROS_VERSION": "2", "ROS_DISTRO": "humble"}
         ("  a   <=b ", True),
     ],
 )
-def test_a_condition_compares_texts_and_binds_and_before_or(condition: str, expected: bool) -> None:
+def test_conditions_compare_strings_and_bind_and_before_or(condition: str, expected: bool) -> None:
     assert holds(condition, VARIABLES) is expected
 
 
@@ -43,13 +43,13 @@ def test_a_condition_compares_texts_and_binds_and_before_or(condition: str, expe
         ("(" * 60 + "a == b" + ")" * 60, 51),
     ],
 )
-def test_what_is_no_condition_is_refused_with_its_column(condition: str, column: int) -> None:
+def test_an_invalid_condition_is_rejected_with_its_column(condition: str, column: int) -> None:
     with pytest.raises(ConditionError) as error:
         holds(condition, VARIABLES)
     assert error.value.column == column
 
 
 @given(st.text())
-def test_any_text_is_a_condition_or_refused(condition: str) -> None:
+def test_any_text_is_a_valid_condition_or_rejected(condition: str) -> None:
     with suppress(ConditionError):
         holds(condition, VARIABLES)

@@ -78,7 +78,7 @@ def test_a_package_is_what_a_reviewer_has_accepted(case: str, golden: Golden) ->
 
 
 @given(blueprints)
-def test_every_manifest_says_what_the_blueprint_says(blueprint: NewPackage) -> None:
+def test_every_created_manifest_has_the_requested_properties(blueprint: NewPackage) -> None:
     text = files_of(blueprint)["package.xml"]
     manifest = parse_manifest(text.encode(), Path("package.xml"), {})
     assert (manifest.name, manifest.version, manifest.format) == (blueprint.name, "0.0.0", blueprint.format)
@@ -90,7 +90,7 @@ def test_every_manifest_says_what_the_blueprint_says(blueprint: NewPackage) -> N
 
 
 @given(blueprints.filter(lambda blueprint: blueprint.build_type == "ament_python"))
-def test_every_setup_py_says_what_the_blueprint_says(blueprint: NewPackage) -> None:
+def test_every_created_setup_py_has_the_requested_properties(blueprint: NewPackage) -> None:
     files = files_of(blueprint)
     for path in files:
         if path.endswith(".py"):
@@ -103,7 +103,7 @@ def test_every_setup_py_says_what_the_blueprint_says(blueprint: NewPackage) -> N
 
 
 @pytest.mark.parametrize("license_", LICENSES)
-def test_a_known_licence_comes_with_its_text(license_: str) -> None:
+def test_a_known_license_adds_a_license_file(license_: str) -> None:
     text = files_of(NewPackage("walker", ADA, license=license_))["LICENSE"]
     assert len(text) > 800
     assert "{{" not in text
@@ -129,7 +129,7 @@ def test_a_name_that_cannot_be_built_is_refused(name: str, build_type: str, mess
 
 
 @pytest.mark.parametrize("name", ["test", "my-walker", "3d", "import", "Walker", "a"])
-def test_a_name_that_only_python_minds_will_do_for_cmake(name: str) -> None:
+def test_python_keywords_are_valid_names_of_cmake_packages(name: str) -> None:
     assert files_of(NewPackage(name, ADA))["package.xml"]
 
 
@@ -177,7 +177,7 @@ def test_a_node_in_cpp_is_named_like_a_file(node: str, fits: bool) -> None:
         ({"node": "walk"}, "cannot be combined with --node-name"),
     ],
 )
-def test_a_package_of_interfaces_that_rosidl_would_refuse_is_not_created(
+def test_an_interface_package_that_rosidl_rejects_is_not_created(
     properties: dict[str, object], message: str
 ) -> None:
     values = {"name": "walker_msgs", "maintainer": ADA, "interfaces": ("Pose.msg",), **properties}

@@ -118,7 +118,7 @@ def test_a_group_dependency_is_one_on_its_members(tree: Tree) -> None:
     assert discover(root, ["."], {}).packages["a"].manifest.names(RUN_KINDS) == ("b",)
 
 
-def test_actions_and_services_are_noticed(tree: Tree) -> None:
+def test_actions_and_services_are_detected(tree: Tree) -> None:
     root = tree(
         {
             "a/package.xml": manifest_text("a"),

@@ -21,7 +21,7 @@ def reported(root: Path) -> list[tuple[str, str]]:
     return [(problem.message, problem.hint or "") for problem in found]
 
 
-def test_copies_in_a_worktree_are_one_message_and_the_worktree_is_to_be_ignored(tree: Tree) -> None:
+def test_duplicates_in_a_worktree_are_one_problem_that_suggests_ignoring_it(tree: Tree) -> None:
     root = tree({**packages("src/a", "src/b", "build_copy/src/a", "build_copy/src/b"), "build_copy/.git": ""})
     ((message, hint),) = reported(root)
     assert message == "2 packages are in '.' and again in 'build_copy': 'a', 'b'"
@@ -29,7 +29,7 @@ def test_copies_in_a_worktree_are_one_message_and_the_worktree_is_to_be_ignored(
     assert hint.endswith("creating an empty file 'build_copy/COLCON_IGNORE'")
 
 
-def test_a_generated_copy_is_to_be_ignored_wherever_its_name_sorts(tree: Tree) -> None:
+def test_the_copy_below_a_generated_folder_is_the_one_to_ignore(tree: Tree) -> None:
     ((message, hint),) = reported(tree(packages("docs_build/a", "src/a")))
     assert message == "two packages are named 'a': 'src/a' and 'docs_build/a'"
     assert hint.endswith("'docs_build/COLCON_IGNORE'")

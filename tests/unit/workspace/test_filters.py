@@ -43,6 +43,6 @@ def test_earlier_results_select_and_skip(forge: Forge, root: Path, kind: str, wo
     assert names(forge, root, f"--packages-skip-{well}") == "a b c d"
 
 
-def test_results_of_two_kinds_cannot_be_asked_for_at_once(forge: Forge, root: Path) -> None:
+def test_options_for_different_earlier_results_cannot_be_combined(forge: Forge, root: Path) -> None:
     ran = forge("list", "--packages-select-build-failed", "--packages-skip-test-passed", cwd=root)
     assert ran.code == 2

@@ -45,7 +45,7 @@ def test_the_last_active_build_type_counts_with_a_warning() -> None:
     assert "several build types" in manifest.warnings[0].message
 
 
-def test_format_1_knows_run_depend() -> None:
+def test_format_1_supports_run_depend() -> None:
     text = manifest_text("a", "<run_depend>b</run_depend>").replace(' format="3"', "")
     assert parse(text).names(RUN_KINDS) == ("b",)
 
@@ -91,7 +91,7 @@ def test_all_structural_errors_are_reported_together() -> None:
         ),
     ],
 )
-def test_faults_of_meaning(lines: list[str], message: str) -> None:
+def test_semantic_errors_are_reported(lines: list[str], message: str) -> None:
     assert message in problems(manifest_text("a", *lines))[0]
 
 

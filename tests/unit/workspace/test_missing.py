@@ -66,7 +66,7 @@ def test_what_cmake_requires_is_an_error_and_anything_else_a_warning(tree: Tree)
     assert missing.unbuildable == {"a", "b"}
 
 
-def test_a_find_module_of_the_package_finds_what_is_missing(tree: Tree) -> None:
+def test_a_find_module_of_the_package_makes_a_requirement_uncertain(tree: Tree) -> None:
     made = requiring(tree, package("a", "tf2"), "tf2")
     assert missing_in(made).errors
     tree({"src/a/cmake/Findtf2.cmake": ""})
@@ -121,12 +121,12 @@ def test_only_unconditional_calls_certainly_fail(text: str, expected: set[str]) 
     assert requirements(text) == expected
 
 
-def test_what_only_tests_find_is_known() -> None:
+def test_packages_that_only_tests_use_are_recognized() -> None:
     text = "find_package(a)\nif(BUILD_TESTING)\nfind_package(a)\nfind_package(b REQUIRED)\nendif()"
     assert used_by_tests_only(text) == {"b"}
 
 
-def test_what_the_same_packages_lack_is_said_in_one_sentence() -> None:
+def test_dependencies_that_the_same_packages_lack_are_one_problem() -> None:
     both = ("rclcpp", "rclcpp_action")
     missing = missing_in(package("a", *both), package("b", *both, "tf2"))
     assert [warning.message.rpartition(" neither")[0] for warning in missing.warnings] == [
@@ -164,7 +164,7 @@ def test_a_misspelt_dependency_of_a_python_package_is_a_warning() -> None:
     assert beginnings(missing_in(own, known=["geometry_msgs"]).warnings) == ["'p' needs 'geometry_msg'"]
 
 
-def test_what_is_written_like_a_ros_package_is_warned_of_where_it_is_built_with() -> None:
+def test_unresolved_build_dependencies_that_resemble_ros_packages_are_warnings() -> None:
     """Words with '_' between them are hardly ever a system package; but what is named may be optional."""
     missing = missing_in(
         package("a", "libodd_collector", "lib_x-dev", "spdlog"),
@@ -175,7 +175,7 @@ def test_what_is_written_like_a_ros_package_is_warned_of_where_it_is_built_with(
     assert beginnings(missing.warnings) == ["'a' needs 'libodd_collector'"]
 
 
-def test_a_package_of_a_group_takes_the_members_that_there_are() -> None:
+def test_a_group_dependency_uses_the_existing_members() -> None:
     """Its manifest lists all of them as dependencies for tools that know no groups."""
     switch = package("switch", "rmw_one", "rmw_two")
     switch = replace(switch, manifest=replace(switch.manifest, group_dependencies=("rmw_packages",)))

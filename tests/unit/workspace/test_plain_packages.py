@@ -148,7 +148,7 @@ def test_pyproject_is_a_package_only_with_a_project() -> None:
         ),
     ],
 )
-def test_the_first_that_knows_type_and_name_decides(
+def test_the_first_source_of_both_type_and_name_wins(
     tree: Tree, files: dict[str, str], name: str, type_: str
 ) -> None:
     package = only(tree({f"x/{file}": text for file, text in files.items()}))
@@ -181,7 +181,7 @@ def test_what_is_no_package(tree: Tree, files: dict[str, str]) -> None:
     assert not walked(tree({f"x/{file}": text for file, text in files.items()})).packages
 
 
-def test_dependencies_come_from_all_cmake_files_but_hidden_and_installed_ones(tree: Tree) -> None:
+def test_dependencies_are_read_from_all_cmake_files_except_hidden_and_installed_ones(tree: Tree) -> None:
     root = tree(
         {
             "x/CMakeLists.txt": CMAKE.format("x") + "find_package(a)\nfind_package(x)",
@@ -196,7 +196,9 @@ def test_dependencies_come_from_all_cmake_files_but_hidden_and_installed_ones(tr
     assert only(root).manifest.names(frozenset({DependencyKind.BUILD})) == ("a", "b", "c")
 
 
-def test_a_name_that_is_no_literal_is_the_folders_and_noted(tree: Tree, forge: Forge) -> None:
+def test_a_project_name_that_is_no_literal_becomes_the_folder_name_with_a_note(
+    tree: Tree, forge: Forge
+) -> None:
     root = tree(
         {
             "one/setup.py": SETUP.format("name=compute()"),

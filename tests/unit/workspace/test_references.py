@@ -86,7 +86,7 @@ def test_packages_that_are_looked_for() -> None:
     assert in_lists(text).packages == {"A", "B", "C"}
 
 
-def test_what_others_read_through_a_file_that_may_be_installed() -> None:
+def test_references_of_installable_cmake_files_apply_to_dependents() -> None:
     text = "set(x $ENV{FOO})\nfind_dependency(zed)"
     assert in_module(text).exported == {"FOO"}
     assert in_module(text).exported_packages == {"zed"}
@@ -110,13 +110,13 @@ def test_words_that_may_be_programs(text: str) -> None:
     assert "mytool" in in_lists(text).words
 
 
-def test_python_names_programs_only_where_it_starts_some() -> None:
+def test_programs_are_searched_only_in_python_files_that_start_processes() -> None:
     assert "mytool" in in_python("import subprocess\nsubprocess.run(['mytool', 'x'])").words
     assert "mytool" in in_python("os.system('cd x && mytool')").words
     assert in_python("setup(name='mytool')").words == frozenset()
 
 
-def test_a_find_module_names_what_find_program_looks_for() -> None:
+def test_programs_of_a_find_module_come_from_find_program() -> None:
     found = in_find_module("find_program(X NAMES doxygen)\nset(Y graphviz)\nset(Z $ENV{ROOT})")
     assert found.words & {"doxygen", "graphviz"} == {"doxygen"}
     assert found.variables == {"ROOT"}

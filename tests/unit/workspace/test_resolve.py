@@ -42,7 +42,7 @@ def nobody(_name: str) -> None:
     """Provide nothing."""
 
 
-def test_what_is_needed_is_added_however_deep_and_nothing_else() -> None:
+def test_embedded_packages_are_added_recursively_as_needed() -> None:
     made = resolve_dependencies(by_name(package("a", "std_msgs")), EMBEDDED, nobody)
     assert set(made.packages) == {
         "a",
@@ -54,7 +54,7 @@ def test_what_is_needed_is_added_however_deep_and_nothing_else() -> None:
     assert made.needs["std_msgs"] == {"rosidl_default_generators", "builtin_interfaces"}
 
 
-def test_a_family_is_used_whole_or_not_at_all() -> None:
+def test_a_family_of_embedded_packages_is_used_completely_or_not_at_all() -> None:
     made = resolve_dependencies(
         by_name(package("a", "ament_cmake", "ament_cmake_auto", "std_msgs")), EMBEDDED, {"ament_cmake": 1}.get
     )
@@ -93,7 +93,7 @@ def test_an_incomplete_family_in_the_workspace_is_reported() -> None:
     assert warning.hint.startswith("add 'ament_cmake_auto' from the same source")
 
 
-def test_actions_need_what_their_manifest_leaves_unsaid() -> None:
+def test_actions_imply_dependencies_missing_in_the_manifest() -> None:
     generating = replace(package("a", "rosidl_default_generators"), has_actions=True)
     made = resolve_dependencies(by_name(generating), EMBEDDED, nobody)
     unsaid = {"action_msgs", "builtin_interfaces", "unique_identifier_msgs"}
@@ -103,7 +103,7 @@ def test_actions_need_what_their_manifest_leaves_unsaid() -> None:
 
 
 @pytest.mark.parametrize("is_action", [True, False])
-def test_services_with_events_need_what_their_manifest_leaves_unsaid(*, is_action: bool) -> None:
+def test_service_events_imply_dependencies_missing_in_the_manifest(*, is_action: bool) -> None:
     made = package("a", "rosidl_default_generators")
     generating = by_name(replace(made, has_actions=is_action, has_services=not is_action))
     assert "service_msgs" in resolve_dependencies(generating, EMBEDDED, nobody, events=True).needs["a"]
@@ -112,7 +112,7 @@ def test_services_with_events_need_what_their_manifest_leaves_unsaid(*, is_actio
     assert "service_msgs" not in resolve_dependencies(plain, EMBEDDED, nobody, events=True).packages
 
 
-def test_other_generators_know_themselves_what_events_need() -> None:
+def test_generators_of_a_distribution_get_no_implied_dependencies_of_events() -> None:
     generating = replace(package("a", "rosidl_default_generators"), has_services=True)
     installed = {"rosidl_default_generators": 1}
     made = resolve_dependencies(by_name(generating), EMBEDDED, installed.get, events=True)

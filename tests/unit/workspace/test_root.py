@@ -36,7 +36,7 @@ PACKAGE = "package.xml"
         ([f"home/{MARK}"], "home", "home"),
     ],
 )
-def test_the_root_is_where_one_would_look(tree: Tree, files: list[str], start: str, root: str) -> None:
+def test_the_root_of_a_workspace_is_found(tree: Tree, files: list[str], start: str, root: str) -> None:
     base = tree(dict.fromkeys(files, ""))
     if (base / "shared").is_dir():
         (base / "shared").chmod(0o1777)
@@ -48,7 +48,7 @@ def rebased(words: list[str], origin: str, root: str) -> list[str]:
     return rebase_paths(classified(words[0], words), Path(origin), Path(root))
 
 
-def test_paths_stay_the_same_places() -> None:
+def test_rebased_paths_name_the_same_files() -> None:
     words = [
         "build",
         "--build-base",
@@ -92,7 +92,7 @@ def workspace(tree: Tree) -> Path:
     )
 
 
-def test_commands_see_the_whole_workspace_and_print_paths_that_lead_there(
+def test_commands_in_a_subfolder_use_the_whole_workspace_and_print_relative_paths(
     forge: Forge, workspace: Path
 ) -> None:
     deep = workspace / "src/b/deep"
@@ -105,7 +105,7 @@ def test_commands_see_the_whole_workspace_and_print_paths_that_lead_there(
     assert not (workspace / "build/a/pytest.xml").exists()
 
 
-def test_a_folder_to_stand_in(forge: Forge, workspace: Path, tmp_path: Path) -> None:
+def test_the_option_c_changes_the_working_directory(forge: Forge, workspace: Path, tmp_path: Path) -> None:
     assert forge("-C", "ws", "list", "-p", cwd=tmp_path).out == "src/a\nsrc/b\n"
     assert forge("-Cws", "-C", "src/b", "list", "-n", cwd=tmp_path).out == "a\nb\n"
     before = Path.cwd()

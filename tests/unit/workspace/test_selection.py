@@ -66,13 +66,13 @@ def test_unknown_names_in_up_to_and_above_stop() -> None:
         (Query(start="d", end="b"), ("d", "b")),
     ],
 )
-def test_every_other_option_only_deselects_too(query: Query, expected: tuple[str, ...]) -> None:
+def test_other_options_only_deselect_as_well(query: Query, expected: tuple[str, ...]) -> None:
     selection, warnings = select(query, ORDERED, NEEDS)
     assert selection.names == expected
     assert not warnings
 
 
-def test_what_is_on_disk_limits_as_well() -> None:
+def test_limits_deselect_in_addition_to_options() -> None:
     selection, _ = select(Query(skip=("a",)), ORDERED, NEEDS, [("not changed", frozenset({"a", "b"}))])
     assert selection.names == ("b",)
     assert selection.left_out == {"a": "named by --packages-skip", "c": "not changed", "d": "not changed"}
@@ -91,12 +91,12 @@ def test_what_is_on_disk_limits_as_well() -> None:
         Query(skip_by_dep=("x",), strict=True),
     ],
 )
-def test_a_query_without_a_sensible_result_is_an_error(query: Query) -> None:
+def test_a_query_that_cannot_select_anything_is_an_error(query: Query) -> None:
     with pytest.raises(SelectionError):
         select(query, ORDERED, NEEDS)
 
 
-def test_ignored_names_are_known_all_the_same() -> None:
+def test_ignored_packages_are_no_unknown_names() -> None:
     query = Query(up_to=("gone",), ignore=("gone", "x"), ignore_regex=("g", "y"))
     selection, warnings = select(query, ORDERED, NEEDS, known=(*ORDERED, "gone"))
     assert selection.names == ()

@@ -40,7 +40,7 @@ QUICK = {
         ),
     ],
 )
-def test_options_without_a_meaning_are_refused(
+def test_options_without_effect_are_rejected(
     tree: Tree, forge: Forge, words: tuple[str, ...], message: str
 ) -> None:
     ran = forge("build", *words, cwd=tree(QUICK))
@@ -53,7 +53,7 @@ def test_a_similar_target_is_suggested(tree: Tree, forge: Forge) -> None:
     assert "unknown target 'arm46'\nhint: did you mean 'arm64'? otherwise use one of " in ran.err
 
 
-def test_a_build_for_this_machine_imports_none_of_it(
+def test_a_native_build_imports_no_cross_compilation(
     tree: Tree, forge: Forge, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for name in [name for name in sys.modules if name.startswith("forge.toolchain.cross")]:

@@ -160,7 +160,7 @@ def test_the_processor_of_this_machine_needs_no_emulator(tree: Tree, monkeypatch
         ("arm64", {"toolchain_file": "own.cmake", "sysroot": "own.cmake"}, "is not a folder"),
     ],
 )
-def test_what_cannot_be_built_is_told_before_anything_is_written(
+def test_unsupported_packages_are_reported_before_anything_is_written(
     tree: Tree, word: str, options: dict[str, str], message: str
 ) -> None:
     root = tree({"own.cmake": ""})

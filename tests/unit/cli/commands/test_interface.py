@@ -160,7 +160,7 @@ def test_show_suggests_the_full_name(forge: Forge, tree: Tree) -> None:
         ("", "argument TYPE: the name is empty"),
     ],
 )
-def test_show_says_why_it_cannot(forge: Forge, tree: Tree, name: str, text: str) -> None:
+def test_show_reports_why_it_cannot(forge: Forge, tree: Tree, name: str, text: str) -> None:
     prefix = tree(PREFIX)
     ran = forge("interface", "show", name, env={"AMENT_PREFIX_PATH": str(prefix)})
     assert ran.code == 2

@@ -44,7 +44,7 @@ EULER = System("openeuler", "24.03", "dnf")
         (7, None),
     ],
 )
-def test_a_rule_means_what_rosdep_says(rule: object, expected: Resolved | None) -> None:
+def test_rules_are_interpreted_like_rosdep(rule: object, expected: Resolved | None) -> None:
     assert resolve("k", [{"k": {"ubuntu": rule}}], JAMMY) == expected
 
 
@@ -60,7 +60,7 @@ def test_rules_for_all_systems_come_last() -> None:
     assert resolve("k", [{"k": {"*": ["a"]}}], JAMMY) is None
 
 
-def test_the_first_source_that_knows_a_system_counts() -> None:
+def test_the_first_rule_file_with_an_entry_for_the_system_is_used() -> None:
     first: dict[str, Any] = {"k": {"ubuntu": ["mine"]}, "odd": "no mapping"}
     second: dict[str, Any] = {"k": {"ubuntu": ["theirs"], "fedora": ["f"]}, "l": {"ubuntu": ["l"]}}
     databases = [first, second]
@@ -118,7 +118,7 @@ def test_what_rosdep_has_on_disk_is_used_in_its_order(tmp_path: Path) -> None:
     assert list(known_databases(EULER, "", variables)) == [{"k": {"ubuntu": ["cached"]}}]
 
 
-def test_a_cache_with_anything_but_plain_values_is_left_alone(tmp_path: Path) -> None:
+def test_a_cache_with_complex_values_is_not_read(tmp_path: Path) -> None:
     url = "https://example.org/x.yaml"
     cache = tmp_path / "rosdep/sources.cache"
     cache.mkdir(parents=True)

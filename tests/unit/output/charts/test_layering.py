@@ -32,7 +32,7 @@ def laid_out(graph: Mapping[str, frozenset[str]]) -> tuple[GraphLayout, dict[str
 
 
 @given(graphs())
-def test_each_stands_right_of_all_that_it_needs(graph: dict[str, frozenset[str]]) -> None:
+def test_packages_are_drawn_to_the_right_of_their_dependencies(graph: dict[str, frozenset[str]]) -> None:
     layout, sizes = laid_out(graph)
     assert layout.spots.keys() == graph.keys()
     for name, needs in graph.items():
@@ -57,7 +57,7 @@ def test_boxes_do_not_overlap_and_are_inside_the_picture(graph: dict[str, frozen
 
 
 @given(graphs())
-def test_lines_lead_from_box_to_box_and_never_back(graph: dict[str, frozenset[str]]) -> None:
+def test_edges_lead_from_left_to_right(graph: dict[str, frozenset[str]]) -> None:
     layout, sizes = laid_out(graph)
     for (name, need), points in layout.lines.items():
         assert points[0] == (layout.spots[need].x + sizes[need][0], layout.spots[need].y)
@@ -78,7 +78,7 @@ def crossings(layout: GraphLayout) -> int:
     return sum(a[0] == b[0] and (a[1] - b[1]) * (a[2] - b[2]) < 0 for a, b in combinations(ends, 2))
 
 
-def test_lines_that_need_not_cross_do_not() -> None:
+def test_avoidable_crossings_of_edges_are_avoided() -> None:
     # Two combs, their teeth named so that names alone would mix them up.
     teeth: Sequence[str] = [f"{letter}{comb}" for letter in "abcdef" for comb in (1, 2)]
     graph = {"r1": frozenset[str](), "r2": frozenset[str]()}
@@ -88,7 +88,7 @@ def test_lines_that_need_not_cross_do_not() -> None:
     assert crossings(layout) == 0
 
 
-def test_a_chain_is_one_straight_line() -> None:
+def test_a_chain_is_drawn_as_a_straight_line() -> None:
     layout, _ = laid_out({"a": frozenset(), "b": frozenset({"a"}), "c": frozenset({"b"})})
     assert len({round(spot.y, 6) for spot in layout.spots.values()}) == 1
 
@@ -106,7 +106,7 @@ def test_unconnected_packages_are_drawn_in_rows_below_the_others() -> None:
     assert 1 < len({spot.y for spot in lone}) < 20
 
 
-def test_nothing_is_drawn_of_nothing() -> None:
+def test_an_empty_graph_is_drawn_as_an_empty_picture() -> None:
     layout, _ = laid_out({})
     assert (layout.spots, layout.lines, layout.width, layout.height) == ({}, {}, 0.0, 0.0)
 

@@ -20,7 +20,7 @@ def test_ticks_are_divided_into_busy_and_idle(tree: Tree) -> None:
     assert processor_times(tree({"odd/proc/stat": "page 1 2\n"}) / "odd") is None
 
 
-def test_a_busy_processor_shows() -> None:
+def test_a_busy_processor_is_sampled_as_busy() -> None:
     with sample_usage(wanted=True, period=0.02) as watch:
         end = time.monotonic() + 0.3
         while time.monotonic() < end:

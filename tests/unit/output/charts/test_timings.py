@@ -56,7 +56,7 @@ DIAMOND = [
 ]
 
 
-def test_packages_come_in_the_order_in_which_they_began_with_their_steps() -> None:
+def test_running_packages_are_listed_in_the_order_of_their_start() -> None:
     build = read_build(DIAMOND)
     assert [(run.name, run.begun, run.seconds) for run in build.packages] == [
         *(("a", 0.0, 2.0), ("c", 2.0, 4.0), ("b", 2.5, 1.0), ("d", 7.0, 3.0)),
@@ -72,7 +72,7 @@ def test_the_critical_path_is_the_longest_chain_of_needs() -> None:
     assert critical_path(()) == ()
 
 
-def test_a_need_that_turned_out_fresh_stands_for_what_it_needs_itself() -> None:
+def test_the_critical_path_continues_through_packages_that_were_up_to_date() -> None:
     lines = [planned("a"), planned("b", "a"), planned("c", "b")]
     lines += [*built("a", 0.0, 3.0), event("Fresh", 3.0, "b"), *built("c", 3.0, 4.0), SUMMARY]
     build = read_build(lines)
@@ -95,7 +95,7 @@ def test_unfinished_steps_end_with_the_build() -> None:
     assert page(build).remarks[0] == "1 failed, 1 aborted, 1 not started."
 
 
-def test_a_package_waits_for_a_job_from_when_all_that_it_needs_has_ended() -> None:
+def test_waiting_for_a_job_starts_when_all_dependencies_have_ended() -> None:
     runs = {run.name: run for run in read_build(DIAMOND).packages}
     assert {name: waited(run, runs) for name, run in runs.items()} == {"a": 0.0, "b": 0.5, "c": 0.0, "d": 1.0}
 
@@ -171,7 +171,7 @@ def test_the_page_says_what_the_times_of_the_critical_path_include(tmp_path: Pat
     assert "cannot make the build faster" not in text
 
 
-def test_what_came_from_the_cache_was_not_built() -> None:
+def test_restored_packages_are_not_counted_as_built() -> None:
     taken = event("Finished", 2.1, "e", code=0, seconds=0.1, cache="from the cache")
     lines = [planned("e", last=9.0), event("Started", 2.0, "e", reason="new"), taken]
     shown = page(read_build([*DIAMOND[:-1], *lines, SUMMARY]))
