@@ -12,13 +12,13 @@ are copied, too.
 
 from __future__ import annotations
 
-import hashlib
 import re
 import shutil
 import subprocess
 import threading
 from typing import TYPE_CHECKING
 
+from forge.base.digests import digest
 from forge.base.files import read_text, remove_tree, replace_file
 from forge.base.layout import TOOLCHAIN_DIR
 from forge.toolchain.cmake_warnings import unused_variables
@@ -78,8 +78,8 @@ class Toolchain:
             arguments = (f"-DPython3_EXECUTABLE={python}", *arguments)
         self._asks_python = python is not None
         self._project = _PROJECT.format(languages=languages) + (_FIND_PYTHON if self._asks_python else "")
-        key = "\0".join((str(cmake), languages, *arguments, *(f"{name}={value}" for name, value in identity)))
-        self._home = build / TOOLCHAIN_DIR / hashlib.blake2b(key.encode(), digest_size=8).hexdigest()
+        key = digest(str(cmake), languages, *arguments, *(f"{name}={value}" for name, value in identity))
+        self._home = build / TOOLCHAIN_DIR / key
         self._argv = (str(cmake), "-S", str(self._home), "-B", str(self._home / "build"), *arguments)
         self._lock = threading.Lock()
         self._asked = False

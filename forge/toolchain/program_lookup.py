@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import stat
 from typing import TYPE_CHECKING
 
+from forge.base.digests import digest
 from forge.base.files import open_regular
 
 if TYPE_CHECKING:
@@ -35,8 +35,7 @@ class ProgramLookup:
 
     def stamp(self) -> str:
         """Return a value that changes with PATH, and when files are added to or removed from its folders."""
-        parts = [f"{folder} {_time(folder)}" for folder in self.folders]
-        return hashlib.blake2b("\n".join(parts).encode(errors="surrogateescape"), digest_size=16).hexdigest()
+        return digest("\n".join(f"{folder} {_time(folder)}" for folder in self.folders), size=16)
 
     def identity(self, word: str) -> str:
         """Return path, size and time of a program given by name or path, '' if it does not exist.

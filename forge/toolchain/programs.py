@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import importlib.util
 import os
 import re
@@ -11,6 +10,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from forge.base.digests import digest
 from forge.base.errors import HostError, Problem, raise_if_any
 from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
@@ -197,9 +197,8 @@ def identities(
 
 def condensed(tools: Pairs) -> Pairs:
     """Return the programs for the build records, with binutils condensed into one hash."""
-    beside = "\0".join(f"{name} {identity}" for name, identity in tools if name in _BINUTILS)
-    digest = hashlib.blake2b(beside.encode(errors="surrogateescape"), digest_size=8).hexdigest()
-    return tuple(sorted((*(pair for pair in tools if pair[0] not in _BINUTILS), (BINUTILS, digest))))
+    binutils = digest(*(f"{name} {identity}" for name, identity in tools if name in _BINUTILS))
+    return tuple(sorted((*(pair for pair in tools if pair[0] not in _BINUTILS), (BINUTILS, binutils))))
 
 
 def programs_in(arguments: Sequence[str], lookup: ProgramLookup) -> Pairs:

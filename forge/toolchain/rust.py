@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import hashlib
 import subprocess
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from forge.base.digests import digest
 from forge.base.errors import HostError, Problem
 from forge.base.files import text_or_nothing
 from forge.toolchain.programs import find_program
@@ -47,4 +47,4 @@ def rust_toolchain(root: Path, variables: Mapping[str, str]) -> str:
         *(f"{name}={variables[name]}" for name in named if name != _JOBS),
         *texts,
     )
-    return hashlib.blake2b("\0".join(parts).encode(errors="surrogateescape"), digest_size=8).hexdigest()
+    return digest(*parts)

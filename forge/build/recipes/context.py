@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
 import re
 import sys
 from dataclasses import replace
 from functools import cache
 from typing import TYPE_CHECKING
 
+from forge.base.digests import digest
 from forge.base.distributions import OLDEST
 from forge.base.frozen import frozen
 from forge.base.layout import PACKAGE
@@ -185,7 +185,7 @@ def _manifest(package: Package) -> str:
     parts = [package.type, *package.hooks, "", *manifest.groups, "", *manifest.group_dependencies, ""]
     for dependency in manifest.dependencies:
         parts += (dependency.name, _kinds(dependency.kinds), *map("".join, dependency.versions))
-    return hashlib.blake2b("\0".join(parts).encode(errors="surrogateescape"), digest_size=8).hexdigest()
+    return digest(*parts)
 
 
 @cache
