@@ -44,6 +44,10 @@ def write_bundle(install: Path, output: Path, *, build_files: bool, name: str = 
     if lost:
         hint = "the linked files no longer exist; build again"
         raise WorkspaceError(*(Problem(f"dangling link '{install / path}'", hint=hint) for path in lost))
+    if not output.parent.is_dir():
+        what = "is not a folder" if os.path.lexists(output.parent) else "does not exist"
+        hint = "create it, or choose another file with '--output'"
+        raise WorkspaceError(Problem(f"cannot write '{output}': '{output.parent}' {what}", hint=hint))
     if os.path.lexists(output) and not _is_bundle(output):
         hint = "move it away, or choose another file with '--output'"
         raise WorkspaceError(Problem(f"'{output}' exists, and forge did not write it", hint=hint))
@@ -63,13 +67,12 @@ def write_bundle(install: Path, output: Path, *, build_files: bool, name: str = 
 
 
 def _is_bundle(path: Path) -> bool:
-    """Tell whether a file is an archive of an earlier run, by the time of its members, or empty."""
+    """Tell whether a file is an archive of an earlier run, with the mark of an install folder, or empty."""
     if path.is_symlink() or not path.is_file():
         return False
     try:
         with tarfile.open(path, "r:gz") as archive:
-            member = archive.next()
-            return member is None or member.mtime == _TIME
+            return any(PurePosixPath(member.name).name == LAYOUT_MARKER for member in archive)
     except (OSError, tarfile.TarError, EOFError, zlib.error):
         return path.stat().st_size == 0
 
