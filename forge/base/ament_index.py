@@ -24,14 +24,14 @@ def prefixes(variables: Mapping[str, str]) -> tuple[Path, ...]:
 
 def resources(kind: str, where: Iterable[Path]) -> dict[str, Path]:
     """Return each resource of a type with its prefix; the first prefix wins."""
-    found: dict[str, Path] = {}
+    prefix_of_name: dict[str, Path] = {}
     for prefix in where:
         folder = prefix / INDEX / kind
         if folder.is_dir():
             for entry in sorted(folder.iterdir()):
                 if not entry.name.startswith(".") and entry.is_file():
-                    found.setdefault(entry.name, prefix)
-    return found
+                    prefix_of_name.setdefault(entry.name, prefix)
+    return prefix_of_name
 
 
 def prefix_of(package: str, where: Iterable[Path]) -> Path | None:

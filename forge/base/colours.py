@@ -1,6 +1,6 @@
 """Colours of text on terminals, by meaning.
 
-NO_COLOR takes the colours away and nothing else. CLICOLOR_FORCE and FORCE_COLOR also colour files and pipes.
+NO_COLOR disables colours only. CLICOLOR_FORCE and FORCE_COLOR enable them for files and pipes, too.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _CODES: Mapping[str, str] = {
     "name": "1",
     "detail": "2",
 }
-"""The terminal's own colours, which its user has made readable on the background."""
+"""Colours of the terminal's theme, which are readable on its background."""
 
 
 @frozen

@@ -1,4 +1,4 @@
-"""The ROS distributions whose standard interfaces forge brings along, and the one that is meant."""
+"""The ROS distributions whose standard interfaces forge includes, and the selected one."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def distribution_option() -> str | None:
 
 
 def check_distribution(name: str | None, argument: str = "--rosdistro") -> None:
-    """Raise SelectionError if forge does not have the interfaces of a distribution that was asked for."""
+    """Raise SelectionError if forge does not have the interfaces of the requested distribution."""
     if name and name not in DISTRIBUTIONS:
         hint = did_you_mean(name, DISTRIBUTIONS) or f"use one of {', '.join(DISTRIBUTIONS)}"
         raise SelectionError(Problem(f"{argument}: unknown ROS distribution '{name}'", hint=hint))
@@ -47,7 +47,7 @@ def distribution_in(variables: Mapping[str, str]) -> str:
 
 
 def up_to(rosdistro: str) -> tuple[str, ...]:
-    """Return the distributions up to and including one, from the newest to the oldest."""
+    """Return a distribution and all older ones, from the newest to the oldest."""
     return DISTRIBUTIONS[DISTRIBUTIONS.index(rosdistro) :: -1]
 
 

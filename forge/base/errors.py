@@ -183,11 +183,11 @@ def joined(problems: Iterable[Problem]) -> list[Problem]:
 
 def share_hints(problems: Iterable[Problem]) -> list[Problem]:
     """Return the problems; consecutive ones with the same hint show it only after the last."""
-    found = list(problems)
+    remaining = list(problems)
     return [
         replace(problem, hint=None) if problem.hint == following.hint else problem
-        for problem, following in pairwise(found)
-    ] + found[-1:]
+        for problem, following in pairwise(remaining)
+    ] + remaining[-1:]
 
 
 def print_problem(problem: Problem, severity: Severity = "error") -> None:
@@ -204,8 +204,8 @@ class WarningReporter:
     def __call__(self, problems: Iterable[Problem]) -> None:
         """Print warnings once; consecutive ones with the same hint show it only after the last."""
         texts = {problem.render("warning"): problem for problem in problems}
-        found = joined(problem for text, problem in texts.items() if text not in self._previous)
-        for problem in share_hints(found):
+        new_problems = joined(problem for text, problem in texts.items() if text not in self._previous)
+        for problem in share_hints(new_problems):
             print_problem(problem, "warning")
         self._current.update(texts)
 

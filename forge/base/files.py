@@ -312,7 +312,7 @@ def write_if_changed(path: Path, text: str, *, mode: int | None = None) -> bool:
 
 
 def mounts_below(folder: str) -> Iterator[str]:
-    """Yield the mount points at or below a folder, which is spelled as the caller spells it."""
+    """Yield the mount points at or below a folder, as paths that begin with `folder` as given."""
     real = os.path.realpath(folder)
     for point in sorted(mount_points()):
         if point == real or point.startswith(f"{real.rstrip('/')}/"):
@@ -320,10 +320,9 @@ def mounts_below(folder: str) -> Iterator[str]:
 
 
 def remove_folder(folder: str, last: str = "") -> None:
-    """Remove a folder, but neither what is mounted in it nor anything behind a link.
+    """Remove a folder without the file systems mounted in it and the targets of links.
 
-    The entry called `last` is the mark of the folder: it goes last, and stays if the folder stays. Raises
-    OSError as the system does.
+    The entry named `last` is removed last, and only if the folder itself can be removed. Raises OSError.
     """
     mounts = set(mounts_below(folder))
     _remove(folder, mounts, {parent for mount in mounts for parent in _parents(mount, folder)}, last)
@@ -332,8 +331,8 @@ def remove_folder(folder: str, last: str = "") -> None:
 def _remove(folder: str, mounts: set[str], above: set[str], last: str = "") -> None:
     if folder in mounts:
         return
-    with os.scandir(folder) as found:
-        entries = sorted(found, key=lambda entry: entry.name == last)
+    with os.scandir(folder) as iterator:
+        entries = sorted(iterator, key=lambda entry: entry.name == last)
     for entry in entries:
         if entry.name == last and folder in above:
             return

@@ -10,7 +10,7 @@ from forge.base.errors import Location, Problem, WorkspaceError
 if TYPE_CHECKING:
     from pathlib import Path
 
-_ODD = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError)
+_INVALID_VALUES = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError)
 """Exceptions of PyYAML's constructors for values such as '2001-99-99' or '!!bool x'."""
 
 
@@ -32,7 +32,7 @@ def read_yaml(content: bytes | str, path: Path) -> dict[str, Any]:
         raise WorkspaceError(Problem(f"not well-formed YAML: {message}", place)) from None
     except RecursionError:
         raise WorkspaceError(Problem("not well-formed YAML: too deeply nested", Location(path))) from None
-    except _ODD:
+    except _INVALID_VALUES:
         message = "not well-formed YAML: a value does not have the type that its syntax implies"
         raise WorkspaceError(Problem(message, Location(path), "quote the value")) from None
     if value is None:
@@ -53,7 +53,7 @@ def read_toml(content: bytes | str, path: Path) -> dict[str, Any]:
         return tomllib.loads(_text(content, path))
     except RecursionError:
         raise WorkspaceError(Problem("not well-formed TOML: too deeply nested", Location(path))) from None
-    except _ODD as error:  # includes TOMLDecodeError, a ValueError
+    except _INVALID_VALUES as error:  # includes TOMLDecodeError, a ValueError
         raise WorkspaceError(Problem(f"not well-formed TOML: {error}", Location(path))) from None
 
 

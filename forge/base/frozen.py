@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 else:
 
     def dataclass_transform(**_: object) -> Callable[[Any], Any]:
-        """Stand in for what only type checkers read."""
+        """Replace the decorator that only type checkers read."""
         return lambda function: function
 
 
@@ -32,9 +32,9 @@ def frozen(cls: type[_Class]) -> type[_Class]:
 
     Supports defaults, `field(...)` and `__post_init__`. The class must not inherit fields.
     """
-    made: Any = dataclass(init=False, repr=False, eq=False, slots=True)(cls)
-    own: tuple[Field[Any], ...] = tuple(made.__dataclass_fields__.values())
-    made.__init__ = _initializer(own, calls_post_init=hasattr(made, "__post_init__"))
+    dataclass_type: Any = dataclass(init=False, repr=False, eq=False, slots=True)(cls)
+    own: tuple[Field[Any], ...] = tuple(dataclass_type.__dataclass_fields__.values())
+    dataclass_type.__init__ = _initializer(own, calls_post_init=hasattr(dataclass_type, "__post_init__"))
     compared = _reader([f.name for f in own if f.compare])
     hashed = _reader([f.name for f in own if (f.compare if f.hash is None else f.hash)])
 
@@ -44,10 +44,14 @@ def frozen(cls: type[_Class]) -> type[_Class]:
     def __hash__(self: Any) -> int:
         return hash((self.__class__, hashed(self)))
 
-    made.__eq__, made.__hash__, made.__repr__ = __eq__, __hash__, _representation
-    made.__setattr__ = made.__delattr__ = _refuse
-    made.__getstate__, made.__setstate__ = _state, _restore
-    return made  # type: ignore[no-any-return]  # (the class itself, with slots)
+    dataclass_type.__eq__, dataclass_type.__hash__, dataclass_type.__repr__ = (
+        __eq__,
+        __hash__,
+        _representation,
+    )
+    dataclass_type.__setattr__ = dataclass_type.__delattr__ = _refuse
+    dataclass_type.__getstate__, dataclass_type.__setstate__ = _state, _restore
+    return dataclass_type  # type: ignore[no-any-return]  # (the class itself, with slots)
 
 
 def _initializer(fields: Sequence[Field[Any]], *, calls_post_init: bool) -> Callable[..., None]:
@@ -95,4 +99,4 @@ def _restore(self: Any, state: list[Any]) -> None:
 
 
 Pairs = tuple[tuple[str, str], ...]
-"""Names with values as a hashable value."""
+"""A hashable mapping from names to values."""

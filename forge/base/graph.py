@@ -35,9 +35,11 @@ def order(needs: Mapping[str, frozenset[str]]) -> tuple[str, ...] | None:
     As in colcon: names without open dependencies form a layer, sorted by name; then follows the next layer.
     Dependencies that are not keys of the graph are ignored.
     """
-    open_needs = {name: {need for need in wanted if need in needs} for name, wanted in needs.items()}
+    open_needs = {
+        name: {need for need in dependencies if need in needs} for name, dependencies in needs.items()
+    }
     dependents = reverse(needs)
-    layer = sorted(name for name, wanted in open_needs.items() if not wanted)
+    layer = sorted(name for name, dependencies in open_needs.items() if not dependencies)
     ordered: list[str] = []
     while layer:
         ordered += layer
@@ -54,8 +56,8 @@ def order(needs: Mapping[str, frozenset[str]]) -> tuple[str, ...] | None:
 def reverse(needs: Mapping[str, frozenset[str]]) -> dict[str, frozenset[str]]:
     """Return a mapping from names to their dependents."""
     dependents: dict[str, set[str]] = {name: set() for name in needs}
-    for name, wanted in needs.items():
-        for need in wanted:
+    for name, dependencies in needs.items():
+        for need in dependencies:
             if need in dependents:
                 dependents[need].add(name)
     return {name: frozenset(names) for name, names in dependents.items()}
@@ -74,8 +76,8 @@ def closure(needs: Mapping[str, frozenset[str]], names: Iterable[str]) -> frozen
 
 
 def contracted(needs: Mapping[str, Iterable[str]], names: Collection[str]) -> dict[str, frozenset[str]]:
-    """Return the dependencies of `names` on each other, also those over other names."""
-    found = {}
+    """Return the dependencies of `names` on each other, direct or through other names."""
+    contracted_needs = {}
     for name in names:
         seen: set[str] = set()
         waiting = list(needs.get(name, ()))
@@ -84,8 +86,8 @@ def contracted(needs: Mapping[str, Iterable[str]], names: Collection[str]) -> di
             if need not in seen:
                 seen.add(need)
                 waiting.extend(() if need in names else needs.get(need, ()))
-        found[name] = frozenset(need for need in seen if need in names)
-    return found
+        contracted_needs[name] = frozenset(need for need in seen if need in names)
+    return contracted_needs
 
 
 class RecursiveDependencies(Collection[str]):
@@ -113,11 +115,7 @@ class RecursiveDependencies(Collection[str]):
 
 
 class TransitiveClosure(Mapping[str, frozenset[str]]):
-    """What each name needs, however deep; put together when it is asked for.
-
-    Kept are numbers whose bits are places in the order: all sets of a chain of thousands, each held at
-    once, would be millions of entries.
-    """
+    """The recursive dependencies of all names, without the name itself."""
 
     def __init__(self, needs: Mapping[str, frozenset[str]], ordered: Iterable[str]) -> None:
         self._ordered = tuple(ordered)
@@ -131,11 +129,10 @@ class TransitiveClosure(Mapping[str, frozenset[str]]):
             self._bits[name] = bits
 
     def __getitem__(self, name: str) -> frozenset[str]:
-        """Return all that a name needs, itself left out; raises KeyError."""
         return frozenset(self.below(name))
 
     def below(self, name: str) -> RecursiveDependencies:
-        """Return the same in topological order, without holding it; raises KeyError."""
+        """Return the recursive dependencies of a name in topological order; raises KeyError."""
         return RecursiveDependencies(self._ordered, self._bits[name])
 
     def __iter__(self) -> Iterator[str]:
@@ -146,27 +143,27 @@ class TransitiveClosure(Mapping[str, frozenset[str]]):
 
 
 def closures(needs: Mapping[str, frozenset[str]], ordered: Iterable[str]) -> TransitiveClosure:
-    """Return for each name of a topological order all that it needs, itself left out."""
+    """Return the recursive dependencies of each name of a topological order."""
     return TransitiveClosure(needs, ordered)
 
 
 def reduced(needs: Mapping[str, Iterable[str]], ordered: Sequence[str]) -> dict[str, tuple[str, ...]]:
-    """Return the needs that no other need brings along, for the names of a topological order.
+    """Return the transitive reduction for the names of a topological order.
 
-    Sets of names are bits of a number: on a thousand packages these are a hundred times as fast.
+    Sets are stored as integers, which is a hundred times as fast for a thousand packages.
     """
     place = {name: index for index, name in enumerate(ordered)}
     below: list[int] = []
-    found: dict[str, tuple[str, ...]] = {}
+    reduction: dict[str, tuple[str, ...]] = {}
     for name in ordered:
-        brought, kept = 0, []
+        implied, direct = 0, []
         for index in sorted((place[need] for need in needs[name] if need in place), reverse=True):
-            if not brought >> index & 1:
-                kept.append(ordered[index])
-                brought |= below[index]
-        below.append(brought | 1 << place[name])
-        found[name] = tuple(reversed(kept))
-    return found
+            if not implied >> index & 1:
+                direct.append(ordered[index])
+                implied |= below[index]
+        below.append(implied | 1 << place[name])
+        reduction[name] = tuple(reversed(direct))
+    return reduction
 
 
 def weak_edges_on_cycles(
@@ -175,11 +172,11 @@ def weak_edges_on_cycles(
     """Return the weak dependencies that lie on a cycle, by the dependent's name."""
     suspects = _unorderable(needs)
     inner = {name: needs[name] & suspects for name in suspects}
-    found = {
+    weak_edges = {
         name: frozenset(need for need in inner[name] & weak[name] if name in closure(inner, [need]))
         for name in suspects
     }
-    return {name: wanted for name, wanted in found.items() if wanted}
+    return {name: edges for name, edges in weak_edges.items() if edges}
 
 
 def find_cycle(needs: Mapping[str, frozenset[str]]) -> tuple[str, ...] | None:
@@ -198,11 +195,11 @@ def find_cycle(needs: Mapping[str, frozenset[str]]) -> tuple[str, ...] | None:
 
 def _unorderable(needs: Mapping[str, frozenset[str]]) -> frozenset[str]:
     """Return the names on cycles or between them, by repeatedly removing sources and sinks."""
-    left = set(needs)
+    remaining = set(needs)
     for graph in (needs, reverse(needs)):
         changed = True
         while changed:
-            free = {name for name in left if not graph[name] & left}
-            left -= free
+            free = {name for name in remaining if not graph[name] & remaining}
+            remaining -= free
             changed = bool(free)
-    return frozenset(left)
+    return frozenset(remaining)

@@ -11,24 +11,24 @@ PACKAGE = Path(__file__).parents[1]
 """The folder of forge's modules; a wheel contains the templates in it, a checkout next to it."""
 
 
-# In every folder that forge and colcon create or that packages mark so: nothing below is a package.
+# A folder with this file is not searched for packages. forge and colcon create it in their own folders.
 IGNORE_MARK = "COLCON_IGNORE"
 
 # In the build folder of the workspace.
 JOURNAL_FILE = "forge_journal.jsonl"
-"""What was built from what."""
+"""The inputs and results of each package."""
 FILE_TABLE = "forge_files.json"
 """Digests of files by their stats, so that unchanged files are not read again."""
 NAMED_INPUTS_FILE = "forge_names.json"
-"""What the sources of packages name: files, programs, variables."""
+"""The files, programs and variables to which the sources of packages refer."""
 INSTALLED_STATES_DIR = ".forge_installed"
 """A list of the installed files for each package and state, to tell which of them changed."""
 TOOLCHAIN_DIR = "forge_toolchain"
-"""What CMake found out about compilers and Python."""
+"""Cached results of CMake's checks of compilers and Python."""
 COMPILE_COMMANDS = "compile_commands.json"
 LOCK_FILE = ".forge_lock"
 PROCESSES_FILE = ".forge_processes"
-"""The process groups of a running build, for the one after a kill."""
+"""The process groups of a running build, so that the next one can end them if forge was killed."""
 PROGRAMS_DIR = ".forge_programs"
 """Links to the programs that come first on PATH."""
 COMPILATIONS_FILE = ".forge_compilations"
@@ -38,11 +38,11 @@ AUDIT_DIR = ".forge_audit"
 CLUSTER_DIR = ".forge_cluster"
 """Files for the workers of a Dask cluster."""
 OWN_CACHE_DIR = ".forge_own"
-"""What would be in the user's cache folder, if there is none."""
+"""Replaces the user's cache folder if there is none."""
 TEMPLATES_DIR = ".forge_templates"
 """Compiled templates, if the user has no cache folder."""
 SET_ASIDE_DIR = ".forge_set_aside"
-"""The earlier build folders of packages that are being configured anew."""
+"""The previous build folders of packages that are being reconfigured from scratch."""
 TRASH_DIR = ".forge_trash"
 """Build folders that are being removed."""
 INTERFACE_PAGES_DIR = "forge_interface_docs"
@@ -88,7 +88,7 @@ INSTALL_STATE_FILE = ".forge.json"
 BACKUP_DIR = ".forge_before"
 """The previous files of packages while they are built."""
 INSTALLED_LISTS_DIR = ".forge_files"
-"""What forge installed for each package: it removes nothing else."""
+"""The files that forge installed for each package: it removes no others."""
 
 
 def templates_folder() -> Path:

@@ -27,7 +27,7 @@ class Option:
     """The command-line part of a field; a field whose default is False is a flag, a tuple takes a list."""
 
     help: str | None
-    """None: not listed."""
+    """None hides the option."""
     metavar: str | None = None
     short: str = ""
     """A spelling with one dash, such as '-j'."""
@@ -65,8 +65,8 @@ def option(
 
 def option_of(declared: Field[Any]) -> Option | None:
     """Return the Option of a field, None if it is not set on the command line."""
-    found: Option | None = declared.metadata.get(_KEY)
-    return found
+    declared_option: Option | None = declared.metadata.get(_KEY)
+    return declared_option
 
 
 def default_of(declared: Field[Any]) -> object:

@@ -26,7 +26,7 @@ def extra_command(extra: str) -> str:
 def install_beside_forge(*requirements: str, prefix: Path | None = None) -> str:
     """Return the shell command that installs packages into forge's own environment, by default `sys.prefix`.
 
-    `uv tool install` replaces what an earlier one was given, extras too, so the command repeats it.
+    `uv tool install` discards the requirements and extras of earlier runs, so the command repeats them.
     """
     own = prefix or Path(sys.prefix)
     if (own / _UV_RECEIPT).is_file():
@@ -67,8 +67,11 @@ def _requirements_of(extra: str) -> tuple[str, ...]:
 def _uv_arguments(receipt: Path, requirements: tuple[str, ...]) -> Iterator[str]:
     tool = read_toml(receipt.read_bytes(), receipt).get("tool", {})
     entries = tool.get("requirements", [])
-    given = [_uv_requirement(entry) for entry in entries if entry.get("name") != _NAME]
-    for requirement in (*given, *(each for each in requirements if each not in given)):
+    earlier_requirements = [_uv_requirement(entry) for entry in entries if entry.get("name") != _NAME]
+    for requirement in (
+        *earlier_requirements,
+        *(each for each in requirements if each not in earlier_requirements),
+    ):
         yield from ("--with", requirement)
     for entry in entries:
         if entry.get("name") == _NAME:

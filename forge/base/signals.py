@@ -37,13 +37,13 @@ def handle_signals(handle: Callable[[int], object]) -> Iterator[None]:
         handle(number)
 
     before = {number: signal.getsignal(number) for number in SIGNALS}
-    heard = [number for number in SIGNALS if before[number] is not signal.SIG_IGN]
-    for number in heard:
+    handled_signals = [number for number in SIGNALS if before[number] is not signal.SIG_IGN]
+    for number in handled_signals:
         signal.signal(number, take)
     try:
         yield
     finally:
-        for number in heard:
+        for number in handled_signals:
             signal.signal(number, before[number])
 
 

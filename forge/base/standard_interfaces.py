@@ -78,13 +78,15 @@ def distributions_with(package: str, relative: str = "") -> tuple[str, ...]:
 
 def distribution_hint(package: str, rosdistro: str, relative: str = "") -> str | None:
     """Return a hint that names the distributions with what `rosdistro` lacks, None if there are none."""
-    found = distributions_with(package, relative)
-    if not found or rosdistro in found:
+    distributions = distributions_with(package, relative)
+    if not distributions or rosdistro in distributions:
         return None
     name = f"{package}/{relative.rpartition('/')[2].partition('.')[0]}" if relative else package
-    if found[0] == OLDEST:
-        span = f"up to {found[-1].capitalize()}"
+    if distributions[0] == OLDEST:
+        span = f"up to {distributions[-1].capitalize()}"
     else:
-        span = f"in {found[0].capitalize()}" + (" and later" if found[-1] == DISTRIBUTIONS[-1] else "")
-    nearest = found[-1] if found[0] == OLDEST else found[0]
+        span = f"in {distributions[0].capitalize()}" + (
+            " and later" if distributions[-1] == DISTRIBUTIONS[-1] else ""
+        )
+    nearest = distributions[-1] if distributions[0] == OLDEST else distributions[0]
     return f"'{name}' exists {span}, this workspace is for {rosdistro.capitalize()}: --rosdistro {nearest}"

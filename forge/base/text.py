@@ -23,8 +23,8 @@ def duration(seconds: float) -> str:
         return f"{seconds:.2f}s"
     if seconds < 59.95:
         return f"{seconds:.1f}s"
-    whole = round(seconds)
-    hours, rest = divmod(whole, 3600)
+    whole_seconds = round(seconds)
+    hours, rest = divmod(whole_seconds, 3600)
     minutes, rest = divmod(rest, 60)
     return f"{hours}h {minutes}min {rest}s" if hours else f"{minutes}min {rest}s"
 

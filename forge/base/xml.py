@@ -48,9 +48,9 @@ class Element:
     @property
     def inner(self) -> str:
         """The content between start and end tag, as written."""
-        written = self.content[self.start : self.end]
-        tag = _START_TAG.match(written)
-        return written[tag.end() if tag else len(written) :].decode(errors="replace")
+        source = self.content[self.start : self.end]
+        tag = _START_TAG.match(source)
+        return source[tag.end() if tag else len(source) :].decode(errors="replace")
 
     def all(self, tag: str) -> Iterator[Element]:
         """Yield the direct children with this tag."""

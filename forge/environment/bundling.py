@@ -96,10 +96,10 @@ def _walk(root: Path, below: str, above: tuple[str, ...] = ()) -> Iterator[str]:
         raise WorkspaceError(Problem(f"'{root / below}' is a link to an enclosing folder", hint=hint))
     for entry in sorted(os.scandir(root / below), key=lambda entry: entry.name):
         path = f"{below}/{entry.name}" if below else entry.name
-        for_other_platform = (
-            not below and entry.is_dir(follow_symlinks=False) and Path(entry, LAYOUT_MARKER).is_file()
-        )
-        if entry.name in _LEFT_OUT or for_other_platform:
+        is_folder = entry.is_dir(follow_symlinks=False)
+        if not below and is_folder and Path(entry, LAYOUT_MARKER).is_file():
+            continue  # the packages for another platform
+        if entry.name in _LEFT_OUT:
             continue
         if entry.is_dir() and not (entry.is_symlink() and _inside(root, path)):
             yield from _walk(root, path, (*above, real))

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
 
     Read = Callable[[str], str | None]
-    """The text of a file below a package's prefix, or None when it is not there."""
+    """The text of a file below a package's prefix, or None if it does not exist."""
 
 OPERATIONS = (
     "prepend-non-duplicate",
@@ -214,20 +214,20 @@ class _Entries:
 
     def add(self, value: str, *, last: bool) -> None:
         """Add a value at the front or the end; an existing one moves only with `first`."""
-        known = value in self.front or value in self.back or value in self.held
+        is_present = value in self.front or value in self.back or value in self.held
         if last:
-            if not known:
+            if not is_present:
                 self.back[value] = None
-        elif not known or self.first:
+        elif not is_present or self.first:
             self.front.pop(value, None)
             self.back.pop(value, None)
             self.front[value] = None
 
     def text(self) -> str:
-        kept: Iterable[str] = self.original
+        unmoved: Iterable[str] = self.original
         if self.first and self.front:
-            kept = (entry for entry in self.original if entry and entry not in self.front)
-        return ":".join([*reversed(self.front), *kept, *self.back])
+            unmoved = (entry for entry in self.original if entry and entry not in self.front)
+        return ":".join([*reversed(self.front), *unmoved, *self.back])
 
 
 def order(needs: Mapping[str, frozenset[str]]) -> tuple[str, ...]:

@@ -90,10 +90,10 @@ def _recorded(root: Path) -> _State:
     except OSError:  # begin_workspace reports inaccessible files
         return _State()
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        # The next build writes a damaged file anew; the script names the underlays, too.
+        # The next build replaces a damaged file; the script names the underlays, too.
         return _State(underlays=_sourced(root))
 
 
 def _sourced(root: Path) -> tuple[Path, ...]:
-    found = _SOURCED.findall(text_or_nothing(root / "setup.sh"))
-    return tuple(Path(re.sub(r"\\(.)", r"\1", path)) for path in found)
+    underlay_paths = _SOURCED.findall(text_or_nothing(root / "setup.sh"))
+    return tuple(Path(re.sub(r"\\(.)", r"\1", path)) for path in underlay_paths)

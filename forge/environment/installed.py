@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator, Mapping
 
 _AMENT = "ament_"
-"""How the build types of packages begin that are in ament's index."""
+"""The prefix of the build types whose packages are in ament's index."""
 
 
 def known_prefixes(variables: Mapping[str, str], install: Path | None) -> tuple[Path, ...]:
@@ -24,8 +24,8 @@ def known_prefixes(variables: Mapping[str, str], install: Path | None) -> tuple[
 
     `install` is the install folder of that workspace, None without one.
     """
-    found = (*package_prefixes(install), *underlay_prefixes(install)) if install else ()
-    return tuple(dict.fromkeys([*ament_index.prefixes(variables), *found]))
+    workspace_prefixes = (*package_prefixes(install), *underlay_prefixes(install)) if install else ()
+    return tuple(dict.fromkeys([*ament_index.prefixes(variables), *workspace_prefixes]))
 
 
 def underlay_prefixes(install: Path) -> Iterator[Path]:
@@ -122,22 +122,22 @@ def executables(package: str, prefix: Path) -> tuple[Path, ...]:
 
 
 def plain_executables(package: str, prefix: Path) -> tuple[Path, ...]:
-    """Return the executables of a package without ament, also those in bin, the usual folder of these.
+    """Return the executables of a package without ament, including those in bin, where most are installed.
 
     A link in bin to an executable of the same name in lib/PACKAGE, as in Rust packages, is left out.
     """
-    found = executables(package, prefix)
-    same = {(path.name, path.resolve()) for path in found}
+    registered = executables(package, prefix)
+    same = {(path.name, path.resolve()) for path in registered}
     rest = (path for path in _executables(prefix / "bin") if (path.name, path.resolve()) not in same)
-    return (*found, *rest)
+    return (*registered, *rest)
 
 
 def _executables(root: Path) -> tuple[Path, ...]:
-    found: list[Path] = []
+    paths: list[Path] = []
     for folder, folders, files in os.walk(root):
         folders[:] = (name for name in folders if not name.startswith("."))
-        found += (Path(folder, name) for name in files if os.access(Path(folder, name), os.X_OK))
-    return tuple(sorted(path for path in found if path.is_file()))
+        paths += (Path(folder, name) for name in files if os.access(Path(folder, name), os.X_OK))
+    return tuple(sorted(path for path in paths if path.is_file()))
 
 
 def _require_prefixes(variables: Mapping[str, str], install: Path | None) -> None:

@@ -92,14 +92,14 @@ def tidy_prefixes(variables: Mapping[str, str]) -> dict[str, str]:
 def spellings(root: Path, variables: Mapping[str, str]) -> frozenset[str]:
     """Return the paths by which `variables` name an install tree: through links, '..' or repeated slashes."""
     real = os.path.realpath(root)
-    found = {str(root)}
+    root_paths = {str(root)}
     for name in _VARIABLES:
         for entry in variables.get(name, "").split(os.pathsep):
             path = os.path.realpath(entry)
             if entry and f"{path}/".startswith(f"{real}/") and entry.rstrip("/").endswith(path[len(real) :]):
                 stripped = entry.rstrip("/")
-                found.add(stripped.removesuffix(path[len(real) :]))
-    return frozenset(found)
+                root_paths.add(stripped.removesuffix(path[len(real) :]))
+    return frozenset(root_paths)
 
 
 def provider(name: str, underlays: Underlays, system: Sequence[Path] = SYSTEM) -> Path | None:
@@ -108,12 +108,14 @@ def provider(name: str, underlays: Underlays, system: Sequence[Path] = SYSTEM) -
     System prefixes count only with a CMake config or a manifest: they are not sourced, so that their ament
     index is not searched.
     """
-    found = (
+    sourced_prefixes = (
         prefix
         for prefix in underlays.prefixes
         if (prefix / INDEX / "packages" / name).is_file() or _provides(name, prefix)
     )
-    return next(found, None) or next((prefix for prefix in system if _provides(name, prefix)), None)
+    return next(sourced_prefixes, None) or next(
+        (prefix for prefix in system if _provides(name, prefix)), None
+    )
 
 
 def system_prefixes(variables: Mapping[str, str]) -> tuple[Path, ...]:
@@ -166,7 +168,7 @@ def has_packages(root: Path) -> bool:
 
 
 def _candidates(root: Path) -> list[tuple[str, Path]]:
-    """Return the names and prefixes of what may be packages in colcon's index."""
+    """Return the names and prefixes of potential packages in colcon's index."""
     if _layout(root) == "isolated":
         names = sorted(entry.name for entry in root.iterdir() if is_safe_name(entry.name))
         return [(name, root / name) for name in names]

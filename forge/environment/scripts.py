@@ -94,11 +94,11 @@ def hook_runner() -> str:
 
 
 def _words(shell: Shell, edits: Iterable[Edit | Script]) -> dict[str, object]:
-    listed = list(edits)
-    paths = [edit.path(shell.name) for edit in listed if isinstance(edit, Script)]
+    all_edits = list(edits)
+    paths = [edit.path(shell.name) for edit in all_edits if isinstance(edit, Script)]
     borrowing = any(path and shell.runs_in_sh(path) for path in paths)
     return {
-        "appending": any(isinstance(edit, Edit) and edit.operation == "append" for edit in listed),
+        "appending": any(isinstance(edit, Edit) and edit.operation == "append" for edit in all_edits),
         "sourcing": any(paths),
         "borrowing": borrowing,
         "runner": _runner() if borrowing else "",

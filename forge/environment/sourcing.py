@@ -37,8 +37,8 @@ def build_environment(
     or from `edits_of`; only hooks that are pure shell scripts are run, with sh. Raises WorkspaceError for an
     unreadable dsv file, HostError for a hook that exits.
     """
-    known = edits_of or package_edits
-    edits = [(prefix, edit) for name, prefix in packages for edit in known(name, prefix)]
+    read_edits = edits_of or package_edits
+    edits = [(prefix, edit) for name, prefix in packages for edit in read_edits(name, prefix)]
     return _apply(edits, without_secrets(variables), first=True)
 
 
@@ -81,10 +81,10 @@ def sourced_environment(install: Path, variables: Mapping[str, str]) -> dict[str
 def packages_in_order(root: Path) -> tuple[PackageEdits, ...]:
     """Return the packages of an install tree with their edits, lowest first."""
     installed = {package.name: package for package in installed_packages(root)}
-    found = (installed[name] for name in order({name: p.needs for name, p in installed.items()}))
+    packages = (installed[name] for name in order({name: p.needs for name, p in installed.items()}))
     return tuple(
         PackageEdits(p.name, "" if p.prefix == root else p.prefix.name, package_edits(p.name, p.prefix))
-        for p in found
+        for p in packages
     )
 
 
@@ -160,5 +160,5 @@ def _source(hook: Path, prefix: Path, variables: Mapping[str, str]) -> dict[str,
         reason = done.stderr.decode(errors="replace").strip() or f"exit code {done.returncode}"
         raise HostError(Problem(f"the environment hook '{hook}' failed: {reason}"))
     pairs = (item.decode(errors="surrogateescape").partition("=") for item in after.split(b"\0") if item)
-    left = {name: value for name, _, value in pairs if name not in _SET_BY_SHELL}
-    return left | {name: value for name, value in variables.items() if name in _SET_BY_SHELL}
+    changed_variables = {name: value for name, _, value in pairs if name not in _SET_BY_SHELL}
+    return changed_variables | {name: value for name, value in variables.items() if name in _SET_BY_SHELL}

@@ -1,4 +1,4 @@
-"""Finds out for which Python an underlay was built: its versions, and its interpreter."""
+"""Finds the Python for which an underlay was built: its versions and its interpreter."""
 
 from __future__ import annotations
 
@@ -22,27 +22,25 @@ _SHEBANG = re.compile(rb"#!\s*(/\S*/python3?(?:\.\d+)?)\s")
 _LIBRARIES = ("lib", "local/lib")
 _MODULES = ("site-packages", "dist-packages")
 _SCRIPTS_READ = 20
-"""Scripts of one prefix that are read at most: most are alike."""
+"""The maximum number of scripts that are read per prefix: most have the same interpreter."""
 
 
 def python_versions(root: Path) -> frozenset[Version]:
     """Return the Python versions of an underlay's modules in lib/pythonX.Y; empty without modules."""
-    found = (
-        versions
-        for prefix in _prefixes(root)
-        if (versions := frozenset(version for _, version in _module_folders(prefix)))
-    )
-    return next(found, frozenset())
+    versions = (frozenset(version for _, version in _module_folders(prefix)) for prefix in _prefixes(root))
+    return next(filter(None, versions), frozenset())
 
 
 def lacks_modules(root: Path, variables: Mapping[str, str]) -> bool:
     """Tell whether a prefix has Python modules, but none of its folders is on PYTHONPATH.
 
-    So it is where only AMENT_PREFIX_PATH or CMAKE_PREFIX_PATH name a distribution, as below `sudo -E`.
+    This is the case if only AMENT_PREFIX_PATH or CMAKE_PREFIX_PATH contain a distribution, as with `sudo -E`.
     """
-    known = {os.path.realpath(entry) for entry in variables.get("PYTHONPATH", "").split(os.pathsep) if entry}
+    python_path = {
+        os.path.realpath(entry) for entry in variables.get("PYTHONPATH", "").split(os.pathsep) if entry
+    }
     folders = [folder for folder, _ in _module_folders(root)]
-    return bool(folders) and known.isdisjoint(map(os.path.realpath, folders))
+    return bool(folders) and python_path.isdisjoint(map(os.path.realpath, folders))
 
 
 def underlay_python(root: Path) -> Path | None:

@@ -23,7 +23,7 @@ _VARIABLES = ("COLCON_PREFIX_PATH", "AMENT_PREFIX_PATH")
 
 
 def lost_underlays(install: Path, variables: Mapping[str, str]) -> tuple[Problem, ...]:
-    """Return warnings for underlays in the install folder's record or the environment that do not exist."""
+    """Return warnings for missing underlays, both recorded ones and those in the environment."""
     recorded = [root for root in recorded_underlays(install) if not root.is_dir()]
     problems = [
         Problem(
@@ -32,12 +32,14 @@ def lost_underlays(install: Path, variables: Mapping[str, str]) -> tuple[Problem
         )
         for root in recorded
     ]
-    known = {str(root) for root in recorded}
+    recorded_paths = {str(root) for root in recorded}
     for variable in _VARIABLES:
         entries = dict.fromkeys(variables.get(variable, "").split(os.pathsep))
-        gone = [entry for entry in entries if entry and entry not in known and not os.path.lexists(entry)]
-        if gone:
-            message = f"'{variable}' names {listed(gone)}, which does not exist"
+        missing = [
+            entry for entry in entries if entry and entry not in recorded_paths and not os.path.lexists(entry)
+        ]
+        if missing:
+            message = f"'{variable}' names {listed(missing)}, which does not exist"
             hint = "if it was removed after sourcing, continue in a new terminal"
             problems.append(Problem(message, hint=hint))
     return tuple(problems)
@@ -71,12 +73,12 @@ def _provided_rosdistro(root: Path) -> str | None:
     files = (
         f"{prefix}/{hook}{end}" for prefix in (root, root / "ros_environment") for end in (".dsv", ".sh")
     )
-    found = (match[1] for file in files if (match := _SETS_ROSDISTRO.search(text_or_nothing(file))))
-    return next(found, None)
+    distributions = (match[1] for file in files if (match := _SETS_ROSDISTRO.search(text_or_nothing(file))))
+    return next(distributions, None)
 
 
 def overridden(names: Collection[str], install: Path, variables: Mapping[str, str]) -> Iterator[Problem]:
-    """Yield a warning for each underlay with packages that others override and that have dependents there."""
+    """Yield a warning for each underlay whose packages depend on packages that `names` override."""
     for root in find_underlays(variables, install).chain:
         below = {package.name: package.needs for package in installed_packages(root)}
         users = {

@@ -79,7 +79,7 @@ def load(
     check_distribution(rosdistro, "rosdistro")
     chosen = rosdistro or distribution_in(os.environ)
     library = Library(includes=dict(includes or {}), rosdistro=chosen)
-    known: DefinitionLookup = library
+    lookup: DefinitionLookup = library
     if isinstance(definitions, Path):
         package = name or definitions.absolute().name
         parsed = parse_all(read_folder(package, definitions, chosen))
@@ -90,10 +90,10 @@ def load(
         type_name = parse_name(name)
         package = type_name.package
         parsed = parse_all(read_schema(definitions, type_name))
-        known = _Schema({each.interface.name: each for each in parsed}, library)
+        lookup = _Schema({each.interface.name: each for each in parsed}, library)
         parsed = tuple(each for each in parsed if each.interface.name.package == package)
-    catalog = resolve(package, parsed, known, events=library.has_events)
-    return _import((catalog, *dependency_catalogs(catalog, known)))
+    catalog = resolve(package, parsed, lookup, events=library.has_events)
+    return _import((catalog, *dependency_catalogs(catalog, lookup)))
 
 
 class _Schema:

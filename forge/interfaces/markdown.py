@@ -34,9 +34,14 @@ class Section:
 
 def files(catalog: Catalog) -> Iterator[File]:
     """Yield 'PACKAGE.md'; links to other packages refer to pages in the same folder."""
-    found = hashes(catalog)
+    type_hashes = hashes(catalog)
     pages = [
-        {"name": str(name), "kind": name.kind, "hash": found[name], "sections": list(_sections(interface))}
+        {
+            "name": str(name),
+            "kind": name.kind,
+            "hash": type_hashes[name],
+            "sections": list(_sections(interface)),
+        }
         for name, interface in catalog.interfaces.items()
     ]
     yield File(f"{catalog.package}.md", render("docs/package.md.j2", package=catalog.package, pages=pages))

@@ -100,16 +100,16 @@ def generator_digest() -> str:
 
 def _read(path: Path) -> OutputState:
     try:
-        written = json.loads(path.read_text(encoding="utf-8"))
-        if written["version"] != _VERSION:
+        state = json.loads(path.read_text(encoding="utf-8"))
+        if state["version"] != _VERSION:
             return OutputState()
         return OutputState(
             {
                 key: PartState(digest, {name: tuple(stat) if stat else None for name, stat in stats.items()})
-                for key, (digest, stats) in written["parts"].items()
+                for key, (digest, stats) in state["parts"].items()
             },
-            tuple(TypeName(*name.split("/")) for name in written["needs"]),
-            {name: Path(folder) for name, folder in written["folders"].items()},
+            tuple(TypeName(*name.split("/")) for name in state["needs"]),
+            {name: Path(folder) for name, folder in state["folders"].items()},
         )
     except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError):
         return OutputState()

@@ -80,10 +80,10 @@ def parts(catalog: Catalog, target: str, digests: Mapping[TypeName, str]) -> Ite
     # Import targets by name, so that only the requested one is loaded.
     module = import_module(TARGETS[target]) if target in TARGETS else find_target(target, TARGETS)
     # The inputs of another distribution's target are unknown.
-    whole = fingerprint_of_all(catalog, digests) if digests and target in TARGETS else None
+    catalog_digest = fingerprint_of_all(catalog, digests) if digests and target in TARGETS else None
     package_files = getattr(module, "package_files", None)
     interface_files = getattr(module, "interface_files", None)
-    yield Part(target, catalog.package, whole, partial(package_files or module.files, catalog))
+    yield Part(target, catalog.package, catalog_digest, partial(package_files or module.files, catalog))
     if package_files and interface_files:
         files_of = interface_files(catalog)
         for name, interface in catalog.interfaces.items():

@@ -48,12 +48,12 @@ def read_schema(text: str, name: TypeName) -> tuple[Source, ...]:
             sections[-1][2].append(line)
             continue
         number, heading = next(lines, (None, ""))
-        found = _HEADING.fullmatch(heading)
-        if not found:
+        match = _HEADING.fullmatch(heading)
+        if not match:
             place = Location(str(name), number, 1 if number else None, heading if number else None)
             hint = "such as 'MSG: std_msgs/Header'"
             raise InterfaceError(Problem("expected the name of a type after a line of '='", place, hint))
-        word, package, kind, stem = found.groups()
+        word, package, kind, stem = match.groups()
         kind = kind or word.lower()
         sections.append((TypeName(package, kind, stem), "idl" if word == "IDL" else kind, []))
     if sections[1:] and not any(sections[0][2]):
@@ -83,9 +83,9 @@ def _below(parsed: Parsed, find: Callable[[TypeName], Parsed], seen: set[TypeNam
     for name in sorted(_references(parsed.interface)):
         if name not in seen:
             seen.add(name)
-            found = find(name)
-            yield found
-            yield from _below(found, find, seen)
+            nested = find(name)
+            yield nested
+            yield from _below(nested, find, seen)
 
 
 def _references(interface: Interface) -> set[TypeName]:

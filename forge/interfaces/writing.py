@@ -56,8 +56,8 @@ def write(parts: Iterable[Part], out: Path, package: str, state: OutputState | N
         total = sum(len(each.stats) for each in written.values())
         written |= {key: each for key, each in before.parts.items() if _language(key) not in languages}
         new = OutputState(written, *((state.needs, state.folders) if state else ()))
-        kept = {*new.files, *(path for each in states.values() for path in each.files)}
-        for path in set(before.files) - kept:
+        current_files = {*new.files, *(path for each in states.values() for path in each.files)}
+        for path in set(before.files) - current_files:
             (out / path).unlink(missing_ok=True)
         write_state(out, package, new)
     except OSError as error:
@@ -110,12 +110,12 @@ def write_depfile(path: Path, target: Path, sources: Iterable[Path]) -> None:
 
     Raises HostError for a path that make cannot represent.
     """
-    listed = tuple(sources)
-    invalid = [each for each in (target, *listed) if any(sign in str(each) for sign in "\n\r\0;")]
+    inputs = tuple(sources)
+    invalid = [each for each in (target, *inputs) if any(sign in str(each) for sign in "\n\r\0;")]
     if invalid:
         hint = "rename the folder: paths must not contain ';' or line breaks"
         raise HostError(Problem(f"make cannot handle the path {str(invalid[0])!r}", hint=hint))
-    names = " \\\n  ".join(map(_for_make, listed))
+    names = " \\\n  ".join(map(_for_make, inputs))
     write_if_changed(path, f"{_for_make(target)}: {names}\n" if names else f"{_for_make(target)}:\n")
 
 

@@ -132,13 +132,13 @@ class MembersViews:
 
     def _leaves(self, members: Iterable[Member], wholes: Mapping[Path, TypeName]) -> Iterator[_Leaf]:
         """Yield the members to copy; lengths are serialized with their data."""
-        yielded: set[Path] = set()
+        visited: set[Path] = set()
         for member in members:
             whole = _outermost(member.path, wholes)
             if whole is None and not isinstance(member, Length):
                 yield _Leaf(member.path, member.alignment)
-            elif whole is not None and whole not in yielded:
-                yielded.add(whole)
+            elif whole is not None and whole not in visited:
+                visited.add(whole)
                 yield _Leaf(whole, self._shape(wholes[whole]).alignment)
 
 

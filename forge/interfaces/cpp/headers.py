@@ -77,8 +77,8 @@ def services_of(interface: Interface) -> tuple[Service, ...]:
 
 def handles(interface: Interface) -> list[Handle]:
     """Return the functions that return the type support of an interface and its derived types."""
-    found = [Handle("message", message.name) for message in messages_of(interface)]
-    found += [Handle("service", service.name) for service in services_of(interface)]
+    all_handles = [Handle("message", message.name) for message in messages_of(interface)]
+    all_handles += [Handle("service", service.name) for service in services_of(interface)]
     if isinstance(interface, Action):
-        found.append(Handle("action", interface.name))
-    return found
+        all_handles.append(Handle("action", interface.name))
+    return all_handles

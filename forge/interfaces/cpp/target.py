@@ -126,8 +126,8 @@ class Headers:
         )
 
     def type_support(self) -> File:
-        found = handles(self.interface)
-        kinds = {handle.kind for handle in found}
+        type_handles = handles(self.interface)
+        kinds = {handle.kind for handle in type_handles}
         return self._detail_file(
             "type_support",
             headers=sorted(
@@ -135,7 +135,7 @@ class Headers:
                 + [f"rosidl_typesupport_cpp/{kind}_type_support.hpp" for kind in kinds]
             ),
             package=self.name.package,
-            handles=found,
+            handles=type_handles,
         )
 
     def cdr(self) -> File:

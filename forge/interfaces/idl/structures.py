@@ -210,19 +210,21 @@ class StructureReader:
 
     def _default(self, annotations: Annotations, type_: Type) -> Value | None:
         """Return the value of @default; rosidl ignores the annotation if there are several."""
-        found = annotations.get("default", [])
-        for parameters in found:
+        defaults = annotations.get("default", [])
+        for parameters in defaults:
             if list(parameters) != ["value"]:
                 offset = min((each.offset for each in parameters.values()), default=0)
                 raise ParseError("expected '@default (value=...)'", offset=offset)
-        if len(found) > 1:
+        if len(defaults) > 1:
             self.warn(
-                ParseError("rosidl ignores the default if there are several", offset=found[1]["value"].offset)
+                ParseError(
+                    "rosidl ignores the default if there are several", offset=defaults[1]["value"].offset
+                )
             )
-        return value_of(found[0]["value"], type_) if len(found) == 1 else None
+        return value_of(defaults[0]["value"], type_) if len(defaults) == 1 else None
 
     def _annotations(self, trees: list[Tree[Token]]) -> Annotations:
-        found: Annotations = {}
+        annotations: Annotations = {}
         for tree in trees:
             name, *parameters = tree.children
             values: dict[str, Expression] = {}
@@ -236,8 +238,8 @@ class StructureReader:
             except ParseError as error:
                 self.report(error)
                 continue
-            found.setdefault(str(name), []).append(values)
-        return found
+            annotations.setdefault(str(name), []).append(values)
+        return annotations
 
 
 def _documentation(annotations: Annotations) -> tuple[str, ...]:

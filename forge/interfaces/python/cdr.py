@@ -129,11 +129,11 @@ def _functions(name: TypeName, module: _Module) -> Iterator[_Function]:
         layout = module.layouts.of(name, UNKNOWN)
         yield _writing(f"part_writer_{name.name}", "write(message, append, o)", layout, module)
         yield _reading(f"part_reader_{name.name}", "read(buffer, view, o, limit)", name, layout, module)
-        whole = MessageLayout((MessageCall((), name, START),), (), START, UNKNOWN)
+        inlined = MessageLayout((MessageCall((), name, START),), (), START, UNKNOWN)
     else:
-        whole = module.layouts.of(name)
-    yield _writing(f"writer_{name.name}", "write(message)", whole, module)
-    yield _reading(f"reader_{name.name}", "read(buffer, limit)", name, whole, module)
+        inlined = module.layouts.of(name)
+    yield _writing(f"writer_{name.name}", "write(message)", inlined, module)
+    yield _reading(f"reader_{name.name}", "read(buffer, limit)", name, inlined, module)
 
 
 def _writing(name: str, inner: str, layout: MessageLayout, module: _Module) -> _Function:

@@ -160,8 +160,8 @@ class _Reader:
         conversions = self.slots.conversions[:]
         self.slots.conversions.clear()
         if after is None or after.is_fixed(Phase(chars.start.modulus, 0)):
-            made = f"_pieces.read_texts({struct_format(after)!r}, {chars.start.remainder})"
-            struct = self.lines.table("texts", made)
+            table = f"_pieces.read_texts({struct_format(after)!r}, {chars.start.remainder})"
+            struct = self.lines.table("texts", table)
         else:
             self.cursor.store()
             struct = (
@@ -269,12 +269,12 @@ class _Reader:
         name = self.slots.local(group.path)
         targets, sources, stores = [element.slots.root], [name], []
         for inner in group.body.inlined:
-            made = f"_new, _repeat({self.references.class_of(inner.name)}"
+            new_objects = f"_new, _repeat({self.references.class_of(inner.name)}"
             if not inner.path:
-                self.lines.add(f"{self.slots.slot(group.path)} = {name} = [*map({made}, {number}))]")
+                self.lines.add(f"{self.slots.slot(group.path)} = {name} = [*map({new_objects}, {number}))]")
                 continue
             targets.append(element.slots.new_owner(inner.path))
-            sources.append(f"map({made}))")
+            sources.append(f"map({new_objects}))")
             stores.append(f"{element.slots.slot(inner.path)} = {targets[-1]}")
         if values:
             slots = element.slots.targets(values[0].members)

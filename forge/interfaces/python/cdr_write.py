@@ -118,9 +118,9 @@ class _Writer:
             self._set_offset(groups[0].start)
         for index, group in enumerate(groups):
             following = groups[index + 1].start if index + 1 < len(groups) else end
-            known = following.modulus == MAX_ALIGNMENT
-            self._group(group, counting=needed[index + 1] and not known)
-            if needed[index + 1] and known:
+            is_aligned = following.modulus == MAX_ALIGNMENT
+            self._group(group, counting=needed[index + 1] and not is_aligned)
+            if needed[index + 1] and is_aligned:
                 self._set_offset(following)
 
     def finish(self) -> None:
@@ -170,27 +170,27 @@ class _Writer:
         values += self._values(group.after)
         if group.chars and group.fixed:
             arguments = f"{before!r}, {struct_format(group.after)!r}, {start}"
-            made = f"{self.lines.table('texts', f'_pieces.texts({arguments})')}[{length}].pack"
+            packer = f"{self.lines.table('texts', f'_pieces.texts({arguments})')}[{length}].pack"
         elif group.chars:
             table = f"_pieces.phased_texts({before!r}, {struct_format(group.after)!r})"
-            made = f"{self.lines.table('texts', table)}[o & 7][{length}].pack"
+            packer = f"{self.lines.table('texts', table)}[o & 7][{length}].pack"
         elif group.fixed:
-            made = self.lines.table("pack", f"_pieces.fixed({before!r}, {start}).pack")
+            packer = self.lines.table("pack", f"_pieces.fixed({before!r}, {start}).pack")
         else:
-            made = f"{self.lines.table('structs', f'_pieces.phased({before!r})')}[o & 7].pack"
+            packer = f"{self.lines.table('structs', f'_pieces.phased({before!r})')}[o & 7].pack"
         if counting or not group.fixed:
             name = self.lines.names.new("piece")
-            self.lines.add(*wrap_arguments(f"{name} = {made}(", values, ")"))
+            self.lines.add(*wrap_arguments(f"{name} = {packer}(", values, ")"))
             self._piece(name, counting=counting, first=with_header)
         elif self.appending:
-            self.lines.add(*wrap_arguments(f"append({made}(", values, "))"))
+            self.lines.add(*wrap_arguments(f"append({packer}(", values, "))"))
         elif self.sole:
-            self.lines.add(*wrap_arguments(f"return {made}(", values, ")"))
-        elif len(call := f"{made}({', '.join(values)})") <= _READABLE:
+            self.lines.add(*wrap_arguments(f"return {packer}(", values, ")"))
+        elif len(call := f"{packer}({', '.join(values)})") <= _READABLE:
             self.pieces.append(call)
         else:
             name = self.lines.names.new("piece")
-            self.lines.add(*wrap_arguments(f"{name} = {made}(", values, ")"))
+            self.lines.add(*wrap_arguments(f"{name} = {packer}(", values, ")"))
             self.pieces.append(name)
 
     def _values(self, run: Run | None) -> list[str]:
@@ -212,8 +212,10 @@ class _Writer:
         conversion = _CONVERSIONS.get(block.of.name)
         word = self._attribute(block.path)
         name = self.lines.names.of(block.path, self.root)
-        made = f"_pieces.{conversion}({word})" if conversion else f"{word}.tobytes()"
-        self.lines.add(f"{name} = {made}", f"if len({name}) != {block.size}:", "    raise _pieces.Refused")
+        expression = f"_pieces.{conversion}({word})" if conversion else f"{word}.tobytes()"
+        self.lines.add(
+            f"{name} = {expression}", f"if len({name}) != {block.size}:", "    raise _pieces.Refused"
+        )
         return name
 
     def _count(self, path: Path, type_: String | Sequence) -> str:
@@ -221,14 +223,14 @@ class _Writer:
         word = self._attribute(path)
         name = self.lines.names.of(path, self.root) if path else self.lines.names.new("text")
         number = self.lines.names.new(f"{name}_size")
-        made, length = word, f"len({name})"
+        expression, length = word, f"len({name})"
         if isinstance(type_, String):
-            made = f"_pieces.to_wide({word})" if type_.wide else f"{word}.encode()"
+            expression = f"_pieces.to_wide({word})" if type_.wide else f"{word}.encode()"
             length = f"len({name}) >> 2" if type_.wide else length
         elif isinstance(type_.of, Primitive) and type_.of.name in _CONVERSIONS:
-            made = f"_pieces.{_CONVERSIONS[type_.of.name]}({word})"
+            expression = f"_pieces.{_CONVERSIONS[type_.of.name]}({word})"
             length = f"len({name}) >> 2" if type_.of.name == "wchar" else length
-        self.lines.add(f"{name} = {made}", f"{number} = {length}")
+        self.lines.add(f"{name} = {expression}", f"{number} = {length}")
         if type_.bound is not None:
             # The bound of a string counts characters, which take at least a byte or a code unit each.
             exact = f" and len({word}) > {type_.bound}" if isinstance(type_, String) else ""

@@ -50,7 +50,7 @@ class FieldView:
 
     name: str
     attribute: str
-    """The name in Python code, another one than `name` if that is a keyword."""
+    """The name in Python code, which differs from `name` if that is a keyword."""
     type_text: str
     slot_type: str
     build: tuple[str, ...]

@@ -54,9 +54,8 @@ def package_files(catalog: Catalog) -> Iterator[File]:
         names = [name.name for name in catalog.interfaces if name.kind == kind]
         members = sorted((f"_{snake_case(name)}", name) for name in names)
         for ending in ("py", "pyi"):
-            text = render(
-                f"python/namespace.{ending}.j2", package=catalog.package, kind=kind, members=members
-            )
+            template = f"python/namespace.{ending}.j2"
+            text = render(template, package=catalog.package, kind=kind, members=members)
             yield File(f"{catalog.package}/{kind}/__init__.{ending}", text)
 
 
@@ -115,26 +114,23 @@ def _services(interface: Interface) -> tuple[Service, ...]:
 
 
 def _imported(interface: Interface, messages: Sequence[Message]) -> dict[TypeName, str]:
-    wanted = {
+    imported_names = {
         element.name
         for message in messages
         for field in message.fields
         if isinstance(element := element_of(field.type), Named)
     }
     if isinstance(interface, Action):
-        wanted |= {_CANCEL, _STATUS}
+        imported_names |= {_CANCEL, _STATUS}
     own = {message.name for message in messages}
-    wanted -= own
+    imported_names -= own
     defined = {interface.name, *own, *(service.name for service in _services(interface))}
-    taken = [
-        *(name.name for name in wanted),
-        *{name.name for name in defined}.union(
-            field.name for message in messages for field in message.fields
-        ),
-    ]  # a field shadows a class in constructors
+    # A field shadows a class in constructors.
+    shadowed = {field.name for message in messages for field in message.fields}
+    taken = [*(name.name for name in imported_names), *shadowed.union(name.name for name in defined)]
     return {
         name: name.name if taken.count(name.name) == 1 else f"_{name.package}_{name.kind}_{name.name}"
-        for name in sorted(wanted)
+        for name in sorted(imported_names)
     }
 
 

@@ -78,7 +78,7 @@ class MemberStub:
     """A field or a constant, for the template."""
 
     name: str
-    """The name in Python code, which for keywords is another one than in the definition."""
+    """The name in Python code, which differs from that in the definition if it is a keyword."""
     getter_type: str
     setter_type: str
     doc: tuple[str, ...]

@@ -23,12 +23,12 @@ def read_comments(lines: Iterable[str]) -> tuple[tuple[str, ...], str | None]:
     If there is exactly one pair of brackets, its contents are the unit and are removed from the text.
     """
     texts = [line.lstrip("#").rstrip() for line in lines]
-    whole, unit = "\n".join(texts), None
-    found = [bracket for bracket in _BRACKET.finditer(whole) if bracket[1] and bracket[2] == "]"]
-    if len(found) == 1:
-        unit = found[0][1]
+    block_text, unit = "\n".join(texts), None
+    brackets = [bracket for bracket in _BRACKET.finditer(block_text) if bracket[1] and bracket[2] == "]"]
+    if len(brackets) == 1:
+        unit = brackets[0][1]
         # If the blanks before the bracket span several lines, no line contains all of it: the text is kept.
-        written = whole[len(whole[: found[0].start()].rstrip()) : found[0].end()]
+        written = block_text[len(block_text[: brackets[0].start()].rstrip()) : brackets[0].end()]
         texts = [text.replace(written, "").rstrip() for text in texts]
     if len(texts) == 1:
         return ((texts[0].lstrip(),) if texts[0] else ()), unit

@@ -55,7 +55,7 @@ def python_keywords(interfaces: Iterable[Interface]) -> Iterator[Problem]:
             if attribute != field.name:
                 text = f"field name '{field.name}' is a keyword of Python, where it becomes '{attribute}'"
                 place = field.place
-                found = re.search(rf"\b{field.name}\b", place.source) if place and place.source else None
-                if place and found:
-                    place = replace(place, column=found.start() + 1)
+                match = re.search(rf"\b{field.name}\b", place.source) if place and place.source else None
+                if place and match:
+                    place = replace(place, column=match.start() + 1)
                 yield Problem(text, place, f"rename it, for example to '{field.name}_value'")

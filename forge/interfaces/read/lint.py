@@ -47,7 +47,7 @@ _SIDE_BY_SIDE = re.compile(r"""["']\s+["']""")
 
 def lint(parsed: Iterable[Parsed]) -> list[Problem]:
     """Return the problems of all files, in the order of files and lines."""
-    found = []
+    all_problems = []
     for each in parsed:
         is_idl = each.source.relative.endswith(".idl")
         if is_idl:
@@ -59,8 +59,8 @@ def lint(parsed: Iterable[Parsed]) -> list[Problem]:
         for message in sections_of(each.interface):
             problems += _names(message) if is_idl else (*_lines(message), *_names(message))
         problems += python_keywords([each.interface])
-        found += sorted(problems, key=_position)
-    return found
+        all_problems += sorted(problems, key=_position)
+    return all_problems
 
 
 def _position(problem: Problem) -> tuple[int, int]:
@@ -171,9 +171,9 @@ def _heading(source: Source, lines: list[str]) -> Iterator[Problem]:
     if PurePosixPath(source.relative).suffix != ".msg":
         return
     end = next((n for n, line in enumerate(lines) if not line.startswith("#")), len(lines))
-    found = [(n, match) for n, line in enumerate(lines[:end], 1) for match in _BRACKETS.finditer(line)]
-    if len(found) == 1:
-        number, match = found[0]
+    brackets = [(n, match) for n, line in enumerate(lines[:end], 1) for match in _BRACKETS.finditer(line)]
+    if len(brackets) == 1:
+        number, match = brackets[0]
         message = f"'[{match[1]}]' is parsed as a unit and removed from the comment"
         column = match.start(1)
         yield Problem(

@@ -1,4 +1,4 @@
-"""Where definitions name messages, fields and constants, for editors; what is invalid is left out.
+"""Finds the messages, fields and constants that definitions name, for editors; skips invalid text.
 
 Lines and columns count from 0, in characters.
 """
@@ -97,8 +97,8 @@ def read_leniently(source: Source) -> Reading:
         reader = read_idl(source)
     except InterfaceError as error:
         return Reading(source, None, error.problems)
-    found = reader.interface() if reader.has_interface() else None
-    return Reading(source, found, tuple(reader.problems), tuple(_in_idl(reader, found)))
+    idl_interface = reader.interface() if reader.has_interface() else None
+    return Reading(source, idl_interface, tuple(reader.problems), tuple(_in_idl(reader, idl_interface)))
 
 
 def _in_lines(source: Source) -> Iterator[Occurrence]:

@@ -151,11 +151,15 @@ def _outline_problems(source: Source, name: TypeName, lines: list[Line], count: 
         message = f"invalid interface name '{name.name}'"
         hint = "use CamelCase: letters and digits, the first in upper case"
         problems.append(Problem(message, Location(source.path), hint))
-    wanted = len(SECTIONS[name.kind])
+    section_count = len(SECTIONS[name.kind])
     separators = [line for line in lines if line.text.startswith(_SEPARATOR)]
-    if count != wanted and all(line.text == _SEPARATOR for line in separators):
-        place = separators[wanted - 1].place(source.path) if count > wanted else Location(source.path)
-        problems.append(Problem(f"a .{name.kind} file {_SEPARATOR_RULES[wanted]}", place))
+    if count != section_count and all(line.text == _SEPARATOR for line in separators):
+        place = (
+            separators[section_count - 1].place(source.path)
+            if count > section_count
+            else Location(source.path)
+        )
+        problems.append(Problem(f"a .{name.kind} file {_SEPARATOR_RULES[section_count]}", place))
     return problems
 
 

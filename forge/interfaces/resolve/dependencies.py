@@ -70,22 +70,22 @@ def dependency_catalogs(
     waiting += [name for name in also if name.package != catalog.package]
     if any(isinstance(interface, Action) for interface in catalog.interfaces.values()):
         waiting += [name for name in ACTION_DEPENDENCIES if name.package != catalog.package]
-    found: dict[TypeName, Parsed] = {}
+    references: dict[TypeName, Parsed] = {}
     while waiting:
         name = waiting.pop()
-        if name not in found:
-            found[name] = require(name, known)
-            waiting += [reference for _, reference in _references(found[name].interface)]
-    messages = {message.name: message for p in found.values() for message in messages_of(p.interface)}
+        if name not in references:
+            references[name] = require(name, known)
+            waiting += [reference for _, reference in _references(references[name].interface)]
+    messages = {message.name: message for p in references.values() for message in messages_of(p.interface)}
     packages: dict[str, list[TypeName]] = defaultdict(list)
-    for name in sorted(found):
+    for name in sorted(references):
         packages[name.package].append(name)
     return tuple(
         Catalog(
             package,
-            {name: found[name].interface for name in names},
+            {name: references[name].interface for name in names},
             messages,
-            {name: found[name].source for name in names},
+            {name: references[name].source for name in names},
             catalog.has_descriptions,
         )
         for package, names in packages.items()

@@ -162,8 +162,8 @@ class _Search:
     def _hint(self, name: TypeName, candidates: Mapping[str, TypeName]) -> str | None:
         near = self._nearest(name, candidates)
         package = near.partition("/")[0] if near else name.package
-        known = {self.package, name.package} if near else {each.package for each in candidates.values()}
-        missing = package not in known and not self.known.declares(package)
+        declared = {self.package, name.package} if near else {each.package for each in candidates.values()}
+        missing = package not in declared and not self.known.declares(package)
         hints = (
             f"did you mean '{near}'?" if near else "",
             f"add <depend>{package}</depend> to package.xml" if missing else "",

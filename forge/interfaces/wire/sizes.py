@@ -128,23 +128,23 @@ class SizeCalculator:
 
     def _elements_size(self, of: Element, count: int, start: int, *, full: bool) -> int | None:
         """Return the size of `count` elements; once start phases repeat, the sizes repeat as well."""
-        end, left = start, count
+        end, remaining = start, count
         visited: dict[int, tuple[int, int]] = {}
-        while left:
+        while remaining:
             if end % MAX_ALIGNMENT in visited:
                 left_before, end_before = visited[end % MAX_ALIGNMENT]
-                period, size_of_period = left_before - left, end - end_before
-                end += left // period * size_of_period
-                left %= period
+                period, size_of_period = left_before - remaining, end - end_before
+                end += remaining // period * size_of_period
+                remaining %= period
                 visited.clear()
-                if not left:
+                if not remaining:
                     break
-            visited[end % MAX_ALIGNMENT] = (left, end)
+            visited[end % MAX_ALIGNMENT] = (remaining, end)
             size = self._size_at(of, end, full=full)
             if size is None:
                 return None
             end += size
-            left -= 1
+            remaining -= 1
         return end - start
 
 
