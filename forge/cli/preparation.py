@@ -414,10 +414,7 @@ def _path_maps(root: Path, layout: Layout) -> Pairs:
 
 
 def global_inputs(
-    options: BuildOptions,
-    loaded: LoadedWorkspace,
-    context: BuildContext,
-    variables: Mapping[str, str],
+    options: BuildOptions, loaded: LoadedWorkspace, context: BuildContext, variables: Mapping[str, str]
 ) -> tuple[GlobalInputs, ReferencedInputs]:
     """Return the inputs shared by all packages, and the collector of inputs named by single packages.
 

@@ -14,20 +14,10 @@ from forge.base.frozen import frozen
 from forge.base.layout import LAST_COMMAND
 from forge.base.signals import ignore_closed_output
 from forge.base.text import Excerpt, counted, duration
-from forge.build.events import (
-    Aborted,
-    Finished,
-    Fresh,
-    Output,
-    Skipped,
-    Started,
-    StepFinished,
-    StepStarted,
-)
+from forge.build.events import Aborted, Finished, Fresh, Output, Skipped, Started, StepFinished, StepStarted
 from forge.build.tasks import TEST_FAILURES, StepKind, environment_file, step_line
 from forge.cache.model import RESTORED
-from forge.output.compiler_warnings import CompilerWarnings
-from forge.output.repeated_warnings import RepeatedWarnings
+from forge.output.package_warnings import CompilerWarnings, RepeatedWarnings
 from forge.toolchain.cmake_warnings import UnusedVariables, well_known
 from forge.toolchain.programs import CMAKE_TYPES
 

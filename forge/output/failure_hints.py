@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING
 
 from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
+from forge.base.layout import PACKAGE
 from forge.base.names import did_you_mean, nearest, snake_case
 from forge.build.inputs.fingerprints import own_files
 from forge.environment.prefixes import SYSTEM
 from forge.output.first_error import COLOUR
-from forge.output.known_names import cmake_commands, exported_targets, installed_headers
 from forge.output.platform_hints import remedy_for_platform
 from forge.toolchain.config_search import ConfigSearch
 from forge.toolchain.python_modules import install_command
@@ -35,7 +35,7 @@ from forge.workspace.resolve import (
 from forge.workspace.whereabouts import submodule_remedy, unchecked_submodules
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Iterable, Mapping
 
     from forge.workspace.model import Package
 
@@ -43,6 +43,22 @@ _SURE = 0.8
 """Required similarity for suggestions among many similar names."""
 
 _BUILD_TOOLS = ("ament_cmake", "rosidl_default_generators", "ament_lint_auto")
+
+_HEADERS = (".h", ".hh", ".hpp", ".hxx", ".inl", ".ipp", ".cuh")
+_CMAKE_COMMANDS = re.findall(
+    r"\w+",
+    """
+    add_compile_definitions add_compile_options add_custom_command add_custom_target add_definitions
+    add_dependencies add_executable add_library add_link_options add_subdirectory add_test
+    cmake_minimum_required cmake_parse_arguments cmake_policy configure_file enable_language
+    enable_testing execute_process export file find_file find_library find_package find_path
+    find_program foreach function get_filename_component get_property get_target_property include
+    include_directories install link_directories link_libraries list macro message option project set
+    set_property set_target_properties set_tests_properties string target_compile_definitions
+    target_compile_features target_compile_options target_include_directories target_link_directories
+    target_link_libraries target_link_options target_precompile_headers target_sources unset
+    """,
+)
 
 
 @frozen
@@ -86,7 +102,7 @@ class FailureContext:
 
     def headers(self, name: str) -> frozenset[str]:
         prefix = self.prefix_of(name)
-        return installed_headers(name, prefix) if prefix else frozenset()
+        return _installed_headers(name, prefix) if prefix else frozenset()
 
     def depend(self, name: str) -> str:
         """Return the line that declares a dependency in a manifest."""
@@ -299,7 +315,7 @@ def _target_not_found(target: str, context: FailureContext) -> str | None:
     name = target.split("::", maxsplit=1)[0]
     if name in context.found or name == context.package.name:
         prefix = context.prefix_of(name)
-        known = exported_targets(name, prefix) if prefix else ()
+        known = _exported_targets(name, prefix) if prefix else ()
         if not known:
             return f"'{name}' has no target '{target}'; try ament_target_dependencies(YOUR_TARGET {name})"
         near = nearest(target, known, _SURE)
@@ -336,7 +352,7 @@ def _command_not_found(command: str, context: FailureContext) -> str | None:
         ("ament_python_", "ament_cmake_python"),
         ("ament_", "ament_cmake"),
     )
-    known = cmake_commands(context.package.path, context.files)
+    known = _cmake_commands(context.package.path, context.files)
     near = None if command in known else did_you_mean(command, known, _SURE)
     name = next((package for beginning, package in packages if command.startswith(beginning)), None)
     if near or name is None or name in context.found:
@@ -370,6 +386,40 @@ def _no_download(url: str, context: FailureContext) -> str:
         f", or install the system package that contains {quoted_names(looked_for)}" if looked_for else ""
     )
     return f"the package downloads {url.rstrip('/')} during the build: provide network access{instead}"
+
+
+def _cmake_commands(folder: Path, files: Iterable[str]) -> frozenset[str]:
+    """Return the commands of CMake, of ament and rosidl, and of a package with these files below `folder`."""
+    own = (folder / name for name in files if name.endswith((".cmake", "CMakeLists.txt")))
+    embedded = (PACKAGE / "embedded").rglob("*.cmake")
+    defined = (call for path in (*own, *embedded) for call in calls(text_or_nothing(path)))
+    names = (call.words[0] for call in defined if call.command in {"function", "macro"} and call.words)
+    return frozenset((*_CMAKE_COMMANDS, *names))
+
+
+def _exported_targets(package: str, prefix: Path) -> tuple[str, ...]:
+    """Return the targets that the CMake files of an installed package define."""
+    folders = (prefix / "share" / package, prefix / "lib/cmake" / package, prefix / "cmake")
+    files = (path for folder in folders for path in sorted(folder.rglob("*.cmake")))
+    found = (
+        call.words[0]
+        for path in files
+        for call in calls(text_or_nothing(path))
+        if call.command in {"add_executable", "add_library"}
+        and not {"IMPORTED", "ALIAS"}.isdisjoint(call.words)
+    )
+    return tuple(dict.fromkeys(name for name in found if "$" not in name))
+
+
+def _installed_headers(package: str, prefix: Path) -> frozenset[str]:
+    """Return the headers that a package installed, as sources include them: 'shapes/circle.hpp'."""
+    found: set[str] = set()
+    # Some packages install below a folder with their name, so that overlays do not mix their headers.
+    for root in (prefix / "include", prefix / "include" / package):
+        for folder, _, names in os.walk(root / package):
+            below = os.path.relpath(folder, root)
+            found.update(f"{below}/{name}" for name in names if name.endswith(_HEADERS))
+    return frozenset(found)
 
 
 _REMEDIES: tuple[tuple[re.Pattern[str], str | Callable[[str, FailureContext], str | None]], ...] = (

@@ -15,16 +15,7 @@ from forge.base.errors import EXIT_INTERRUPTED
 from forge.base.graph import reduced
 from forge.base.signals import ignore_closed_output
 from forge.base.text import split_lines
-from forge.build.events import (
-    Aborted,
-    Finished,
-    Fresh,
-    Output,
-    Skipped,
-    Started,
-    StepFinished,
-    StepStarted,
-)
+from forge.build.events import Aborted, Finished, Fresh, Output, Skipped, Started, StepFinished, StepStarted
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping

@@ -82,10 +82,7 @@ class LiveView(View):
     """Status lines that are redrawn periodically."""
 
     def __init__(
-        self,
-        plan: BuildPlan,
-        seconds: Mapping[str, float],
-        collapsed: frozenset[str] = frozenset(),
+        self, plan: BuildPlan, seconds: Mapping[str, float], collapsed: frozenset[str] = frozenset()
     ) -> None:
         names = list(plan.tasks)
         unsure = frozenset(name for name, task in plan.tasks.items() if task.conditional)

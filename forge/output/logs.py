@@ -23,16 +23,7 @@ from forge.base.errors import HostError, Location, Problem
 from forge.base.files import naming
 from forge.base.layout import IGNORE_MARK
 from forge.base.text import split_lines
-from forge.build.events import (
-    Aborted,
-    Finished,
-    Fresh,
-    Output,
-    Skipped,
-    Started,
-    StepFinished,
-    StepStarted,
-)
+from forge.build.events import Aborted, Finished, Fresh, Output, Skipped, Started, StepFinished, StepStarted
 from forge.build.folder_marks import is_own_log_link
 
 if TYPE_CHECKING:

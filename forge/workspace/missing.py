@@ -77,9 +77,7 @@ def missing_dependencies(
 
 
 def _together(
-    found: Mapping[str, list[str]],
-    resolution: DependencyResolution,
-    whereabouts: Callable[[str], str | None],
+    found: Mapping[str, list[str]], resolution: DependencyResolution, whereabouts: Callable[[str], str | None]
 ) -> tuple[Problem, ...]:
     """Return one problem for all dependencies that the same packages lack for the same reason.
 

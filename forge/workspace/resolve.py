@@ -135,9 +135,7 @@ def resolve_dependencies(
     )
 
 
-def break_test_cycles(
-    resolution: DependencyResolution,
-) -> tuple[DependencyResolution, tuple[Problem, ...]]:
+def break_test_cycles(resolution: DependencyResolution) -> tuple[DependencyResolution, tuple[Problem, ...]]:
     """Return the resolution with test dependencies postponed that close a cycle, and warnings.
 
     Test dependencies are needed when tests run, that is, after all packages are built. Other cycles are kept.

@@ -442,9 +442,7 @@ def _non_utf8_names(source: Path) -> Iterator[Problem]:
         if not name.isascii() and name != name.encode(errors="replace").decode():
             hint = "rename it, or remove it from 'package_data' and 'data_files'"
             yield Problem(
-                f"the file name {os.fsencode(name)!r} is not UTF-8, as wheels require",
-                Location(source),
-                hint,
+                f"the file name {os.fsencode(name)!r} is not UTF-8, as wheels require", Location(source), hint
             )
 
 

@@ -31,10 +31,7 @@ def register(parser: Parser) -> None:
         help="include headers, CMake files and static libraries, so that other workspaces can build on it",
     )
     parser.add_argument(
-        "--install-base",
-        default="install",
-        metavar="DIR",
-        help="install folder (default: install)",
+        "--install-base", default="install", metavar="DIR", help="install folder (default: install)"
     )
 
 

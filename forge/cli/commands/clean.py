@@ -9,13 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.base.errors import (
-    Problem,
-    SelectionError,
-    WorkspaceError,
-    print_warnings,
-    raise_if_any,
-)
+from forge.base.errors import Problem, SelectionError, WorkspaceError, print_warnings, raise_if_any
 from forge.base.names import did_you_mean
 from forge.base.text import counted, listed
 from forge.build.cleaning import (
@@ -29,11 +23,7 @@ from forge.build.cleaning import (
     workspace_removables,
 )
 from forge.build.compile_commands import merge_compile_commands
-from forge.build.folder_marks import (
-    bases_of,
-    is_own_build_base,
-    recorded_layout,
-)
+from forge.build.folder_marks import bases_of, is_own_build_base, recorded_layout
 from forge.build.installation import finish_workspace
 from forge.build.journal import open_journal
 from forge.cli import options as shared

@@ -56,10 +56,7 @@ def register(parser: Parser) -> None:
     )
     parser.add_argument("--format", choices=FORMATS, default="sh", help="output format (default: sh)")
     parser.add_argument(
-        "--install-base",
-        default="install",
-        metavar="DIR",
-        help="install folder (default: install)",
+        "--install-base", default="install", metavar="DIR", help="install folder (default: install)"
     )
 
 

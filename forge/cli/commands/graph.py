@@ -29,9 +29,7 @@ def register(parser: Parser) -> None:
         "--mermaid", action="store_true", help="print a Mermaid diagram, which GitHub renders in Markdown"
     )
     form.add_argument(
-        "--dot",
-        action="store_true",
-        help="print a Graphviz graph: 'forge graph --dot | dot -Tsvg'",
+        "--dot", action="store_true", help="print a Graphviz graph: 'forge graph --dot | dot -Tsvg'"
     )
     form.add_argument("--density", action="store_true", help="print the density of the graph first")
     parser.add_argument("-o", "--output", metavar="FILE", help="write to this file instead of stdout")

@@ -99,12 +99,7 @@ def _register_create(parser: argparse.ArgumentParser) -> None:
         default=".",
         help="folder to create the package in (default: .)",
     )
-    add(
-        "--build-type",
-        choices=BUILD_TYPES,
-        default="ament_cmake",
-        help="build type (default: ament_cmake)",
-    )
+    add("--build-type", choices=BUILD_TYPES, default="ament_cmake", help="build type (default: ament_cmake)")
     add("--dependencies", metavar="NAME", nargs="*", default=(), help="dependencies of the package")
     add(
         "--maintainer-email",

@@ -20,10 +20,7 @@ if TYPE_CHECKING:
 
 def register(parser: Parser) -> None:
     parser.add_argument(
-        "--install-base",
-        default="install",
-        metavar="DIR",
-        help="install folder (default: install)",
+        "--install-base", default="install", metavar="DIR", help="install folder (default: install)"
     )
     parser.add_argument(
         "words", nargs=argparse.REMAINDER, metavar="COMMAND", help="command to run instead of a shell"

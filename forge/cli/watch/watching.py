@@ -196,11 +196,7 @@ class WatchLoop(BuildMode):
             package.build_type in PYTHON_TYPES or INTERFACE_GROUP in package.manifest.groups
             for package in packages
         ):
-            from forge.cli.worker import (
-                INTERFACE_MODULES,
-                WHEEL_MODULES,
-                worker,
-            )
+            from forge.cli.worker import INTERFACE_MODULES, WHEEL_MODULES, worker
 
             started = worker(*INTERFACE_MODULES, *WHEEL_MODULES)
             self._worker = self._at_the_end.enter_context(started)

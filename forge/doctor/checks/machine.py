@@ -160,9 +160,7 @@ def _lacking_features(folder: Path) -> Iterator[Problem]:
             if Path(made, "NAME").exists():
                 hint = "build elsewhere: '--build-base' and '--install-base' on another file system"
                 yield Problem(
-                    "the file system ignores case; names of packages may clash",
-                    Location(folder),
-                    hint,
+                    "the file system ignores case; names of packages may clash", Location(folder), hint
                 )
             try:
                 Path(made, "link").symlink_to("name")

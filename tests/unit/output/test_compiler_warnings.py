@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from forge.output.compiler_warnings import CompilerWarnings
+from forge.output.package_warnings import CompilerWarnings
 
 WARNING = (
     b"In file included from a.cpp:1:\na.hpp:3:5: warning: unused variable 'x' [-Wunused]\n    3 | int x;\n"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from forge.build.events import Finished, Output
-from forge.output.repeated_warnings import RepeatedWarnings
+from forge.output.package_warnings import RepeatedWarnings
 from tests.unit.output.test_console import STEP, report_on, shown
 
 OLD = """CMake Deprecation Warning at {file}:{line} (cmake_minimum_required):

@@ -1,7 +1,11 @@
-"""Recognizes warnings that several packages print, so that each kind is shown once.
+"""Warnings in the output of packages: those of compilers, and those that several packages print.
 
-CMake prints the same deprecation for every package of a workspace, and setuptools does, too. Two warnings are
-of the same kind if they differ only in their location and in the name of the package.
+With make, warnings of compilers reach the user on stderr. Ninja prints them to its own stdout: a line for
+each command that has ended, followed by everything that the command printed.
+
+CMake prints the same deprecation for every package of a workspace, and setuptools does, too; each kind is
+shown once. Two warnings are of the same kind if they differ only in their location and in the name of the
+package.
 """
 
 from __future__ import annotations
@@ -11,6 +15,12 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+
+_COMMAND = re.compile(rb"\[\d+/\d+\] ")
+_WARNING = re.compile(rb":[ ]?(?:\x1b\[[\d;]*[mK])*warning: ")
+"""The message of a compiler or linker, perhaps coloured."""
+_MOST = 1_000_000
+"""Bytes kept of the output of one package."""
 
 _CMAKE = re.compile(
     rb"^CMake (?:Deprecation )?Warning[^\n]*\n"
@@ -22,6 +32,39 @@ _SHORT = 2
 """Names of this length are probably words, as in 'a future version'."""
 
 _CALL_STACK = re.compile(rb"^Call Stack \(.*", re.MULTILINE | re.DOTALL)
+
+
+class CompilerWarnings:
+    """Collects the output of the commands of one package that print warnings."""
+
+    def __init__(self) -> None:
+        self._command: list[bytes] | None = None
+        self._found: list[bytes] = []
+        self._room = _MOST
+
+    def add(self, lines: bytes) -> None:
+        """Read complete lines of a build tool's stdout."""
+        for line in lines.splitlines(keepends=True):
+            if _COMMAND.match(line):
+                self.end_step()
+                self._command = []
+            elif self._command is not None and self._room > 0:
+                self._command.append(line)
+                self._room -= len(line)
+
+    def end_step(self) -> None:
+        """Forget the output of the current command unless it contains a warning."""
+        text = b"".join(self._command or ())
+        if _WARNING.search(text):
+            self._found.append(text)
+        else:
+            self._room += len(text)
+        self._command = None
+
+    @property
+    def text(self) -> bytes:
+        """The output of the commands that printed warnings."""
+        return b"".join(self._found)
 
 
 class RepeatedWarnings:
