@@ -47,15 +47,13 @@ WALKER = Made(
         ("bin/cmake", False),
     ],
 )
-def test_what_only_building_needs(path: str, expected: bool) -> None:
+def test_files_needed_only_for_building_are_recognized(path: str, expected: bool) -> None:
     assert for_building(path) is expected
 
 
 @each_layout
 @each_shell
-def test_a_bundle_works_where_it_is_unpacked(
-    shell: str, layout_word: str, forge: Forge, tmp_path: Path
-) -> None:
+def test_a_bundle_is_relocatable(shell: str, layout_word: str, forge: Forge, tmp_path: Path) -> None:
     """Its scripts find everything in the new place, and nothing leads back to the old one."""
     root = tmp_path / "the old place"
     layout = make_install(root, [WALKER], merged=layout_word == "merged")
@@ -77,7 +75,7 @@ def test_a_bundle_works_where_it_is_unpacked(
     assert not files & {"walker.hpp", "walkerConfig.cmake", "libwalker.a", "walker.pyc"}
 
 
-def test_links_out_of_the_tree_become_files(forge: Forge, tmp_path: Path) -> None:
+def test_links_that_leave_the_tree_become_files(forge: Forge, tmp_path: Path) -> None:
     """As --symlink-install leaves them; those within stay links, without the place."""
     root = tmp_path / "ws"
     layout = make_install(root, [WALKER])
@@ -96,7 +94,7 @@ def test_links_out_of_the_tree_become_files(forge: Forge, tmp_path: Path) -> Non
         assert archive.getmember("install/walker/bin/run").linkname == "go"
 
 
-def test_the_same_tree_makes_the_same_bytes(forge: Forge, tmp_path: Path) -> None:
+def test_bundles_are_reproducible(forge: Forge, tmp_path: Path) -> None:
     """No dates, no owners."""
     make_install(tmp_path, [WALKER])
     assert forge("bundle", "--output", "a.tar.gz", "--with-build-files", cwd=tmp_path).code == 0
@@ -107,7 +105,7 @@ def test_the_same_tree_makes_the_same_bytes(forge: Forge, tmp_path: Path) -> Non
         assert "install/walker/include/walker/walker.hpp" in archive.getnames()
 
 
-def test_a_workspace_that_was_only_built_for_other_platforms(forge: Forge, tree: Tree) -> None:
+def test_a_workspace_built_only_for_other_platforms_is_reported(forge: Forge, tree: Tree) -> None:
     root = tree(
         {f"install/{name}/{LAYOUT_MARKER}": "" for name in ("riscv64-linux-gnu", "aarch64-linux-gnu")}
     )
@@ -145,7 +143,7 @@ def test_a_symbolic_link_cycle_is_reported(forge: Forge, tmp_path: Path) -> None
     assert (ran.code, "is a link to an enclosing folder" in ran.err) == (2, True)
 
 
-def test_other_platforms_have_archives_of_their_own(tree: Tree, forge: Forge) -> None:
+def test_each_platform_has_its_own_archive(tree: Tree, forge: Forge) -> None:
     root = tree(
         {
             "install/.colcon_install_layout": "isolated\n",

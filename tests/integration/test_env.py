@@ -43,7 +43,7 @@ def layout(tmp_path: Path) -> Layout:
     return made
 
 
-def test_env_is_what_sourcing_would_set(forge: Forge, layout: Layout) -> None:
+def test_env_prints_what_sourcing_sets(forge: Forge, layout: Layout) -> None:
     """Each changed variable and no other, from any folder of the workspace."""
     (layout.install.parent / "src").mkdir()
     ran = forge("env", "--format", "json", cwd=layout.install.parent / "src", env={"PYTHONPATH": "/mine"})
@@ -54,7 +54,7 @@ def test_env_is_what_sourcing_would_set(forge: Forge, layout: Layout) -> None:
 
 
 @pytest.mark.parametrize("seen", [True, False])
-def test_env_of_a_sourced_shell_says_that_nothing_changes(layout: Layout, *, seen: bool) -> None:
+def test_env_of_a_sourced_shell_reports_no_changes(layout: Layout, *, seen: bool) -> None:
     """A script that evaluates the output wants no note."""
     sourced = sourced_environment(layout.install, os.environ)
     ours, theirs = pty.openpty()
@@ -107,7 +107,7 @@ def test_variables_that_a_hook_unsets_are_unset(forge: Forge, tmp_path: Path) ->
     assert forge("env", cwd=tmp_path, env={"TAKEN": "yes"}).out.endswith("\nunset TAKEN\n")
 
 
-def test_mistakes_are_one_message(forge: Forge, layout: Layout, tmp_path: Path) -> None:
+def test_mistakes_are_reported_with_one_message(forge: Forge, layout: Layout, tmp_path: Path) -> None:
     """An unset variable, and a folder without a build."""
     ran = forge("env", "PYTONPATH", "ZZZ", cwd=layout.install.parent)
     assert (ran.code, ran.out) == (2, "")
@@ -201,7 +201,7 @@ def test_zsh_reads_the_files_of_the_users_own_folder(layout: Layout, tmp_path: P
     assert f") {tmp_path}/other> " in typed(layout, tmp_path / "home", "zsh")
 
 
-def test_a_command_that_is_not_there_is_a_message(layout: Layout) -> None:
+def test_a_missing_command_is_reported(layout: Layout) -> None:
     """With its name."""
     done = shell(layout, "no-such-command")
     assert done.stderr == "error: cannot run 'no-such-command': no such file or directory\n"
@@ -224,7 +224,7 @@ def test_run_needs_no_sourcing(forge: Forge, layout: Layout, tmp_path: Path) -> 
     assert ran.out == "other\n"
 
 
-def test_underlays_come_as_their_scripts_say(tmp_path: Path) -> None:
+def test_underlays_are_sourced_by_their_scripts(tmp_path: Path) -> None:
     """Of a distribution the script is run, one that is gone adds nothing."""
     (tmp_path / "ros").mkdir()
     script = tmp_path / "ros/local_setup.sh"

@@ -88,7 +88,7 @@ def test_a_recorded_overlay_is_forgotten(forge: Forge, tmp_path: Path) -> None:
     assert forge("build", cwd=low).err == ""
 
 
-def test_a_chain_that_leads_back_is_no_underlay(forge: Forge, tmp_path: Path) -> None:
+def test_a_cyclic_chain_is_not_an_underlay(forge: Forge, tmp_path: Path) -> None:
     """Over any number of workspaces; what else it is built on may be used."""
     a, b, c = (workspace(tmp_path / name, f"p{name}") for name in "abc")
     other = make_install(tmp_path / "other", [Made("other")]).install
@@ -101,7 +101,7 @@ def test_a_chain_that_leads_back_is_no_underlay(forge: Forge, tmp_path: Path) ->
     assert recorded_underlays(a / "install") == (other,)
 
 
-def test_a_copy_in_the_place_of_its_underlay_is_not_its_own_underlay(forge: Forge, tmp_path: Path) -> None:
+def test_a_copied_workspace_is_not_its_own_underlay(forge: Forge, tmp_path: Path) -> None:
     """`mv overlay underlay`: the record then names the install folder itself."""
     low, top = workspace(tmp_path / "low", "pa"), workspace(tmp_path / "top", "pb")
     assert forge("build", cwd=low).code == 0

@@ -20,7 +20,7 @@ LOST = (
 )
 
 
-def test_what_the_environment_names_must_be_there(tmp_path: Path) -> None:
+def test_missing_prefixes_in_the_environment_are_reported(tmp_path: Path) -> None:
     """One problem a variable, not one an entry."""
     (tmp_path / "there").mkdir()
     gone = [str(tmp_path / name) for name in ("a", "b", "c", "d", "e")]
@@ -31,7 +31,7 @@ def test_what_the_environment_names_must_be_there(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("merged", [False, True])
-def test_users_in_the_underlay_are_named(merged: bool, tmp_path: Path) -> None:
+def test_dependents_in_the_underlay_are_named(merged: bool, tmp_path: Path) -> None:
     """If they are not built here, too."""
     made = [Made("base"), *(Made(name, ("base",)) for name in "vwxyz"), Made("lonely")]
     root = make_install(tmp_path / "below", made, merged=merged).install
@@ -46,7 +46,7 @@ def test_users_in_the_underlay_are_named(merged: bool, tmp_path: Path) -> None:
     assert list(overridden({"mine"}, own, variables)) == []
 
 
-def test_what_is_overridden_in_an_underlay_is_one_warning(tmp_path: Path) -> None:
+def test_overridden_packages_are_one_warning(tmp_path: Path) -> None:
     made = [Made("one"), Made("two"), Made("three"), Made("user", ("one", "two")), Made("other", ("two",))]
     root = make_install(tmp_path / "below", made).install
     variables = {"COLCON_PREFIX_PATH": str(root)}
@@ -99,7 +99,7 @@ def test_the_spelling_of_sourced_prefixes_rebuilds_nothing(forge: Forge, tree: T
     assert "Finished <<< a" in build(f"{other}:{below}")
 
 
-def test_a_build_tells_and_can_forget(forge: Forge, tmp_path: Path) -> None:
+def test_missing_underlays_are_reported_and_can_be_reset(forge: Forge, tmp_path: Path) -> None:
     """While an underlay is recorded and gone, each build says so; what was overridden, when it is built."""
     below = make_install(tmp_path / "below", [Made("base"), Made("user", ("base",))]).install
     root = tmp_path / "ws"

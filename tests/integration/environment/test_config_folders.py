@@ -72,7 +72,7 @@ def test_the_same_files_are_found(trees: list[frozenset[str]]) -> None:
         assert found(root, paths, config_variables(installed)) == found(root, paths, {})
 
 
-def test_what_is_where_ament_installs_it_has_a_variable() -> None:
+def test_configs_in_standard_folders_get_a_variable() -> None:
     files = ["/w/install/a/share/a/cmake/aConfig.cmake", "/w/install/a/share/a/cmake/aConfig-version.cmake"]
     other = ["/w/install/b/lib/cmake/b/bConfig.cmake", "/w/install/b/lib/libb.so"]
     assert config_variables([config_folders(files), config_folders(other)]) == {

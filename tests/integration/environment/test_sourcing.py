@@ -13,7 +13,7 @@ from tests.installs import dsv_package, make_install
 
 
 @pytest.mark.needs("dash")
-def test_a_script_runs_with_what_ament_and_colcon_promise(tmp_path: Path) -> None:
+def test_hook_scripts_get_the_variables_of_ament_and_colcon(tmp_path: Path) -> None:
     """The helpers, the prefix, and the environment of the hooks before it; its talk goes nowhere."""
     hook = (
         "echo talk\n"
@@ -37,7 +37,7 @@ def test_a_script_runs_with_what_ament_and_colcon_promise(tmp_path: Path) -> Non
     }
 
 
-def test_a_hook_that_ends_the_shell_is_a_message(tmp_path: Path) -> None:
+def test_a_hook_that_exits_is_reported(tmp_path: Path) -> None:
     """Named, with what it said."""
     hook = {"share/p/hook.sh": "echo it does not suit me >&2\nexit 3\n", "share/q/hook.sh": "exit 3\n"}
     layout = make_install(tmp_path, [])

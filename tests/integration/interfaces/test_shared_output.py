@@ -51,7 +51,7 @@ def _names(root: Path, namespace: str) -> str:
     )
 
 
-def test_parts_of_a_package_add_up(generate: Generate, root: Path) -> None:
+def test_partial_runs_accumulate(generate: Generate, root: Path) -> None:
     """The second run names no folder for what only the first one needs, and need not."""
     assert generate("a", *SHAPES).code == 0
     assert generate("b").code == 0
@@ -61,7 +61,7 @@ def test_parts_of_a_package_add_up(generate: Generate, root: Path) -> None:
     assert generate("b").out.startswith("0 of ")
 
 
-def test_a_package_generated_itself_stays_whole(generate: Generate, root: Path) -> None:
+def test_dependents_do_not_remove_files_of_a_generated_package(generate: Generate, root: Path) -> None:
     for package in ("a", "shapes", "a", "c"):
         assert generate(package, *SHAPES).code == 0
     assert _names(root, "shapes.msg") == "Circle Square Unused"

@@ -33,14 +33,14 @@ class Terminal(io.StringIO):
         ({"FORCE_COLOR": "1", "NO_COLOR": "1"}, False, False),
     ],
 )
-def test_who_asks_for_colours_has_them(
+def test_colours_follow_the_environment_variables(
     variables: dict[str, str], *, on_terminal: bool, in_pipe: bool
 ) -> None:
     assert palette_of(Terminal(), variables).enabled is on_terminal
     assert palette_of(io.StringIO(), variables).enabled is in_pipe
 
 
-def test_a_problem_has_colours_by_meaning_and_the_same_words() -> None:
+def test_colours_do_not_change_the_text_of_a_problem() -> None:
     problem = Problem("no \x1b[2Jsuch type", Location("A.msg", 1, 3, "a b"), hint="did you mean 'c'?")
     assert problem.render("warning", Palette(enabled=True)) == (
         "A.msg:1:3: \x1b[1;33mwarning:\x1b[0m no \N{REPLACEMENT CHARACTER}[2Jsuch type\n"

@@ -13,20 +13,20 @@ def outdated(name: str) -> Problem:
     return Problem(f"'{name}' is outdated", hint=f"update {name}", group=kind)
 
 
-def test_many_problems_of_one_kind_are_joined_where_the_first_was() -> None:
+def test_many_similar_problems_are_grouped_at_the_first() -> None:
     other = Problem("unrelated")
     found = joined([other, *map(outdated, "dbca"), other, Problem("last")])
     every = Problem("'a', 'b', 'c', 'd' are outdated", hint="update all")
     assert found == [other, other, every, Problem("last")]
 
 
-def test_a_few_keep_what_is_said_of_each() -> None:
+def test_a_few_similar_problems_are_reported_one_by_one() -> None:
     few = [outdated("a"), outdated("b"), outdated("c")]
     assert joined(few) == few
     assert joined([*few, outdated("a")]) == [*few, outdated("a")], "names are counted once"
 
 
-def test_a_watch_joins_only_what_is_new(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_watch_groups_only_new_problems(capsys: pytest.CaptureFixture[str]) -> None:
     warn = WarningReporter()
     warn(map(outdated, "abcd"))
     assert capsys.readouterr().err == "warning: 'a', 'b', 'c', 'd' are outdated\nhint: update all\n"

@@ -62,7 +62,7 @@ VALUES = st.fixed_dictionaries(
 
 
 @given(VALUES, VALUES)
-def test_they_are_made_compared_hashed_and_shown_alike(one: dict[str, Any], other: dict[str, Any]) -> None:
+def test_frozen_classes_behave_like_dataclasses(one: dict[str, Any], other: dict[str, Any]) -> None:
     ours, theirs = (Ours(**one), Ours(**other)), (Theirs(**one), Theirs(**other))
     assert (ours[0] == ours[1]) == (theirs[0] == theirs[1])
     assert (hash(ours[0]) == hash(ours[1])) == (hash(theirs[0]) == hash(theirs[1]))
@@ -74,7 +74,7 @@ def test_they_are_made_compared_hashed_and_shown_alike(one: dict[str, Any], othe
         assert copied.remark == ours[0].remark
 
 
-def test_nothing_can_be_changed_or_added() -> None:
+def test_attributes_cannot_be_set_or_added() -> None:
     value = Ours("a")
     with pytest.raises(FrozenInstanceError):
         value.name = "b"  # type: ignore[misc]
@@ -85,7 +85,7 @@ def test_nothing_can_be_changed_or_added() -> None:
     assert not hasattr(value, "__dict__")
 
 
-def test_what_is_wrong_with_a_call_is_said() -> None:
+def test_invalid_arguments_of_constructors_are_reported() -> None:
     with pytest.raises(TypeError, match="missing 1 required positional argument: 'name'"):
         Ours()  # type: ignore[call-arg]
     with pytest.raises(ValueError, match="negative"):
@@ -93,7 +93,7 @@ def test_what_is_wrong_with_a_call_is_said() -> None:
     assert Checked(1).size == 1
 
 
-def test_each_value_has_its_own_default() -> None:
+def test_mutable_defaults_are_not_shared() -> None:
     assert Ours("a").words is not Ours("a").words
 
 

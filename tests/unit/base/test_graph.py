@@ -10,7 +10,7 @@ from tests.strategies import graphs
 
 
 @given(graphs())
-def test_everything_comes_after_what_it_needs(graph: dict[str, frozenset[str]]) -> None:
+def test_order_respects_dependencies(graph: dict[str, frozenset[str]]) -> None:
     ordered = order(graph)
     assert ordered is not None
     assert sorted(ordered) == sorted(graph)
@@ -19,7 +19,7 @@ def test_everything_comes_after_what_it_needs(graph: dict[str, frozenset[str]]) 
 
 
 @given(graphs(acyclic=False))
-def test_there_is_no_order_exactly_when_there_is_a_cycle(graph: dict[str, frozenset[str]]) -> None:
+def test_order_fails_only_for_cycles(graph: dict[str, frozenset[str]]) -> None:
     cycle = find_cycle(graph)
     assert (order(graph) is None) == (cycle is not None)
     if cycle:
@@ -44,7 +44,7 @@ def test_closures_agree_with_networkx(graph: dict[str, frozenset[str]]) -> None:
 
 
 @given(graphs())
-def test_what_other_needs_imply_is_left_out_as_networkx_does(graph: dict[str, frozenset[str]]) -> None:
+def test_transitive_reduction_agrees_with_networkx(graph: dict[str, frozenset[str]]) -> None:
     ordered = order(graph)
     assert ordered is not None
     picture: nx.DiGraph[str] = nx.DiGraph()

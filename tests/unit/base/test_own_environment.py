@@ -34,7 +34,7 @@ entrypoints = [
         ('extras = ["cmake"]', "'ros-forge[cmake]'"),
     ],
 )
-def test_uv_keeps_what_the_tool_was_installed_with(tree: Tree, source: str, expected: str) -> None:
+def test_uv_commands_keep_earlier_requirements(tree: Tree, source: str, expected: str) -> None:
     """`uv tool install` would otherwise remove extras, and take another forge."""
     prefix = tree({"ros-forge/uv-receipt.toml": RECEIPT.format(source=source)}) / "ros-forge"
     command = install_beside_forge("pygls<3,>=2", prefix=prefix)
@@ -64,7 +64,7 @@ def test_a_virtual_environment_has_pip_or_was_made_by_uv(tree: Tree) -> None:
         ("rosdep", "rosdep"),
     ],
 )
-def test_an_extra_is_told_by_its_packages_alone(extra: str, package: str) -> None:
+def test_an_extra_is_expanded_to_its_requirements(extra: str, package: str) -> None:
     """The name of forge itself might lead to another project on a package index."""
     command = extra_command(extra)
     assert "ros-forge" not in command.replace(sys.executable, "")

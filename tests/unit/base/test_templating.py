@@ -27,13 +27,13 @@ def afresh() -> Iterator[None]:
     templating.environment.cache_clear()
 
 
-def test_a_name_that_was_not_given_is_an_error() -> None:
+def test_an_undefined_variable_is_an_error() -> None:
     with pytest.raises(jinja2.UndefinedError):
         templating.render(TEMPLATE, guard="A")
 
 
 @pytest.mark.parametrize("page", ["html/graph.svg.j2", "html/graph.html.j2"])
-def test_in_pages_and_only_there_names_are_escaped(page: str) -> None:
+def test_only_html_and_svg_templates_escape_values(page: str) -> None:
     empty = drawn(PackageGraph((), {}, {}, frozenset()), nx.DiGraph(), {})
     text = templating.render(page, title="<b>&", picture=empty, facts=["</script>"])
     assert "<b>" not in text
@@ -43,7 +43,7 @@ def test_in_pages_and_only_there_names_are_escaped(page: str) -> None:
 
 
 @pytest.mark.usefixtures("afresh")
-def test_a_folder_that_is_gone_or_cannot_be_is_no_harm(tmp_path: Path) -> None:
+def test_a_missing_or_invalid_template_cache_is_ignored(tmp_path: Path) -> None:
     templating.keep_compiled(tmp_path / "gone")
     templating.environment()
     (tmp_path / "gone").rmdir()
@@ -55,7 +55,7 @@ def test_a_folder_that_is_gone_or_cannot_be_is_no_harm(tmp_path: Path) -> None:
     assert "a.hpp" in templating.render(TEMPLATE, **NAMES)
 
 
-def test_compiled_templates_are_the_users_own_whatever_a_team_shares(tmp_path: Path) -> None:
+def test_compiled_templates_are_never_in_a_shared_cache(tmp_path: Path) -> None:
     other = tmp_path / "build/.forge_templates"
     shared = {"FORGE_CACHE_DIR": "/team/cache"}
     mine = compiled_templates({**shared, "XDG_CACHE_HOME": str(tmp_path / "cache")}, other)

@@ -35,7 +35,7 @@ def test_invalid_lines_are_reported_with_their_line(line: str) -> None:
     )
 
 
-def test_settling_asks_which_files_exist() -> None:
+def test_resolving_hooks_checks_which_files_exist() -> None:
     """Conditional prepends stay or go; a value that is a file becomes a path."""
     hooks: list[DsvChange | Script] = [
         DsvChange("prepend-non-duplicate-if-exists", "PATH", "bin"),
@@ -108,7 +108,7 @@ _HELD = st.dictionaries(st.sampled_from("XY"), st.sampled_from(["", "/p/a", "b:/
 
 
 @given(_EDITS, _HELD)
-def test_what_was_held_keeps_its_order(edits: list[Edit], held: dict[str, str]) -> None:
+def test_existing_entries_keep_their_order(edits: list[Edit], held: dict[str, str]) -> None:
     """Sourcing adds entries around those of the user and never takes one away."""
     result = after(held, edits)
     for name, text in held.items():
@@ -119,12 +119,12 @@ def test_what_was_held_keeps_its_order(edits: list[Edit], held: dict[str, str]) 
 
 
 @given(graphs(acyclic=False))
-def test_dependency_cycles_do_not_stop_it(needs: dict[str, frozenset[str]]) -> None:
+def test_order_handles_dependency_cycles(needs: dict[str, frozenset[str]]) -> None:
     """Where packages need each other, each still comes once."""
     assert sorted(order(needs)) == sorted(needs)
 
 
-def test_the_order_is_alphabetical_where_needs_allow() -> None:
+def test_independent_packages_are_in_alphabetical_order() -> None:
     """As colcon's: the smallest ready name, not layer by layer; unknown names do not matter."""
     needs = {"a": frozenset({"c"}), "b": frozenset({"stranger"}), "c": frozenset(), "d": frozenset({"a"})}
     assert order(needs) == ("b", "c", "a", "d")

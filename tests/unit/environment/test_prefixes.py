@@ -20,7 +20,7 @@ def paths(*folders: Path) -> str:
     return ":".join(map(str, folders))
 
 
-def test_the_chain_is_lowest_first_and_prefixes_win_in_their_order(tmp_path: Path) -> None:
+def test_underlays_are_lowest_first_and_prefixes_highest_first(tmp_path: Path) -> None:
     """As the variables have them: the one sourced last stands first there."""
     low = make_install(tmp_path / "low", [Made("base")], merged=True).install
     high = make_install(tmp_path / "high", [Made("library"), Made("tool")]).install
@@ -34,7 +34,7 @@ def test_the_chain_is_lowest_first_and_prefixes_win_in_their_order(tmp_path: Pat
     assert found.prefixes == (high / "tool", low, high / "library")
 
 
-def test_our_own_install_is_no_underlay(tmp_path: Path) -> None:
+def test_the_own_install_folder_is_not_an_underlay(tmp_path: Path) -> None:
     """Though the user has sourced it, by whatever spelling of its path."""
     own = make_install(tmp_path / "ws", [Made("mine")]).install
     (tmp_path / "link").symlink_to(own)
@@ -45,7 +45,7 @@ def test_our_own_install_is_no_underlay(tmp_path: Path) -> None:
     assert find_underlays(variables, own) == Underlays()
 
 
-def test_ament_prefixes_stand_for_the_tree_that_has_scripts(tree: Tree) -> None:
+def test_an_ament_prefix_stands_for_the_root_with_setup_scripts(tree: Tree) -> None:
     """A distribution's own prefix, an isolated tree around a package's, or nothing that could be sourced."""
     root = tree(
         {
@@ -71,7 +71,7 @@ def test_ament_prefixes_stand_for_the_tree_that_has_scripts(tree: Tree) -> None:
         "lib/cmake/Lib/LibConfig.cmake",
     ],
 )
-def test_one_file_shows_that_a_prefix_provides_a_package(evidence: str, tree: Tree) -> None:
+def test_a_manifest_or_cmake_config_identifies_a_provider(evidence: str, tree: Tree) -> None:
     """The first prefix that has it is the one; the system's own index does not count."""
     root = tree({f"low/{evidence}": "", f"high/{evidence}": "", "other/share/Other/package.xml": ""})
     sourced = Underlays(prefixes=(root / "other", root / "high", root / "low"))

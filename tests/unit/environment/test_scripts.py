@@ -32,7 +32,7 @@ EVERYTHING = (
 )
 
 
-def test_local_setup_reads_as_written_by_hand(golden: Golden) -> None:
+def test_local_setup_matches_the_expected_script(golden: Golden) -> None:
     """One statement for each variable, until an operation or a script comes between.
 
     tests/e2e/test_shells.py runs the scripts of all shells and layouts.
@@ -42,19 +42,19 @@ def test_local_setup_reads_as_written_by_hand(golden: Golden) -> None:
     golden("scripts/everything", {"local_setup.sh": local_setup("sh", ROOT, packages)})
 
 
-def test_setup_sources_the_chain(golden: Golden) -> None:
+def test_setup_sources_all_underlays(golden: Golden) -> None:
     """Underlays by their scripts, then this workspace."""
     chain = [Path("/opt/ros/humble/local_setup.sh"), Path("/home/a b/install/local_setup.sh")]
     golden("scripts/chain", {"setup.sh": setup("sh", ROOT, chain)})
 
 
-def test_a_package_alone_comes_in_front_of_everything(golden: Golden) -> None:
+def test_package_setup_prepends_its_entries(golden: Golden) -> None:
     """A hook for PowerShell is a file that nobody sources."""
     package = PackageEdits("odd", "", EVERYTHING)
     golden("scripts/package-odd", {"package.sh": package_setup("sh", ROOT / "odd", package)})
 
 
-def test_a_dsv_file_is_its_lines() -> None:
+def test_dsv_files_are_rendered_line_by_line() -> None:
     """No lines, no text."""
     assert render_dsv([]) == ""
     assert render_dsv(["set;A;b", "source;c"]) == "set;A;b\nsource;c\n"
@@ -67,6 +67,6 @@ def test_a_dsv_file_is_its_lines() -> None:
         ("fish", "a \\\"b\\\" \\$c `d` \\\\e 'f' !g “h”"),
     ],
 )
-def test_quoting_keeps_what_double_quotes_would_change(shell: str, quoted: str) -> None:
+def test_special_characters_are_escaped_in_double_quotes(shell: str, quoted: str) -> None:
     """What means something between double quotes differs: fish takes a backquote as it is."""
     assert SHELLS[shell].quoted("a \"b\" $c `d` \\e 'f' !g “h”") == quoted

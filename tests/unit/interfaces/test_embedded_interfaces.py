@@ -114,13 +114,13 @@ def _needs(name: str) -> set[str]:
     return (packages | implied) - {name}
 
 
-def test_these_are_the_interface_packages() -> None:
+def test_the_embedded_interface_packages_are_complete() -> None:
     manifests = [_manifest(path.parent.name) for path in sorted(EMBEDDED.glob("*/package.xml"))]
     assert [manifest.name for manifest in manifests if GROUP in manifest.groups] == NAMES
 
 
 @in_each_package
-def test_the_manifest_says_what_a_package_of_interfaces_says(name: str) -> None:
+def test_embedded_manifests_declare_interface_packages(name: str) -> None:
     manifest = _manifest(name)
     assert manifest.warnings == ()
     assert manifest.format == 3
@@ -133,7 +133,7 @@ def test_the_manifest_says_what_a_package_of_interfaces_says(name: str) -> None:
 
 
 @in_each_package
-def test_the_manifest_names_the_packages_whose_types_are_used(name: str) -> None:
+def test_embedded_manifests_declare_all_dependencies(name: str) -> None:
     manifest = _manifest(name)
     needs = tuple(sorted(_needs(name)))
     assert manifest.names(frozenset({DependencyKind.BUILD})) == needs

@@ -42,7 +42,7 @@ def test_events_are_messages_after_those_that_they_contain() -> None:
     ]
 
 
-def test_without_events_only_the_hash_knows_them() -> None:
+def test_without_events_they_are_only_part_of_the_hash() -> None:
     without, with_ = catalog(events=False), catalog(events=True)
     assert not [name for name in without.known if name.name.endswith("_Event")]
     assert hashes(without) == hashes(with_)
@@ -85,7 +85,7 @@ class _Nothing:
         return ()
 
 
-def test_a_service_without_its_dependency_says_which() -> None:
+def test_a_missing_dependency_of_a_service_is_named() -> None:
     source = Source("demo", "srv/Move.srv", Path("Move.srv"), DEFINITIONS["srv/Move.srv"])
     with pytest.raises(InterfaceError) as caught:
         resolve("demo", parse_all([source]), _Nothing(), events=True)

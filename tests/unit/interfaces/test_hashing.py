@@ -43,7 +43,7 @@ def test_embedded_types_have_the_hashes_that_others_computed(package: str) -> No
     assert {str(name): text for name, text in found.items() if str(name) in expected} == expected
 
 
-def test_every_kind_of_type_has_its_number(tree: Tree) -> None:
+def test_type_ids_follow_rep_2011(tree: Tree) -> None:
     lines = [
         "wstring a",
         "string<=5 b",

@@ -18,7 +18,7 @@ from tests.conftest import Tree
 LINE = "=" * 80
 
 
-def test_a_folder_gives_its_classes_and_those_below_them(tree: Tree) -> None:
+def test_a_folder_provides_its_classes_and_nested_ones(tree: Tree) -> None:
     folder = tree(
         {"tour/msg/A.msg": "std_msgs/Header header\nint8[] numbers [1, 2]", "tour/srv/B.srv": "A a\n---\n"}
     )
@@ -54,7 +54,7 @@ def test_embedded_packages_are_those_of_the_distribution(tree: Tree, monkeypatch
         load(folder, rosdistro="hmble")
 
 
-def test_a_schemas_text_gives_the_type_and_what_is_in_the_text() -> None:
+def test_a_schema_provides_its_type_and_nested_types() -> None:
     header = f"{LINE}\nMSG: tour/Header\nuint32 sequence_number\nfar/Far[2] far\n"
     text = f"Header header\n{header}{LINE}\nMSG: far/Far\nint8 a\n"
     types = load(text, "tour/msg/A")
@@ -62,7 +62,7 @@ def test_a_schemas_text_gives_the_type_and_what_is_in_the_text() -> None:
     assert types["tour/msg/A"]().header.far == [types["far/msg/Far"](), types["far/msg/Far"]()]
 
 
-def test_two_versions_of_a_type_live_side_by_side() -> None:
+def test_two_versions_of_a_type_coexist() -> None:
     old, new = load("int8 a", "tour/msg/A"), load("int16 a\nint8 b", "tour/msg/A")
     assert old["tour/msg/A"].get_fields_and_field_types() == {"a": "int8"}
     assert new["tour/msg/A"].get_fields_and_field_types() == {"a": "int16", "b": "int8"}

@@ -48,11 +48,11 @@ def test_comments_and_values_cannot_become_markup() -> None:
     assert {line.count("|") for line in plain.splitlines() if line.startswith("| `A_B`")} == {5}
 
 
-def test_a_message_without_fields_says_so() -> None:
+def test_an_empty_message_is_documented_as_empty() -> None:
     assert "\n\nNo fields.\n" in page(Message(NAME))
 
 
-def test_docs_are_a_language_like_any_other(forge: Forge, tree: Tree) -> None:
+def test_docs_are_a_target(forge: Forge, tree: Tree) -> None:
     """Pages of the types referred to lie beside the package's own, so that links lead somewhere."""
     root = tree({"src/msg/A.msg": "geometry_msgs/Point[] points"})
     ran = forge(
@@ -92,7 +92,7 @@ def third_party(tree: Tree, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.usefixtures("third_party")
-def test_another_distribution_brings_a_language(forge: Forge, tree: Tree) -> None:
+def test_another_distribution_provides_a_target(forge: Forge, tree: Tree) -> None:
     """It is asked for by name, and its files lie in a folder of that name."""
     root = tree({"src/msg/A.msg": "int8 a", "src/msg/B.msg": ""})
     ran = forge(
@@ -119,7 +119,7 @@ def test_forges_own_targets_come_first() -> None:
         ("empty", "it has no function 'files'"),
     ],
 )
-def test_a_target_that_cannot_be_used_is_named_with_its_cause(name: str, cause: str) -> None:
+def test_an_unusable_target_is_reported_with_the_cause(name: str, cause: str) -> None:
     with pytest.raises(ForgeError) as caught:
         render(EMPTY, name)
     message = f"the target '{name}' cannot be loaded from 'third_{name}': {cause}"
@@ -127,7 +127,7 @@ def test_a_target_that_cannot_be_used_is_named_with_its_cause(name: str, cause: 
 
 
 @pytest.mark.usefixtures("third_party")
-def test_an_unknown_language_gets_a_list_of_those_there_are() -> None:
+def test_an_unknown_target_lists_the_available_ones() -> None:
     """Those of other distributions included, with the nearest first."""
     with pytest.raises(ForgeError) as caught:
         render(EMPTY, "nams")

@@ -52,7 +52,7 @@ def test_a_schema_in_idl_names_every_type_in_full(forge: Forge, tree: Tree) -> N
     assert "error: 'tour/idl/Only' is written in IDL" in ran.err
 
 
-def test_a_schema_of_what_is_not_there_is_an_error(forge: Forge, tree: Tree) -> None:
+def test_a_schema_of_a_missing_type_is_an_error(forge: Forge, tree: Tree) -> None:
     ran = forge("interface", "schema", "std_msgs/msg/Strin")
     assert ran.err.splitlines() == [
         "error: unknown type 'std_msgs/msg/Strin'",
@@ -100,7 +100,7 @@ def test_a_section_without_a_type_name_is_reported(text: str, line: str) -> None
     assert str(caught.value).startswith(line)
 
 
-def test_a_schemas_name_may_go_without_its_namespace() -> None:
+def test_the_namespace_of_a_schema_name_is_optional() -> None:
     assert (
         parse_name("std_msgs/String")
         == parse_name("std_msgs/msg/String")

@@ -23,14 +23,14 @@ def names(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.iterdir())
 
 
-def test_what_is_no_longer_made_is_removed_unless_another_package_makes_it(tmp_path: Path) -> None:
+def test_obsolete_files_are_removed_unless_another_package_generates_them(tmp_path: Path) -> None:
     write([part("x", a="a", b="b")], tmp_path, "p")
     write([part("x", b="b")], tmp_path, "q")
     write([part("x", c="c")], tmp_path, "p")
     assert names(tmp_path / "x") == ["b.txt", "c.txt"]
 
 
-def test_a_language_that_is_not_of_the_run_is_left_alone(tmp_path: Path) -> None:
+def test_files_of_other_languages_are_kept(tmp_path: Path) -> None:
     write([part("x", a="a")], tmp_path, "p")
     write([part("y", c="c")], tmp_path, "p")
     assert (tmp_path / "x/a.txt").exists()
@@ -49,13 +49,13 @@ def test_a_file_of_the_users_is_never_removed(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "text", ["", "[]", '{"version": 99}', '{"version": 3}', '{"version": 3, "parts": {"a": 3}}']
 )
-def test_a_broken_record_counts_as_none(tmp_path: Path, text: str) -> None:
+def test_a_corrupt_state_file_is_ignored(tmp_path: Path, text: str) -> None:
     write([part("x", a="a")], tmp_path, "p")
     (tmp_path / ".forge/p.json").write_text(text)
     assert read_states(tmp_path) == {"p": OutputState()}
 
 
-def test_a_folder_that_cannot_be_written_is_the_machines_fault(tmp_path: Path) -> None:
+def test_an_unwritable_folder_is_a_host_error(tmp_path: Path) -> None:
     (tmp_path / "x").write_text("a file")
     with pytest.raises(HostError, match="cannot write"):
         write([part("x", a="a")], tmp_path, "p")

@@ -219,7 +219,7 @@ def compile_cleanly(compiler: str, standard: str, include: Path, *arguments: str
         pytest.param("clang++", "c++20", marks=pytest.mark.needs("clang++")),
     ],
 )
-def test_a_program_uses_messages_as_ros_programs_do(
+def test_a_ros_style_program_compiles_and_runs(
     compiler: str, standard: str, include: Path, tmp_path: Path
 ) -> None:
     """The headers compile without a warning, optimized, and every check of the program holds."""
@@ -250,7 +250,7 @@ def test_a_header_needs_no_other_header_before_it(include: Path, tmp_path: Path)
         *sorted(path.relative_to(RUNTIME).as_posix() for path in RUNTIME.glob("forge_cdr/**/*.hpp")),
     ],
 )
-def test_older_standards_are_refused_with_the_remedy(
+def test_older_standards_are_rejected_with_a_remedy(
     header: str, compiler: str, include: Path, tmp_path: Path
 ) -> None:
     """The first error names it, whichever header comes first."""

@@ -23,7 +23,7 @@ def test_a_module_without_fixed_arrays_needs_no_numpy(probe: Path) -> None:
     assert run_python(probe, code) == "False"
 
 
-def test_without_assertions_values_are_not_checked_but_converted(probe: Path) -> None:
+def test_with_o_values_are_converted_without_checks(probe: Path) -> None:
     code = (
         "from probe.msg import Scalars, Fixed, Loose\n"
         "loose = Loose(); loose.a_int8 = [1]\n"

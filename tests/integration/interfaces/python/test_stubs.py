@@ -67,7 +67,7 @@ def stubs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_a_type_checker_takes_right_uses_and_refuses_wrong_ones(stubs: Path, tree: Tree) -> None:
+def test_stubs_accept_valid_and_reject_invalid_uses(stubs: Path, tree: Tree) -> None:
     wrong = "".join(f"    {line}\n" for line in WRONG)
     root = tree({"right.py": RIGHT, "wrong.py": f"from probe.msg import *\n\ndef wrong() -> None:\n{wrong}"})
     variables = {"MYPYPATH": f"{stubs}:{RUNTIME}", "MYPY_CACHE_DIR": str(root / "cache")}

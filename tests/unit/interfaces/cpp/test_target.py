@@ -101,13 +101,13 @@ def test_a_constant_may_be_called_like_a_macro(name: str) -> None:
         ("\ud800a", String(wide=True), 'u"\\xd800" u"a"'),
     ],
 )
-def test_a_literal_has_exactly_the_value(value: Value, type_: Type, text: str) -> None:
+def test_literals_are_exact(value: Value, type_: Type, text: str) -> None:
     """No compiler warns of it, and no character of it depends on the source's encoding."""
     assert literal(value, type_) == text
 
 
 @pytest.mark.parametrize("type_", [POINT, Primitive("int8")])
-def test_what_has_no_literal_is_our_mistake(type_: Type) -> None:
+def test_a_type_without_literals_is_a_bug(type_: Type) -> None:
     """A message, or a number that is several, never gets this far."""
     with pytest.raises(TypeError):
         literal((1, 2), type_)
@@ -121,7 +121,7 @@ def test_a_float_is_read_back_the_same(value: float) -> None:
 
 
 @given(st.lists(st.text(max_size=12), max_size=4), st.none() | st.text("[m]/\\?", min_size=1, max_size=3))
-def test_a_comment_ends_where_it_seems_to(lines: list[str], unit: str | None) -> None:
+def test_comments_cannot_continue_on_the_next_line(lines: list[str], unit: str | None) -> None:
     """One line stays one line of comment, whatever is in it."""
     written = comment(lines, unit)
     assert len(written) == max(len(lines), unit is not None)

@@ -104,11 +104,11 @@ def error(members: str, before: str = "") -> str:
         ("::q::idl::B", Named(TypeName("q", "idl", "B"))),
     ],
 )
-def test_a_type_is_read_as_what_it_means(written: str, type_: Type) -> None:
+def test_idl_types_are_converted(written: str, type_: Type) -> None:
     assert message(f"{written} a;").fields == (Field("a", type_),)
 
 
-def test_members_can_be_arrays_each_by_itself() -> None:
+def test_each_declarator_may_be_an_array() -> None:
     fields = message("int8 a[3], b, c[4];").fields
     assert [(field.name, field.type) for field in fields] == [
         ("a", Array(INT8, 3)),
@@ -117,7 +117,7 @@ def test_members_can_be_arrays_each_by_itself() -> None:
     ]
 
 
-def test_typedefs_are_resolved_to_the_end() -> None:
+def test_typedefs_of_typedefs_are_resolved() -> None:
     before = """
         typedef q::msg::B q__msg__B;
         typedef q__msg__B q__msg__B__3[3];
@@ -135,7 +135,7 @@ def test_typedefs_are_resolved_to_the_end() -> None:
     ]
 
 
-def test_words_of_idl_are_names_of_members_where_no_type_can_stand() -> None:
+def test_idl_keywords_may_be_member_names() -> None:
     words = "string wstring sequence module boolean octet TRUE any map A a__b a_ struct_"
     fields = message(" ".join(f"int8 {word};" for word in words.split())).fields
     assert [field.name for field in fields] == words.split()
@@ -179,7 +179,7 @@ def test_words_of_idl_are_names_of_members_where_no_type_can_stand() -> None:
         ("sequence<octet>", '"(0, 255)"', (0, 255)),
     ],
 )
-def test_a_default_has_the_value_that_its_type_gives_it(type_: str, written: str, value: Value) -> None:
+def test_defaults_are_converted_to_the_type_of_the_member(type_: str, written: str, value: Value) -> None:
     (field,) = message(f"@default (value={written}) {type_} a;").fields
     assert field.default == value
     assert type(field.default) is type(value)
@@ -197,7 +197,7 @@ def test_a_default_has_the_value_that_its_type_gives_it(type_: str, written: str
         (r"\\\"", '"'),
     ],
 )
-def test_escapes_are_those_of_idl_and_rosidl_halves_the_rest(written: str, value: str) -> None:
+def test_doubled_backslashes_are_halved_like_in_rosidl(written: str, value: str) -> None:
     (field,) = message(f'@default (value="{written}") string a;').fields
     assert field.default == value
 
@@ -225,7 +225,7 @@ def test_constants_belong_to_the_struct_that_their_module_names() -> None:
     assert text == Constant("TEXT", String(), "t")
 
 
-def test_annotations_that_mean_nothing_are_read_over() -> None:
+def test_unknown_annotations_are_ignored() -> None:
     annotated = """
         @key @optional @range(min=1, max=3) @bit_bound(8) @transfer_mode(SHMEM_REF) @unit (value="m/s")
         @verbatim (language="c++", text="not this") @verbatim (language="comment", text="This.")
@@ -237,7 +237,7 @@ def test_annotations_that_mean_nothing_are_read_over() -> None:
     assert message(annotated, '@verbatim (language="comment", text="Of it.")').doc == ("Of it.",)
 
 
-def test_what_has_no_meaning_for_ros_is_dropped() -> None:
+def test_definitions_without_meaning_for_ros_are_ignored() -> None:
     before = """
         enum Color { @value(1) RED, GREEN };
         struct Later;
@@ -247,13 +247,13 @@ def test_what_has_no_meaning_for_ros_is_dropped() -> None:
     assert message("int8 a;", before).fields == (Field("a", INT8),)
 
 
-def test_includes_and_comments_are_not_looked_into() -> None:
+def test_includes_and_comments_are_ignored() -> None:
     comments = '#include "x.idl"\n#include <y.idl>\n// one /*\n/* two\n// */'
     text = comments + in_modules("struct A { int8 a; };")
     assert isinstance(read(f"\ufeff{text}\r\n"), Message)
 
 
-def test_the_number_of_structs_says_what_the_file_is() -> None:
+def test_the_number_of_structs_determines_the_kind() -> None:
     def structs(*names: str) -> str:
         return "".join(f"struct {name} {{ int8 a; }};" for name in names)
 
@@ -288,7 +288,7 @@ def test_the_modules_are_the_package_and_any_namespace() -> None:
     ]
 
 
-def test_the_hidden_member_alone_is_no_field() -> None:
+def test_a_lone_hidden_member_is_not_a_field() -> None:
     assert message("uint8 structure_needs_at_least_one_member;").fields == ()
     assert len(message("uint8 structure_needs_at_least_one_member; int8 a;").fields) == 2
 
@@ -398,7 +398,7 @@ def test_all_errors_are_reported_with_their_line() -> None:
     assert errors("module p {\n") == ["1:11 unexpected end of file"]
 
 
-def test_oddities_are_warnings_not_errors() -> None:
+def test_error_prone_idl_is_a_warning() -> None:
     text = in_modules("struct A { int8 a[3], b; @default(value=1) @default(value=2) int8 c; };")
     reader = read_idl(Source("p", "msg/A.idl", Path("A.idl"), text))
     assert [warning.message for warning in reader.warnings] == [
@@ -415,7 +415,7 @@ def test_oddities_are_warnings_not_errors() -> None:
     st.text(st.sampled_from("\\\\\"'ntu0419x ")),
     st.lists(st.text(st.sampled_from("a\\\\\"'é "), min_size=1)),
 )
-def test_any_text_comes_through_idl_as_it_was(value: str, escapes: str, parts: list[str]) -> None:
+def test_any_text_survives_a_round_trip_through_idl(value: str, escapes: str, parts: list[str]) -> None:
     """Defaults, elements of lists, units and comments, backslashes and quotes among them."""
     name = TypeName("p", "msg", "A")
     fields = (
@@ -428,13 +428,13 @@ def test_any_text_comes_through_idl_as_it_was(value: str, escapes: str, parts: l
 
 
 @pytest.mark.parametrize("package", sorted(LIBRARY.packages()))
-def test_what_is_written_reads_back_as_it_was(package: str) -> None:
+def test_any_interface_survives_a_round_trip(package: str) -> None:
     """The law of both directions, over every interface that forge brings along."""
     for parsed in parse_all(read_folder(package, LIBRARY.packages()[package])):
         _assert_same(package, parsed.interface)
 
 
-def test_the_tour_of_all_features_reads_back_as_it_was() -> None:
+def test_the_tour_of_all_features_survives_a_round_trip() -> None:
     for folder in ("idl", "show", "cpp", "python"):
         source = GOLDEN / "interfaces" / folder / "src"
         if source.is_dir():

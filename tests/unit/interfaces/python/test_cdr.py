@@ -289,7 +289,7 @@ def test_padding_is_ignored(cdr: Any) -> None:
     assert cdr.deserialize(data, class_of("vectors/Big")) == make(*VECTORS["17"][:2])
 
 
-def test_what_follows_the_message_is_ignored(cdr: Any) -> None:
+def test_trailing_bytes_are_ignored(cdr: Any) -> None:
     assert cdr.deserialize(body("01 000000"), class_of("std_msgs/Bool")).data is True
 
 
@@ -301,7 +301,7 @@ def test_any_byte_but_zero_is_true(cdr: Any) -> None:
     ("text", "value"),
     [("00000000", ""), ("02000000 6869", "hi"), ("01000000 69", "i"), ("03000000 690000", "i\0")],
 )
-def test_strings_may_lack_their_nul_and_even_be_of_no_length(cdr: Any, text: str, value: str) -> None:
+def test_strings_without_nul_are_accepted(cdr: Any, text: str, value: str) -> None:
     class_ = class_of("std_msgs/String")
     assert cdr.deserialize(body(text), class_).data == value
     assert fast("reader", class_)(body(text), sys.maxsize).data == value
@@ -322,7 +322,7 @@ def test_any_buffer_can_be_read(cdr: Any, kind: Any) -> None:
         assert fast("reader", type(message))(memoryview(body(text)), sys.maxsize) == message
 
 
-def test_what_was_read_can_be_changed_and_does_not_depend_on_the_data(cdr: Any) -> None:
+def test_messages_do_not_alias_the_buffer(cdr: Any) -> None:
     data = bytearray(cdr.serialize(make("vectors/Arr", {"a": 1, "b": [1.0], "c": [2, 3, 4], "d": [5, 6]})))
     read = cdr.deserialize(data, class_of("vectors/Arr"))
     data[4:] = bytes(len(data) - 4)
@@ -336,7 +336,7 @@ def test_what_was_read_can_be_changed_and_does_not_depend_on_the_data(cdr: Any) 
 # What fields may hold besides the usual
 
 
-def test_whatever_a_field_accepts_can_be_written(cdr: Any) -> None:
+def test_every_accepted_value_can_be_written(cdr: Any) -> None:
     octets = class_of("vectors/Octets")(one=bytearray(b"\1"), many={b"\2"}, two=(b"\3", b"\4"))
     assert cdr.serialize(octets) == body("01 000000 01000000 02 03 04")
     bounded = class_of("vectors/Bnd")(s=UserString("ab"))
@@ -350,7 +350,7 @@ def test_whatever_a_field_accepts_can_be_written(cdr: Any) -> None:
     assert cdr.deserialize(cdr.serialize(matrix), type(matrix)).d.tolist() == [5, 6]
 
 
-def test_arrays_with_gaps_are_written_without(cdr: Any) -> None:
+def test_strided_arrays_are_written_contiguously(cdr: Any) -> None:
     for name, size in (("vectors/Arr", 2), ("vectors/Bulk", 100)):
         message = class_of(name)()
         slot = "d"
@@ -361,13 +361,13 @@ def test_arrays_with_gaps_are_written_without(cdr: Any) -> None:
         )
 
 
-def test_unchecked_fields_are_written_if_they_can_be(cdr: Any) -> None:
+def test_unchecked_values_are_written_if_possible(cdr: Any) -> None:
     message = class_of("vectors/Arr")()
     message._d, message._b = [5, 6], (1,)
     assert cdr.serialize(message) == body("00 00000000000000 000000000000f03f 000000 00 05000000 06000000")
 
 
-def test_classes_derived_from_a_message_are_messages(cdr: Any) -> None:
+def test_subclasses_of_messages_are_supported(cdr: Any) -> None:
     class Mine(class_of("std_msgs/String")):  # type: ignore[misc]
         __slots__ = ()
 
@@ -455,7 +455,9 @@ def test_a_service_is_not_a_message(cdr: Any) -> None:
         ("geometry_msgs/PoseArray", {"poses": [1]}, "'poses[0]' is of type 'int', not 'Pose', at offset 24"),
     ],
 )
-def test_what_cannot_be_written_is_named(cdr: Any, name: str, changes: dict[str, Any], words: str) -> None:
+def test_values_that_cannot_be_written_are_reported(
+    cdr: Any, name: str, changes: dict[str, Any], words: str
+) -> None:
     message = class_of(name)()
     for field, value in changes.items():
         setattr(message, f"_{field}", value)
@@ -529,9 +531,7 @@ def test_invalid_bytes_have_specific_errors(cdr: Any, name: str, data: str, word
         ("much", ["\U00010000"], "'much[0]' is the character 65536, the highest is 65535"),
     ],
 )
-def test_characters_that_the_wire_does_not_have_are_not_written(
-    cdr: Any, field: str, value: Any, words: str
-) -> None:
+def test_unencodable_characters_are_rejected(cdr: Any, field: str, value: Any, words: str) -> None:
     message = class_of("vectors/Characters")()
     setattr(message, f"_{field}", value)
     with pytest.raises(cdr.CdrError, match=re.escape(words)):
@@ -546,7 +546,7 @@ def test_characters_that_the_wire_does_not_have_are_not_written(
         (13, "'two[1]' is the char"),
     ],
 )
-def test_characters_that_python_does_not_have_are_not_read(cdr: Any, position: int, words: str) -> None:
+def test_invalid_code_points_are_rejected(cdr: Any, position: int, words: str) -> None:
     data = bytearray(cdr.serialize(class_of("vectors/Characters")(wide="a")))
     data[position] = 255
     with pytest.raises(cdr.CdrError, match=re.escape(words)):
@@ -564,7 +564,7 @@ def test_the_error_knows_its_offset_and_survives_pickling(cdr: Any) -> None:
 @pytest.mark.parametrize(
     "name", ["vectors/Seq", "vectors/Strs", "std_msgs/String", "vectors/W", "vectors/Tree", "vectors/Hollow"]
 )
-def test_a_count_that_cannot_be_costs_nothing(cdr: Any, name: str, count: str) -> None:
+def test_an_impossible_count_allocates_no_memory(cdr: Any, name: str, count: str) -> None:
     data, class_ = body(count) + bytes(64), class_of(name)
     for _ in range(2):  # the first time loads modules
         tracemalloc.start()
@@ -585,7 +585,7 @@ def image(cdr: Any) -> Any:
     return cdr.deserialize(cdr.serialize(whole), type(whole), copy=False)
 
 
-def test_a_large_sequence_is_copied_when_it_is_looked_at(image: Any) -> None:
+def test_a_large_sequence_is_copied_on_first_access(image: Any) -> None:
     class_ = class_of("sensor_msgs/Image")
     assert type(image) is not class_
     assert image.__class__ is class_
@@ -615,7 +615,7 @@ def test_a_lazy_message_is_like_any_other(cdr: Any, image: Any) -> None:
         assert copied == whole
 
 
-def test_fields_are_postponed_one_by_one(cdr: Any) -> None:
+def test_each_lazy_field_is_read_on_its_own(cdr: Any) -> None:
     scan = class_of("sensor_msgs/LaserScan")(ranges=[1.0] * 2000, intensities=[2.0] * 3000)
     read = cdr.deserialize(cdr.serialize(scan), type(scan), copy=False)
     assert read.ranges == scan.ranges
@@ -624,7 +624,7 @@ def test_fields_are_postponed_one_by_one(cdr: Any) -> None:
     assert type(read) is type(scan)
 
 
-def test_lazy_messages_inside_others_are_made_when_they_are_looked_at(cdr: Any) -> None:
+def test_nested_lazy_messages_are_created_on_access(cdr: Any) -> None:
     image = make("sensor_msgs/Image", {"data": [1] * 5000})
     around = class_of("stereo_msgs/DisparityImage")(image=image)
     read = cdr.deserialize(cdr.serialize(around), type(around), copy=False)
@@ -633,7 +633,7 @@ def test_lazy_messages_inside_others_are_made_when_they_are_looked_at(cdr: Any) 
     assert read == around
 
 
-def test_a_view_is_of_the_data_until_there_is_an_array(cdr: Any, image: Any) -> None:
+def test_a_lazy_field_refers_to_the_buffer_until_accessed(cdr: Any, image: Any) -> None:
     view = cdr.view(image, "data")
     assert view.readonly
     assert view[:4].tolist() == [1, 2, 3, 4]
@@ -647,7 +647,7 @@ def test_a_view_is_of_the_data_until_there_is_an_array(cdr: Any, image: Any) -> 
         cdr.view(image, "height")
 
 
-def test_only_data_that_cannot_change_are_read_lazily(cdr: Any) -> None:
+def test_only_immutable_buffers_are_read_lazily(cdr: Any) -> None:
     data = body(VECTORS["11"][2])
     class_ = class_of("sensor_msgs/Image")
     for kind in (bytearray, lambda text: memoryview(bytearray(text))):
@@ -659,7 +659,7 @@ def test_only_data_that_cannot_change_are_read_lazily(cdr: Any) -> None:
 # The text
 
 
-def test_serializers_read_as_if_written_by_hand(golden: Golden) -> None:
+def test_serializers_match_the_reviewed_code(golden: Golden) -> None:
     case = "interfaces/python_cdr"
     definitions = {
         f"msg/{path.name}": path.read_text(encoding="utf-8") for path in (GOLDEN / case / "msg").glob("*.msg")

@@ -106,9 +106,7 @@ def test_a_property_converts_sequences_and_sets_of_numbers(
 
 
 @pytest.mark.parametrize("value", [[1.0], iter([1]), "", 5, None, {1: 1.5}, np.zeros(3), [300], ["a"]])
-def test_a_numeric_sequence_refuses_what_is_no_collection_of_its_numbers(
-    msg: ModuleType, value: object
-) -> None:
+def test_a_numeric_sequence_rejects_other_values(msg: ModuleType, value: object) -> None:
     with refused(
         "The 'a_uint8' field must be a set or sequence and each value of type 'int' "
         "and each unsigned integer in [0, 255]"
@@ -116,7 +114,7 @@ def test_a_numeric_sequence_refuses_what_is_no_collection_of_its_numbers(
         msg.Loose().a_uint8 = value
 
 
-def test_arrays_of_another_type_or_size_are_refused(msg: ModuleType) -> None:
+def test_arrays_of_another_type_or_size_are_rejected(msg: ModuleType) -> None:
     fixed, loose, bound = msg.Fixed(), msg.Loose(), msg.Bound()
     with refused("The 'a_uint8' numpy.ndarray() must have the dtype of 'numpy.uint8'"):
         fixed.a_uint8 = np.zeros(3)
@@ -163,7 +161,7 @@ LISTS_REFUSED = [
 
 
 @pytest.mark.parametrize(("class_", "name", "value", "words"), LISTS_REFUSED)
-def test_a_list_refuses_other_elements_and_lengths(
+def test_a_list_rejects_other_elements_and_lengths(
     msg: ModuleType, class_: str, name: str, value: object, words: str
 ) -> None:
     message = getattr(msg, class_)()
@@ -181,7 +179,7 @@ def test_a_list_is_stored_as_given(msg: ModuleType, value: object) -> None:
 
 
 @given(value=st.one_of(st.integers(), st.floats(), st.booleans(), st.text(max_size=2), st.none()))
-def test_an_integer_field_holds_what_it_is_given_or_what_it_had(probe: Path, value: object) -> None:
+def test_a_rejected_integer_leaves_the_field_unchanged(probe: Path, value: object) -> None:
     assert probe.is_dir()
     message = import_module("probe.msg").Scalars()
     try:

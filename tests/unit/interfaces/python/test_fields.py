@@ -100,7 +100,7 @@ def test_a_scalar_accepts_a_value_of_its_type_in_its_range(msg: ModuleType, name
 
 
 @pytest.mark.parametrize(("name", "value", "words"), SCALARS_REFUSED)
-def test_a_scalar_refuses_other_values_and_keeps_its_own(
+def test_a_rejected_scalar_leaves_the_field_unchanged(
     msg: ModuleType, name: str, value: object, words: str
 ) -> None:
     message = msg.Scalars()
@@ -115,7 +115,7 @@ def test_nan_is_a_float(msg: ModuleType) -> None:
     assert math.isnan(msg.Scalars(single=math.nan).single)
 
 
-def test_a_message_field_takes_its_class_and_those_derived_from_it(msg: ModuleType) -> None:
+def test_a_message_field_accepts_subclasses(msg: ModuleType) -> None:
     class Special(msg.Point):  # type: ignore[misc, name-defined]
         """A user's own."""
 
@@ -140,7 +140,7 @@ def test_defaults_have_the_form_in_which_fields_store_them(msg: ModuleType) -> N
     assert (message.flags, message.bytes, message.texts) == ([True, False], [b"\0", b"\xff"], ["a", "b"])
 
 
-def test_numeric_fields_with_a_default_check_what_a_constructor_is_given(msg: ModuleType) -> None:
+def test_numeric_fields_with_a_default_check_arguments(msg: ModuleType) -> None:
     assert msg.Defaults(some=[3]).some == array("i", [3])
     with pytest.raises(AssertionError):
         msg.Defaults(some=[1.5])
@@ -163,7 +163,7 @@ def test_a_field_may_be_called_property(msg: ModuleType) -> None:
         message.last = "x"
 
 
-def test_fields_may_have_the_names_of_what_the_code_uses(msg: ModuleType) -> None:
+def test_field_names_may_shadow_names_of_generated_code(msg: ModuleType) -> None:
     message = msg.Words(self=1, len=2, str="x", bytes=b"y", array=[1], numpy=[1, 2, 3])
     assert (message.self, message.len, message.str, message.bytes) == (1, 2, "x", b"y")
     assert (message.array, message.numpy.tolist()) == (array("b", [1]), [1, 2, 3])
@@ -172,7 +172,7 @@ def test_fields_may_have_the_names_of_what_the_code_uses(msg: ModuleType) -> Non
             msg.Words(**{name: value})
 
 
-def test_classes_of_one_name_are_kept_apart(probe: Path) -> None:
+def test_classes_of_the_same_name_do_not_conflict(probe: Path) -> None:
     assert probe.is_dir()
     goal = import_module("probe.action").Act.Goal()
     assert type(goal.ours).__module__ == "probe.msg._point"
@@ -198,7 +198,7 @@ HOSTILE = [
 
 
 @pytest.mark.parametrize("text", HOSTILE)
-def test_no_text_breaks_out_of_its_quotes(text: str) -> None:
+def test_strings_in_generated_code_are_escaped(text: str) -> None:
     name = TypeName("hostile", "msg", "Text")
     message = Message(
         name,
@@ -241,7 +241,7 @@ def test_idl_characters_are_strings_of_one_character() -> None:
             class_(**values)
 
 
-def test_a_member_may_be_called_like_its_class() -> None:
+def test_a_member_may_have_the_name_of_its_class() -> None:
     inner, outer = TypeName("idl", "msg", "Inner"), TypeName("idl", "msg", "Outer")
     messages = {
         inner: Message(inner, (Field("x", Primitive("int8")),)),
@@ -288,7 +288,7 @@ def test_a_field_named_like_a_keyword_has_another_name_in_code(tmp_path: Path) -
         assert copy.deepcopy(edge) == edge == pickle.loads(pickle.dumps(edge))
 
 
-def test_the_stub_of_a_keyword_has_its_name_in_code() -> None:
+def test_stubs_rename_fields_named_like_keywords() -> None:
     catalog = catalog_of("keyword_msgs", {"msg/Edge.msg": "string from\n"})
     stub = next(file.text for file in python.files(catalog) if file.path.endswith("_edge.pyi"))
     compile(stub, "_edge.pyi", "exec")

@@ -94,7 +94,7 @@ def test_a_default_read_on_the_class_is_fresh_and_shared_on_instances(msg: Modul
     assert getattr(msg.Defaults(), name) is getattr(msg.Defaults(), name)
 
 
-def test_slots_stand_in_the_order_of_the_fields_and_nothing_else_can_be_set(msg: ModuleType) -> None:
+def test_slots_are_in_field_order_and_exclusive(msg: ModuleType) -> None:
     assert msg.Nested.__slots__ == ["_header", "_point"]
     with pytest.raises(AttributeError):
         msg.Nested().other = 1
@@ -136,12 +136,12 @@ def test_slot_types_describe_the_fields(msg: ModuleType) -> None:
     assert msg.Nested.SLOT_TYPES[1].namespaces == ["probe", "msg"]
 
 
-def test_unknown_keywords_are_refused_in_order(msg: ModuleType) -> None:
+def test_unknown_keywords_are_rejected_in_order(msg: ModuleType) -> None:
     with refused("Invalid arguments passed to constructor: a, z"):
         msg.Point(z=1, a=2, x=0.0)
 
 
-def test_check_fields_is_accepted_and_never_turns_the_checks_off(msg: ModuleType) -> None:
+def test_check_fields_does_not_disable_checks(msg: ModuleType) -> None:
     for wanted in (True, False):
         message = msg.Point(x=1.0, check_fields=wanted)
         assert message == msg.Point(x=1.0)
@@ -179,7 +179,7 @@ def test_messages_have_no_hash_and_no_order(msg: ModuleType) -> None:
         _ = msg.Point() < msg.Point()
 
 
-def test_a_message_shows_as_the_call_that_makes_it(msg: ModuleType) -> None:
+def test_repr_of_a_message_is_its_constructor_call(msg: ModuleType) -> None:
     assert repr(msg.Point(x=1.0)) == "probe.msg.Point(x=1.0, y=0.0)"
     assert repr(msg.Nothing()) == "probe.msg.Nothing()"
     shown = repr(msg.Bound(numbers=[1, 2], texts=["a'b"]))
@@ -196,7 +196,7 @@ def test_messages_can_be_copied_and_pickled(msg: ModuleType, name: str) -> None:
         assert made is not original
 
 
-def test_the_metaclass_carries_what_client_libraries_look_for(msg: ModuleType) -> None:
+def test_the_metaclass_has_the_attributes_that_rclpy_uses(msg: ModuleType) -> None:
     metaclass = type(msg.Point)
     assert metaclass.__name__ == "Metaclass_Point"
     for name in (
@@ -244,7 +244,7 @@ def test_a_service_is_a_pair_of_messages(probe: Path) -> None:
     assert not hasattr(service, "Event")
 
 
-def test_an_action_holds_its_messages_and_services(probe: Path) -> None:
+def test_an_action_has_its_messages_and_services(probe: Path) -> None:
     assert probe.is_dir()
     action = import_module("probe.action").Act
     assert [part.__name__ for part in (action.Goal, action.Result, action.Feedback)] == [
@@ -271,7 +271,7 @@ def test_an_action_holds_its_messages_and_services(probe: Path) -> None:
 
 
 @pytest.mark.parametrize("case", sorted(path.name for path in (GOLDEN / "interfaces" / "python").iterdir()))
-def test_the_text_is_as_reviewed(case: str, golden: Golden) -> None:
+def test_generated_modules_match_the_reviewed_text(case: str, golden: Golden) -> None:
     source = GOLDEN / "interfaces" / "python" / case
     definitions = {
         path.relative_to(source).as_posix(): path.read_text(encoding="utf-8")

@@ -14,7 +14,7 @@ from forge.interfaces.python.stubs import docstring
 
 
 @given(st.lists(st.text(), min_size=1, max_size=4))
-def test_a_docstring_says_what_its_lines_say(lines: list[str]) -> None:
+def test_docstrings_are_escaped(lines: list[str]) -> None:
     stripped = [line.rstrip() for line in lines]
     text = "\n".join(docstring(lines))
     if not any(stripped):

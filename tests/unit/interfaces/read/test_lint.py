@@ -97,11 +97,11 @@ def test_error_prone_lines_are_reported_with_their_position(line: str, message: 
         "int8[] a []",
     ],
 )
-def test_what_is_common_is_not(line: str) -> None:
+def test_common_definitions_are_accepted(line: str) -> None:
     assert told(line) == []
 
 
-def test_sections_and_idl_files_are_looked_into() -> None:
+def test_sections_and_idl_files_are_checked() -> None:
     assert told("int8 errno\n---\nint8 linux", "srv/A.srv") == [
         "1:6 avoid the field name 'errno': it is a macro in common headers",
         "3:6 avoid the field name 'linux': it is a macro in common headers",
@@ -113,7 +113,7 @@ def test_sections_and_idl_files_are_looked_into() -> None:
     ]
 
 
-def test_the_switch_makes_them_errors(forge: Forge, tree: Tree) -> None:
+def test_strict_turns_warnings_into_errors(forge: Forge, tree: Tree) -> None:
     root = tree({"src/msg/A.msg": "int8 a 017\nint8 errno\n"})
     arguments = ["--package", "tour", "src"]
     assert forge("interface", "generate", "--output", "out", *arguments, cwd=root).code == 0
@@ -134,5 +134,5 @@ def test_the_switch_makes_them_errors(forge: Forge, tree: Tree) -> None:
 
 
 @pytest.mark.parametrize("package", sorted(Library().packages()))
-def test_what_forge_brings_along_is_strict(package: str) -> None:
+def test_embedded_definitions_pass_strict(package: str) -> None:
     assert lint(parse_all(read_folder(package, Library().packages()[package]))) == []

@@ -119,12 +119,12 @@ def test_collections(text: str, type_: Type, value: Value) -> None:
         ("日本", "日本"),
     ],
 )
-def test_text_loses_its_quotes_and_its_escapes_once(text: str, value: str) -> None:
+def test_quotes_and_escapes_are_resolved_once(text: str, value: str) -> None:
     assert read_value(text, TEXT) == value
     assert read_value(text, String(wide=True)) == value
 
 
-def test_a_bound_counts_the_text_that_is_meant() -> None:
+def test_a_bound_counts_characters_after_unescaping() -> None:
     assert read_value("'it\\'s'", String(bound=4)) == "it's"
     with pytest.raises(ParseError, match="5 characters exceeds the bound 4"):
         read_value('"it\'ss"', String(bound=4))
@@ -144,7 +144,7 @@ def test_messages_have_no_literals(type_: Type) -> None:
         read_value("[]", type_)
 
 
-def test_a_fault_points_at_the_element() -> None:
+def test_an_error_points_at_the_element() -> None:
     with pytest.raises(ParseError) as caught:
         read_value("[1, 2,  x]", Sequence(INT8))
     assert caught.value.offset == 8

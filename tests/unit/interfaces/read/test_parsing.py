@@ -104,7 +104,7 @@ def test_any_line_end_ends_a_line(end: str) -> None:
     assert [f.name for f in message(f"int8 a{end}int8 b{end}").fields] == ["a", "b"]
 
 
-def test_a_value_is_what_stands_before_the_first_hash() -> None:
+def test_a_value_ends_at_the_first_hash() -> None:
     parsed = message('string a "a#b"\nstring A="a#b"\nstring B=x=y\nstring C=\n')
     assert parsed.fields[0].default == '"a'
     assert [c.value for c in parsed.constants] == ['"a', "x=y", ""]
@@ -179,7 +179,7 @@ def test_services_and_actions_have_sections_of_their_own() -> None:
     assert str(action.feedback.name) == "tour/action/Go_Feedback"
 
 
-def test_problems_come_in_the_order_of_their_lines() -> None:
+def test_problems_are_sorted_by_line() -> None:
     assert problems("int8 a 300\nfoo b\nint8 a\n") == [
         "msg/Walk.msg:1:8: '300' is out of range for int8",
         "msg/Walk.msg:2:1: unknown type 'foo'",
@@ -193,7 +193,7 @@ def test_the_problems_of_all_files_are_raised_at_once() -> None:
     assert [str(problem.location) for problem in caught.value.problems] == ["One.msg:1:1", "Two.msg:1:1"]
 
 
-def test_comments_of_a_broken_declaration_belong_to_no_other() -> None:
+def test_comments_of_an_invalid_declaration_are_dropped() -> None:
     text = "int8 a\nfoo b\n   # about b\nint8 c"
     assert problems(text) == ["msg/Walk.msg:2:1: unknown type 'foo'"]
 
@@ -221,12 +221,12 @@ PIECES = ["int8", "a", "[", "]", "<=", "3", "=", " ", "#", '"', "/", "Pose", "--
 
 
 @given(st.lists(st.sampled_from(PIECES)), st.sampled_from(["msg/Walk.msg", "srv/Walk.srv"]))
-def test_no_text_makes_the_parser_fail_otherwise_than_by_saying_why(pieces: list[str], relative: str) -> None:
+def test_any_text_is_parsed_or_rejected_with_a_problem(pieces: list[str], relative: str) -> None:
     with contextlib.suppress(InterfaceError):
         parse(Source("tour", relative, Path(relative), "".join(pieces)))
 
 
-def test_names_of_constants_follow_their_pattern() -> None:
+def test_constant_names_are_checked() -> None:
     good = ["A", "A1", "A_B", "A_1", "AB_C2"]
     assert [c.name for c in message("\n".join(f"int8 {n}=1" for n in good)).constants] == good
     for bad in ("A__B", "A_", "_A", "aA", "1A"):

@@ -41,7 +41,7 @@ def test_a_folder_without_definitions_is_an_error(tmp_path: Path) -> None:
         read_folder("p", tmp_path / "missing")
 
 
-def test_what_cannot_be_read_is_said_with_its_place(tree: Tree) -> None:
+def test_unreadable_definitions_are_reported_with_their_path(tree: Tree) -> None:
     folder = tree({"msg/A.txt": "", "msg/Dir.msg/x": ""})
     with pytest.raises(InterfaceError, match=r"A\.txt: error: not an interface definition"):
         read_source("p", folder, "msg/A.txt")
@@ -52,7 +52,7 @@ def test_what_cannot_be_read_is_said_with_its_place(tree: Tree) -> None:
         read_source("p", folder, "msg/Latin.msg")
 
 
-def test_includes_win_over_prefixes_and_prefixes_over_what_forge_brings(tree: Tree) -> None:
+def test_search_order_is_includes_prefixes_embedded(tree: Tree) -> None:
     root = tree(
         {
             "included/msg/String.msg": "int8 included",
@@ -66,7 +66,7 @@ def test_includes_win_over_prefixes_and_prefixes_over_what_forge_brings(tree: Tr
     assert fields(Library({"std_msgs": root / "included"}, prefixes), "std_msgs/msg/String") == ["included"]
 
 
-def test_a_package_is_taken_whole_from_where_it_is_found(tree: Tree) -> None:
+def test_a_package_is_never_combined_from_several_folders(tree: Tree) -> None:
     prefix = tree({"share/std_msgs/msg/String.msg": "int8 mine"})
     assert Library(prefixes=(prefix,)).find(TypeName("std_msgs", "msg", "Header")) is None
 
@@ -81,7 +81,7 @@ def test_packages_are_those_with_interfaces(tree: Tree) -> None:
     assert not {"ament_cmake", ".hidden", "gone"} & found.keys()
 
 
-def test_halves_of_services_are_hidden_and_idl_files_count(tree: Tree) -> None:
+def test_requests_and_responses_are_hidden_and_idl_files_listed(tree: Tree) -> None:
     folder = tree(
         {"srv/A.srv": "---", "srv/A_Request.msg": "", "srv/A.idl": "", "msg/B.idl": "", "msg/C_D.msg": ""}
     )

@@ -69,7 +69,7 @@ def problems(files: Mapping[str, str], shelf: Shelf | None = None) -> list[str]:
     return [f"{p.location}: {p.message} ({p.hint})" for p in caught.value.problems]
 
 
-def test_a_catalog_holds_all_that_its_messages_refer_to() -> None:
+def test_a_catalog_contains_all_referenced_messages() -> None:
     found = catalog({"msg/B.msg": "std_msgs/Header[] headers", "msg/A.msg": "B b"})
     assert [str(name) for name in found.interfaces] == ["tour/msg/A", "tour/msg/B"]
     assert sorted(map(str, found.known)) == [
@@ -86,14 +86,14 @@ def test_a_catalog_holds_all_that_its_messages_refer_to() -> None:
     ]
 
 
-def test_an_action_brings_its_derived_types_and_what_they_imply() -> None:
+def test_an_action_includes_derived_types_and_their_dependencies() -> None:
     found = catalog({"action/Go.action": "---\n---\n"})
     names = {str(name) for name in found.known}
     assert {"tour/action/Go_SendGoal_Request", "tour/action/Go_FeedbackMessage"} <= names
     assert {"unique_identifier_msgs/msg/UUID", "builtin_interfaces/msg/Time"} <= names
 
 
-def test_unknown_types_are_named_with_the_nearest_known() -> None:
+def test_unknown_types_are_reported_with_a_suggestion() -> None:
     header = "did you mean 'std_msgs/Header'? add <depend>std_msgs</depend> to package.xml"
     assert problems({"msg/A.msg": "std_msg/Header a\nHeader b\nB c", "msg/Bb.msg": "nowhere/Thing a"}) == [
         f"msg/A.msg:1:1: unknown type 'std_msg/Header' ({header})",
@@ -103,7 +103,7 @@ def test_unknown_types_are_named_with_the_nearest_known() -> None:
     ]
 
 
-def test_the_header_of_ros_1_is_that_of_std_msgs_whatever_else_is_called_like_it() -> None:
+def test_header_without_a_package_suggests_std_msgs() -> None:
     shelf = Shelf({"own/msg/Header.msg": "int8 a"}, frozenset({"own"}))
     assert problems({"msg/A.msg": "Header h", "msg/Headers.msg": ""}, shelf) == [
         (
@@ -113,14 +113,12 @@ def test_the_header_of_ros_1_is_that_of_std_msgs_whatever_else_is_called_like_it
     ]
 
 
-def test_types_are_not_similar_because_their_package_is_the_same() -> None:
+def test_suggestions_ignore_the_common_package_name() -> None:
     files = {"msg/A.msg": "Nope a", "msg/M9.msg": "int8 a", "msg/Other.msg": "int8 a"}
     assert problems(files, Shelf({})) == ["msg/A.msg:1:1: unknown type 'tour/Nope' (None)"]
 
 
-def test_a_type_without_its_package_is_the_one_of_that_name_and_declared_packages_need_no_declaration() -> (
-    None
-):
+def test_suggestions_prefer_types_of_declared_packages() -> None:
     texts = {"a_msgs/msg/Pose.msg": "int8 a", "b_msgs/msg/Pose.msg": "int8 a"}
     files = {"msg/A.msg": "Pose a\nb_msgs/Poze b\nnowhere/Thing c", "msg/MyPose.msg": "int8 a"}
     assert problems(files, Shelf(texts, frozenset({"b_msgs", "nowhere"}))) == [
@@ -133,21 +131,21 @@ def test_a_type_without_its_package_is_the_one_of_that_name_and_declared_package
     )
 
 
-def test_a_wrong_definition_of_another_package_is_reported_once() -> None:
+def test_an_invalid_definition_of_another_package_is_reported_once() -> None:
     shelf = Shelf({"p/msg/A.msg": "foo a"})
     assert problems({"msg/A.msg": "p/A a\np/A b", "msg/B.msg": "p/A a"}, shelf) == [
         "p/msg/A.msg:1:1: unknown type 'foo' (None)"
     ]
 
 
-def test_a_service_is_no_type_of_a_field() -> None:
+def test_a_service_cannot_be_the_type_of_a_field() -> None:
     shelf = Shelf({"p/msg/A.msg": "int8 a", "p/srv/B.srv": "---"})
     assert problems({"msg/A.msg": "p/B b"}, shelf) == [
         "msg/A.msg:1:1: unknown type 'p/B' (did you mean 'p/A'?)"
     ]
 
 
-def test_cycles_are_named_whole_and_each_once() -> None:
+def test_each_cycle_is_reported_once_with_its_path() -> None:
     files = {"msg/A.msg": "B b", "msg/B.msg": "int8 x\nA[] a", "msg/C.msg": "C c", "msg/D.msg": "A a\nC c"}
     found = problems(files)
     assert len(found) == 2
@@ -155,7 +153,7 @@ def test_cycles_are_named_whole_and_each_once() -> None:
     assert any("tour/A -> tour/B -> tour/A" in text or "tour/B -> tour/A -> tour/B" in text for text in found)
 
 
-def test_one_name_in_two_places_and_two_names_for_one_output_are_refused() -> None:
+def test_duplicate_names_and_output_files_are_errors() -> None:
     assert problems({"msg/A.msg": "", "more/msg/A.msg": ""}) == [
         "more/msg/A.msg: 'tour/msg/A' is also defined in 'msg/A.msg' (None)"
     ]
@@ -174,7 +172,7 @@ def test_a_chain_of_thousands_of_messages_resolves() -> None:
     assert len(catalog(files).known) == 3001
 
 
-def test_what_generated_code_needs_of_others_comes_by_package() -> None:
+def test_dependencies_of_generated_code_are_grouped_by_package() -> None:
     shelf = Shelf(ROS)
     others = dependency_catalogs(catalog({"msg/A.msg": "std_msgs/Header a"}, shelf), shelf)
     assert {each.package: list(map(str, each.interfaces)) for each in others} == {
