@@ -9,6 +9,7 @@ files stay, and so does whatever is mounted or lies behind a link.
 from __future__ import annotations
 
 import os
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -106,6 +107,18 @@ def built_packages(layout: Layout, records: Mapping[str, BuildRecord]) -> frozen
     return frozenset(found)
 
 
+def is_of_workspace(name: str, root: Path, layout: Layout, records: Mapping[str, BuildRecord]) -> bool:
+    """Tell whether a package was built from this workspace, which may share folders with others.
+
+    Without a list that tells, it is one of this workspace if its sources were, or else if the folders are.
+    """
+    real, kept, record = os.path.realpath(root), read_installed_list(name, layout), records.get(name)
+    if kept and kept.workspace:
+        return os.path.realpath(layout.install / kept.workspace) == real
+    places = (record.source,) if record and record.source else (layout.build, layout.install)
+    return all(f"{os.path.realpath(place)}/".startswith(f"{real}/") for place in places)
+
+
 def package_removables(name: str, layout: Layout, records: Mapping[str, BuildRecord]) -> Iterator[Removable]:
     """Yield the build folder of a package and its installed files."""
     build, record = layout.build_dir(name), records.get(name)
@@ -183,14 +196,18 @@ def remove(removables: Iterable[Removable]) -> None:
                 write_installed_list(removable.prefix.name, removable.layout, {}, ())
     for base in sorted(dict.fromkeys(bases), key=lambda base: -len(base.parts)):
         if base.is_dir() and not base.is_symlink() and not any(base.iterdir()):
-            base.rmdir()
+            with suppress(OSError):  # a mount, or in a folder of somebody else
+                base.rmdir()
 
 
 def remaining_entries(layout: Layout, bases: Iterable[str]) -> Iterator[tuple[Path, str]]:
     """Yield what remains in the bases, and in prefixes with files of the user, with the reasons."""
     folders = {"build": layout.build, "install": layout.install, "log": layout.logs}
     for base in bases:
-        for entry in _entries(folders[base]):
+        folder = folders[base]
+        if folder and folder.is_dir() and (mount := next(mounts_below(str(folder)), "")) == str(folder):
+            yield folder, f"'{mount}' is mounted there"
+        for entry in _entries(folder):
             if entry.name == INSTALLED_LISTS_DIR or (entry.name == IGNORE_MARK and is_own_ignore_mark(entry)):
                 continue
             if base == "install" and _lists(entry.name, layout):

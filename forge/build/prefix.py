@@ -56,12 +56,15 @@ class InstalledList:
     `links` are the links that lead from the prefix to these files, with their targets: a link that appears
     there later belongs to somebody else. `unclaimed` files appeared during the build, but it is unknown
     whether the package or another program has written them: they count as installed, and are never removed.
+    `workspace` is the root of the workspace that built the package, relative to the install folder, which it
+    may share with others; '' if an earlier version wrote the list.
     """
 
     files: Mapping[str, str]
     folders: tuple[str, ...] = ()
     links: tuple[tuple[str, str], ...] = ()
     unclaimed: frozenset[str] = frozenset()
+    workspace: str = ""
 
 
 def read_installed_list(name: str, layout: Layout) -> InstalledList | None:
@@ -79,6 +82,7 @@ def _read_list(file: Path, base: str) -> InstalledList | None:
             tuple(f"{base}/{path}" for path in data["folders"]),
             tuple((f"{base}/{path}", str(target)) for path, target in data["links"].items()),
             frozenset(f"{base}/{path}" for path in data["unclaimed"]),
+            str(data.get("workspace", "")),
         )
     except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
         return None
@@ -90,8 +94,12 @@ def write_installed_list(
     contents: Mapping[str, str],
     folders: Iterable[str],
     unclaimed: Collection[str] = (),
+    workspace: str = "",
 ) -> None:
-    """Record the installed files of a package, with their contents as by `contents_of`."""
+    """Record the installed files of a package, with their contents as by `contents_of`.
+
+    `workspace` is the root of the workspace.
+    """
     base = str(layout.install)
     inside = [path for path in contents if path.startswith(f"{base}/") and path not in unclaimed]
     parents = {parent for path in inside for parent in _parents(path, base)}
@@ -103,6 +111,7 @@ def write_installed_list(
             path[len(base) + 1 :]: os.readlink(path) for path in sorted(parents) if os.path.islink(path)
         },
         "unclaimed": [path[len(base) + 1 :] for path in sorted(unclaimed)],
+        "workspace": workspace and os.path.relpath(os.path.realpath(workspace), os.path.realpath(base)),
     }
     replace_file(_list_file(name, layout), json.dumps(data).encode())
 

@@ -177,7 +177,8 @@ class PackageRecorder:
         contents = contents_of((*files, *folders), self._table, stats)
         self._state.installed_states.keep(task.name, installed.digest, contents)
         own = {path: contents[path] for path in files}
-        write_installed_list(task.name, self._layout, own, folders, installed_files.unclaimed)
+        root = str(self._state.root)
+        write_installed_list(task.name, self._layout, own, folders, installed_files.unclaimed, root)
         return BuildRecord(
             inputs=task.inputs,
             complete=True,

@@ -45,7 +45,7 @@ class BuildState:
         self.installed_states = InstalledStates(layout.build)
         self.merged_prefix = MergedPrefix(layout, journal)
         self.scripts = WorkspaceScripts(layout, journal, self.table)
-        self._root = root
+        self.root = root
         self._interpreter = interpreter
         self._hashes: DependencyHashes | None = None
         self._ran = False
@@ -140,7 +140,7 @@ class BuildState:
 
     def source(self, task: Task) -> Path:
         """Return the absolute source folder of a task's package."""
-        return self._root / task.package.path
+        return self.root / task.package.path
 
     def finish(self, plan: BuildPlan, variables: Mapping[str, str]) -> None:
         """Write the workspace's scripts if they may have changed, and the stamps for the next build."""

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import io
+import json
 import re
 import shutil
+import subprocess
 import sys
 from pathlib import Path
 
@@ -223,3 +225,67 @@ def test_only_files_of_exactly_these_names_are_forges_own(forge: Forge, workspac
     tree(dict.fromkeys(mine, ""))
     assert forge("clean", "workspace", "-y", cwd=workspace).code == 0
     assert left(workspace) == set(mine)
+
+
+@pytest.mark.needs("cmake", "ninja")
+@pytest.mark.parametrize("shared", [("install",), ("build", "install")], ids="-".join)
+@pytest.mark.parametrize("merged", [(), ("--merge-install",)], ids=["isolated", "merged"])
+@pytest.mark.parametrize("earlier", [False, True], ids=["this version", "earlier version"])
+def test_packages_of_another_workspace_in_shared_folders_are_not_stale(
+    forge: Forge, tree: Tree, shared: tuple[str, ...], merged: tuple[str, ...], *, earlier: bool
+) -> None:
+    root = tree(
+        {f"{ws}/{name}": text for ws in ("one", "two") for name, text in cmake_package(f"p_{ws}").items()}
+        | {f"two/{name}": text for name, text in cmake_package("gone").items()}
+    )
+    words = [word for base in shared for word in (f"--{base}-base", str(root / f"shared/{base}"))]
+    for ws in ("one", "two"):
+        assert forge("build", *words, *merged, cwd=root / ws).code == 0
+    for path in (root / "shared/install/.forge_files").iterdir() if earlier else ():
+        path.write_text(json.dumps({**json.loads(path.read_text()), "workspace": ""}))
+    shutil.rmtree(root / "two/src/gone")
+    prefixes = [root / "shared/install" / ("" if merged else name) for name in ("p_one", "p_two", "gone")]
+    marks = [
+        p / "share" / n / "package.dsv" for p, n in zip(prefixes, ("p_one", "p_two", "gone"), strict=True)
+    ]
+    for ws in ("one", "two"):
+        ran = forge("clean", "stale", "-y", *words, cwd=root / ws)
+        assert ran.code == 0
+        others = "'gone', 'p_two'" if ws == "one" else "'p_one'"
+        assert f"another workspace built it: {others}\n" in ran.err
+        assert [path.is_file() for path in marks] == [True, True, ws == "one"]
+
+
+@pytest.mark.needs("cmake", "ninja")
+def test_stale_packages_are_recognized_after_a_move(forge: Forge, tree: Tree) -> None:
+    root = tree({f"one/{name}": text for name, text in cmake_package("a").items()} | {"one/src/x": ""})
+    assert forge("build", cwd=root / "one").code == 0
+    shutil.copytree(root / "one", root / "two")
+    shutil.rmtree(root / "two/src/a")
+    assert forge("clean", "stale", "-y", cwd=root / "two").code == 0
+    assert not (root / "two/install/a").exists()
+
+
+MOUNT = ("unshare", "--user", "--map-root-user", "--mount")
+
+
+@pytest.mark.needs("cmake", "ninja")
+@pytest.mark.parametrize("base", ["build", "install", "log", "build/a", "install/a"])
+def test_a_folder_that_is_mounted_is_emptied(tree: Tree, base: str) -> None:
+    """As a container has volumes; what is mounted in a package's folder is not touched."""
+    if shutil.which("unshare") is None or subprocess.run((*MOUNT, "true"), check=False).returncode:
+        pytest.skip("no mounts in a namespace on this machine")
+    root = tree({**cmake_package("a"), "volume/lost+found/x": ""})
+    script = f"""set -e
+mkdir -p {base}
+rm -r volume/lost+found
+test {base} = build/a -o {base} = install/a && {sys.executable} -m forge build
+mount --bind volume {base}
+test {base} = build/a -o {base} = install/a && echo mine > {base}/mine || {sys.executable} -m forge build
+{sys.executable} -m forge clean workspace -y
+{sys.executable} -m forge clean workspace -y
+"""
+    ran = subprocess.run((*MOUNT, "sh", "-c", script), cwd=root, check=False, capture_output=True, text=True)
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+    assert f": {base}{'/mine' if base == 'install/a' else ''}\n" in ran.stderr
+    assert [path.name for path in (root / "volume").iterdir()] == (["mine"] if "/" in base else [])

@@ -15,6 +15,7 @@ from forge.base.text import counted, listed
 from forge.build.cleaning import (
     BASES,
     built_packages,
+    is_of_workspace,
     package_removables,
     remaining_entries,
     remaining_in_prefix,
@@ -163,7 +164,11 @@ def _names(options: argparse.Namespace, root: Path, layout: Layout, journal: Jou
     if options.what == "workspace":
         return ()
     if options.what != "packages":
-        return tuple(sorted(made - _load(options, root, layout).packages.keys()))
+        absent = sorted(made - _load(options, root, layout).packages.keys())
+        stale = [name for name in absent if is_of_workspace(name, root, layout, journal.records)]
+        if others := [name for name in absent if name not in stale]:
+            print(f"not removed, because another workspace built it: {listed(others)}", file=sys.stderr)
+        return tuple(stale)
     if not (options.names or chosen):
         raise SelectionError(
             Problem("'clean packages' needs package names", hint="forge clean packages PKG ...")
