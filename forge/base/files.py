@@ -75,12 +75,12 @@ def _require_regular(path: str, status: os.stat_result) -> None:
         raise NotRegularFileError(str(path), problem)
 
 
-def read_text(path: str | Path) -> str:
+def read_text(path: str | Path, errors: str = "replace") -> str:
     """Return the text of a regular file, as by `read_file`, with universal newlines.
 
-    Invalid UTF-8 is replaced.
+    Invalid UTF-8 is replaced, or handled as `errors` says.
     """
-    text = read_file(path).decode(errors="replace")
+    text = read_file(path).decode(errors=errors)
     return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
 
 
@@ -98,10 +98,10 @@ def text_if_exists(path: str | Path) -> str | None:
         raise
 
 
-def text_or_nothing(path: str | Path) -> str:
+def text_or_nothing(path: str | Path, errors: str = "replace") -> str:
     """Like read_text, but return an empty string if the file cannot be read."""
     try:
-        return read_text(path)
+        return read_text(path, errors)
     except OSError:
         return ""
 

@@ -13,7 +13,7 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.base.files import open_regular
+from forge.base.files import open_regular, text_or_nothing
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -52,16 +52,9 @@ def processor_inputs(task: Task, source: Path, values: Mapping[str, str]) -> tup
 def processor(text: str | None = None) -> str:
     """Return a digest of processor model and features in /proc/cpuinfo or `text`."""
     if text is None:
-        text = _cpuinfo()
+        text = text_or_nothing("/proc/cpuinfo")
     lines = {line.strip() for line in text.splitlines() if line.partition(":")[0].strip() in _TRAITS}
     return hashlib.sha256("\n".join(sorted(lines)).encode()).hexdigest()
-
-
-def _cpuinfo() -> str:
-    try:
-        return Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")
-    except OSError:
-        return ""
 
 
 def _files(folder: Path, wanted: Callable[[str], object]) -> Iterator[str]:

@@ -10,6 +10,7 @@ import os
 from typing import TYPE_CHECKING
 
 from forge.base.errors import ForgeError, InterfaceError
+from forge.base.files import text_or_nothing
 from forge.base.names import snake_case
 from forge.editor.manifests import MANIFEST, ManifestReading, read_manifest
 from forge.interfaces.model import Message, Source, TypeName
@@ -121,10 +122,7 @@ class Index:
                 return known.source.text
             case ManifestReading():
                 return known.text
-        try:
-            return path.read_text(encoding="utf-8", errors="replace")
-        except OSError:
-            return ""
+        return text_or_nothing(path)
 
     def manifest_of(self, path: Path) -> ManifestReading | None:
         """Return the manifest of the package that contains a file."""

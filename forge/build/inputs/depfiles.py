@@ -12,9 +12,11 @@ from __future__ import annotations
 import itertools
 import os
 import re
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from forge.base.files import text_or_nothing
 from forge.base.layout import SCRATCH_DIR
 from forge.build.inputs.fingerprints import DIR_LISTING_SUFFIX, source_files, source_folders
 from forge.build.inputs.native_graph import read_native_graph
@@ -24,6 +26,7 @@ if TYPE_CHECKING:
 
     from forge.build.inputs.native_graph import NativeGraph
 
+_text = partial(text_or_nothing, errors="surrogateescape")
 _CMAKE_ROOT = re.compile(r"^CMAKE_ROOT:INTERNAL=(.+)$", re.MULTILINE)
 _FOUND = re.compile(r"^[^/#:]+:(?!INTERNAL)\w+=(/.+)$", re.MULTILINE)
 _SEARCHED = re.compile(r"(?:^|\s)-(?:I|isystem|iquote|idirafter|L) ?((?:\$ |\\ |\\.|[^\s$\\])+)")
@@ -234,11 +237,3 @@ def _searched(graph: NativeGraph, outside: Iterable[str]) -> Iterator[str]:
             above = os.path.dirname(top)
             if os.path.isdir(above):
                 yield f"{above}{DIR_LISTING_SUFFIX}"
-
-
-def _text(path: Path) -> str:
-    """Return the text of a file, or '' if it cannot be read."""
-    try:
-        return path.read_text(encoding="utf-8", errors="surrogateescape")
-    except OSError:
-        return ""

@@ -10,14 +10,17 @@ import os
 import re
 import struct
 from dataclasses import field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
+_text = partial(text_or_nothing, errors="surrogateescape")
 _SIGNATURE = b"# ninjadeps\n"
 _STAMP_WORDS = {3: 2, 4: 3}
 """The number of words between an output's id and its inputs, by version of the log."""
@@ -289,11 +292,3 @@ def _binding(text: str, name: str) -> str:
 
 def _absolute(build: Path, path: str) -> str:
     return os.path.normpath(os.path.join(build, path))  # noqa: PTH118  (thousands: no Path for each)
-
-
-def _text(path: Path) -> str:
-    """Return the text of a file, or '' if it cannot be read."""
-    try:
-        return path.read_text(encoding="utf-8", errors="surrogateescape")
-    except OSError:
-        return ""

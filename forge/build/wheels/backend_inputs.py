@@ -13,14 +13,17 @@ import re
 import shutil
 import stat
 from dataclasses import field
+from functools import partial
 from typing import TYPE_CHECKING
 
+from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
 from forge.build.inputs.fingerprints import DIR_LISTING_SUFFIX
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
+_text = partial(text_or_nothing, errors="surrogateescape")
 _FEW = 8
 """The number of files of a distribution up to which they are listed individually."""
 
@@ -275,11 +278,3 @@ def _candidates(modules: Mapping[str, bool], search_path: Iterable[str]) -> Iter
 
 def _plain(name: str) -> str:
     return name.lower().replace("_", "").replace("-", "").replace(".", "")
-
-
-def _text(path: str) -> str:
-    try:
-        with open(path, encoding="utf-8", errors="surrogateescape") as stream:
-            return stream.read()
-    except OSError:
-        return ""

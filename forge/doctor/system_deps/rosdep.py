@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from forge.base.errors import Location, Problem, WorkspaceError
+from forge.base.files import text_or_nothing
 from forge.base.formats import read_yaml
 from forge.base.frozen import frozen
 
@@ -127,11 +128,7 @@ def _sources(variables: Mapping[str, str]) -> Iterator[tuple[str, tuple[str, ...
 
 def _listed(file: Path) -> Iterator[tuple[str, tuple[str, ...]]]:
     """Yield URL and tags of each line 'yaml URL TAG ...'."""
-    try:
-        lines = file.read_text(encoding="utf-8", errors="replace").splitlines()
-    except OSError:
-        return
-    for line in lines:
+    for line in text_or_nothing(file).splitlines():
         words = line.split()
         if words[:1] == ["yaml"] and words[1:]:
             yield words[1], tuple(words[2:])

@@ -8,6 +8,7 @@ import subprocess
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
 from forge.toolchain.os_release import DEBIAN, RED_HAT, families
 
@@ -83,12 +84,8 @@ def installed_names(manager: str, names: Collection[str], python: str) -> frozen
 
 def _in_dpkg(status: Path) -> frozenset[str]:
     """Return the packages installed with dpkg, and what they provide."""
-    try:
-        text = status.read_text(encoding="utf-8", errors="replace")
-    except OSError:
-        return frozenset()
     found: set[str] = set()
-    for paragraph in text.split("\n\n"):
+    for paragraph in text_or_nothing(status).split("\n\n"):
         fields = dict(_PARAGRAPH.findall(paragraph))
         if fields.get("Status", "").endswith(" installed"):
             provided = (word.split()[0] for word in fields.get("Provides", "").split(",") if word.strip())
