@@ -1,4 +1,4 @@
-"""Checks that the output folders of a command are forge's to write to, before anything is written."""
+"""Checks before anything is written that forge may write to the output folders of a command."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def output_problems(
     *,
     prefixes: bool = True,
 ) -> Iterator[Problem]:
-    """Yield a problem for each output folder that is or contains what forge did not make.
+    """Yield a problem for each output folder that is or contains something that forge did not create.
 
     `names` are the packages with folders below the bases, unless `prefixes` is False also in the install
     folder; `others` are further output folders by option.

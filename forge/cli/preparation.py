@@ -206,7 +206,7 @@ def with_packages_of_underlays(
 ) -> LoadedWorkspace:
     """Return the workspace without dependencies on unbuilt packages that are in an underlay.
 
-    As in colcon, `names` are built with the packages of the underlay if those of the workspace are not there.
+    As in colcon, `names` are built with the packages of the underlay if those of the workspace are not built.
     """
     resolution = loaded.resolution
     others = closure(resolution.needs, names) - frozenset(names)

@@ -133,7 +133,11 @@ class _Reader:
         if self.root.tag != "package":
             self.fault(self.root, f"the root element is '{self.root.tag}', not 'package'")
             raise WorkspaceError(*self.problems)
-        self.read_format()
+        written = self.root.attributes.get("format", "1")
+        if written not in {"1", "2", "3"}:
+            self.fault(self.root, f"unknown package format '{written}'", 'write <package format="3">')
+            raise WorkspaceError(*self.problems)
+        self.format = int(written)
         self.check_structure()
         self.check_texts()
         raise_if_any(self.problems, WorkspaceError)
@@ -141,14 +145,6 @@ class _Reader:
         self.check_meaning(manifest)
         raise_if_any(self.problems, WorkspaceError)
         return manifest
-
-    def read_format(self) -> None:
-        written = self.root.attributes.get("format", "1")
-        if written in {"1", "2", "3"}:
-            self.format = int(written)
-        else:
-            self.fault(self.root, f"unknown package format '{written}'", 'write <package format="3">')
-            raise WorkspaceError(*self.problems)
 
     def check_structure(self) -> None:
         counts: dict[str, int] = {}
@@ -194,10 +190,6 @@ class _Reader:
         for child in self.root.all("license"):
             if not child.text.strip():
                 self.fault(child, "element 'license' is empty")
-        self.check_versions()
-        self.check_people()
-
-    def check_versions(self) -> None:
         for child in self.root.all("version"):
             for version in filter(None, (child.text.strip(), child.attributes.get("compatibility"))):
                 if not _VERSION.fullmatch(version):
@@ -208,8 +200,6 @@ class _Reader:
                     )
             if not child.text.strip():
                 self.fault(child, "element 'version' is empty", "for example 1.2.3")
-
-    def check_people(self) -> None:
         for child in (*self.root.all("maintainer"), *self.root.all("author")):
             email = child.attributes.get("email")
             if not child.text.strip():
@@ -306,7 +296,12 @@ class _Reader:
             self.check_repeated("test_depend", ("build_depend", "run_depend"))
         else:
             self.check_repeated("depend", ("build_depend", "build_export_depend", "exec_depend"))
-            self.check_twice("depend")
+            seen = set()
+            for child in self.root.all("depend"):
+                if _identity(child) in seen:
+                    message = f"<depend>{child.text.strip()}</depend> appears twice"
+                    self.fault(child, message, "remove one of the two")
+                seen.add(_identity(child))
 
     def check_repeated(self, tag: str, others: tuple[str, ...]) -> None:
         present = {_identity(child): other for other in others for child in self.root.all(other)}
@@ -315,15 +310,6 @@ class _Reader:
             if other:
                 message = f"<{tag}>{child.text.strip()}</{tag}> repeats <{other}>"
                 self.fault(child, message, "remove one of the two")
-
-    def check_twice(self, tag: str) -> None:
-        seen = set()
-        for child in self.root.all(tag):
-            if _identity(child) in seen:
-                self.fault(
-                    child, f"<{tag}>{child.text.strip()}</{tag}> appears twice", "remove one of the two"
-                )
-            seen.add(_identity(child))
 
     def fault(self, element: Element, message: str, hint: str | None = None) -> None:
         self.problems.append(Problem(message, self.place(element), hint))

@@ -131,7 +131,7 @@ class Recipe:
 
 
 def install_tree(package: Package, context: BuildContext, staged: Path) -> Step:
-    """Return the step that installs all files below `staged`, a folder in the shape of the prefix.
+    """Return the step that installs all files below `staged`, a folder with the layout of the prefix.
 
     Build systems that stage (`DESTDIR`) need it in a merged install folder, where forge must know which files
     belong to which package.

@@ -53,7 +53,7 @@ class _Variable:
 def initial_cache(context: BuildContext, manifest: Path, further: Pairs = ()) -> str:
     """Return the cache entries for CMake's -C option; `manifest` is the file with manifest_variables().
 
-    All packages may use them, whether they know forge or not. `further` are variables of some packages;
+    All packages may use them. `further` are variables of some packages;
     as -D arguments, CMake would warn of those that a package does not use. The text depends on nothing else,
     so it changes exactly when a package must be configured again.
     """

@@ -186,10 +186,12 @@ def _by_distribution(files: Iterable[str], search_path: Sequence[str]) -> Iterat
     groups: dict[str, list[str]] = {}
     rest: Iterable[str] = files
     # First by name; then most other files belong to a distribution whose RECORD has been read.
-    for find in (_Modules.of_same_name, _Modules.of_any_name):
+    for any_name in (False, True):
         waiting, rest = rest, []
         for path in waiting:
-            holder = next((owner for folder in folders if (owner := find(folder, path))), None)
+            holder = next(
+                (owner for folder in folders if (owner := folder.holder_of(path, any_name=any_name))), None
+            )
             if holder:
                 groups.setdefault(holder, []).append(path)
             else:
@@ -210,30 +212,26 @@ class _Modules:
         self._records: dict[str, str] = {}
         self._infos: dict[str, list[str]] | None = None
 
-    def of_same_name(self, path: str) -> str:
-        """Return the description file of the distribution with the name and the contents of a file, or ''."""
-        return self._distribution(path, all_distributions=False)
+    def holder_of(self, path: str, *, any_name: bool) -> str:
+        """Return the description file of a distribution that contains a file, or ''.
 
-    def of_any_name(self, path: str) -> str:
-        """Return the description file of any distribution that contains a file, or ''."""
-        return self._distribution(path, all_distributions=True)
-
-    def _distribution(self, path: str, *, all_distributions: bool) -> str:
+        Unless `any_name`, only distributions named like the file are searched.
+        """
         if not path.startswith(self._start):
             return ""
         name = path[len(self._start) :]
-        key = os.path.dirname(name) or name, all_distributions
+        key = os.path.dirname(name) or name, any_name
         if key not in self._found:
-            self._found[key] = self._look_up(name, all_distributions=all_distributions)
+            self._found[key] = self._look_up(name, any_name=any_name)
         return self._found[key]
 
-    def _look_up(self, name: str, *, all_distributions: bool) -> str:
+    def _look_up(self, name: str, *, any_name: bool) -> str:
         top = name.partition(os.sep)[0]
         if top.endswith(_INFO):
             return self._description(top)
         infos = self._list()
         candidates = infos.get(_plain(top), [])
-        if all_distributions:
+        if any_name:
             candidates = [*self._records, *(info for some in infos.values() for info in some)]
         return next((self._description(info) for info in candidates if self._holds(info, name, top)), "")
 

@@ -143,7 +143,7 @@ def _fix(program: str) -> str:
 
 @contextmanager
 def _forwarded_signals() -> Iterator[list[subprocess.Popen[bytes]]]:
-    """Leave Ctrl-C, which the terminal also sends to the child, to it; forward other signals to it.
+    """Let the child handle Ctrl-C, which the terminal sends to it as well; forward other signals to it.
 
     Uses handlers instead of SIG_IGN, because the child would inherit that.
     """

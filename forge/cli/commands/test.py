@@ -173,7 +173,8 @@ def _scheduler(plan: BuildPlan, options: TestOptions, jobs: JobOptions, job_pool
 def _record(event: Event, task: Task, setup: TestSetup, session: Session) -> None:
     """Record how the tests of a package ended, before this is reported.
 
-    A result may contain failures, or be unreadable, although its program exited with 0, and the reverse.
+    A result may contain failures, or be unreadable, although its program exited with 0, or be valid
+    although it failed.
     """
     if isinstance(event, Finished):
         fault = f"exited with code {event.code}" if event.code else ""

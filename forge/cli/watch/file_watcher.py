@@ -66,7 +66,7 @@ def watch_specs(
     """Return the folders to watch: those of packages, and those in which packages may appear.
 
     `files` are further input files below the workspace; `results` are excluded. Raises OSError if a folder
-    vanishes meanwhile.
+    disappears meanwhile.
     """
     found: dict[str, WatchSpec] = {}
     root = str(workspace.root)
@@ -134,9 +134,9 @@ class FileWatcher:
         return len(self._watched)
 
     def watch(self, list_folders: Callable[[], Mapping[str, WatchSpec]]) -> None:
-        """Watch the folders that `list_folders` returns; call it again if one vanishes.
+        """Watch the folders that `list_folders` returns; call it again if one disappears.
 
-        Raises OSError if folders keep vanishing.
+        Raises OSError if folders keep disappearing.
         """
         for _ in range(_ATTEMPTS):
             with contextlib.suppress(FileNotFoundError):
