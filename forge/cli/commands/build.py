@@ -34,7 +34,7 @@ from forge.cli.preparation import (
     with_packages_of_underlays,
 )
 from forge.environment.install_state import forget_underlays
-from forge.execution.lock import lock_build_dir
+from forge.execution.lock import lock_build_dir, lock_install_dir
 from forge.output.console import ConsoleReporter
 from forge.toolchain.untested import builds_no_tests
 from forge.workspace.load import load_workspace
@@ -110,9 +110,10 @@ def build(options: BuildOptions, mode: BuildMode) -> int:
     keep_compiled(*compiled_templates(os.environ, layout.build / TEMPLATES_DIR))
     with (
         lock_build_dir(layout.build, wait=not options.folders.no_wait) as waited,
+        lock_install_dir(layout.install, wait=not options.folders.no_wait) as waited_again,
         closing(open_state(root, layout, interpreter)) as state,
     ):
-        began += waited
+        began += waited + waited_again
         plan, announcements = _make_plan(options, loaded, names, context, variables, state)
         check_plan(plan, loaded, context, variables, mode.warn)
         if not mode.quiet:

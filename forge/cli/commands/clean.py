@@ -24,7 +24,7 @@ from forge.build.cleaning import (
     workspace_removables,
 )
 from forge.build.compile_commands import merge_compile_commands
-from forge.build.folder_marks import bases_of, is_own_build_base, recorded_layout
+from forge.build.folder_marks import bases_of, is_own_build_base, is_own_install_base, recorded_layout
 from forge.build.installation import finish_workspace
 from forge.build.journal import open_journal
 from forge.cli import options as shared
@@ -32,7 +32,7 @@ from forge.cli import package_options
 from forge.cli.output_checks import check_bases
 from forge.cli.preparation import build_variables
 from forge.environment.install_state import recorded_path
-from forge.execution.lock import lock_build_dir
+from forge.execution.lock import lock_build_dir, lock_install_dir
 from forge.workspace.load import load_workspace
 
 if TYPE_CHECKING:
@@ -84,9 +84,10 @@ def run(options: argparse.Namespace) -> int:
     layout = layout if word is None else replace(layout, merged=word == "merged")
     check_bases(root, package_options.query_of(options).search, bases_of(layout))
     # Folders that forge did not create have no lock.
-    lock = lock_build_dir(layout.build, wait=not options.no_wait)
+    wait = not options.no_wait
     with (
-        lock if is_own_build_base(layout.build) else nullcontext(),
+        lock_build_dir(layout.build, wait=wait) if is_own_build_base(layout.build) else nullcontext(),
+        lock_install_dir(layout.install, wait=wait) if is_own_install_base(layout.install) else nullcontext(),
         closing(open_journal(layout.build)) as journal,
     ):
         names = _names(options, root, layout, journal)

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from forge.base.layout import LOCK_FILE, PROCESSES_FILE
-from forge.execution.lock import lock_build_dir
+from forge.execution.lock import lock_build_dir, lock_install_dir
 from forge.execution.started import StartedProcesses
 from tests.conftest import Forge, Tree
 from tests.testable import cmake_package
@@ -20,7 +20,7 @@ from tests.testable import cmake_package
 HOLD = """
 import sys, time
 from pathlib import Path
-from forge.execution.lock import lock_build_dir
+from forge.execution.lock import lock_build_dir, lock_install_dir
 with lock_build_dir(Path(sys.argv[1])):
     print("holding", flush=True)
     sys.stdin.readline()
@@ -95,3 +95,29 @@ def test_the_time_waited_is_not_part_of_the_summary(tree: Tree, forge: Forge) ->
         assert (ran.code, "waiting for process" in ran.err) == (0, True)
         assert found
         assert float(found[1]) < 5
+
+
+@pytest.mark.needs("cmake", "ninja")
+def test_builds_into_one_install_folder_wait_for_each_other(tree: Tree, forge: Forge) -> None:
+    """Each of them moves the installed files of a package aside while it builds."""
+    packages = [cmake_package(f"p{number}") for number in range(3)]
+    root = tree({name: text for package in packages for name, text in package.items()})
+    argv = [sys.executable, "-m", "forge", "build", "--force"]
+    for _ in range(2):
+        started = [
+            subprocess.Popen(
+                [*argv, "--build-base", base, "--log-base", f"log_{base}"],
+                cwd=root,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                text=True,
+            )
+            for base in ("one", "two")
+        ]
+        outputs = [process.communicate()[0] for process in started]
+        assert [process.returncode for process in started] == [0, 0], outputs
+    with lock_install_dir(root / "install"):
+        ran = forge("build", "--no-wait", "--build-base", "two", cwd=root)
+        assert ran.code == 2
+        assert "the install folder" in ran.err
+        assert "--install-base" in ran.err
