@@ -112,6 +112,12 @@ class Problem:
     hint: str | None = None
     group: GroupedProblems | None = None
 
+    @property
+    def position(self) -> tuple[int, int]:
+        """Line and column as a sort key; problems of a whole file come first."""
+        place = self.location
+        return (place.line or 0, place.column or 0) if place else (0, 0)
+
     def render(self, severity: Severity = "error", palette: Palette = _PLAIN) -> str:
         """Return the text for users: position, message, source line with caret, hint."""
         where = f"{self.location}: ".translate(_INVISIBLE) if self.location else ""

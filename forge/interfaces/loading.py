@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, Any
 
 from forge.base.distributions import check_distribution, distribution_in
 from forge.base.errors import InterfaceError, Problem
-from forge.base.names import snake_case
 from forge.base.standard_interfaces import EMBEDDED
+from forge.interfaces.python.modules import module_name
 from forge.interfaces.python.target import files
 from forge.interfaces.read.parsing import Parsed, parse_all
 from forge.interfaces.read.sources import Library, read_folder
@@ -41,10 +41,7 @@ class Types(Mapping[str, Any]):
     """Classes by full name, such as 'std_msgs/msg/Header'; each is created on first access."""
 
     def __init__(self, root: str, names: Iterable[TypeName]) -> None:
-        self._modules = {
-            str(name): (f"{root}.{name.package}.{name.kind}._{snake_case(name.name)}", name.name)
-            for name in names
-        }
+        self._modules = {str(name): (f"{root}.{module_name(name)}", name.name) for name in names}
 
     def __getitem__(self, name: str) -> Any:
         module, attribute = self._modules[name]

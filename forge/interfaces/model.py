@@ -244,6 +244,17 @@ def sections_of(interface: Interface) -> tuple[Message, ...]:
             return goal, result, feedback
 
 
+def services_of(interface: Interface) -> tuple[Service, ...]:
+    """Return the service itself, or those of an action."""
+    match interface:
+        case Message():
+            return ()
+        case Service():
+            return (interface,)
+        case Action():
+            return (interface.send_goal, interface.get_result)
+
+
 def element_of(type_: Type) -> Element:
     """Return the type itself, or that of its elements."""
     return type_.of if isinstance(type_, Array | Sequence) else type_

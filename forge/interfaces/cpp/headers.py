@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
 from forge.base.names import snake_case
-from forge.interfaces.model import Action, Message, Named, Service, element_of, messages_of
+from forge.interfaces.model import Action, Named, element_of, messages_of, services_of
 
 if TYPE_CHECKING:
     from forge.interfaces.model import Interface, TypeName
@@ -62,17 +62,6 @@ def needed(interface: Interface) -> tuple[TypeName, ...]:
     own = {message.name for message in messages}
     elements = (element_of(field.type) for message in messages for field in message.members)
     return tuple(sorted({of.name for of in elements if isinstance(of, Named)} - own))
-
-
-def services_of(interface: Interface) -> tuple[Service, ...]:
-    """Return the services that a header defines."""
-    match interface:
-        case Message():
-            return ()
-        case Service():
-            return (interface,)
-        case Action():
-            return (interface.send_goal, interface.get_result)
 
 
 def handles(interface: Interface) -> list[Handle]:

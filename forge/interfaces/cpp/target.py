@@ -10,11 +10,11 @@ from forge.base.errors import InterfaceError, Problem, raise_if_any
 from forge.base.frozen import frozen
 from forge.base.templating import render
 from forge.interfaces.cpp.cdr import MembersViews
-from forge.interfaces.cpp.headers import detail_path, guard, handles, main_path, needed, services_of
+from forge.interfaces.cpp.headers import detail_path, guard, handles, main_path, needed
 from forge.interfaces.cpp.struct import struct_needs_numeric_limits, struct_view
 from forge.interfaces.cpp.text import qualified
 from forge.interfaces.cpp.traits import type_traits, yaml_view
-from forge.interfaces.model import Action, File, Primitive, Sequence, element_of, messages_of
+from forge.interfaces.model import Action, File, Primitive, Sequence, element_of, messages_of, services_of
 from forge.interfaces.wire.flattening import LayoutBuilder
 
 if TYPE_CHECKING:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
-from forge.interfaces.cpp.headers import services_of
 from forge.interfaces.cpp.text import qualified
 from forge.interfaces.model import (
     Action,
@@ -17,6 +16,7 @@ from forge.interfaces.model import (
     String,
     element_of,
     messages_of,
+    services_of,
 )
 
 if TYPE_CHECKING:

@@ -64,7 +64,7 @@ def parse_idl(source: Source) -> Interface:
     Raises InterfaceError with the first syntax error, or else with all semantic problems.
     """
     reader = read_idl(source)
-    raise_if_any(sorted(reader.problems, key=_position), InterfaceError)
+    raise_if_any(sorted(reader.problems, key=lambda problem: problem.position), InterfaceError)
     return reader.interface()
 
 
@@ -132,11 +132,6 @@ def _explained(error: UnexpectedInput, text: str) -> ParseError:
     expectation = f"{' or '.join(names[:2])} is expected" if names else None
     message, hint = _EXPLANATIONS.get(word, (f"'{word}' is not expected here", expectation))
     return ParseError(message, offset=offset, hint=hint)
-
-
-def _position(problem: Problem) -> tuple[int, int]:
-    place = problem.location
-    return (place.line or 0, place.column or 0) if place else (0, 0)
 
 
 @dataclass(slots=True)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal, cast
 from forge.base.frozen import frozen
 from forge.interfaces.model import Array, Named, Primitive, Sequence, String
 from forge.interfaces.read.errors import ParseError
-from forge.interfaces.read.literals import INTEGER_RANGES, within_bound
+from forge.interfaces.read.literals import INTEGER_RANGES, SURROGATES, escaped_character, within_bound
 
 if TYPE_CHECKING:
     import ast
@@ -19,9 +19,7 @@ if TYPE_CHECKING:
 
 _ESCAPE = re.compile(r"""\\(?:([\\"'nrtvbfa])|([0-7]{1,3})|x([0-9a-fA-F]{1,2}))""")
 _WIDE_ESCAPE = re.compile(_ESCAPE.pattern[:-1] + r"|u([0-9a-fA-F]{4}))")
-_SIMPLE_ESCAPES = {"n": "\n", "r": "\r", "t": "\t", "v": "\v", "b": "\b", "f": "\f", "a": "\a"}
 _DOUBLED = re.compile(r'\\(["\\])')
-_SURROGATES = re.compile("[\ud800-\udfff]")
 _LIMITS = {"char": 127, "wchar": 0xFFFF}
 _NOT_FINITE = re.compile(r"[+-]?(nan|inf|infinity)", re.IGNORECASE)
 _TUPLE_HINT = 'write a tuple in quotes, such as "(1, 2, 3)"'
@@ -121,21 +119,14 @@ def _unescape(token: Token) -> str:
     inside = token[2:-1] if wide else token[1:-1]
     if "\\" not in inside:
         return inside
-    plain = (_WIDE_ESCAPE if wide else _ESCAPE).sub(_character, inside)
-    if _SURROGATES.search(plain):
+    plain = (_WIDE_ESCAPE if wide else _ESCAPE).sub(escaped_character, inside)
+    if SURROGATES.search(plain):
         raise ParseError(
             "this escape is half of a surrogate pair",
             offset=token.start_pos or 0,
             hint="write the character itself",
         )
     return _DOUBLED.sub(r"\1", plain)
-
-
-def _character(escape: re.Match[str]) -> str:
-    simple, octal, *hexadecimal = escape.groups()
-    if simple:
-        return _SIMPLE_ESCAPES.get(simple, simple)
-    return chr(int(octal, 8)) if octal else chr(int(next(filter(None, hexadecimal)), 16))
 
 
 def _single(written: Expression, type_: Type) -> bool | int | float | str:

@@ -19,6 +19,7 @@ from forge.interfaces.model import File, messages_of
 from forge.interfaces.python.cdr_read import References, emit_part_reader, emit_reader
 from forge.interfaces.python.cdr_text import FunctionSource, Names
 from forge.interfaces.python.cdr_write import emit_part_writer, emit_writer
+from forge.interfaces.python.modules import module_name
 from forge.interfaces.wire.flattening import LayoutBuilder
 from forge.interfaces.wire.layout import START, UNKNOWN, MessageCall, MessageLayout
 
@@ -75,7 +76,7 @@ class _Module:
     def factory_call(self, prefix: str, name: TypeName) -> str:
         if name in self.own:
             return f"{prefix}_{name.name}()"
-        path = f"{_module(name)}__cdr"
+        path = f"{module_name(name)}__cdr"
         alias = self.modules.setdefault(path, f"_{path.replace('.', '_')}")
         return f"{alias}.{prefix}_{name.name}()"
 
@@ -86,14 +87,10 @@ def interface_files(catalog: Catalog, root: str = "") -> Callable[[Interface], I
     all_classes = frozenset(name.name for name in catalog.known)
 
     def module(interface: Interface) -> Iterator[File]:
-        path = f"{_module(interface.name).replace('.', '/')}__cdr.py"
+        path = f"{module_name(interface.name).replace('.', '/')}__cdr.py"
         yield File(path, _serializers(interface, layouts, all_classes, root))
 
     return module
-
-
-def _module(name: TypeName) -> str:
-    return f"{name.package}.{name.kind}._{snake_case(name.name)}"
 
 
 def _serializers(interface: Interface, layouts: LayoutBuilder, all_classes: frozenset[str], root: str) -> str:
@@ -103,9 +100,9 @@ def _serializers(interface: Interface, layouts: LayoutBuilder, all_classes: froz
         module.class_of(name)
     functions = [function for name in own for function in _functions(name, module)]
     text = "\n".join(line for function in functions for line in (*function.tables, *function.lines))
-    home = _module(interface.name)
+    home = module_name(interface.name)
     classes = [
-        (home if name in module.own else _module(name), name.name, local)
+        (home if name in module.own else module_name(name), name.name, local)
         for name, local in sorted(module.classes.items())
     ]
     others = [(*path.rsplit(".", 1), local) for path, local in sorted(module.modules.items())]

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from forge.base.frozen import frozen
 from forge.base.names import snake_case
 from forge.base.templating import render
-from forge.interfaces.model import Action, File, Named, Service, TypeName, element_of, messages_of
+from forge.interfaces.model import Action, File, Named, TypeName, element_of, messages_of, services_of
 from forge.interfaces.python.fields import BUILTINS, FieldView, Scope, view_field
 from forge.interfaces.python.stubs import StubNames, shadowed_builtins, stub_imports, view_stub
 from forge.interfaces.python.types import literal
@@ -71,12 +71,12 @@ def _interface(interface: Interface, root: str = "") -> Iterator[File]:
     messages = tuple(messages_of(interface))
     imported = _imported(interface, messages)
     classes = imported | {message.name: message.name.name for message in messages}
-    path = _module(interface.name).replace(".", "/")
-    services = _services(interface)
+    path = module_name(interface.name).replace(".", "/")
+    services = services_of(interface)
     is_action = isinstance(interface, Action)
     shared = {
         "title": str(interface.name),
-        "imported": [(f"{root}{_module(name)}", name.name, local) for name, local in imported.items()],
+        "imported": [(f"{root}{module_name(name)}", name.name, local) for name, local in imported.items()],
         "decorator": _decorator(messages),
         "services": [
             {
@@ -99,18 +99,9 @@ def _interface(interface: Interface, root: str = "") -> Iterator[File]:
     yield File(f"{path}.pyi", render("python/interface.pyi.j2", **shared, messages=stubs, imports=lines))
 
 
-def _module(name: TypeName) -> str:
+def module_name(name: TypeName) -> str:
+    """Return the full name of the module of an interface."""
     return f"{name.package}.{name.kind}._{snake_case(name.name)}"
-
-
-def _services(interface: Interface) -> tuple[Service, ...]:
-    match interface:
-        case Service():
-            return (interface,)
-        case Action():
-            return (interface.send_goal, interface.get_result)
-        case _:
-            return ()
 
 
 def _imported(interface: Interface, messages: Sequence[Message]) -> dict[TypeName, str]:
@@ -124,7 +115,7 @@ def _imported(interface: Interface, messages: Sequence[Message]) -> dict[TypeNam
         imported_names |= {_CANCEL, _STATUS}
     own = {message.name for message in messages}
     imported_names -= own
-    defined = {interface.name, *own, *(service.name for service in _services(interface))}
+    defined = {interface.name, *own, *(service.name for service in services_of(interface))}
     # A field shadows a class in constructors.
     shadowed = {field.name for message in messages for field in message.fields}
     taken = [*(name.name for name in imported_names), *shadowed.union(name.name for name in defined)]

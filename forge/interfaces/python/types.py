@@ -6,14 +6,12 @@ from math import isfinite, isnan
 from typing import TYPE_CHECKING, Final
 
 from forge.interfaces.model import Array, Named, Primitive, Sequence, String, element_of
+from forge.interfaces.read.literals import INTEGER_RANGES
 
 if TYPE_CHECKING:
     from forge.interfaces.model import Element, Type, Value
 
-INTEGERS: Final = {
-    **{f"int{bits}": (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1) for bits in (8, 16, 32, 64)},
-    **{f"uint{bits}": (0, 2**bits - 1) for bits in (8, 16, 32, 64)},
-}
+INTEGERS: Final = {name: limits for name, limits in INTEGER_RANGES.items() if name != "octet"}
 TYPE_CODES: Final = {
     "int8": "b",
     "uint8": "B",

@@ -59,13 +59,8 @@ def lint(parsed: Iterable[Parsed]) -> list[Problem]:
         for message in sections_of(each.interface):
             problems += _names(message) if is_idl else (*_lines(message), *_names(message))
         problems += python_keywords([each.interface])
-        all_problems += sorted(problems, key=_position)
+        all_problems += sorted(problems, key=lambda problem: problem.position)
     return all_problems
-
-
-def _position(problem: Problem) -> tuple[int, int]:
-    place = problem.location
-    return (place.line or 0, place.column or 0) if place else (0, 0)
 
 
 def _problem(

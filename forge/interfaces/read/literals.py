@@ -22,7 +22,7 @@ _TRUTH = {"true": True, "1": True, "false": False, "0": False}
 
 _ESCAPE = re.compile(r"""\\(?:([\\"'nrtvbfa?])|([0-7]{1,3})|x([0-9a-fA-F]{2})|u([0-9a-fA-F]{4}))""")
 _SIMPLE_ESCAPES = {"n": "\n", "r": "\r", "t": "\t", "v": "\v", "b": "\b", "f": "\f", "a": "\a"}
-_SURROGATES = re.compile("[\ud800-\udfff]")
+SURROGATES = re.compile("[\ud800-\udfff]")
 
 _TEXT_ELEMENT = re.compile(
     r"""
@@ -134,8 +134,8 @@ def _unquote(text: str) -> str:
 def _unescape(text: str) -> str:
     if "\\" not in text:
         return text
-    plain = _ESCAPE.sub(_character, text)
-    lone = _SURROGATES.search(plain)
+    plain = _ESCAPE.sub(escaped_character, text)
+    lone = SURROGATES.search(plain)
     if lone:
         raise ParseError(
             f"'\\u{ord(lone.group()):04x}' is half of a surrogate pair", hint="write the character itself"
@@ -143,7 +143,8 @@ def _unescape(text: str) -> str:
     return plain
 
 
-def _character(escape: re.Match[str]) -> str:
+def escaped_character(escape: re.Match[str]) -> str:
+    """Return the character of an escape; the groups are a sign, an octal and hexadecimal codes."""
     simple, octal, *hexadecimal = escape.groups()
     if simple:
         return _SIMPLE_ESCAPES.get(simple, simple)
