@@ -6,7 +6,7 @@ import hashlib
 from graphlib import TopologicalSorter
 from typing import TYPE_CHECKING
 
-from forge.interfaces.model import Named, element_of, messages_of
+from forge.interfaces.model import messages_of, nested_types
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -31,8 +31,7 @@ def fingerprints(catalogs: Iterable[Catalog], generator: str) -> dict[TypeName, 
     owners = {message.name: name for name, each in interfaces.items() for message in messages_of(each)}
     needs = {}
     for name, interface in interfaces.items():
-        elements = (element_of(field.type) for message in messages_of(interface) for field in message.fields)
-        names = (element.name for element in elements if isinstance(element, Named))
+        names = nested_types(messages_of(interface))
         needs[name] = {owners.get(need, need) for need in names} - {name}
     digests: dict[TypeName, str] = {}
     for name in TopologicalSorter(needs).static_order():

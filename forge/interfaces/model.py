@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from forge.base.frozen import frozen
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterable, Iterator, Mapping
     from pathlib import Path
 
     from forge.base.errors import Location
@@ -258,6 +258,12 @@ def services_of(interface: Interface) -> tuple[Service, ...]:
 def element_of(type_: Type) -> Element:
     """Return the type itself, or that of its elements."""
     return type_.of if isinstance(type_, Array | Sequence) else type_
+
+
+def nested_types(messages: Iterable[Message]) -> set[TypeName]:
+    """Return the message types of all fields."""
+    elements = (element_of(field.type) for message in messages for field in message.fields)
+    return {element.name for element in elements if isinstance(element, Named)}
 
 
 _UUID = Named(TypeName("unique_identifier_msgs", "msg", "UUID"))

@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING
 
 from forge.base.errors import InterfaceError, Location, Problem
 from forge.interfaces.idl.target import idl_text
-from forge.interfaces.model import Named, Source, TypeName, element_of, sections_of
+from forge.interfaces.model import Source, TypeName, nested_types, sections_of
 from forge.interfaces.read.declarations import LOWER_NAME
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from forge.interfaces.model import Interface
     from forge.interfaces.read.parsing import Parsed
 
 ENCODINGS = ("ros2msg", "ros2idl")
@@ -29,11 +28,11 @@ def schema_text(parsed: Parsed, find: Callable[[TypeName], Parsed], encoding: st
     `find` returns the definition of a message. The encoding 'ros2msg' contains the original definitions and
     raises InterfaceError for one in IDL; 'ros2idl' converts them to IDL. Exceptions of `find` propagate.
     """
-    write = _idl if encoding == "ros2idl" else _as_written
+    own = _definition(parsed, encoding)
     start = f"{_heading(parsed, encoding)}\n" if encoding == "ros2idl" else ""
-    texts = [start + write(parsed)]
-    texts += [f"{_heading(each, encoding)}\n{write(each)}" for each in _below(parsed, find, set())]
-    return "\n".join(texts)
+    nested = _below(parsed, find, set())
+    texts = [f"{_heading(each, encoding)}\n{_definition(each, encoding)}" for each in nested]
+    return "\n".join((start + own, *texts))
 
 
 def read_schema(text: str, name: TypeName) -> tuple[Source, ...]:
@@ -58,7 +57,14 @@ def read_schema(text: str, name: TypeName) -> tuple[Source, ...]:
         sections.append((TypeName(package, kind, stem), "idl" if word == "IDL" else kind, []))
     if sections[1:] and not any(sections[0][2]):
         del sections[0]
-    return tuple(_source(*section) for section in sections)
+    sources = []
+    for type_name, ending, content in sections:
+        relative = f"{type_name.kind}/{type_name.name}.{ending}"
+        # The blank line before a heading is not part of the definition.
+        text = "\n".join(content).rstrip("\n")
+        path = Path(type_name.package) / relative
+        sources.append(Source(type_name.package, relative, path, f"{text}\n" if text else ""))
+    return tuple(sources)
 
 
 def parse_name(text: str) -> TypeName:
@@ -71,27 +77,15 @@ def parse_name(text: str) -> TypeName:
     return TypeName(*parts)
 
 
-def _source(name: TypeName, ending: str, lines: list[str]) -> Source:
-    relative = f"{name.kind}/{name.name}.{ending}"
-    # The blank line before a heading is not part of the definition.
-    text = "\n".join(lines).rstrip("\n")
-    return Source(name.package, relative, Path(name.package) / relative, f"{text}\n" if text else "")
-
-
 def _below(parsed: Parsed, find: Callable[[TypeName], Parsed], seen: set[TypeName]) -> Iterator[Parsed]:
     """Yield each nested message once, sorted by name on each level, depth first."""
-    for name in sorted(_references(parsed.interface)):
+    sections = sections_of(parsed.interface)
+    for name in sorted(nested_types(sections) - {message.name for message in sections}):
         if name not in seen:
             seen.add(name)
             nested = find(name)
             yield nested
             yield from _below(nested, find, seen)
-
-
-def _references(interface: Interface) -> set[TypeName]:
-    sections = sections_of(interface)
-    elements = (element_of(member.type) for message in sections for member in message.fields)
-    return {element.name for element in elements if isinstance(element, Named)} - {m.name for m in sections}
 
 
 def _heading(parsed: Parsed, encoding: str) -> str:
@@ -100,15 +94,12 @@ def _heading(parsed: Parsed, encoding: str) -> str:
     return f"{_LINE}\n{shown}"
 
 
-def _as_written(parsed: Parsed) -> str:
-    if parsed.source.relative.endswith(".idl"):
-        message = f"'{parsed.interface.name}' is written in IDL"
-        raise InterfaceError(Problem(message, Location(parsed.source.path), "use --encoding ros2idl"))
-    return parsed.source.text.removeprefix("\ufeff")
-
-
-def _idl(parsed: Parsed) -> str:
+def _definition(parsed: Parsed, encoding: str) -> str:
     source = parsed.source
-    if source.relative.endswith(".idl"):
-        return source.text.removeprefix("\ufeff")
-    return idl_text(parsed.interface, f"{source.package}/{source.relative}")
+    is_idl = source.relative.endswith(".idl")
+    if encoding == "ros2idl" and not is_idl:
+        return idl_text(parsed.interface, f"{source.package}/{source.relative}")
+    if encoding != "ros2idl" and is_idl:
+        message = f"'{parsed.interface.name}' is written in IDL"
+        raise InterfaceError(Problem(message, Location(source.path), "use --encoding ros2idl"))
+    return source.text.removeprefix("\ufeff")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
 from forge.base.names import snake_case
-from forge.interfaces.model import Action, Named, element_of, messages_of, services_of
+from forge.interfaces.model import Action, messages_of, nested_types, services_of
 
 if TYPE_CHECKING:
     from forge.interfaces.model import Interface, TypeName
@@ -59,9 +59,7 @@ def symbol(name: TypeName) -> str:
 def needed(interface: Interface) -> tuple[TypeName, ...]:
     """Return the message types of members that are defined in other headers, sorted."""
     messages = tuple(messages_of(interface))
-    own = {message.name for message in messages}
-    elements = (element_of(field.type) for message in messages for field in message.members)
-    return tuple(sorted({of.name for of in elements if isinstance(of, Named)} - own))
+    return tuple(sorted(nested_types(messages) - {message.name for message in messages}))
 
 
 def handles(interface: Interface) -> list[Handle]:

@@ -15,7 +15,7 @@ from forge.interfaces.model import (
     Primitive,
     Sequence,
     String,
-    element_of,
+    nested_types,
     sections_of,
 )
 from forge.interfaces.read.comments import BIDI_CONTROLS
@@ -87,12 +87,7 @@ def interface_files(catalog: Catalog) -> Callable[[Interface], Iterator[File]]:
 def idl_text(interface: Interface, origin: str) -> str:
     """Return an interface as IDL; `origin` is the path of its definition, for the comment."""
     messages = sections_of(interface)
-    includes = {
-        f"{element.name.package}/{element.name.kind}/{element.name.name}.idl"
-        for message in messages
-        for member in message.fields
-        if isinstance(element := element_of(member.type), Named)
-    }
+    includes = {f"{name.package}/{name.kind}/{name.name}.idl" for name in nested_types(messages)}
     if isinstance(interface, Action):
         includes |= _ACTION_INCLUDES
     return render(

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from forge.base.frozen import frozen
 from forge.base.names import snake_case
 from forge.base.templating import render
-from forge.interfaces.model import Action, File, Named, TypeName, element_of, messages_of, services_of
+from forge.interfaces.model import Action, File, TypeName, messages_of, nested_types, services_of
 from forge.interfaces.python.fields import BUILTINS, FieldView, Scope, view_field
 from forge.interfaces.python.stubs import StubNames, shadowed_builtins, stub_imports, view_stub
 from forge.interfaces.python.types import literal
@@ -105,12 +105,7 @@ def module_name(name: TypeName) -> str:
 
 
 def _imported(interface: Interface, messages: Sequence[Message]) -> dict[TypeName, str]:
-    imported_names = {
-        element.name
-        for message in messages
-        for field in message.fields
-        if isinstance(element := element_of(field.type), Named)
-    }
+    imported_names = nested_types(messages)
     if isinstance(interface, Action):
         imported_names |= {_CANCEL, _STATUS}
     own = {message.name for message in messages}

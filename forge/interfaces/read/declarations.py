@@ -70,29 +70,16 @@ def read_declaration(text: str, package: str) -> Declaration:
     _check_outline(text, written, rest)
     type_ = _read_type(written, package)
     offset = len(text) - len(rest.lstrip())
-    if "=" not in rest:
-        name, _, value = text[offset:].partition(" ")
-        _check_field(name, offset, type_)
-        value = value.lstrip()
-        return Declaration(
-            type_,
-            name,
-            constant=False,
-            value=value or None,
-            name_offset=offset,
-            value_offset=len(text) - len(value),
-        )
-    name, _, value = text[offset:].partition("=")
-    name, value = name.rstrip(), value.lstrip()
-    _check_constant(name, offset, type_)
-    return Declaration(
-        type_,
-        name,
-        constant=True,
-        value=value,
-        name_offset=offset,
-        value_offset=len(text) - len(value),
-    )
+    constant = "=" in rest
+    name, _, value = text[offset:].partition("=" if constant else " ")
+    value = value.lstrip()
+    if constant:
+        name = name.rstrip()
+        _check_constant(name, offset, type_)
+    else:
+        _check_field(name, offset)
+    written_value = value if value or constant else None
+    return Declaration(type_, name, constant, written_value, offset, len(text) - len(value))
 
 
 @cache
@@ -235,7 +222,7 @@ def _no_size(text: str, offset: int) -> ParseError:
     return ParseError(f"invalid size '{text}'", offset=offset, hint="write a decimal number")
 
 
-def _check_field(name: str, offset: int, _: Type) -> None:
+def _check_field(name: str, offset: int) -> None:
     if not LOWER_NAME.fullmatch(name):
         better = re.sub(r"[^a-z0-9]+", "_", snake_case(name)).strip("_")
         hint = f"name it '{better}'" if LOWER_NAME.fullmatch(better) else None

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.errors import InterfaceError, Location, Problem, raise_if_any
 from forge.base.names import nearest, snake_case
-from forge.interfaces.model import Catalog, Message, Named, element_of, messages_of, with_events
+from forge.interfaces.model import Catalog, Message, Named, element_of, messages_of, nested_types, with_events
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -196,10 +196,7 @@ _MAX_REPORTED = 20
 
 def nesting_problems(messages: Mapping[TypeName, Message]) -> list[Problem]:
     """Return a problem if messages are nested too deeply for generated code."""
-    below = {
-        name: {e.name for member in message.fields if isinstance(e := element_of(member.type), Named)}
-        for name, message in messages.items()
-    }
+    below = {name: nested_types([message]) for name, message in messages.items()}
     depth: dict[TypeName, int] = {}
     for name in TopologicalSorter(below).static_order():
         depth[name] = 1 + max((depth[inner] for inner in below.get(name, ())), default=0)
