@@ -19,10 +19,11 @@ import threading
 from typing import TYPE_CHECKING
 
 from forge.base.digests import digest
-from forge.base.files import read_text, remove_tree, replace_file
+from forge.base.files import remove_tree, replace_file, text_or_nothing
 from forge.base.layout import TOOLCHAIN_DIR
 from forge.toolchain.cmake_warnings import unused_variables
 from forge.toolchain.programs import calls_make
+from forge.workspace.cmake_text import calls
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -48,12 +49,7 @@ _OWN = re.compile(
 _ANY = re.compile(r"(?!//|#)[^:]+:")
 _OF_PYTHON = re.compile(r"_?Python3_\w+:|CMAKE_CACHE_\w+_VERSION:")
 """Entries for a project without compilers; CMake considers a cache without its version outdated."""
-_COMMENT = re.compile(r"#\[\[.*?\]\]|#[^\n]*", re.DOTALL)
-_HARMLESS = re.compile(
-    r"\s*(cmake_minimum_required\s*\([^()]*\)|set\s*\(\s*(?!CMAKE_|ENV\b)\w+[^()$]*\))", re.IGNORECASE
-)
-_NO_LANGUAGE = re.compile(r"\bNONE\b")
-_BEGINS_WITH_PROJECT = re.compile(r"\s*project\s*\([^()$]*\)", re.IGNORECASE)
+_OWN_VARIABLE = re.compile(r"(?!CMAKE_|ENV\b)\w+", re.IGNORECASE)
 
 
 class Toolchain:
@@ -89,7 +85,7 @@ class Toolchain:
         project = None if (build / "CMakeCache.txt").exists() else usual_project(source)
         if project is None:
             return False
-        compiles = not _NO_LANGUAGE.search(project)
+        compiles = "NONE" not in project
         if not (compiles or self._asks_python):
             return False
         with self._lock:
@@ -144,19 +140,20 @@ class Toolchain:
         return ("\n".join(lines) + "\n").encode()
 
 
-def usual_project(source: Path) -> str | None:
-    """Return the project() call of a package if no prior command may affect its compilers, else None.
+def usual_project(source: Path) -> tuple[str, ...] | None:
+    """Return the arguments of a package's project() if no prior command may affect its compilers, else None.
 
     CMake finds the compilers of packages that set a toolchain or compiler or include a file before project(),
     and of packages that call make, because they use another build tool.
     """
-    try:
-        text = _COMMENT.sub("", read_text(source / "CMakeLists.txt"))
-    except OSError:
-        return None
-    if calls_make(text):
-        return None
-    while match := _HARMLESS.match(text):
-        text = text[match.end() :]
-    project = _BEGINS_WITH_PROJECT.match(text)
-    return project.group() if project else None
+    text = text_or_nothing(source / "CMakeLists.txt")
+    for call in calls(text) if not calls_make(text) else ():
+        words = "".join(call.words)
+        is_literal = not any(character in words for character in "()$")
+        if call.command == "project" and is_literal:
+            return call.words
+        if call.command != "cmake_minimum_required" and not (
+            call.command == "set" and is_literal and _OWN_VARIABLE.match(words)
+        ):
+            return None
+    return None

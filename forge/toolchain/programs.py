@@ -35,7 +35,6 @@ _BEFORE_PROJECT = frozenset({"cmake_minimum_required", "cmake_policy", "message"
 PROJECT_DETAILS = frozenset({"COMPAT_VERSION", "DESCRIPTION", "HOMEPAGE_URL", "SPDX_LICENSE", "VERSION"})
 _NAMES_COMPILER = re.compile(r"COMPILER|TOOLCHAIN|INCLUDE|--toolchain|--preset|(?:^| )-C")
 _NAMES_BUILDER = re.compile(r"CMAKE_MAKE_PROGRAM|TOOLCHAIN|--toolchain|--preset|(?:^| )-[CG]")
-_PROJECT = re.compile(r"^\s*project\s*\(([^)]*)\)", re.IGNORECASE | re.MULTILINE)
 
 
 @frozen
@@ -328,8 +327,8 @@ def _project_text(package: Package) -> str:
 
 def _compiles(text: str) -> bool:
     """Tell whether project() enables a language, which it does unless it specifies NONE."""
-    project = _PROJECT.search(text)
-    return bool(text) and (project is None or "NONE" not in project.group(1).split())
+    project = next((call for call in calls(text) if call.command == "project"), None)
+    return bool(text) and (project is None or "NONE" not in project.words)
 
 
 def _certainly_compiles(text: str) -> bool:
