@@ -44,7 +44,7 @@ def _below(folder: str, files: Mapping[str, str]) -> dict[str, str]:
 
 
 @pytest.mark.parametrize("words", [(), ("--merge-install",)])
-def test_an_underlay_that_appears_later_is_used_alone(
+def test_an_ament_in_an_underlay_replaces_the_embedded_one(
     forge: Forge, tree: Tree, words: tuple[str, ...]
 ) -> None:
     """Neither CMake's cache nor what was installed leads to the embedded ament any more."""
@@ -61,7 +61,7 @@ def test_an_underlay_that_appears_later_is_used_alone(
     assert not (root / "build/ament_cmake").exists()
 
 
-def test_sources_of_an_ament_in_the_workspace_are_built_and_used(forge: Forge, tree: Tree) -> None:
+def test_an_ament_in_the_workspace_replaces_the_embedded_one(forge: Forge, tree: Tree) -> None:
     """They come after a first build here, and bring the core only: the rest is missed, not mixed in."""
     root = tree(DEMO)
     assert forge("build", cwd=root).code == 0

@@ -59,7 +59,7 @@ def test_hooks_are_installed_and_listed(demo: Project) -> None:
 @pytest.mark.parametrize(
     "shell", [pytest.param(s, marks=pytest.mark.needs(s)) for s in ("sh", "bash", "zsh")]
 )
-def test_a_strict_shell_may_source_twice(demo: Project, shell: str) -> None:
+def test_hooks_can_be_sourced_twice_in_strict_shells(demo: Project, shell: str) -> None:
     variables = source(shell, demo, times=2)
     prefix = str(demo.prefix)
     assert variables["AMENT_PREFIX_PATH"] == prefix
@@ -89,7 +89,7 @@ def test_hooks_may_be_collected_instead_of_run(demo: Project) -> None:
         ("ament_environment_hooks(noextension)", "needs the extension of its shell"),
     ],
 )
-def test_a_wrong_call_stops_with_a_reason(ament: Ament, commands: str, complaint: str) -> None:
+def test_invalid_calls_are_errors_with_a_reason(ament: Ament, commands: str, complaint: str) -> None:
     outcome = ament(commands, files={"noextension": ""}).configure()
     assert outcome.code != 0
     assert complaint in outcome.flat

@@ -113,7 +113,7 @@ def test_classic_variables_collect_what_dependencies_add(ament: Ament) -> None:
     assert outcome.said("base_found") in ("1", "TRUE")
 
 
-def test_a_missing_dependency_stops_the_user(ament: Ament) -> None:
+def test_a_missing_dependency_is_an_error_for_users(ament: Ament) -> None:
     ament("ament_export_dependencies(nowhere)\nament_package()").install()
     outcome = ament("find_package(demo REQUIRED)", name="user").configure()
     assert outcome.code != 0
@@ -130,7 +130,7 @@ def test_a_missing_dependency_stops_the_user(ament: Ament) -> None:
         ("ament_export_interfaces(x UNKNOWN::y)\nament_package()", "UNKNOWN::y"),
     ],
 )
-def test_a_wrong_call_stops_with_a_reason(ament: Ament, commands: str, complaint: str) -> None:
+def test_invalid_calls_are_errors_with_a_reason(ament: Ament, commands: str, complaint: str) -> None:
     outcome = ament(f"add_library(t INTERFACE)\n{commands}").configure()
     assert outcome.code != 0
     assert complaint in outcome.flat
@@ -138,7 +138,7 @@ def test_a_wrong_call_stops_with_a_reason(ament: Ament, commands: str, complaint
 
 @cxx
 @pytest.mark.parametrize("keyword", ["", "PUBLIC", "SYSTEM PUBLIC", "SYSTEM", "INTERFACE"])
-def test_the_keyword_decides_the_signature(ament: Ament, keyword: str) -> None:
+def test_keywords_select_the_signature(ament: Ament, keyword: str) -> None:
     ament(
         "add_library(offer INTERFACE)\ntarget_compile_definitions(offer INTERFACE OFFERED)\n"
         "install(TARGETS offer EXPORT set)\nament_export_targets(set)\nament_package()",
@@ -188,7 +188,7 @@ PUBLIC_COMMANDS: Mapping[str, tuple[str, str]] = {
 }
 
 
-def test_small_commands_keep_their_promises(ament: Ament) -> None:
+def test_small_commands_work_as_documented(ament: Ament) -> None:
     """One project for all: each result is printed under its number."""
     lines = [
         f'unset(x)\n{command}\nmessage(STATUS "{number}=${{x}}")'

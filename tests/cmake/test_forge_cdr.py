@@ -17,7 +17,7 @@ int main() { return forge_cdr::serialize(std_msgs::msg::Header()).size() == 17 ?
 
 
 @pytest.mark.needs("cmake", "ninja", "g++")
-def test_programs_serialize_with_what_they_link_anyway(ament: Ament, interfaces: Path) -> None:
+def test_programs_serialize_without_additional_libraries(ament: Ament, interfaces: Path) -> None:
     user = ament(
         "find_package(forge_cdr REQUIRED)\nfind_package(std_msgs REQUIRED)\n"
         "add_executable(by_package main.cpp)\nament_target_dependencies(by_package std_msgs)\n"

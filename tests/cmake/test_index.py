@@ -25,7 +25,7 @@ INDEX = "share/ament_index/resource_index"
         ("CONTENT x PACKAGE_NAME other", "x"),
     ],
 )
-def test_content_arrives_unchanged(ament: Ament, argument: str, text: str) -> None:
+def test_resource_contents_are_unchanged(ament: Ament, argument: str, text: str) -> None:
     files = {"plain.txt": "a;b\n@NAME@\n", "expanded.txt.in": "a;@PROJECT_NAME@\n"}
     demo = ament(f"ament_index_register_resource(kind {argument})", files=files).install()
     name = "other" if "PACKAGE_NAME" in argument else "demo"
@@ -40,7 +40,7 @@ def test_content_arrives_unchanged(ament: Ament, argument: str, text: str) -> No
         ("ament_index_get_resource(x k none)", "no resource 'none' of the type 'k'"),
     ],
 )
-def test_a_wrong_call_stops_with_a_reason(ament: Ament, commands: str, complaint: str) -> None:
+def test_invalid_calls_are_errors_with_a_reason(ament: Ament, commands: str, complaint: str) -> None:
     outcome = ament(commands).configure()
     assert outcome.code != 0
     assert complaint in outcome.flat

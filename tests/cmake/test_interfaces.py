@@ -65,7 +65,7 @@ def motion(rosidl: Ament) -> Project:
     )
 
 
-def test_everything_lands_where_ros_has_it(motion: Project) -> None:
+def test_interfaces_are_installed_in_the_layout_of_ros(motion: Project) -> None:
     motion.install()
     files = motion.files()
     assert {file for file in files if file.startswith("include/")} == {
@@ -104,7 +104,7 @@ def test_everything_lands_where_ros_has_it(motion: Project) -> None:
 
 
 @cxx
-def test_users_link_what_they_like(rosidl: Ament, motion: Project) -> None:
+def test_users_can_link_any_documented_target(rosidl: Ament, motion: Project) -> None:
     motion.install()
     user = rosidl(
         "find_package(motion REQUIRED)\n"
@@ -160,7 +160,7 @@ def test_programs_in_c_link_the_targets_for_c(rosidl: Ament, motion: Project) ->
         assert subprocess.run([user.build / program], check=False).returncode == 0
 
 
-def test_python_imports_what_was_installed(motion: Project) -> None:
+def test_installed_interfaces_can_be_imported_in_python(motion: Project) -> None:
     motion.install()
     paths = os.pathsep.join(str(prefix / SITE) for prefix in (motion.prefix, *motion.prefixes))
     code = (
@@ -176,7 +176,7 @@ def test_python_imports_what_was_installed(motion: Project) -> None:
     assert done.stdout == "1 motion.action.Walk_Goal(distance=0.0)\n", done.stderr
 
 
-def test_third_parties_have_definitions_written_as_idl(rosidl: Ament) -> None:
+def test_third_party_generators_get_idl_definitions(rosidl: Ament) -> None:
     """While CMake configures, and again when a definition changes; types of other packages are known."""
     demo = rosidl(
         f"{GENERATORS}find_package(std_msgs REQUIRED)\n"
@@ -198,7 +198,7 @@ def test_third_parties_have_definitions_written_as_idl(rosidl: Ament) -> None:
 
 
 @cxx
-def test_code_lies_where_packages_of_ros_include_it_from(rosidl: Ament) -> None:
+def test_generated_headers_are_in_the_include_folders_of_ros(rosidl: Ament) -> None:
     """Some name the folder instead of linking a target; a change is seen in the same build."""
     demo = rosidl(
         f"{GENERATORS}rosidl_generate_interfaces(demo msg/One.msg)\n"
@@ -228,7 +228,7 @@ def test_code_lies_where_packages_of_ros_include_it_from(rosidl: Ament) -> None:
 @pytest.mark.parametrize(
     "generator", ["Ninja", pytest.param("Unix Makefiles", marks=pytest.mark.needs("make"))]
 )
-def test_programs_of_the_same_project_wait_and_follow(rosidl: Ament, generator: str) -> None:
+def test_programs_of_the_same_project_depend_on_generated_code(rosidl: Ament, generator: str) -> None:
     demo = rosidl(
         f"{GENERATORS}rosidl_generate_interfaces(demo_interfaces msg/One.msg msg/Two.msg)\n"
         "rosidl_get_typesupport_target(typesupport demo_interfaces rosidl_typesupport_cpp)\n"
@@ -263,7 +263,7 @@ def test_programs_of_the_same_project_wait_and_follow(rosidl: Ament, generator: 
     assert "Building" not in demo.make().text
 
 
-def test_a_changed_definition_of_a_dependency_generates_again(rosidl: Ament) -> None:
+def test_a_changed_definition_of_a_dependency_regenerates_code(rosidl: Ament) -> None:
     base = rosidl(
         f"{GENERATORS}rosidl_generate_interfaces(base msg/X.msg)\nament_package()",
         name="base",
@@ -285,7 +285,7 @@ def test_a_changed_definition_of_a_dependency_generates_again(rosidl: Ament) -> 
     assert "Generating" in demo.make().text
 
 
-def test_absolute_and_outer_paths_and_other_targets_work(rosidl: Ament) -> None:
+def test_absolute_paths_and_other_target_names_work(rosidl: Ament) -> None:
     demo = rosidl(
         "add_subdirectory(test)\n",
         manifest=MEMBER,
@@ -312,7 +312,7 @@ def test_absolute_and_outer_paths_and_other_targets_work(rosidl: Ament) -> None:
     assert (demo.build / "test/rosidl/test_interfaces/idl/demo/msg/Two.idl").is_file()
 
 
-def test_third_party_generators_and_typesupports_have_their_turn(rosidl: Ament) -> None:
+def test_third_party_generators_and_type_supports_run(rosidl: Ament) -> None:
     rosidl(
         "install(FILES generate.cmake DESTINATION share/other/cmake)\n"
         "ament_package(CONFIG_EXTRAS register.cmake)",
@@ -370,14 +370,16 @@ def test_third_party_generators_and_typesupports_have_their_turn(rosidl: Ament) 
         ("rosidl_generate_interfaces(demo action/A.action)", MEMBER, "<depend>action_msgs</depend>"),
     ],
 )
-def test_a_wrong_call_stops_with_a_reason(ament: Ament, commands: str, manifest: str, complaint: str) -> None:
+def test_invalid_calls_are_errors_with_a_reason(
+    ament: Ament, commands: str, manifest: str, complaint: str
+) -> None:
     files = {"msg/X.msg": "", "action/A.action": "---\n---\n"}
     outcome = ament(f"{GENERATORS}{commands}", manifest=manifest, files=files).configure()
     assert outcome.code != 0
     assert complaint in outcome.flat
 
 
-def test_a_package_that_finds_only_the_generators_has_all_of_ament(rosidl: Ament) -> None:
+def test_finding_only_the_generators_provides_ament(rosidl: Ament) -> None:
     demo = rosidl("", manifest=MEMBER, files={"msg/X.msg": "uint8 a\n"})
     (demo.source / "CMakeLists.txt").write_text(
         "cmake_minimum_required(VERSION 3.5...3.25)\nproject(demo NONE)\n"
@@ -387,7 +389,7 @@ def test_a_package_that_finds_only_the_generators_has_all_of_ament(rosidl: Ament
     demo.install()
 
 
-def test_a_mistake_in_a_definition_fails_the_build_and_says_where(rosidl: Ament) -> None:
+def test_an_invalid_definition_fails_the_build_with_its_location(rosidl: Ament) -> None:
     demo = rosidl(
         f"{GENERATORS}rosidl_generate_interfaces(demo msg/X.msg)\nament_package()",
         manifest=MEMBER,
@@ -399,7 +401,7 @@ def test_a_mistake_in_a_definition_fails_the_build_and_says_where(rosidl: Ament)
     assert "msg/X.msg:1:1: error:" in outcome.text
 
 
-def test_without_forge_the_reason_is_clear(rosidl: Ament) -> None:
+def test_without_forge_the_error_is_clear(rosidl: Ament) -> None:
     demo = rosidl(
         f"{GENERATORS}rosidl_generate_interfaces(demo msg/X.msg)\nament_package()",
         manifest=MEMBER,
@@ -423,7 +425,7 @@ def test_type_support_that_is_not_generated_is_not_found(rosidl: Ament, name: st
     assert "or add the repositories rosidl, rosidl_typesupport and" in outcome.flat
 
 
-def test_python_extra_tells_of_the_interpreter(rosidl: Ament) -> None:
+def test_python_extra_describes_the_interpreter(rosidl: Ament) -> None:
     """A package that finds PythonExtra needs no headers of Python, and hears of them where they are."""
     demo = rosidl(
         "find_package(python_cmake_module REQUIRED)\nfind_package(PythonExtra REQUIRED)\n"
@@ -440,7 +442,7 @@ def test_python_extra_tells_of_the_interpreter(rosidl: Ament) -> None:
         assert outcome.said("headers") == (headers if Path(headers).exists() else "")
 
 
-def test_services_have_events_in_the_distributions_that_have_them(rosidl: Ament) -> None:
+def test_services_have_events_depending_on_the_distribution(rosidl: Ament) -> None:
     """Nobody declares service_msgs; the project pretends to be built for Jazzy."""
     project = rosidl(
         f"{GENERATORS}set_property(GLOBAL PROPERTY rosidl_distribution jazzy)\n"

@@ -62,14 +62,14 @@ def test_a_python_package_is_installed_with_metadata_and_scripts(ament: Ament) -
         ("ament_generate_version_header(none)", "'none', which is not a target"),
     ],
 )
-def test_a_wrong_call_stops_with_a_reason(ament: Ament, commands: str, complaint: str) -> None:
+def test_invalid_calls_are_errors_with_a_reason(ament: Ament, commands: str, complaint: str) -> None:
     outcome = ament(commands, files={"p/__init__.py": ""}).configure()
     assert outcome.code != 0
     assert complaint in outcome.flat
 
 
 @cxx
-def test_a_version_header_follows_the_manifest_and_may_come_last(ament: Ament) -> None:
+def test_version_headers_follow_the_manifest(ament: Ament) -> None:
     demo = ament(
         "add_library(demo SHARED demo.cpp)\ninstall(TARGETS demo EXPORT set DESTINATION lib)\n"
         "ament_export_targets(set)\nament_package()\nament_generate_version_header(demo)",
@@ -95,7 +95,7 @@ def test_a_development_version_overrides_the_manifest_if_higher(ament: Ament) ->
 
 
 @cxx
-def test_auto_packages_take_everything_from_the_manifest(ament: Ament) -> None:
+def test_ament_cmake_auto_reads_the_manifest(ament: Ament) -> None:
     depend = (
         "<buildtool_depend>ament_cmake_auto</buildtool_depend><depend>{}</depend><depend>lib-dev</depend>"
     )
@@ -125,7 +125,7 @@ def test_auto_packages_take_everything_from_the_manifest(ament: Ament) -> None:
     assert '"base"' in top.read("share/top/cmake/topConfig.cmake")
 
 
-def test_auto_refuses_to_require_what_the_manifest_does_not_name(ament: Ament) -> None:
+def test_ament_cmake_auto_rejects_undeclared_requirements(ament: Ament) -> None:
     demo = ament(
         "find_package(ament_cmake_auto REQUIRED)\nament_auto_find_build_dependencies(REQUIRED other)"
     )

@@ -22,7 +22,7 @@ PACKAGES = {
 @pytest.mark.parametrize(
     "words", [(), ("--symlink-install", "--merge-install"), ("--test-result-base", "results")]
 )
-def test_nobody_warns_of_what_a_package_does_not_use(
+def test_unused_forge_variables_give_no_cmake_warnings(
     words: tuple[str, ...], forge: Forge, tree: Tree
 ) -> None:
     files = {}

@@ -38,7 +38,7 @@ def test_a_package_installs_manifest_config_environment_and_markers(ament: Ament
     assert demo.read(f"{index}/packages/demo") == ""
 
 
-def test_run_dependencies_are_recorded_sorted_and_once(ament: Ament) -> None:
+def test_run_dependencies_are_recorded_sorted_and_unique(ament: Ament) -> None:
     lines = "<depend>b</depend><exec_depend>a</exec_depend><test_depend>c</test_depend><depend>b</depend>"
     demo = ament("ament_package()", manifest=lines).install()
     assert demo.read("share/ament_index/resource_index/package_run_dependencies/demo") == "a;b;c"
@@ -62,13 +62,13 @@ def test_run_dependencies_are_recorded_sorted_and_once(ament: Ament) -> None:
         ("ament_package()\nfind_package(ament_lint_auto)", "must be called before ament_package()"),
     ],
 )
-def test_a_wrong_call_stops_with_a_reason(ament: Ament, commands: str, complaint: str) -> None:
+def test_invalid_calls_are_errors_with_a_reason(ament: Ament, commands: str, complaint: str) -> None:
     outcome = ament(commands).configure()
     assert outcome.code != 0
     assert complaint in outcome.flat
 
 
-def test_the_manifest_must_be_the_projects_own(ament: Ament) -> None:
+def test_the_manifest_must_belong_to_the_project(ament: Ament) -> None:
     demo = ament("ament_package()")
     xml = demo.source / "package.xml"
     xml.write_text(xml.read_text(encoding="utf-8").replace("<name>demo", "<name>other"), encoding="utf-8")
@@ -113,7 +113,7 @@ def test_a_malformed_condition_is_named(ament: Ament) -> None:
     assert "the condition '$A = 1' of <depend> is malformed" in demo.configure().flat
 
 
-def test_handed_over_manifests_are_used_while_they_are_fresh(ament: Ament) -> None:
+def test_preparsed_manifests_are_used_while_up_to_date(ament: Ament) -> None:
     demo = ament('ament_package_xml()\nmessage(STATUS "version=${demo_VERSION}")')
     handed_over = demo.source / "manifest.cmake"
     handed_over.write_text(
@@ -145,7 +145,7 @@ def test_extras_come_in_order_and_see_the_callers_variables(ament: Ament) -> Non
     assert "share/demo/cmake/first.cmake" in demo.files()
 
 
-def test_hooks_of_others_may_add_extras_and_environment_hooks(ament: Ament) -> None:
+def test_extensions_can_add_extras_and_environment_hooks(ament: Ament) -> None:
     ament(
         "ament_package(CONFIG_EXTRAS helper.cmake)\ninstall(FILES hook.cmake DESTINATION share/helper/cmake)",
         name="helper",
@@ -162,7 +162,7 @@ def test_hooks_of_others_may_add_extras_and_environment_hooks(ament: Ament) -> N
     assert ament("find_package(demo REQUIRED)", name="user").configure().said("more") == "1"
 
 
-def test_a_config_needs_nothing_but_cmake_and_may_be_moved(ament: Ament, tmp_path: Path) -> None:
+def test_config_files_need_only_cmake_and_are_relocatable(ament: Ament, tmp_path: Path) -> None:
     ament("ament_export_include_directories(include/base)\nament_package()", name="base").install()
     demo = ament(
         "find_package(base REQUIRED)\nament_export_dependencies(base ament_cmake rosidl_default_runtime)\n"
@@ -187,13 +187,15 @@ def test_a_config_needs_nothing_but_cmake_and_may_be_moved(ament: Ament, tmp_pat
 
 
 @pytest.mark.parametrize(("version", "found"), [("0.9", True), ("1.2.3", True), ("1.3", False), ("2", False)])
-def test_an_older_version_is_served_and_a_newer_one_is_not(ament: Ament, version: str, found: bool) -> None:
+def test_older_versions_are_compatible_and_newer_ones_are_not(
+    ament: Ament, version: str, found: bool
+) -> None:
     ament("ament_package()").install()
     user = ament(f'find_package(demo {version} QUIET)\nmessage(STATUS "found=${{demo_FOUND}}")', name="user")
     assert (user.configure().said("found") in ("1", "TRUE")) == found
 
 
-def test_a_deprecated_package_says_so(ament: Ament) -> None:
+def test_deprecated_packages_give_a_warning(ament: Ament) -> None:
     demo = ament("ament_package()")
     xml = demo.source / "package.xml"
     text = xml.read_text(encoding="utf-8").replace("<export>", "<export><deprecated>use 'x'</deprecated>")
@@ -213,7 +215,7 @@ def test_uninstall_leaves_an_empty_prefix(ament: Ament) -> None:
     assert list(demo.prefix.iterdir()) == []
 
 
-def test_every_name_that_the_build_tools_answer_to_is_found(ament: Ament) -> None:
+def test_all_names_provided_by_the_build_tools_are_found(ament: Ament) -> None:
     """One project for all names, with a version that ROS packages ask for."""
     texts = [(EMBEDDED / name / "package.xml").read_text(encoding="utf-8") for name in BUILD_TOOLS]
     names = [name for text in texts for name in re.findall("<forge_provides>(.*)</forge_provides>", text)]

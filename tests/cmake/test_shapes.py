@@ -115,7 +115,7 @@ def test_a_second_build_has_nothing_to_do(copied: Built) -> None:
         assert not re.search(r"Building|Generating|Linking|^\[\d+/", said, re.MULTILINE), said
 
 
-def test_the_shapes_own_tests_pass(copied: Built) -> None:
+def test_the_tests_of_the_shapes_pass(copied: Built) -> None:
     for name in copied.packages:
         copied.ctest(name, "--output-on-failure")
 
@@ -135,7 +135,7 @@ def test_users_of_every_style_run(copied: Built) -> None:
         copied.run(str(program), sourced=True)
 
 
-def test_macros_of_others_leave_programs_and_index_entries(copied: Built) -> None:
+def test_third_party_macros_install_programs_and_index_entries(copied: Built) -> None:
     prefix = copied.root / "install/assembly"
     copied.run(str(prefix / "lib/assembly/wheel_runner"), sourced=True)
     assert (prefix / "share/ament_index/resource_index/parts/assembly").read_text(encoding="utf-8") == (
@@ -143,7 +143,7 @@ def test_macros_of_others_leave_programs_and_index_entries(copied: Built) -> Non
     )
 
 
-def test_python_beside_generated_python_is_imported(copied: Built) -> None:
+def test_hand_written_python_beside_generated_python_can_be_imported(copied: Built) -> None:
     code = "from sample_msgs.readings import sample_reading; import frame_msgs; print(sample_reading())"
     assert "high=4.5" in copied.run(sys.executable, "-c", code, sourced=True)
 

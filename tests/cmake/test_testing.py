@@ -71,9 +71,7 @@ def run(result: Path, *words: str) -> tuple[int, str]:
         (["--command", "no-such-program"], 1, "failed"),
     ],
 )
-def test_there_is_a_result_however_a_command_ends(
-    tmp_path: Path, words: list[str], code: int, told: str
-) -> None:
+def test_every_test_command_leaves_a_result(tmp_path: Path, words: list[str], code: int, told: str) -> None:
     result = tmp_path / "deep" / "one.xml"
     result.parent.mkdir()
     result.write_text("<testsuite tests='1' failures='0'/>", encoding="utf-8")  # of an earlier run
@@ -82,7 +80,7 @@ def test_there_is_a_result_however_a_command_ends(
     assert run(result, *words) == (code, told)
 
 
-def test_a_results_failures_fail_the_test_and_classes_get_the_packages_name(tmp_path: Path) -> None:
+def test_failures_in_results_fail_the_test(tmp_path: Path) -> None:
     result = tmp_path / "one.gtest.xml"
     text = '<testsuites><testsuite failures=\\"1\\"><testcase classname=\\"A\\"/></testsuite></testsuites>'
     code, told = run(result, "--command", "sh", "-c", f'echo "{text}" > {result}')
@@ -127,7 +125,7 @@ def test_ament_add_test_registers_a_test_with_its_properties(ament: Ament) -> No
         ("find_package(ament_cmake_catch2)\nament_add_catch2(one)", "the test 'one' has no source files"),
     ],
 )
-def test_a_wrong_call_stops_with_a_reason(ament: Ament, commands: str, complaint: str) -> None:
+def test_invalid_calls_are_errors_with_a_reason(ament: Ament, commands: str, complaint: str) -> None:
     outcome = ament(commands).configure()
     assert outcome.code != 0
     assert complaint in outcome.flat
@@ -353,7 +351,7 @@ def test_pytest_runs_and_leaves_a_result(ament: Ament) -> None:
     assert 'classname="demo.' in (demo.build / "test_results/demo/one.xunit.xml").read_text(encoding="utf-8")
 
 
-def test_pytest_is_asked_for_without_importing_it(ament: Ament, tmp_path: Path) -> None:
+def test_pytest_is_detected_without_importing_it(ament: Ament, tmp_path: Path) -> None:
     """Its import reads the metadata of all distributions, also of packages that are not declared."""
     modules = tmp_path / "modules"
     for name in ("pytest", "pytest_cov"):
@@ -392,7 +390,7 @@ def tools(tmp_path: Path) -> Path:
     return folder
 
 
-def test_missing_linters_are_left_out_in_one_line(ament: Ament, tools: Path) -> None:
+def test_missing_linters_are_reported_in_one_line(ament: Ament, tools: Path) -> None:
     demo = ament(f"{LINT_AUTO}ament_package()", manifest=LINT_DEPENDS, files={"x.py": "", "y.hpp": ""})
     demo = replace(demo, variables={"PATH": str(tools)})
     outcome = demo.configure()
@@ -433,9 +431,7 @@ def linters(tmp_path: Path) -> Path:
     return folder
 
 
-def test_linters_run_late_where_there_is_work_and_may_be_turned_off(
-    ament: Ament, linters: Path, tools: Path
-) -> None:
+def test_linters_run_late_and_can_be_disabled(ament: Ament, linters: Path, tools: Path) -> None:
     demo = ament(
         "set(ament_cmake_copyright_FOUND TRUE)\n"
         f"{LINT_AUTO}"
@@ -462,7 +458,7 @@ def test_linters_run_late_where_there_is_work_and_may_be_turned_off(
 COMPLAINT = '#!/bin/sh\nfor file; do :; done\necho "$file:3:1: too $1"\nexit 1\n'
 
 
-def test_linters_run_as_people_have_them_installed(ament: Ament, tmp_path: Path, tools: Path) -> None:
+def test_installed_linters_are_run(ament: Ament, tmp_path: Path, tools: Path) -> None:
     """Without ament's own programs: files are found, options translated, complaints told file by file."""
     folder = tmp_path / "bin"
     folder.mkdir()

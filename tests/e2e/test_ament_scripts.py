@@ -64,7 +64,7 @@ def started_scripts(root: Path, *options: str) -> Counter[str]:
     return Counter(SCRIPT.findall(text))
 
 
-def test_they_run_in_the_worker_with_the_same_result(
+def test_ament_scripts_run_in_the_worker_with_the_same_result(
     tree: Tree, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     slow = tree(FILES).rename(tmp_path_factory.mktemp("slow") / "ws")
@@ -88,7 +88,7 @@ def test_the_embedded_ament_has_no_such_scripts(tree: Tree) -> None:
     assert not (root / "build/one/.forge/ament_scripts.cmake").exists()
 
 
-def test_without_forge_they_run_as_they_are(tree: Tree) -> None:
+def test_without_forge_ament_scripts_run_unchanged(tree: Tree) -> None:
     root = tree(FILES)
     assert not started_scripts(root)
     package = root / "build/one/ament_cmake_core/package.cmake"

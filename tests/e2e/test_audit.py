@@ -69,7 +69,9 @@ def test_files_that_nobody_declared_are_named(forge: Forge, tree: Tree, tmp_path
 
 
 @pytest.mark.parametrize("generator", ["Ninja", "Unix Makefiles"])
-def test_following_the_advice_helps(forge: Forge, tree: Tree, tmp_path: Path, generator: str) -> None:
+def test_following_the_hints_resolves_the_findings(
+    forge: Forge, tree: Tree, tmp_path: Path, generator: str
+) -> None:
     folder = tmp_path / "outside"
     files = dict(outside(tmp_path, f"{folder}/made.txt"))
     files["ws/src/a/CMakeLists.txt"] += (
@@ -90,14 +92,16 @@ def test_an_audit_builds_what_is_up_to_date_from_nothing(forge: Forge, tree: Tre
     assert "Starting" not in forge("build", cwd=root).out
 
 
-def test_a_package_that_fails_is_told_of_as_ever(forge: Forge, tree: Tree, tmp_path: Path) -> None:
+def test_failing_packages_are_reported_as_in_a_build(forge: Forge, tree: Tree, tmp_path: Path) -> None:
     files = {**outside(tmp_path), "ws/src/a/x.c": "nonsense\n"}
     ran, _ = audit(forge, tree(files) / "ws")
     assert ran.code == 1
     assert ran.out.endswith("audit: 0 packages, no unexpected inputs\n")
 
 
-def test_setup_py_and_a_library_by_its_name(forge: Forge, tree: Tree, tmp_path: Path) -> None:
+def test_untracked_inputs_of_setup_py_and_linked_libraries_are_reported(
+    forge: Forge, tree: Tree, tmp_path: Path
+) -> None:
     """What the build backend reports is tracked, and so is the library in the folder that a link names."""
     setup = (
         "from setuptools import setup\n"
@@ -143,7 +147,7 @@ def test_setup_py_and_a_library_by_its_name(forge: Forge, tree: Tree, tmp_path: 
         ([], {"FORGE_REMOTE_CACHE": "http://127.0.0.1:1"}),
     ],
 )
-def test_steps_that_cannot_be_seen_are_refused(
+def test_steps_that_cannot_be_traced_are_rejected(
     forge: Forge, tree: Tree, tmp_path: Path, options: list[str], variables: dict[str, str]
 ) -> None:
     root = tree(outside(tmp_path)) / "ws"
@@ -153,7 +157,7 @@ def test_steps_that_cannot_be_seen_are_refused(
     assert not (root / "install/a").exists()
 
 
-def test_without_strace_the_user_is_told(forge: Forge, tree: Tree, tmp_path: Path) -> None:
+def test_missing_strace_is_reported(forge: Forge, tree: Tree, tmp_path: Path) -> None:
     root = tree(outside(tmp_path)) / "ws"
     programs = tmp_path / "bin"
     programs.mkdir()

@@ -119,7 +119,7 @@ def test_a_restored_tree_is_the_built_one(users: Users, tmp_path: Path, layout: 
     assert restored(users.build(root, *layout)) == 0
 
 
-def test_what_no_tool_lists_in_a_merged_prefix_is_whose_nobody_knows(users: Users, tmp_path: Path) -> None:
+def test_unlisted_files_in_a_merged_prefix_are_not_cached(users: Users, tmp_path: Path) -> None:
     """Here, a program that is not observed writes it."""
     unseen = "env -i sh -c 'echo x > ${CMAKE_INSTALL_PREFIX}/share/library/unseen'"
     lists = LIBRARY + f"install(CODE [[execute_process(COMMAND {unseen})]])\n".replace("'", '"')
@@ -134,7 +134,7 @@ def test_what_no_tool_lists_in_a_merged_prefix_is_whose_nobody_knows(users: User
     assert not differences(look(root / "install"), built)
 
 
-def test_another_path_gets_the_same_with_its_own_paths(users: Users, tmp_path: Path) -> None:
+def test_a_workspace_at_another_path_gets_relocated_results(users: Users, tmp_path: Path) -> None:
     one, two = (
         write(tmp_path / "one", {**PLAIN, **PYTHON}),
         write(tmp_path / "deeper" / "two", {**PLAIN, **PYTHON}),
@@ -153,7 +153,7 @@ def test_another_path_gets_the_same_with_its_own_paths(users: Users, tmp_path: P
     assert restored(users.build(two)) == 0
 
 
-def test_what_has_a_path_in_it_is_for_that_path_alone(users: Users, tmp_path: Path) -> None:
+def test_results_with_embedded_paths_are_bound_to_their_path(users: Users, tmp_path: Path) -> None:
     one, two = write(tmp_path / "one", BOUND), write(tmp_path / "two", BOUND)
     ran = users.build(one, "--explain")
     kept = "cached for this path only: 'bin/speak' contains the path of the build folder"
@@ -182,7 +182,7 @@ def test_paths_of_sources_are_kept_out_of_what_is_compiled(users: Users, tmp_pat
     assert "-ffile-prefix-map=" in ninja
 
 
-def test_paths_with_blanks_take_only_what_was_quoted_for_them(users: Users, tmp_path: Path) -> None:
+def test_paths_with_spaces_get_only_results_with_quoted_paths(users: Users, tmp_path: Path) -> None:
     plain, spaced = write(tmp_path / "plain", PLAIN), write(tmp_path / "with blank", PLAIN)
     users.build(plain)
     assert restored(users.build(spaced)) == 0
@@ -195,7 +195,7 @@ def test_paths_with_blanks_take_only_what_was_quoted_for_them(users: Users, tmp_
 
 
 @pytest.mark.parametrize("harm", ["flip", "cut", "remove", "empty"])
-def test_a_spoilt_cache_is_no_worse_than_none(users: Users, tmp_path: Path, harm: str) -> None:
+def test_a_corrupt_cache_causes_builds(users: Users, tmp_path: Path, harm: str) -> None:
     root = write(tmp_path / "ws", PLAIN)
     users.build(root)
     built = look(root / "install")
@@ -225,7 +225,7 @@ def spoil(path: Path, harm: str) -> None:
         path.write_bytes(content[: len(content) // 2] if harm == "cut" else b"")
 
 
-def test_a_cache_that_cannot_be_written_is_told_once(users: Users, tmp_path: Path) -> None:
+def test_an_unwritable_cache_is_reported_once(users: Users, tmp_path: Path) -> None:
     root = write(tmp_path / "ws", PLAIN)
     users.cache.write_text("a file is in the way")
     ran = users.build(root)
@@ -233,14 +233,14 @@ def test_a_cache_that_cannot_be_written_is_told_once(users: Users, tmp_path: Pat
     assert "Traceback" not in ran.err
 
 
-def test_a_url_that_is_none_is_told_though_nothing_is_to_be_done(users: Users, tmp_path: Path) -> None:
+def test_an_invalid_url_is_reported_even_if_nothing_is_built(users: Users, tmp_path: Path) -> None:
     root = write(tmp_path / "ws", BOUND)
     users.build(root)
     ran = users.build(root, "--remote-cache", "/srv/cache", code=2)
     assert ran.err.startswith("error: the remote cache is not a valid URL\nhint: for example: ")
 
 
-def test_force_builds_though_the_cache_has_it(users: Users, tmp_path: Path) -> None:
+def test_force_ignores_the_cache(users: Users, tmp_path: Path) -> None:
     root = write(tmp_path / "ws", BOUND)
     users.build(root)
     users.begin_anew(root)
@@ -248,7 +248,7 @@ def test_force_builds_though_the_cache_has_it(users: Users, tmp_path: Path) -> N
     assert (root / "build/speaking/CMakeCache.txt").is_file()
 
 
-def test_links_into_sources_are_nobody_elses(users: Users, tmp_path: Path) -> None:
+def test_links_into_sources_are_not_cached(users: Users, tmp_path: Path) -> None:
     root = write(tmp_path / "ws", BOUND)
     assert (
         "speaking: not cached: installed with symbolic links"
@@ -258,7 +258,7 @@ def test_links_into_sources_are_nobody_elses(users: Users, tmp_path: Path) -> No
     assert restored(users.build(root, "--symlink-install")) == 0
 
 
-def test_a_file_outside_of_the_workspace_counts(users: Users, tmp_path: Path) -> None:
+def test_external_files_are_part_of_the_cache_key(users: Users, tmp_path: Path) -> None:
     """Either state of it has its result; the older one is found again."""
     header = tmp_path / "outside" / "answer.h"
     write(header.parent, {"answer.h": '#define HOME "one"\n'})
@@ -278,7 +278,7 @@ def test_a_file_outside_of_the_workspace_counts(users: Users, tmp_path: Path) ->
     assert seen == ["one\n", "two\n", "one\n"]
 
 
-def test_what_a_step_writes_outside_of_the_workspace_counts_at_once(users: Users, tmp_path: Path) -> None:
+def test_files_written_outside_of_the_workspace_change_the_key(users: Users, tmp_path: Path) -> None:
     """A package that reads it is not restored as it was, though another has looked at the file before."""
     header = tmp_path / "outside" / "answer.h"
     write(header.parent, {"answer.h": '#define HOME "one"\n'})
@@ -316,7 +316,7 @@ def build_with_mask(root: Path, cache: Path, mask: int) -> str:
     return subprocess.run(argv, cwd=root, capture_output=True, text=True, check=True).stdout
 
 
-def test_what_was_built_with_another_umask_is_no_result(users: Users, tmp_path: Path) -> None:
+def test_results_built_with_another_umask_are_not_used(users: Users, tmp_path: Path) -> None:
     root = write(tmp_path / "ws", {**PLAIN, **PYTHON})
     build_with_mask(root, users.cache, 0o022)
     clean = look(root / "install")
@@ -338,7 +338,7 @@ NATIVE = {
 
 
 @pytest.mark.parametrize("where", NATIVE)
-def test_code_for_one_processor_is_not_for_another(users: Users, tmp_path: Path, where: str) -> None:
+def test_native_code_is_bound_to_its_processor(users: Users, tmp_path: Path, where: str) -> None:
     library, using, options = NATIVE[where]
     files = dict(PLAIN)
     files["src/library/CMakeLists.txt"] = LIBRARY.replace("install(TARGETS", f"{library}\ninstall(TARGETS")
@@ -385,7 +385,7 @@ def test_a_cache_stays_within_its_size(users: Users, tmp_path: Path) -> None:
     assert "0 bytes in 0 blobs" in stats.out
 
 
-def test_builds_that_share_a_cache_do_not_disturb_each_other(users: Users, tmp_path: Path) -> None:
+def test_concurrent_builds_share_a_cache_safely(users: Users, tmp_path: Path) -> None:
     roots = [write(tmp_path / f"ws{number}", PLAIN) for number in range(3)]
     running = [
         subprocess.Popen(
@@ -405,7 +405,7 @@ def test_builds_that_share_a_cache_do_not_disturb_each_other(users: Users, tmp_p
 
 
 @pytest.mark.parametrize("seed", range(int(os.environ.get("FORGE_TEST_KILLS", "3"))))
-def test_a_restore_that_is_killed_deceives_nobody(users: Users, tmp_path: Path, seed: int) -> None:
+def test_a_killed_restore_is_repeated(users: Users, tmp_path: Path, seed: int) -> None:
     chance = random.Random(seed)
     many = {f"src/speaking/data/{number}": "x" * number for number in range(3000)}
     text = SPEAKING + "install(DIRECTORY data DESTINATION share/speaking)\n"

@@ -137,7 +137,7 @@ def drawn(name: TypeName) -> list[bytes]:
 
 
 @pytest.mark.needs("g++")
-def test_cpp_writes_what_it_has_read_as_python_wrote_it(program: Path) -> None:
+def test_cpp_round_trips_messages_written_by_python(program: Path) -> None:
     records = [(name, data) for name in known() for data in drawn(name)]
     said = answers(program, records)[::2]
     different = [str(name) for (name, data), again in zip(records, said, strict=True) if data != again]
@@ -145,7 +145,7 @@ def test_cpp_writes_what_it_has_read_as_python_wrote_it(program: Path) -> None:
 
 
 @pytest.mark.needs("g++")
-def test_each_value_arrives_in_the_member_it_belongs_to(program: Path) -> None:
+def test_values_arrive_in_their_fields(program: Path) -> None:
     """Every value of a message differs from the others; C++ shows it as YAML."""
     forge_cdr: Any = import_module("forge_cdr")
     sent = {name: numbered(python_class(name), count(1)) for name in known()}
@@ -187,7 +187,7 @@ def without_empty(values: Any) -> Any:
 
 
 @pytest.mark.needs("g++")
-def test_spoilt_bytes_harm_no_reader(program: Path) -> None:
+def test_corrupt_bytes_are_read_safely(program: Path) -> None:
     """They give a message or an error, with memory in proportion, whatever the type."""
     times = max(1, MUTATIONS // len(known()))
     ran = subprocess.run([program, str(times), "1"], capture_output=True, text=True, check=False)

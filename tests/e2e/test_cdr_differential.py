@@ -116,7 +116,7 @@ def fast(word: str, class_: Any) -> Any:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_both_write_the_same_bytes_and_read_the_same_values(name: str) -> None:
+def test_forge_and_rosbags_agree_on_bytes_and_values(name: str) -> None:
     forge_cdr: Any = import_module("forge_cdr")
     described: Any = import_module("forge_cdr.described")
     class_ = class_of(known()[name].name)
@@ -139,7 +139,7 @@ def test_both_write_the_same_bytes_and_read_the_same_values(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_message_that_is_cut_off_is_refused_wherever_it_is_cut(name: str) -> None:
+def test_truncated_messages_are_rejected(name: str) -> None:
     forge_cdr: Any = import_module("forge_cdr")
     class_ = class_of(known()[name].name)
     data = forge_cdr.serialize(_example(class_))
@@ -151,7 +151,7 @@ def test_a_message_that_is_cut_off_is_refused_wherever_it_is_cut(name: str) -> N
             fast("reader", class_)(data[:size], sys.maxsize)
 
 
-def test_spoilt_bytes_give_a_message_or_an_error_and_take_no_more_memory_than_they_are_worth() -> None:
+def test_corrupt_bytes_give_a_message_or_an_error_in_bounded_memory() -> None:
     """Each is read by generated code and by the exact one, which must agree."""
     forge_cdr: Any = import_module("forge_cdr")
     described: Any = import_module("forge_cdr.described")
@@ -165,7 +165,7 @@ def test_spoilt_bytes_give_a_message_or_an_error_and_take_no_more_memory_than_th
         assert results[0] == results[1], (class_, spoilt.hex())
 
 
-def test_reading_asks_for_memory_in_proportion_to_the_bytes() -> None:
+def test_reading_takes_memory_proportional_to_the_bytes() -> None:
     forge_cdr: Any = import_module("forge_cdr")
     classes = [class_of(known()[name].name) for name in NAMES]
     good = [(class_, forge_cdr.serialize(_example(class_))) for class_ in classes]

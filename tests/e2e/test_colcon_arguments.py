@@ -210,7 +210,7 @@ def plain(value: object) -> object:
 
 
 @pytest.mark.parametrize(("verb", "name"), [(verb, name) for verb, names in LISTS.items() for name in names])
-def test_every_word_in_a_list_goes_where_colcon_sends_it(
+def test_list_arguments_are_split_as_by_colcon(
     verb: str, name: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """A word with which colcon refuses the command line may be passed on."""
@@ -237,7 +237,7 @@ def test_every_word_in_a_list_goes_where_colcon_sends_it(
 
 
 @pytest.mark.parametrize("name", ["cmake_args", "ament_cmake_args", "cargo_args", "catkin_cmake_args"])
-def test_options_of_forge_alone_do_not_end_a_list(name: str) -> None:
+def test_options_only_forge_has_do_not_end_a_list(name: str) -> None:
     option = f"--{name.replace('_', '-')}"
     words = ["--jobs", "4", "--log-level=VERBOSE", "--strict", "--", "--watch"]
     options = parser_of(["build"]).parse_args(["build", "--timings", option, *words, "--merge-install"])
@@ -246,7 +246,7 @@ def test_options_of_forge_alone_do_not_end_a_list(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["pytest_args", "ctest_args", "unittest_args", "cargo_args"])
-def test_abbreviations_of_colcon_mean_the_options_of_colcon(name: str) -> None:
+def test_colcon_abbreviations_mean_colcon_options(name: str) -> None:
     option = f"--{name.replace('_', '-')}"
     options = parser_of(["test"]).parse_args(["test", option[:-2], "-x", "--return", "--exec", "sequential"])
     assert plain(getattr(options, name)) == ["-x"]

@@ -96,7 +96,7 @@ def notes(root: Path) -> dict[str, str]:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_packages_are_built_in_the_same_order_and_fail_alike(twins: Twins, seed: int) -> None:
+def test_packages_are_built_in_the_same_order_with_the_same_failures(twins: Twins, seed: int) -> None:
     chance = random.Random(seed)
     names = chance.sample(NAMES, 5)
     bad = names[chance.randrange(1, 3)]
@@ -123,7 +123,7 @@ def test_packages_are_built_in_the_same_order_and_fail_alike(twins: Twins, seed:
 @pytest.mark.parametrize(
     "handler", ["console_package_list+", "console_start_end-", "summary-", "console_cohesion+"]
 )
-def test_event_handlers_say_the_same(twins: Twins, handler: str) -> None:
+def test_event_handlers_print_the_same(twins: Twins, handler: str) -> None:
     twins.package("b", more='message(STATUS "two words")')
     twins.package("a", "<depend>b</depend>", more='message(WARNING "hm")')
     ours, theirs = twins.build(*ONE, "--event-handlers", handler)
@@ -145,7 +145,7 @@ def failed(root: Path) -> set[str]:
     return {name for name, note in notes(root).items() if note not in {"0", "SIGINT"}}
 
 
-def test_what_cannot_be_built_is_an_error_of_both(twins: Twins) -> None:
+def test_unbuildable_packages_are_errors_of_both(twins: Twins) -> None:
     twins.package("a")
     twins.package("b", "<depend>a</depend>")
     ours, theirs = twins.build("--packages-select", "b")
@@ -165,7 +165,7 @@ MEANT = {
 """Lines of the page, each with a package that shows the difference."""
 
 
-def test_packages_of_an_unknown_build_type_are_left_out_by_both(twins: Twins) -> None:
+def test_both_skip_packages_of_unknown_build_types(twins: Twins) -> None:
     """Unless one is selected by name: colcon skips it, and builds nothing."""
     twins.package("a")
     twins.package("b")
@@ -179,7 +179,7 @@ def test_packages_of_an_unknown_build_type_are_left_out_by_both(twins: Twins) ->
 
 
 @pytest.mark.parametrize("line", MEANT)
-def test_what_the_page_says_of_builds_is_so(twins: Twins, line: str) -> None:
+def test_documented_differences_of_builds_hold(twins: Twins, line: str) -> None:
     need, build_type = MEANT[line]
     twins.package("a")
     twins.write("src/a/package.xml", manifest_text("a", need, build_type=build_type))
@@ -196,7 +196,7 @@ PEAR = """<package packagerversion="1.9.5" version="2.0" xmlns="http://pear.php.
 
 
 @pytest.mark.parametrize("file", ["CMakeLists.txt", "setup.py", "README"])
-def test_the_package_xml_of_another_tool_makes_no_folder_a_ros_package(twins: Twins, file: str) -> None:
+def test_foreign_package_xml_files_are_not_ros_packages(twins: Twins, file: str) -> None:
     contents = {
         "CMakeLists.txt": "cmake_minimum_required(VERSION 3.5)\nproject(grpc NONE)\ninstall(CODE [[]])\n",
         "setup.py": "from setuptools import setup\nsetup(name='grpc', packages=[])\n",
@@ -211,14 +211,14 @@ def test_the_package_xml_of_another_tool_makes_no_folder_a_ros_package(twins: Tw
     assert "vendor/package.xml: warning: the file is not a manifest of ROS" in ours.err
 
 
-def test_warnings_of_cmake_about_forge_itself_fail_no_build(twins: Twins) -> None:
+def test_cmake_warnings_about_forge_do_not_fail_builds(twins: Twins) -> None:
     twins.package("a")
     ours, theirs = twins.build("--cmake-args", "--warn-uninitialized", "-Werror=dev")
     assert (ours.code, theirs.code) == (0, 0)
     assert ours.err == ""
 
 
-def test_folders_of_another_layout_are_refused_by_both(twins: Twins) -> None:
+def test_both_reject_folders_of_another_layout(twins: Twins) -> None:
     twins.package("a")
     assert twins.build()[0].code == 0
     assert twins.build("--merge-install")[0].code
@@ -227,7 +227,7 @@ def test_folders_of_another_layout_are_refused_by_both(twins: Twins) -> None:
     assert twins.build()[0].code
 
 
-def test_options_reach_cmake_alike(twins: Twins) -> None:
+def test_options_reach_cmake_in_the_same_way(twins: Twins) -> None:
     twins.package("a", more='file(WRITE "${CMAKE_BINARY_DIR}/said" "[${X}][${Y}][${CMAKE_BUILD_TYPE}]")')
     twins.write("src/a/colcon.pkg", "cmake-args: [-DY=package]\n")
     twins.write("colcon.meta", "names: {a: {cmake-args: ['-DCMAKE_BUILD_TYPE=Debug']}}\n")

@@ -366,20 +366,20 @@ SHOWN: dict[str, Callable[[Twins], None]] = {
 _WHEELS = "integration/build/wheels/test_install_wheel.py"
 SHOWN_ELSEWHERE = {
     "builds Python packages with the interpreter": "e2e/test_tool_environment.py::test_every_command_uses",
-    "drops an underlay": "integration/test_underlays.py::test_a_build_tells_and_can_forget",
+    "drops an underlay": "integration/test_underlays.py::test_missing_underlays_are_reported",
     "makes a sourced overlay": "integration/test_underlay_chains.py::test_an_overlay_never_becomes",
-    "warns about every package that is also": "integration/test_underlays.py::test_what_is_overridden",
-    "rejects a cycle that only": "e2e/test_colcon_builds.py::test_what_the_page_says_of_builds_is_so",
-    "skips packages of an unknown": "e2e/test_colcon_builds.py::test_packages_of_an_unknown_build_type",
+    "warns about every package that is also": "integration/test_underlays.py::test_overridden_packages_are",
+    "rejects a cycle that only": "e2e/test_colcon_builds.py::test_documented_differences_of_builds_hold",
+    "skips packages of an unknown": "e2e/test_colcon_builds.py::test_both_skip_packages_of_unknown_build",
     "counts tests that CTest could not run": "unit/testing/test_outcomes.py::test_a_test_that_ctest_could",
     "with `--symlink-install`, a new": "e2e/test_python_inputs.py::test_links_show_edits_and_new_modules",
     "of several mixins": "unit/cli/test_mixins.py::test_flags_of_several_mixins_are_joined",
     "`mixin update` also": "integration/cli/test_mixin_repositories.py::test_mixins_of_an_index_are_fetched",
     "an unknown mixin": "integration/test_configuration.py::test_mixins_can_be_listed_and_shown",
     "compares names of Python projects": "integration/workspace/test_project_names.py::test_a_dependency_may",
-    "follows `[install]`": f"{_WHEELS}::test_what_would_leave_the_prefix_or_is_malformed_is_refused",
+    "follows `[install]`": f"{_WHEELS}::test_entry_points_that_escape_the_prefix_are_rejected",
     "follows `build_lib`": f"{_WHEELS}::test_intermediate_files_are_never_in_the_sources",
-    "installs what `setup_requires`": f"{_WHEELS}::test_what_setup_requires_is_not_downloaded",
+    "installs what `setup_requires`": f"{_WHEELS}::test_setup_requires_does_not_download_into_the_sources",
     "with `--symlink-install`, runs": f"{_WHEELS}::test_links_have_scripts_where_develop_installs_them",
     "installs a Python package that moves": "e2e/test_colcon_python.py::test_install_trees_are_the_same",
     "runs `setup.py` even if": f"{_WHEELS}::test_a_pyproject_with_its_own_backend",
@@ -387,7 +387,7 @@ SHOWN_ELSEWHERE = {
 
 
 @pytest.mark.parametrize("claim", SHOWN)
-def test_both_tools_do_what_the_page_says(twins: Twins, claim: str) -> None:
+def test_both_tools_behave_as_documented(twins: Twins, claim: str) -> None:
     SHOWN[claim](twins)
 
 

@@ -93,7 +93,7 @@ def test_info_says_the_same(colcon: Colcon, forge: Forge, tmp_path: Path, seed: 
 
 
 @pytest.mark.parametrize("seed", SEEDS[:2])
-def test_a_circle_is_an_error_of_both(colcon: Colcon, forge: Forge, tmp_path: Path, seed: int) -> None:
+def test_cycles_are_errors_of_both(colcon: Colcon, forge: Forge, tmp_path: Path, seed: int) -> None:
     root = workspace(tmp_path, seed, cycles=True)
     for command in ("list", "graph", "info"):
         ours, _ = both(colcon, forge, root, command)
@@ -101,7 +101,7 @@ def test_a_circle_is_an_error_of_both(colcon: Colcon, forge: Forge, tmp_path: Pa
 
 
 @pytest.mark.parametrize("seed", SEEDS[:6])
-def test_packages_of_one_name_are_listed_both(
+def test_packages_with_the_same_name_are_both_listed(
     colcon: Colcon, forge: Forge, tmp_path: Path, seed: int
 ) -> None:
     root = workspace(tmp_path, seed, duplicates=True)
@@ -112,7 +112,7 @@ def test_packages_of_one_name_are_listed_both(
         assert ours.out == theirs.out, f"{options}"
 
 
-def test_files_with_options_say_the_same(colcon: Colcon, forge: Forge, tree: Tree) -> None:
+def test_option_files_have_the_same_effect(colcon: Colcon, forge: Forge, tree: Tree) -> None:
     root = tree(
         {
             "src/a/package.xml": manifest_text("a", "<depend>b</depend>"),
@@ -150,7 +150,7 @@ def test_files_with_options_say_the_same(colcon: Colcon, forge: Forge, tree: Tre
     assert _packages(ours.out) == re.sub(r"    get_python_setup_options: .*\n", "", theirs.out)
 
 
-def test_the_same_versions_are_missed(colcon: Colcon, forge: Forge, tree: Tree) -> None:
+def test_the_same_version_mismatches_are_reported(colcon: Colcon, forge: Forge, tree: Tree) -> None:
     chance = random.Random(3)
     versions = ("0.1.0", "0.1", "0.2.0", "00.1.0", "1.0.0", "0.0.9", "0.1.0.1")
     words = ("lt", "lte", "eq", "gte", "gt")
@@ -183,7 +183,7 @@ def options_of(text: str) -> set[str]:
     return set(re.findall(r"(?<![\w-])--[a-z][a-z-]*[a-z](?![\w-])", text))
 
 
-def test_every_option_of_colcon_is_taken(colcon: Colcon, forge: Forge, tmp_path: Path) -> None:
+def test_every_colcon_option_is_accepted(colcon: Colcon, forge: Forge, tmp_path: Path) -> None:
     """Forge takes each option that colcon's own help names, and the page has a word on it."""
     page = (ROOT / "docs/reference/from-colcon.md").read_text(encoding="utf-8")
     commands = re.findall(r"\{([a-z,-]+)\}", colcon("--help", cwd=tmp_path).out)[0].split(",")

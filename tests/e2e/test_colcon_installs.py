@@ -100,7 +100,7 @@ def both(colcon: Colcon, forge: Forge, surroundings: dict[str, str]) -> Both:
 
 
 @pytest.mark.parametrize(("form", "seed"), CASES)
-def test_install_trees_and_what_their_scripts_do_are_the_same(
+def test_install_trees_and_their_scripts_are_equivalent(
     both: Both, tmp_path: Path, form: str, seed: int
 ) -> None:
     # No blank in the path: colcon's own scripts cannot be sourced then.
@@ -160,7 +160,7 @@ def shared_lines(text: str, name: str, found: tuple[Mapping[str, str], Mapping[s
     )
 
 
-def test_the_page_names_no_file_that_does_not_differ() -> None:
+def test_documented_file_differences_exist() -> None:
     """Runs after the trees were compared: each line was needed by one of them."""
     if not PAGE.used:
         pytest.skip("the trees were not compared in this run")

@@ -232,7 +232,7 @@ def test_aborted_packages_leave_the_same_files(both: Both) -> None:
     assert ours == theirs == {("slow", "JobEnded", "slow", "SIGINT"), ("broken", "JobEnded", "broken", "1")}
 
 
-def test_the_page_names_no_file_that_does_not_differ() -> None:
+def test_documented_file_differences_exist() -> None:
     """Runs after the folders were compared: each line was needed by one of them."""
     if not PAGE.used:
         pytest.skip("the folders were not compared in this run")

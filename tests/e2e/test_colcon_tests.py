@@ -59,7 +59,9 @@ def notes(root: Path) -> dict[str, str]:
     return {path.parent.name: path.read_text() for path in root.glob("build/*/colcon_test.rc")}
 
 
-def test_the_same_workspace_is_tested_alike(colcon: Colcon, forge: Forge, tree: Tree) -> None:
+def test_both_tools_run_the_same_tests_with_the_same_results(
+    colcon: Colcon, forge: Forge, tree: Tree
+) -> None:
     root = tree(
         {
             **cmake_package("c_bad", "add_test(good true)", 'add_test(bad "false")'),
@@ -94,7 +96,7 @@ def test_the_same_workspace_is_tested_alike(colcon: Colcon, forge: Forge, tree: 
     assert f"Files: {their_sum} " in our_sums.out
 
 
-def test_unittest_leaves_results_where_colcon_fails(colcon: Colcon, forge: Forge, tree: Tree) -> None:
+def test_unittest_results_exist_where_colcon_fails(colcon: Colcon, forge: Forge, tree: Tree) -> None:
     root = tree(python_package("u_test", UNITTEST.format(name="u_test"), pytest=False))
     assert forge("build", cwd=root, env={**VARIABLES, "PYTHONPATH": str(ROOT)}).code == 0
     assert colcon("test", cwd=root).code == 1
@@ -102,7 +104,7 @@ def test_unittest_leaves_results_where_colcon_fails(colcon: Colcon, forge: Forge
     assert notes(root) == {"u_test": "test failures\n"}
 
 
-def test_results_of_ament_go_where_both_were_told(forge: Forge, tree: Tree) -> None:
+def test_ament_results_are_written_to_the_given_folder(forge: Forge, tree: Tree) -> None:
     root = tree(
         {
             "src/a_test/package.xml": manifest_text("a_test", "<depend>ament_cmake</depend>"),
@@ -151,7 +153,7 @@ def test_results_survive_a_rebuild(colcon: Colcon, forge: Forge, tree: Tree) -> 
 
 
 @pytest.mark.parametrize("seed", range(25))
-def test_results_of_all_shapes_are_read_alike(colcon: Colcon, forge: Forge, tree: Tree, seed: int) -> None:
+def test_results_of_all_shapes_are_read_equally(colcon: Colcon, forge: Forge, tree: Tree, seed: int) -> None:
     root = tree(dict(random_results(random.Random(seed))))
     for options in ([], ["--all"], ["--verbose"], ["--all", "--verbose"], ["--result-files-only"]):
         ours = forge("test-result", *options, cwd=root)

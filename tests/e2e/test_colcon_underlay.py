@@ -90,7 +90,9 @@ def build(tool: str, root: Path, options: list[str], variables: dict[str, str], 
 
 
 @each_layout
-def test_each_is_the_other_s_underlay(layout_word: str, forge: Forge, tmp_path: Path) -> None:
+def test_forge_and_colcon_workspaces_can_be_each_others_underlays(
+    layout_word: str, forge: Forge, tmp_path: Path
+) -> None:
     """Whoever built which of the two workspaces: every shell sees the same, and forge knows it unsourced."""
     options = ["--merge-install"] if layout_word == "merged" else []
     plain = {"PATH": os.environ["PATH"], "HOME": str(tmp_path), "LOGNAME": "someone"}

@@ -98,7 +98,7 @@ def precompiled(root: Path) -> list[Path]:
     return list((root / "build/nodes").rglob("*.gch"))
 
 
-def test_they_share_one_and_others_are_left_alone(tree: Tree) -> None:
+def test_component_nodes_share_a_precompiled_header(tree: Tree) -> None:
     root = tree(FILES)
     assert "warning" not in build(root)
     assert len(precompiled(root)) == 1
@@ -121,14 +121,14 @@ def test_a_changed_header_is_compiled(tree: Tree) -> None:
     assert "2 packages unchanged" in build(root)
 
 
-def test_few_are_not_worth_it(tree: Tree) -> None:
+def test_few_component_nodes_share_no_header(tree: Tree) -> None:
     root = tree(FILES | {"src/nodes/CMakeLists.txt": NODES_CMAKE.replace(f"1 {ENOUGH}", "1 3")})
     build(root)
     assert not precompiled(root)
     assert said(root, "node_3") == "Hello from node_3!\n"
 
 
-def test_headers_after_anything_else_are_not_shared(tree: Tree) -> None:
+def test_only_leading_includes_are_shared(tree: Tree) -> None:
     """They may depend on it."""
     greeting = '#pragma once\n#ifdef LOUD\n#define GREETING "HELLO"\n#endif\n'
     root = tree(
@@ -153,7 +153,7 @@ def test_the_option_turns_it_off(tree: Tree) -> None:
 
 
 @pytest.mark.needs("ccache")
-def test_a_compiler_launcher_gets_none(tree: Tree) -> None:
+def test_compiler_launchers_get_no_precompiled_headers(tree: Tree) -> None:
     """What is compiled with it would not be cached."""
     root = tree(FILES)
     build(root, "--compiler-launcher", "ccache")

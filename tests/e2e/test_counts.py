@@ -120,7 +120,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, dict[st
     return places[0], places[1], variables
 
 
-def test_a_build_of_nothing_starts_nothing_and_looks_at_each_file_once(
+def test_an_up_to_date_build_starts_no_process_and_stats_each_file_once(
     built: tuple[Path, Path, dict[str, str]],
 ) -> None:
     small, large, variables = built
@@ -130,7 +130,7 @@ def test_a_build_of_nothing_starts_nothing_and_looks_at_each_file_once(
     assert all(more[kind] <= NOTHING_CHANGED[kind] for kind in more), more
 
 
-def test_one_changed_line_starts_what_it_takes_and_configures_nothing(
+def test_one_changed_line_starts_only_necessary_processes(
     built: tuple[Path, Path, dict[str, str]],
 ) -> None:
     small, _, variables = built

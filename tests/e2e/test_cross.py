@@ -46,7 +46,7 @@ action: goal -1.000 m accepted
 """
 
 
-def test_the_examples_run_on_the_target_as_here(tmp_path: Path) -> None:
+def test_the_examples_run_on_the_target(tmp_path: Path) -> None:
     """Interfaces, libraries and programs of the examples are built, bundled, and run from the archive."""
     shutil.copytree(ROOT / "examples_ws/src", tmp_path / "src")
     (tmp_path / "debian.cmake").write_text(TOOLCHAIN)
@@ -111,7 +111,7 @@ int main()
 }
 
 
-def test_programs_of_the_build_and_of_tests_run_under_qemu(tree: Tree, forge: Forge) -> None:
+def test_build_and_test_programs_run_under_qemu(tree: Tree, forge: Forge) -> None:
     """A generator, tests of two kinds, and an exception that a shared library throws."""
     root = tree(MAKER)
     built = forge("build", "--target", "arm64", *COMPILERS, cwd=root)
@@ -156,7 +156,7 @@ def test_zig_compiles_no_cxx_library_for_a_package_in_c(tree: Tree, forge: Forge
     assert "1 test, 0 errors, 0 failures, 0 skipped" in tested.out
 
 
-def test_without_qemu_the_remedy_is_told(tree: Tree, forge: Forge) -> None:
+def test_missing_qemu_is_reported_with_a_hint(tree: Tree, forge: Forge) -> None:
     """Programs of the build cannot run, and `forge test` says so before it starts any."""
     root = tree({**MAKER, **PLAIN})
     (root / "bin").mkdir()

@@ -156,7 +156,7 @@ def until(holds: Callable[[], object], seconds: float = 30.0) -> None:
         time.sleep(0.02)
 
 
-def test_what_workers_build_is_what_is_built_here(cluster: Loopback, tmp_path: Path) -> None:
+def test_workers_build_the_same_as_a_local_build(cluster: Loopback, tmp_path: Path) -> None:
     files = {**library("a"), **library("b"), **library("c", "a", "b"), **python("d", "c")}
     workspace = Workspace(write(tmp_path / "ws", files), cluster)
     said = workspace.build()
@@ -174,7 +174,7 @@ def test_the_package_cache_works_as_in_a_local_build(cluster: Loopback, tmp_path
     assert "1 package came from the cache" in workspace.build()
 
 
-def test_output_comes_live_whole_and_in_order(cluster: Loopback, tmp_path: Path) -> None:
+def test_output_is_live_complete_and_ordered(cluster: Loopback, tmp_path: Path) -> None:
     shell = "for i in $(seq 20000); do echo line $i of many; done; touch {0}; sleep 1; echo last"
     flag = tmp_path / "flag"
     write(tmp_path, {"talk.sh": shell.format(flag)})
@@ -195,7 +195,7 @@ def test_output_comes_live_whole_and_in_order(cluster: Loopback, tmp_path: Path)
     assert talk == [*(f"line {i} of many\n" for i in range(1, 20001)), "last\n"]
 
 
-def test_a_package_that_fails_says_so_as_it_does_here(cluster: Loopback, tmp_path: Path) -> None:
+def test_failures_are_reported_as_in_a_local_build(cluster: Loopback, tmp_path: Path) -> None:
     broken = {**library("bad"), "src/bad/two.cpp": "int bad_two() { return nothing; }\n"}
     files = {**broken, **plain("above", "bad"), **plain("other")}
     workspace = Workspace(write(tmp_path / "ws", files), cluster)
@@ -217,7 +217,7 @@ def _failure(said: str) -> list[str]:
     return [line for line in lines[1:5] if "log:" not in line]
 
 
-def test_ctrl_c_leaves_nothing_running_anywhere(cluster: Loopback, tmp_path: Path) -> None:
+def test_ctrl_c_ends_all_remote_processes(cluster: Loopback, tmp_path: Path) -> None:
     flags = [tmp_path / "flag-a", tmp_path / "flag-b"]
     files = {**slow("a", flags[0], 60), **slow("b", flags[1], 60)}
     workspace = Workspace(write(tmp_path / "ws", files), cluster)
@@ -231,7 +231,7 @@ def test_ctrl_c_leaves_nothing_running_anywhere(cluster: Loopback, tmp_path: Pat
     assert programs_of(workspace.home / "build") == []
 
 
-def test_a_client_that_is_killed_leaves_nothing_running_for_long(cluster: Loopback, tmp_path: Path) -> None:
+def test_remote_processes_end_soon_after_a_killed_client(cluster: Loopback, tmp_path: Path) -> None:
     flag = tmp_path / "flag"
     workspace = Workspace(write(tmp_path / "ws", slow("a", flag, 60)), cluster)
     process = workspace.start(*workspace.options)
@@ -304,7 +304,7 @@ def test_a_worker_with_other_programs_is_reported(apart: tuple[Loopback, Path], 
     assert f"is not used: '{program}' does not exist there" in said
 
 
-def test_a_first_worker_is_waited_for(tmp_path: Path) -> None:
+def test_the_build_waits_for_the_first_worker(tmp_path: Path) -> None:
     (tmp_path / "cluster").mkdir()
     with loopback(tmp_path / "cluster") as cluster:
         workspace = Workspace(write(tmp_path / "ws", plain("a")), cluster)
@@ -317,7 +317,7 @@ def test_a_first_worker_is_waited_for(tmp_path: Path) -> None:
         assert process.returncode == 0, said
 
 
-def test_what_is_missing_is_said(tree: Tree, forge: Forge) -> None:
+def test_missing_requirements_are_reported(tree: Tree, forge: Forge) -> None:
     root = tree(plain("a"))
     ran = forge("build", "--executor", "dask", cwd=root)
     assert ran.code == 2
@@ -327,7 +327,7 @@ def test_what_is_missing_is_said(tree: Tree, forge: Forge) -> None:
     assert "invalid choice: 'dask'" in ran.err
 
 
-def test_a_scheduler_that_does_not_answer_is_said(tmp_path: Path) -> None:
+def test_an_unresponsive_scheduler_is_reported(tmp_path: Path) -> None:
     workspace = Workspace(write(tmp_path / "ws", plain("a")), Loopback(tmp_path, address="tcp://127.0.0.1:9"))
     hasty = {"DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT": "500ms"}
     process = workspace.start(*workspace.options, env=hasty)
@@ -339,7 +339,7 @@ def test_a_scheduler_that_does_not_answer_is_said(tmp_path: Path) -> None:
     assert said.startswith("error: cannot connect to the scheduler at 'what is this': ")
 
 
-def test_without_dask_the_way_to_get_it_is_said(tmp_path: Path) -> None:
+def test_without_dask_the_install_command_is_printed(tmp_path: Path) -> None:
     write(tmp_path / "absent", {"sitecustomize.py": "import sys\nsys.modules['distributed'] = None\n"})
     workspace = Workspace(write(tmp_path / "ws", plain("a")), Loopback(tmp_path, address="tcp://127.0.0.1:9"))
     path = os.pathsep.join((str(tmp_path / "absent"), str(ROOT)))

@@ -73,14 +73,14 @@ IDLE = (
 )
 
 
-def test_what_cannot_change_a_build_builds_nothing(forge: Forge, tree: Tree) -> None:
+def test_irrelevant_variables_cause_no_rebuild(forge: Forge, tree: Tree) -> None:
     builds = Builds(forge, tree(cmake("a", "")))
     builds.build()
     assert builds.build(dict.fromkeys(IDLE, "1")) == []
     assert builds.build({"ROS_VERSION": "1"}) == ["a"]
 
 
-def test_a_variable_counts_for_the_package_that_names_it_and_for_who_reads_its_files(
+def test_a_variable_affects_packages_that_use_it_directly_or_through_included_files(
     forge: Forge, tree: Tree
 ) -> None:
     config = "install(FILES dConfig.cmake DESTINATION share/d/cmake)\n"
@@ -110,7 +110,7 @@ SECRETS = {
 
 
 @pytest.mark.parametrize("options", [(), ("--cache", "cache", "--timings"), ("--merge-install", "--explain")])
-def test_values_of_variables_are_not_written_down(
+def test_values_of_variables_are_not_stored(
     forge: Forge, tree: Tree, options: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     root = tree(
@@ -161,7 +161,7 @@ def test_a_changed_value_is_named_and_not_shown(
     assert "geheim" not in ran.out + ran.err
 
 
-def test_a_variable_of_setup_py(forge: Forge, tree: Tree) -> None:
+def test_a_variable_read_by_setup_py_causes_a_rebuild(forge: Forge, tree: Tree) -> None:
     setup = "import os\nfrom setuptools import setup\n"
     setup += "setup(name='p', version=os.environ.get('VER', '1'), py_modules=['p'])\n"
     builds = Builds(
@@ -181,7 +181,7 @@ def test_a_variable_of_setup_py(forge: Forge, tree: Tree) -> None:
     assert builds.same_as_clean({"VER": "2"})
 
 
-def test_text_that_a_package_includes_from_elsewhere_names_variables_too(forge: Forge, tree: Tree) -> None:
+def test_variables_in_included_external_files_cause_a_rebuild(forge: Forge, tree: Tree) -> None:
     files = cmake("a", "include(../../common.cmake)\n") | {"common.cmake": "set(x 1)\n"}
     root = tree(files)
     builds = Builds(forge, root)
@@ -194,7 +194,7 @@ def test_text_that_a_package_includes_from_elsewhere_names_variables_too(forge: 
 
 
 @pytest.mark.parametrize("variable", ["zed_ROOT", "zed_DIR"])
-def test_where_find_package_looks(forge: Forge, tree: Tree, variable: str) -> None:
+def test_find_package_variables_cause_a_rebuild(forge: Forge, tree: Tree, variable: str) -> None:
     configs = {f"opt/z{i}/share/zed/cmake/zedConfig.cmake": f"set(zed_V {i})\n" for i in "12"}
     text = "find_package(zed REQUIRED)\nadd_definitions(-DV=${zed_V})\n"
     root = tree(cmake("a", text) | cmake("b", "") | configs | {"opt/COLCON_IGNORE": ""})
@@ -215,7 +215,7 @@ add_definitions(-DV=${O})
 """
 
 
-def test_a_program_of_the_same_name_earlier_on_path(forge: Forge, tree: Tree) -> None:
+def test_a_program_shadowed_on_path_causes_a_rebuild(forge: Forge, tree: Tree) -> None:
     tools = {f"opt/b{i}/mytool": f"#!/bin/sh\necho {i}\n" for i in "12"}
     others = {"opt/other/code": "#!/bin/sh\n", "opt/COLCON_IGNORE": ""}
     root = tree(cmake("a", GENERATED) | cmake("b", "") | tools | others)
@@ -227,7 +227,7 @@ def test_a_program_of_the_same_name_earlier_on_path(forge: Forge, tree: Tree) ->
     assert builds.same_as_clean(path(second, first))
 
 
-def test_a_program_that_appears_or_is_replaced(forge: Forge, tree: Tree) -> None:
+def test_a_new_or_replaced_program_causes_a_rebuild(forge: Forge, tree: Tree) -> None:
     text = "find_program(T mytool)\nif(T)\n" + GENERATED + "endif()\n"
     root = tree(cmake("a", text) | cmake("b", "") | {"opt/COLCON_IGNORE": "", "opt/b/x": ""})
     builds = Builds(forge, root)
@@ -238,7 +238,7 @@ def test_a_program_that_appears_or_is_replaced(forge: Forge, tree: Tree) -> None
     assert builds.same_as_clean(path(root / "opt/b"))
 
 
-def test_a_prefix_of_path_provides_a_package(forge: Forge, tree: Tree) -> None:
+def test_a_prefix_derived_from_path_provides_a_package(forge: Forge, tree: Tree) -> None:
     configs = {f"opt/z{i}/share/zed/cmake/zedConfig.cmake": f"set(zed_V {i})\n" for i in "12"}
     programs = {f"opt/z{i}/bin/zz{i}": "#!/bin/sh\n" for i in "123"} | {"opt/COLCON_IGNORE": ""}
     text = "find_package(zed REQUIRED)\nadd_definitions(-DV=${zed_V})\n"
@@ -255,7 +255,7 @@ def wrapper(number: str) -> str:
     return f'#!/bin/sh\nexec gcc -DV={number} "$@"\n'
 
 
-def test_a_toolchain_file_and_what_it_includes(forge: Forge, tree: Tree) -> None:
+def test_a_changed_toolchain_file_or_include_causes_a_rebuild(forge: Forge, tree: Tree) -> None:
     compilers = {f"opt/cc{i}": wrapper(i) for i in "12"}
     root = tree(cmake("a", "") | compilers | {"opt/COLCON_IGNORE": ""})
     tree({"opt/tc.cmake": "include(${CMAKE_CURRENT_LIST_DIR}/more.cmake)\n"})
@@ -270,7 +270,7 @@ def test_a_toolchain_file_and_what_it_includes(forge: Forge, tree: Tree) -> None
     assert builds.same_as_clean()
 
 
-def test_the_toolchain_file_of_the_environment(forge: Forge, tree: Tree) -> None:
+def test_a_changed_toolchain_file_from_the_environment_causes_a_rebuild(forge: Forge, tree: Tree) -> None:
     compilers = {f"opt/cc{i}": wrapper(i) for i in "12"}
     root = tree(cmake("a", "") | compilers | {"opt/COLCON_IGNORE": ""})
     variables = {"CMAKE_TOOLCHAIN_FILE": f"{root}/opt/tc.cmake"}
@@ -290,7 +290,7 @@ def test_the_toolchain_file_of_the_environment(forge: Forge, tree: Tree) -> None
         "-DCMAKE_USER_MAKE_RULES_OVERRIDE={}/opt/init.cmake",
     ],
 )
-def test_files_that_options_name(forge: Forge, tree: Tree, argument: str) -> None:
+def test_changed_files_named_by_options_cause_a_rebuild(forge: Forge, tree: Tree, argument: str) -> None:
     text = 'set(CMAKE_C_FLAGS_INIT "-DV={0}")\nset(VV {0} CACHE STRING "" FORCE)\n'
     root = tree(cmake("a", "add_definitions(-DW=${VV})\n") | {"opt/init.cmake": text.format(1)})
     builds = Builds(forge, root, "--cmake-args", argument.format(root))
@@ -300,7 +300,7 @@ def test_files_that_options_name(forge: Forge, tree: Tree, argument: str) -> Non
     assert builds.same_as_clean()
 
 
-def test_a_compiler_that_an_option_names_is_replaced(forge: Forge, tree: Tree) -> None:
+def test_a_replaced_compiler_named_by_an_option_causes_a_rebuild(forge: Forge, tree: Tree) -> None:
     root = tree(cmake("a", "") | {"opt/cc1": wrapper("1"), "opt/COLCON_IGNORE": ""})
     builds = Builds(forge, root, "--cmake-args", f"-DCMAKE_C_COMPILER={root}/opt/cc1")
     builds.build()
@@ -309,7 +309,7 @@ def test_a_compiler_that_an_option_names_is_replaced(forge: Forge, tree: Tree) -
     assert builds.same_as_clean()
 
 
-def test_arguments_of_one_package_may_name_another_compiler(forge: Forge, tree: Tree) -> None:
+def test_package_arguments_can_select_another_compiler(forge: Forge, tree: Tree) -> None:
     """What is known of everybody's compiler is not handed to a package that has its own."""
     text = 'set(file ${CMAKE_BINARY_DIR}/c.txt)\nfile(WRITE ${file} "${CMAKE_C_COMPILER}")\n'
     text += "install(FILES ${file} DESTINATION share)\n"
@@ -322,7 +322,7 @@ def test_arguments_of_one_package_may_name_another_compiler(forge: Forge, tree: 
     assert said["a"] != said["b"]
 
 
-def test_modules_of_others_in_a_folder_like_that_of_cmake(forge: Forge, tree: Tree) -> None:
+def test_foreign_modules_in_a_folder_named_like_cmakes_are_inputs(forge: Forge, tree: Tree) -> None:
     root = tree({"opt/share/cmake/Modules/My.cmake": "set(VV 1)\n", "opt/COLCON_IGNORE": ""})
     text = f"list(APPEND CMAKE_MODULE_PATH {root}/opt/share/cmake/Modules)\n"
     text += "include(My)\nadd_definitions(-DV=${VV})\n"
@@ -334,7 +334,7 @@ def test_modules_of_others_in_a_folder_like_that_of_cmake(forge: Forge, tree: Tr
     assert builds.same_as_clean()
 
 
-def test_a_condition_on_what_is_not_in_the_workspace(forge: Forge, tree: Tree) -> None:
+def test_a_condition_on_an_external_dependency_is_an_input(forge: Forge, tree: Tree) -> None:
     tag = '<exec_depend condition="$FOO == 1">zlib</exec_depend>'
     builds = Builds(forge, tree(cmake("a", "", tag) | cmake("b", "")))
     builds.build()
@@ -342,7 +342,7 @@ def test_a_condition_on_what_is_not_in_the_workspace(forge: Forge, tree: Tree) -
     assert builds.same_as_clean({"FOO": "1"})
 
 
-def test_hooks_and_dependencies_of_colcon_meta(forge: Forge, tree: Tree) -> None:
+def test_hooks_and_dependencies_in_colcon_meta_are_inputs(forge: Forge, tree: Tree) -> None:
     text = "install(FILES h.sh DESTINATION share/a)\n"
     root = tree(cmake("a", text) | cmake("b", "") | {"src/a/h.sh": "export FOO=1\n"})
     builds = Builds(forge, root)
@@ -356,7 +356,7 @@ def test_hooks_and_dependencies_of_colcon_meta(forge: Forge, tree: Tree) -> None
     assert builds.same_as_clean()
 
 
-def test_options_of_users_leave_what_forge_brings_along_alone(forge: Forge, tree: Tree) -> None:
+def test_user_options_do_not_rebuild_embedded_packages(forge: Forge, tree: Tree) -> None:
     text = "find_package(ament_cmake REQUIRED)\nament_package()\n"
     files = cmake("a", text, "<buildtool_depend>ament_cmake</buildtool_depend>", build=False)
     files["src/a/package.xml"] = files["src/a/package.xml"].replace(">cmake<", ">ament_cmake<")
@@ -366,7 +366,7 @@ def test_options_of_users_leave_what_forge_brings_along_alone(forge: Forge, tree
     assert builds.build({"CXXFLAGS": "-O1"}, *options) == ["a"]
 
 
-def test_results_in_the_cache_know_what_a_package_names(forge: Forge, tree: Tree) -> None:
+def test_cached_results_depend_on_variables_and_programs(forge: Forge, tree: Tree) -> None:
     tools = {f"opt/b{i}/mytool": f"#!/bin/sh\necho {i}\n" for i in "12"} | {"opt/COLCON_IGNORE": ""}
     root = tree(cmake("a", GENERATED + "add_definitions(-DW=$ENV{FOO}1)\n") | tools)
     made = []

@@ -113,7 +113,7 @@ def shape(source: Path, shape: str) -> None:
 
 
 @pytest.mark.parametrize("merged", [False, True], ids=["isolated", "merged"])
-def test_files_folders_and_links_take_each_others_place(forge: Forge, tree: Tree, *, merged: bool) -> None:
+def test_files_folders_and_links_can_replace_each_other(forge: Forge, tree: Tree, *, merged: bool) -> None:
     """From each shape into others, and a build that fails in between puts everything back."""
     root = tree(cmake("a", "include(more.cmake OPTIONAL)\ninstall(DIRECTORY share/d DESTINATION share)"))
     more = root / "src/a/more.cmake"
@@ -153,7 +153,7 @@ WITH_CODE = pytest.mark.parametrize(
 
 
 @WITH_CODE
-def test_what_code_of_a_package_installs_is_its_own(
+def test_files_installed_by_cmake_code_belong_to_the_package(
     forge: Forge, tree: Tree, options: tuple[str, ...]
 ) -> None:
     """It is missed when it is deleted, and goes when nothing makes it any more."""
@@ -195,7 +195,7 @@ setup(name="a", version="1", cmdclass={"install": Hook})
 
 
 @WITH_CODE
-def test_what_code_of_a_python_package_installs_is_its_own(
+def test_files_installed_by_setup_py_code_belong_to_the_package(
     forge: Forge, tree: Tree, options: tuple[str, ...]
 ) -> None:
     """By itself, or by the programs that it starts."""
@@ -216,7 +216,7 @@ def test_what_code_of_a_python_package_installs_is_its_own(
     assert look(root / "install") == before
 
 
-def test_folders_are_as_a_clean_build_makes_them(forge: Forge, tree: Tree) -> None:
+def test_folders_match_a_clean_build(forge: Forge, tree: Tree) -> None:
     """Empty ones come and go, and have the rights of now."""
     root = tree(
         cmake(
@@ -256,7 +256,7 @@ def test_hooks_follow_current_files(forge: Forge, tree: Tree, options: tuple[str
     hold_against_clean(forge, root, *options)
 
 
-def test_hooks_that_a_user_adds_are_written(forge: Forge, tree: Tree) -> None:
+def test_hooks_added_by_the_user_are_written(forge: Forge, tree: Tree) -> None:
     """By colcon.meta, of a package in which nothing else changed."""
     root = tree(cmake("a", "install(FILES x.sh DESTINATION share/a)", **{"x.sh": "WORD=1\n"}))
     build(forge, root)
@@ -269,7 +269,7 @@ def test_hooks_that_a_user_adds_are_written(forge: Forge, tree: Tree) -> None:
 
 
 @LAYOUTS
-def test_scripts_of_the_workspace_come_back(forge: Forge, tree: Tree, options: tuple[str, ...]) -> None:
+def test_removed_workspace_scripts_are_recreated(forge: Forge, tree: Tree, options: tuple[str, ...]) -> None:
     """Deleted or edited by hand, they are written again, though there is nothing to build."""
     root = tree(cmake("a", ""))
     build(forge, root, *options)
@@ -285,7 +285,7 @@ def test_scripts_of_the_workspace_come_back(forge: Forge, tree: Tree, options: t
         assert look(root / "install") == before
 
 
-def test_files_that_no_build_made_stay(forge: Forge, tree: Tree) -> None:
+def test_files_not_made_by_builds_are_kept(forge: Forge, tree: Tree) -> None:
     """What a running program, or a person, puts into a prefix is theirs."""
     root = tree(cmake("a", "install(FILES x DESTINATION share/a)", x="1"))
     build(forge, root)
@@ -304,7 +304,7 @@ def test_files_that_no_build_made_stay(forge: Forge, tree: Tree) -> None:
     assert own.read_text() == "mine"
 
 
-def test_without_records_files_of_earlier_builds_go(forge: Forge, tree: Tree) -> None:
+def test_without_records_files_of_earlier_builds_are_removed(forge: Forge, tree: Tree) -> None:
     """The build folder was removed, the install folder was not."""
     root = tree(cmake("a", "install(DIRECTORY d/ DESTINATION share/d)", **{"d/x": "1", "d/y": "1"}))
     build(forge, root)
@@ -336,7 +336,7 @@ def test_a_first_build_that_fails_leaves_no_files(forge: Forge, tree: Tree) -> N
     assert not (root / "install/.forge_before").exists()
 
 
-def test_after_a_kill_the_next_build_is_a_clean_one(forge: Forge, tree: Tree, tmp_path: Path) -> None:
+def test_the_build_after_a_kill_matches_a_clean_build(forge: Forge, tree: Tree, tmp_path: Path) -> None:
     """What was installed half-way goes, whether the next build ends well or not."""
     here = tmp_path / "here"
     wait = f"install(CODE [[file(WRITE {here} 1)\nexecute_process(COMMAND sleep 60)]])"
@@ -361,7 +361,7 @@ def test_after_a_kill_the_next_build_is_a_clean_one(forge: Forge, tree: Tree, tm
     assert look(root / "install") == before
 
 
-def test_a_prefix_that_is_a_link_stays_one(forge: Forge, tree: Tree, tmp_path: Path) -> None:
+def test_a_prefix_that_is_a_link_remains_a_link(forge: Forge, tree: Tree, tmp_path: Path) -> None:
     """Somebody has moved it to a larger disk."""
     root = tree(cmake("a", "install(DIRECTORY d/ DESTINATION share/d)", **{"d/x": "1", "d/y": "1"}))
     build(forge, root)
@@ -382,7 +382,9 @@ def test_a_prefix_that_is_a_link_stays_one(forge: Forge, tree: Tree, tmp_path: P
 
 
 @LAYOUTS
-def test_what_comes_out_the_same_keeps_its_time(forge: Forge, tree: Tree, options: tuple[str, ...]) -> None:
+def test_unchanged_installed_files_keep_their_time(
+    forge: Forge, tree: Tree, options: tuple[str, ...]
+) -> None:
     """And what does not gets a new one, though CMake copies old times."""
     body = (
         "install(FILES x y DESTINATION share/a)\n"
@@ -408,7 +410,7 @@ def test_what_comes_out_the_same_keeps_its_time(forge: Forge, tree: Tree, option
 @pytest.mark.parametrize("generator", ["Ninja", "Unix Makefiles"])
 @LAYOUTS
 @pytest.mark.needs("gcc", "make", "ninja")
-def test_a_changed_line_in_a_library_compiles_that_file_alone(
+def test_a_changed_line_recompiles_only_its_file(
     forge: Forge, tree: Tree, options: tuple[str, ...], generator: str
 ) -> None:
     """What includes its headers is linked again, not compiled."""
@@ -460,7 +462,9 @@ def contested(name: str, *needs: str, text: str) -> dict[str, str]:
 
 
 @pytest.mark.parametrize("needs", [(), ("a",)], ids=["unrelated", "dependent"])
-def test_two_packages_that_install_one_file_settle(forge: Forge, tree: Tree, needs: tuple[str, ...]) -> None:
+def test_two_packages_that_install_the_same_file_reach_a_stable_state(
+    forge: Forge, tree: Tree, needs: tuple[str, ...]
+) -> None:
     """The second build has nothing to do, and whichever changes, the last one wins as in a clean build."""
     root = tree({**contested("a", text="a"), **contested("b", *needs, text="b")})
     options = (MERGED, "--executor", "sequential")

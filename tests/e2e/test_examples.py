@@ -39,7 +39,7 @@ def sourced(folder: Path, script: str) -> str:
     return shell(f"source install/setup.bash && {script}", folder)
 
 
-def test_programs_of_both_languages_move_alike(examples: Path) -> None:
+def test_cpp_and_python_programs_print_the_same_motion(examples: Path) -> None:
     """The C++ library and the Python module reach the same points by the same messages."""
     cpp = sourced(examples, "forge run robot_demo_cpp move_robot")
     assert cpp.startswith(MOVES)
@@ -47,7 +47,7 @@ def test_programs_of_both_languages_move_alike(examples: Path) -> None:
     assert sourced(examples, "forge run robot_demo_py move_robot") == cpp
 
 
-def test_python_reads_what_cpp_printed(examples: Path) -> None:
+def test_python_reads_messages_printed_by_cpp(examples: Path) -> None:
     """A RobotPose survives the way through YAML: both programs report equal values."""
     report = sourced(examples, "forge run robot_demo_cpp print_pose --report")
     assert report.startswith("status 1, position (1.2500, -0.5000, 0.0000)")
@@ -85,7 +85,7 @@ def test_a_consumer_links_the_exported_library(examples: Path, tmp_path: Path) -
     assert sourced(examples, f"{build} && out/main && echo 'linked and run'") == "linked and run\n"
 
 
-def test_an_action_brings_the_package_that_it_implies(examples: Path) -> None:
+def test_actions_build_their_implied_dependency(examples: Path) -> None:
     """robot_control_interfaces does not name action_msgs; its types refer to it all the same."""
     manifest = EXAMPLES / "src/robot_control_interfaces/package.xml"
     assert "action_msgs</" not in manifest.read_text(encoding="utf-8")

@@ -57,7 +57,7 @@ def symbols(library: Path) -> list[str]:
     return sorted(subprocess.run(argv, capture_output=True, text=True, check=True).stdout.split())
 
 
-def test_it_is_what_rosidl_would_have_built(tree: Tree, tmp_path_factory: pytest.TempPathFactory) -> None:
+def test_accelerated_builds_match_rosidl(tree: Tree, tmp_path_factory: pytest.TempPathFactory) -> None:
     fast = tree(interface_package("fast_msgs", FILES))
     slow = fast.rename(tmp_path_factory.mktemp("slow") / "ws")
     tree(interface_package("fast_msgs", FILES))
@@ -104,7 +104,7 @@ def test_precompiled_headers_are_no_input_of_the_package(tree: Tree) -> None:
     assert "1 package unchanged" in build(root).stdout
 
 
-def test_a_repeated_step_does_without_what_only_the_build_has(tree: Tree) -> None:
+def test_printed_commands_work_outside_of_the_build(tree: Tree) -> None:
     root = tree(interface_package("fast_msgs", FILES))
     assert build(root).returncode == 0
     environment = (root / "build/fast_msgs/.forge/environment.sh").read_text(encoding="utf-8")
@@ -112,7 +112,7 @@ def test_a_repeated_step_does_without_what_only_the_build_has(tree: Tree) -> Non
     assert "FORGE_ROSIDL_WORKER" not in environment
 
 
-def test_a_changed_definition_is_generated_and_compiled(tree: Tree) -> None:
+def test_a_changed_definition_is_regenerated_and_recompiled(tree: Tree) -> None:
     root = tree(interface_package("fast_msgs", FILES))
     assert build(root).returncode == 0
     tree({"src/fast_msgs/msg/Plain.msg": "int32 renamed\n"})
@@ -251,7 +251,7 @@ def test_an_invalid_definition_has_the_message_of_rosidl(tree: Tree) -> None:
     assert "  first error in step 'build':\n    forge: " not in done.stderr
 
 
-def test_two_packages_share_no_state(tree: Tree) -> None:
+def test_packages_share_no_generator_state(tree: Tree) -> None:
     first = interface_package("first_msgs", {"msg/A.msg": "int32 a\n"})
     second = interface_package("second_msgs", {"msg/A.msg": "int64 a\n"})
     root = tree({**first, **second})
@@ -270,7 +270,7 @@ def test_compile_commands_name_every_generated_source(tree: Tree) -> None:
 
 
 @pytest.mark.needs("colcon")
-def test_colcon_and_forge_continue_each_others_builds(tree: Tree) -> None:
+def test_colcon_and_forge_can_continue_each_others_builds(tree: Tree) -> None:
     root = tree(interface_package("fast_msgs", FILES))
     environment = {**os.environ, **underlay()}
     argv = ["colcon", "build", "--cmake-args", f"-DPython3_EXECUTABLE={sys.executable}"]

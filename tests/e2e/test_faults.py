@@ -149,9 +149,7 @@ def is_as_before(root: Path) -> bool:
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_signal_ends_every_program_and_leaves_the_records_right(
-    waiting: Path, number: signal.Signals
-) -> None:
+def test_a_signal_ends_all_programs_and_keeps_records_valid(waiting: Path, number: signal.Signals) -> None:
     with start(waiting) as process:
         until(waiting / "ready")
         process.send_signal(number)
@@ -167,7 +165,7 @@ def test_a_signal_ends_every_program_and_leaves_the_records_right(
 
 
 @pytest.mark.parametrize("view", ["lines", "plain"])
-def test_a_closed_terminal_is_a_signal_too(waiting: Path, view: str) -> None:
+def test_a_closed_terminal_ends_the_build(waiting: Path, view: str) -> None:
     ours, theirs = pty.openpty()
     kind = {"TERM": "xterm" if view == "lines" else "dumb"}
     process = subprocess.Popen(
@@ -210,7 +208,7 @@ def test_a_reader_that_leaves_ends_the_build(waiting: Path) -> None:
     mended(waiting)
 
 
-def test_who_is_told_to_ignore_a_closed_terminal_does(waiting: Path) -> None:
+def test_nohup_is_respected(waiting: Path) -> None:
     process = subprocess.Popen(
         ["nohup", *command()], cwd=waiting, env=environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE
     )
@@ -261,7 +259,7 @@ def go(home: Path) -> None:
         stream.write("\n")
 
 
-def test_an_editor_outlives_the_forge_after_a_killed_one(waiting: Path) -> None:
+def test_unrelated_processes_survive_the_build_after_a_kill(waiting: Path) -> None:
     with start(waiting) as process:
         until(waiting / "ready")
         time.sleep(0.2)  # a program may get that far before forge has recorded it
@@ -281,7 +279,7 @@ def test_an_editor_outlives_the_forge_after_a_killed_one(waiting: Path) -> None:
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_an_editor_outlives_an_interrupt(waiting: Path, number: signal.Signals) -> None:
+def test_unrelated_processes_survive_an_interrupt(waiting: Path, number: signal.Signals) -> None:
     with start(waiting) as process, shell_of_a_user(waiting, "true") as shell:
         until(waiting / "ready")
         process.send_signal(number)
@@ -293,7 +291,7 @@ def test_an_editor_outlives_an_interrupt(waiting: Path, number: signal.Signals) 
     assert not living(waiting)
 
 
-def test_programs_that_ignore_signals_are_killed_wherever_they_hide(waiting: Path) -> None:
+def test_programs_that_ignore_signals_are_killed_in_any_session(waiting: Path) -> None:
     (waiting / "src/b/work.sh").write_text(STUBBORN)
     begun = time.monotonic()
     with start(waiting) as process:
@@ -306,7 +304,7 @@ def test_programs_that_ignore_signals_are_killed_wherever_they_hide(waiting: Pat
     assert is_as_before(waiting)
 
 
-def test_a_second_signal_does_not_wait(waiting: Path) -> None:
+def test_a_second_signal_kills_immediately(waiting: Path) -> None:
     (waiting / "src/b/work.sh").write_text(STUBBORN)
     with start(waiting) as process:
         until(waiting / "ready")
@@ -339,7 +337,7 @@ sys.exit(code)
     ],
     ids=["lines", "a line without end", "bytes on stderr"],
 )
-def test_a_flood_of_output_fills_the_log_and_not_the_memory(tree: Tree, flood: str) -> None:
+def test_a_flood_of_output_is_logged_in_bounded_memory(tree: Tree, flood: str) -> None:
     root = tree(package("a", f"{flood}\n{PLAIN}"))
     (root / "src/a/CMakeLists.txt").write_text(
         (root / "src/a/CMakeLists.txt").read_text().replace(" ALL COMMAND", " ALL USES_TERMINAL COMMAND")
@@ -381,7 +379,7 @@ CHATTY = "yes 'many words' | head -c 3000000\n" + PLAIN
 
 
 @pytest.mark.parametrize("base", ["build", "install", "log"])
-def test_a_full_disk_is_told_and_nothing_half_written_looks_whole(tree: Tree, base: str) -> None:
+def test_a_full_disk_is_reported_and_leaves_no_partial_state(tree: Tree, base: str) -> None:
     root = tree({f"ws/{name}": text for name, text in package("a").items()}) / "ws"
     with small_disk(root / base, 900) as mounted:
         assert run(root).returncode == 0
@@ -454,7 +452,7 @@ def test_a_mount_that_cannot_be_removed_is_one_error_with_its_path(tree: Tree, p
         assert [path.read_text() for path in root.rglob("precious")] == ["mine"]
 
 
-def test_an_install_that_cannot_be_written_is_told(tree: Tree) -> None:
+def test_an_unwritable_install_folder_is_reported(tree: Tree) -> None:
     root = tree({f"ws/{name}": text for name, text in package("a").items()}) / "ws"
     with small_disk(root / "install", 9000) as mounted:
         assert run(root).returncode == 0
@@ -476,7 +474,7 @@ def test_an_install_that_cannot_be_written_is_told(tree: Tree) -> None:
         assert (root / "install/a/share/a/said.txt").read_text() == "two\n"
 
 
-def test_a_folder_that_was_removed_under_us(tmp_path: Path) -> None:
+def test_a_removed_working_folder_is_reported(tmp_path: Path) -> None:
     gone = tmp_path / "gone"
     gone.mkdir()
     words = f"cd '{gone}' && rmdir '{gone}' && exec \"$@\""
@@ -489,7 +487,7 @@ def test_a_folder_that_was_removed_under_us(tmp_path: Path) -> None:
     )
 
 
-def test_a_workspace_that_is_removed_during_a_build(waiting: Path) -> None:
+def test_a_workspace_removed_during_the_build_is_reported(waiting: Path) -> None:
     with start(waiting) as process:
         until(waiting / "ready")
         shutil.rmtree(waiting, ignore_errors=True)
@@ -499,7 +497,7 @@ def test_a_workspace_that_is_removed_during_a_build(waiting: Path) -> None:
     assert "Failed   <<< b" in err or "disappeared" in err
 
 
-def test_what_changes_or_vanishes_during_a_build_is_built_the_next_time(waiting: Path) -> None:
+def test_files_changed_during_a_build_are_built_next_time(waiting: Path) -> None:
     with start(waiting) as process:
         until(waiting / "ready")
         (waiting / "src/a/said.txt").write_text("a three\n")
@@ -514,7 +512,7 @@ def test_what_changes_or_vanishes_during_a_build_is_built_the_next_time(waiting:
     mended(waiting)
 
 
-def test_files_that_change_and_vanish_while_they_are_read(tree: Tree) -> None:
+def test_files_may_change_and_disappear_while_they_are_read(tree: Tree) -> None:
     root = tree({f"ws/{name}": text for name, text in package("a").items()}) / "ws"
     stop = threading.Event()
 
@@ -560,7 +558,7 @@ def test_a_second_build_waits_or_refuses_as_asked(waiting: Path) -> None:
     mended(waiting)
 
 
-def test_who_waits_may_be_interrupted(waiting: Path) -> None:
+def test_waiting_for_the_lock_can_be_interrupted(waiting: Path) -> None:
     with start(waiting) as first:
         until(waiting / "ready")
         with start(waiting) as second:
@@ -573,7 +571,7 @@ def test_who_waits_may_be_interrupted(waiting: Path) -> None:
     assert first.returncode == 0
 
 
-def test_builds_in_other_folders_do_not_wait(waiting: Path) -> None:
+def test_builds_in_different_folders_run_concurrently(waiting: Path) -> None:
     with start(waiting) as first:
         until(waiting / "ready")
         with start(waiting, "--build-base", "b2", "--install-base", "i2", "--packages-select", "a") as second:
@@ -598,7 +596,7 @@ def test_tests_and_builds_wait_for_each_other(waiting: Path) -> None:
         first.communicate(timeout=30)
 
 
-def test_a_lock_of_the_dead_holds_nobody_up(tree: Tree) -> None:
+def test_stale_locks_do_not_block(tree: Tree) -> None:
     root = tree(package("a"))
     assert run(root).returncode == 0
     (root / "build" / LOCK_FILE).write_text("4194303")
@@ -609,7 +607,7 @@ def test_a_lock_of_the_dead_holds_nobody_up(tree: Tree) -> None:
 # -- Anything, at any time
 
 
-def test_random_faults_at_random_times(tree: Tree) -> None:
+def test_random_faults_leave_a_correct_workspace(tree: Tree) -> None:
     chance = random.Random(f"{SEED} faults")
     files = {**package("a"), **package("b", BIG, "a"), **package("c", PLAIN, "b")}
     root = tree({f"ws/{name}": text for name, text in files.items()}) / "ws"

@@ -23,7 +23,7 @@ install(FILES text.txt DESTINATION share/second)
 """
 
 
-def test_a_save_between_the_plan_and_a_package_s_turn_reaches_no_cache(forge: Forge, tree: Tree) -> None:
+def test_sources_saved_during_the_build_are_not_cached(forge: Forge, tree: Tree) -> None:
     root = tree(
         {
             "src/first/package.xml": manifest_text("first", build_type="cmake"),

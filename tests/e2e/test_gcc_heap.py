@@ -60,7 +60,9 @@ def compilations(compiler: Path) -> list[str]:
 
 
 @pytest.mark.parametrize("generator", ["Ninja", "Unix Makefiles"])
-def test_compilers_get_it_from_forge_alone(tree: Tree, forge: Forge, recording: Path, generator: str) -> None:
+def test_only_compilers_started_by_forge_get_the_option(
+    tree: Tree, forge: Forge, recording: Path, generator: str
+) -> None:
     root = tree(FILES)
     arguments = ("--jobs", "1", "--cmake-args", f"-DCMAKE_CXX_COMPILER={recording}", "-G", generator)
     assert forge("build", *arguments, cwd=root).code == 0
@@ -90,7 +92,7 @@ def test_a_failing_command_can_be_pasted_into_a_shell(tree: Tree, forge: Forge) 
     assert "int wrong = ;" in pasted.stderr
 
 
-def test_projects_with_a_launcher_of_their_own_keep_it(tree: Tree, forge: Forge, recording: Path) -> None:
+def test_projects_keep_their_own_launcher(tree: Tree, forge: Forge, recording: Path) -> None:
     launcher = recording.with_name("launcher")
     launcher.write_text('#!/bin/sh\necho "launched $*" >> "$(dirname "$0")/compilations"\nexec "$@"\n')
     launcher.chmod(0o755)
@@ -147,7 +149,7 @@ def test_object_files_that_would_record_it_are_compiled_without(tmp_path: Path, 
         ("g++", "-x", "c++-header", "-c", "cmake_pch.hxx.cxx"),
     ],
 )
-def test_what_has_settings_of_its_own_keeps_them(tmp_path: Path, argv: tuple[str, ...]) -> None:
+def test_projects_keep_their_own_settings(tmp_path: Path, argv: tuple[str, ...]) -> None:
     assert launch(tmp_path, *argv) == f"/below: {' '.join(argv[1:])}\n"
 
 
@@ -166,7 +168,7 @@ def test_other_programs_and_unknown_options_are_left_alone(tmp_path: Path, argv:
     assert launch(tmp_path, *argv) == f"/ws/lib: {' '.join(argv[1:])}\n"
 
 
-def test_gcc_makes_the_same_bytes(tmp_path: Path) -> None:
+def test_gcc_output_is_identical(tmp_path: Path) -> None:
     """With the option, and if it collects garbage all the time."""
     source, result = tmp_path / "a.cpp", tmp_path / "a.o"
     source.write_text(

@@ -209,7 +209,9 @@ tried: Counter[str] = Counter()
 @given(way=WAYS, steps=STEPS)
 @seed(SEED)
 @SETTINGS
-def test_plain_packages_are_as_built_anew(forge: Forge, stage: Stage, *, way: Way, steps: Steps) -> None:
+def test_incremental_builds_of_plain_packages_match_clean_builds(
+    forge: Forge, stage: Stage, *, way: Way, steps: Steps
+) -> None:
     play_plain(forge, stage, way, steps)
     tried["plain packages"] += 1
 
@@ -217,7 +219,9 @@ def test_plain_packages_are_as_built_anew(forge: Forge, stage: Stage, *, way: Wa
 @given(way=WAYS, steps=STEPS)
 @seed(SEED)
 @settings(SETTINGS, max_examples=FEWER)
-def test_interface_packages_are_as_built_anew(forge: Forge, stage: Stage, *, way: Way, steps: Steps) -> None:
+def test_incremental_builds_of_interfaces_match_clean_builds(
+    forge: Forge, stage: Stage, *, way: Way, steps: Steps
+) -> None:
     play_interfaces(forge, stage, way, steps)
     tried["interfaces"] += 1
 
@@ -225,9 +229,7 @@ def test_interface_packages_are_as_built_anew(forge: Forge, stage: Stage, *, way
 @given(way=CACHED, steps=STEPS)
 @seed(SEED)
 @SETTINGS
-def test_what_comes_from_the_cache_is_as_built_anew(
-    forge: Forge, stage: Stage, *, way: Way, steps: Steps
-) -> None:
+def test_cached_builds_match_clean_builds(forge: Forge, stage: Stage, *, way: Way, steps: Steps) -> None:
     play_plain(forge, stage, way, steps)
     tried["plain packages, cached"] += 1
 
@@ -235,9 +237,7 @@ def test_what_comes_from_the_cache_is_as_built_anew(
 @given(way=CACHED, steps=STEPS)
 @seed(SEED + 1)
 @settings(SETTINGS, max_examples=FEWER)
-def test_interfaces_from_the_cache_are_as_built_anew(
-    forge: Forge, stage: Stage, *, way: Way, steps: Steps
-) -> None:
+def test_cached_interfaces_match_clean_builds(forge: Forge, stage: Stage, *, way: Way, steps: Steps) -> None:
     play_interfaces(forge, stage, way, steps)
     tried["interfaces, cached"] += 1
 

@@ -379,7 +379,7 @@ SEEN_BY_CMAKE_ALONE = (
         *(("Unix Makefiles", name) for name in CASES if name not in SEEN_BY_CMAKE_ALONE),
     ],
 )
-def test_what_changed_is_built_as_in_an_empty_folder(
+def test_any_change_is_built_as_in_an_empty_folder(
     generator: str, name: str, forge: Forge, tree: Tree
 ) -> None:
     case = CASES[name]
@@ -459,7 +459,7 @@ def test_a_save_during_a_build_is_noticed(when: str, forge: Forge, tree: Tree) -
     assert actual == look(root / "install")
 
 
-def test_sources_are_never_written_to(forge: Forge, tree: Tree) -> None:
+def test_builds_never_write_into_sources(forge: Forge, tree: Tree) -> None:
     """They may be read-only, or somebody else's: not even a time is set."""
     root = tree(
         {**packages(a="include_directories(inc)\n" + BUILD), "src/a/x.c": INCLUDES, "src/a/inc/v.h": ""}
@@ -480,7 +480,7 @@ def test_sources_are_never_written_to(forge: Forge, tree: Tree) -> None:
         )
 
 
-def test_a_file_that_the_build_itself_writes_settles(forge: Forge, tree: Tree) -> None:
+def test_sources_written_by_the_build_reach_a_stable_state(forge: Forge, tree: Tree) -> None:
     """A package that writes the same bytes among its sources each time is not built for ever."""
     body = 'execute_process(COMMAND sh -c "echo same > ${CMAKE_SOURCE_DIR}/written")\n' + BUILD
     root = tree({**packages(a=body), "src/a/x.c": PROGRAM})
@@ -489,7 +489,7 @@ def test_a_file_that_the_build_itself_writes_settles(forge: Forge, tree: Tree) -
     assert "Finished" not in forge("build", cwd=root).out
 
 
-def test_a_configure_that_fails_costs_no_objects(forge: Forge, tree: Tree) -> None:
+def test_a_failed_configure_keeps_objects(forge: Forge, tree: Tree) -> None:
     """What was compiled before is brought back once the mistake is mended."""
     root = tree({**packages(a=BUILD), "src/a/x.c": PROGRAM})
     assert forge("build", cwd=root).code == 0
@@ -504,7 +504,7 @@ def test_a_configure_that_fails_costs_no_objects(forge: Forge, tree: Tree) -> No
     assert (now.st_ino, now.st_mtime_ns) == (made.st_ino, made.st_mtime_ns)
 
 
-def test_a_new_source_compiles_itself_alone(forge: Forge, tree: Tree) -> None:
+def test_a_new_source_recompiles_nothing_else(forge: Forge, tree: Tree) -> None:
     """One new file among many: objects of the others are brought back, the program is linked again."""
     body = "file(GLOB S *.c)\nadd_executable(x ${S})\ninstall(TARGETS x DESTINATION bin)\n"
     many = {f"src/a/part_{number}.c": f"int part_{number};\n" for number in range(20)}

@@ -68,7 +68,7 @@ def run(root: Path, *argv: str, python_path: Path | str = "", **more: str) -> st
 
 
 @pytest.mark.needs("cmake", "ninja")
-def test_packages_may_be_called_like_forge_and_its_libraries(tree: Tree) -> None:
+def test_packages_can_have_the_names_of_forge_and_its_libraries(tree: Tree) -> None:
     uses = python_package("uses", *NAMES, "told", text="x = 1\n", first="import told, sys; told.tell()")
     tells = "def tell():\n    import pathlib; pathlib.Path('../../told').touch()\n"
     files = {
@@ -92,7 +92,7 @@ def foreign(tree: Tree) -> Path:
 
 
 @pytest.mark.needs("cmake", "ninja")
-def test_modules_on_the_path_and_in_the_folder_are_left_out(tree: Tree, foreign: Path) -> None:
+def test_modules_in_PYTHONPATH_and_the_working_folder_are_ignored(tree: Tree, foreign: Path) -> None:
     files = {**interfaces(), **python_package("own", text="x = 1\n")}
     root = tree({f"ws/{path}": text for path, text in files.items()}) / "ws"
     for name in NAMES:
@@ -123,15 +123,13 @@ def order(root: Path, python_path: str, *options: str) -> list[str]:
     return run(root, sys.executable, *options, "-c", SHOW, python_path=python_path).splitlines()
 
 
-def test_folders_of_the_environment_come_last(tmp_path: Path, foreign: Path) -> None:
+def test_PYTHONPATH_folders_come_last(tmp_path: Path, foreign: Path) -> None:
     found = order(tmp_path, f"{foreign}:{tmp_path / 'other'}")
     plain = run(tmp_path, sys.executable, "-c", "import sys; print(*sys.path[1:], sep='\\n')").splitlines()
     assert found == [*plain, str(foreign), str(tmp_path / "other")]
 
 
-def test_a_forge_that_the_environment_leads_to_brings_its_own_libraries(
-    tmp_path: Path, foreign: Path
-) -> None:
+def test_a_forge_found_in_PYTHONPATH_uses_its_own_libraries(tmp_path: Path, foreign: Path) -> None:
     """As after 'pip install --target'."""
     for name in ("forge", "_ros_forge.py"):
         (tmp_path / "target").mkdir(exist_ok=True)
@@ -144,7 +142,7 @@ def test_a_forge_that_the_environment_leads_to_brings_its_own_libraries(
     )
 
 
-def test_the_environment_itself_stays_as_it_is(tmp_path: Path, foreign: Path) -> None:
+def test_the_environment_of_child_processes_is_unchanged(tmp_path: Path, foreign: Path) -> None:
     words = f"{SHOW}; import os; print(os.environ['PYTHONPATH'])"
     said = run(tmp_path, sys.executable, "-c", words, python_path=f"{foreign}:").splitlines()
     assert said[-1] == f"{foreign}:"

@@ -117,12 +117,12 @@ def ninjas() -> list[str]:
 
 
 @pytest.mark.parametrize("ninja", ninjas())
-def test_ninjas_together_never_run_more_compilers_than_jobs(workspace: Path, ninja: str) -> None:
+def test_concurrent_ninjas_share_the_jobs(workspace: Path, ninja: str) -> None:
     watch = watched(workspace, *FORGE, "--jobs", "2", "--parallel-workers", "4", env={"NINJA": ninja})
     assert watch.most == 2
 
 
-def test_makes_never_run_more_compilers_than_jobs(workspace: Path) -> None:
+def test_concurrent_makes_share_the_jobs(workspace: Path) -> None:
     watch = watched(workspace, *FORGE, "--jobs", "2", env={"CMAKE_GENERATOR": "Unix Makefiles"})
     assert watch.most == 2
 
@@ -132,7 +132,7 @@ def test_the_users_makeflags_set_the_budget(workspace: Path) -> None:
     assert watch.most == 1
 
 
-def test_a_make_above_shares_its_jobs(workspace: Path) -> None:
+def test_an_outer_make_shares_its_jobs(workspace: Path) -> None:
     """Its own recipe compiles beside forge: both together keep to its number."""
     (workspace / "mine.cpp").write_text("#include <regex>\nstd::regex mine;\n")
     mine = "".join(f"\tc++ -c mine.cpp -o mine_{number}.o\n" for number in range(3))
@@ -162,7 +162,7 @@ def busy(name: str, count: int, *needs: str) -> dict[str, str]:
 
 
 @pytest.mark.parametrize("generator", ["Ninja", "Unix Makefiles"])
-def test_a_large_package_keeps_no_small_one_from_beginning(tree: Tree, generator: str) -> None:
+def test_a_large_package_does_not_delay_small_ones(tree: Tree, generator: str) -> None:
     """Of three jobs the large one has two when 'x' ends, and must leave one to the second of two others."""
     folder = tree({**busy("large", 40), **busy("x", 1), **busy("s1", 10, "x"), **busy("s2", 1, "x")})
     ran = subprocess.run(

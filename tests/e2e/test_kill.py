@@ -78,7 +78,9 @@ def clean_build(workspace: Evolving) -> dict[str, tuple[str, ...]]:
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
 @pytest.mark.parametrize("merged", [False, True], ids=["isolated", "merged"])
-def test_the_next_build_ends_as_a_clean_one(tmp_path: Path, number: signal.Signals, *, merged: bool) -> None:
+def test_the_build_after_an_interruption_matches_a_clean_build(
+    tmp_path: Path, number: signal.Signals, *, merged: bool
+) -> None:
     chance = random.Random(f"{SEED} {number} {merged}")
     root = tmp_path / "all"
     root.mkdir()

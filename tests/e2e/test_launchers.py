@@ -74,7 +74,7 @@ def launcher_of(root: Path, name: str) -> list[str]:
 
 
 @pytest.mark.needs("ccache")
-def test_ccache_gives_another_workspace_what_it_has(forge: Forge, tmp_path: Path) -> None:
+def test_ccache_is_shared_between_workspaces(forge: Forge, tmp_path: Path) -> None:
     """Elsewhere all is in the cache, what includes generated headers too, and what comes is the same."""
     env = {"CCACHE_DIR": str(tmp_path / "cache")}
     words = ("--packages-up-to", "robot_motion")
@@ -118,7 +118,7 @@ def test_debug_information_is_shared_where_it_names_no_folder(
 
 
 @pytest.mark.needs("ccache")
-def test_the_package_cache_has_a_package_whatever_compiled_it(forge: Forge, tree: Tree) -> None:
+def test_the_package_cache_does_not_depend_on_the_launcher(forge: Forge, tree: Tree) -> None:
     root = tree({f"{place}/{name}": text for place in "ab" for name, text in package("one").items()})
     env = {"CCACHE_DIR": str(root / "cache"), "FORGE_CACHE_DIR": str(root / "packages")}
     ran = forge("build", "--cache", "--compiler-launcher", "ccache", cwd=root / "a", env=env)
@@ -128,7 +128,7 @@ def test_the_package_cache_has_a_package_whatever_compiled_it(forge: Forge, tree
 
 
 @pytest.mark.needs("ccache")
-def test_a_launcher_comes_and_goes_without_a_build_of_what_is_fresh(forge: Forge, tree: Tree) -> None:
+def test_changing_the_launcher_rebuilds_nothing(forge: Forge, tree: Tree) -> None:
     """It does not change what is made; what is built next, for whatever reason, is built with it."""
     root = tree({**package("one"), **package("two")})
     env = {"CCACHE_DIR": str(root / "cache")}
@@ -148,7 +148,7 @@ def test_a_launcher_comes_and_goes_without_a_build_of_what_is_fresh(forge: Forge
 
 
 @pytest.mark.needs("ccache", "distcc")
-def test_the_users_own_definition_wins(forge: Forge, tree: Tree) -> None:
+def test_definitions_of_the_user_take_precedence(forge: Forge, tree: Tree) -> None:
     root = tree(package("one"))
     env = {"CCACHE_DIR": str(root / "cache")}
     own = "-DCMAKE_CXX_COMPILER_LAUNCHER=/usr/bin/ccache"
@@ -276,7 +276,7 @@ def wait_for(condition: Callable[[], object], server: Server) -> None:
 
 
 @pytest.mark.needs("ccache", "distcc", "distccd")
-def test_what_is_not_in_the_cache_goes_to_distcc(forge: Forge, tree: Tree, tmp_path: Path) -> None:
+def test_ccache_misses_go_to_distcc(forge: Forge, tree: Tree, tmp_path: Path) -> None:
     root = tree(package("one", 2))
     env = {"CCACHE_DIR": str(tmp_path / "cache"), "CCACHE_PREFIX": "distcc", "DISTCC_DIR": str(tmp_path)}
     with servers(tmp_path, 1) as (server,):
@@ -292,7 +292,7 @@ def test_what_is_not_in_the_cache_goes_to_distcc(forge: Forge, tree: Tree, tmp_p
 
 
 @pytest.mark.needs("distcc", "distccd")
-def test_two_servers_compile_and_one_is_killed_meanwhile(forge: Forge, tree: Tree, tmp_path: Path) -> None:
+def test_a_killed_distcc_server_does_not_fail_the_build(forge: Forge, tree: Tree, tmp_path: Path) -> None:
     """What comes is what a plain build makes."""
     root = tree({**package("one", 6), **package("two", 2)})
     env = {**surroundings(tmp_path), "DISTCC_DIR": str(tmp_path)}

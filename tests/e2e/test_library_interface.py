@@ -70,7 +70,7 @@ def change(root: Path, count: int = 4, number: int = 2) -> None:
 
 
 @pytest.mark.parametrize("options", [(), ("--merge-install",)], ids=["isolated", "merged"])
-def test_other_code_in_a_function_builds_the_library_alone(
+def test_a_changed_function_body_rebuilds_only_the_library(
     forge: Forge, tree: Tree, options: tuple[str, ...]
 ) -> None:
     root = tree(packages())
@@ -85,7 +85,7 @@ def test_other_code_in_a_function_builds_the_library_alone(
     hold_against_clean(forge, root, *options)
 
 
-def test_another_interface_builds_what_links_it(forge: Forge, tree: Tree) -> None:
+def test_a_changed_library_interface_rebuilds_users(forge: Forge, tree: Tree) -> None:
     root = tree(packages())
     build(forge, root)
     change(root, number=2)
@@ -96,7 +96,7 @@ def test_another_interface_builds_what_links_it(forge: Forge, tree: Tree) -> Non
 
 
 @pytest.mark.parametrize("other", OTHERS)
-def test_what_may_read_or_run_the_library_is_built(forge: Forge, tree: Tree, other: str) -> None:
+def test_packages_that_may_load_the_library_are_rebuilt(forge: Forge, tree: Tree, other: str) -> None:
     root = tree(packages(OTHERS[other], kind="STATIC" if other == "a static library" else "SHARED"))
     build(forge, root)
     change(root)
@@ -126,7 +126,7 @@ VARIABLE = '.data\n.globl v\nv: .long {values}\n.size v, {size}\n.section .note.
     ],
     ids=["a symbol without a type", "a constant pointer"],
 )
-def test_a_copied_variable_that_changes_links_its_users_again(
+def test_a_changed_copied_variable_relinks_users(
     forge: Forge, tree: Tree, file: str, one: str, other: str, main: str
 ) -> None:
     library = f"enable_language(ASM)\nadd_library(base SHARED {file})\n"

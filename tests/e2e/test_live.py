@@ -96,7 +96,7 @@ def build(
 
 
 @pytest.mark.parametrize("size", [(80, 24), (30, 8), (200, 60)])
-def test_what_runs_is_shown_until_it_ends(tree: Tree, size: tuple[int, int]) -> None:
+def test_running_packages_are_shown(tree: Tree, size: tuple[int, int]) -> None:
     root = tree({**package("first", 0.6), **package("second", 0.6, "true", "first")})
     terminal = build(root, size=size)
     assert terminal.end() == 0
@@ -111,7 +111,7 @@ def test_what_runs_is_shown_until_it_ends(tree: Tree, size: tuple[int, int]) -> 
         assert words[: size[0]] in last
 
 
-def test_the_size_is_the_terminals_and_not_an_exported_one(tree: Tree) -> None:
+def test_the_size_is_taken_from_the_terminal(tree: Tree) -> None:
     variables = {"COLUMNS": "80", "LINES": "24"}
     terminal = build(tree(package("first", 0.3)), size=(30, 8), variables=variables)
     assert terminal.end() == 0
@@ -119,7 +119,7 @@ def test_the_size_is_the_terminals_and_not_an_exported_one(tree: Tree) -> None:
     assert "packages" not in terminal.frames[-1].partition("Summary")[0]
 
 
-def test_a_failure_stays_in_sight_and_its_error_is_whole(tree: Tree) -> None:
+def test_failures_stay_visible_with_the_complete_error(tree: Tree) -> None:
     root = tree({**package("bad", 0.1, "exit 3"), **package("good", 1.5)})
     terminal = build(root, "--continue-on-error", "--jobs", "2")
     assert terminal.end() == 1
@@ -128,7 +128,7 @@ def test_a_failure_stays_in_sight_and_its_error_is_whole(tree: Tree) -> None:
     assert "failed: bad" in terminal.frames[-1]
 
 
-def test_a_window_may_change_its_size(tree: Tree) -> None:
+def test_the_terminal_can_be_resized(tree: Tree) -> None:
     terminal = build(tree(package("slow", 1.5)))
     terminal.watch(1.0)
     terminal.resize(40, 10)
@@ -137,7 +137,7 @@ def test_a_window_may_change_its_size(tree: Tree) -> None:
     assert "0/1 packages" not in terminal.frames[-1]
 
 
-def test_there_is_an_estimate_from_the_last_time(tree: Tree) -> None:
+def test_the_remaining_time_is_estimated_from_earlier_builds(tree: Tree) -> None:
     root = tree({**package("first", 1.2), **package("second", 3.0, "true", "first")})
     assert build(root).end() == 0
     again = build(root, "--force")
@@ -149,9 +149,7 @@ def test_there_is_an_estimate_from_the_last_time(tree: Tree) -> None:
     ("options", "variables"),
     [((), {"TERM": "dumb"}), (("--event-handlers", "status-"), {})],
 )
-def test_who_wants_plain_lines_has_them(
-    tree: Tree, options: tuple[str, ...], variables: dict[str, str]
-) -> None:
+def test_plain_output_on_request(tree: Tree, options: tuple[str, ...], variables: dict[str, str]) -> None:
     terminal = build(tree(package("first", 0.3)), *options, variables=variables)
     assert terminal.end() == 0
     assert "Starting >>> first" in terminal.frames[-1]
@@ -159,9 +157,7 @@ def test_who_wants_plain_lines_has_them(
 
 
 @pytest.mark.parametrize(("variables", "coloured"), [({"NO_COLOR": "1"}, False), ({}, True)])
-def test_no_color_takes_away_colours_and_nothing_else(
-    tree: Tree, variables: dict[str, str], *, coloured: bool
-) -> None:
+def test_no_color_removes_only_colours(tree: Tree, variables: dict[str, str], *, coloured: bool) -> None:
     terminal = build(tree(package("first", 0.3)), variables=variables)
     assert terminal.end() == 0
     seen = "\n".join(terminal.frames)

@@ -68,7 +68,7 @@ async def _session(root: Path) -> None:
     await client.stop()  # type: ignore[no-untyped-call]
 
 
-def test_without_pygls_the_way_to_get_it_is_said(tmp_path: Path) -> None:
+def test_without_pygls_the_install_command_is_printed(tmp_path: Path) -> None:
     (tmp_path / "sitecustomize.py").write_text("import sys\nsys.modules['pygls'] = None\n", encoding="utf-8")
     path = os.pathsep.join((str(tmp_path), str(ROOT)))
     argv = (sys.executable, "-m", "forge", "lsp")

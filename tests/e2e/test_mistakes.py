@@ -195,7 +195,7 @@ def test_a_package_without_its_cmakelists(forge: Forge, tree: Tree) -> None:
     )
 
 
-def test_cmake_was_run_in_the_source_folder(forge: Forge, tree: Tree) -> None:
+def test_an_in_source_cmake_run_is_reported(forge: Forge, tree: Tree) -> None:
     """What it left there makes no difference: CMake would take the folder for the one to build in."""
     root = tree(broken(""))
     subprocess.run(
@@ -211,7 +211,7 @@ rosidl_generate_interfaces(${PROJECT_NAME} "msg/Listed.msg")
 ament_package()"""
 
 
-def test_a_message_that_cmakelists_does_not_name(forge: Forge, tree: Tree) -> None:
+def test_a_message_not_listed_in_cmakelists_gets_a_hint(forge: Forge, tree: Tree) -> None:
     """Whoever uses it is told where to add it; that nobody can use it is said in any case."""
     lines = (
         "<buildtool_depend>rosidl_default_generators</buildtool_depend>",

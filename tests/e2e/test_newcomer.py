@@ -70,7 +70,7 @@ def test_a_manifest_that_is_no_utf_8_says_so(forge: Forge, tree: Tree) -> None:
     )
 
 
-def test_a_remark_pasted_behind_a_tag_does_no_harm(forge: Forge, tree: Tree) -> None:
+def test_text_after_a_tag_is_ignored(forge: Forge, tree: Tree) -> None:
     """Tutorials mark the line to add like this, and readers copy the mark."""
     text = manifest("a", "b").replace("</depend>", "</depend> # add this line (添加这一行)")
     ran = forge("list", "--names-only", cwd=tree({"src/a/package.xml": text}))
@@ -78,20 +78,20 @@ def test_a_remark_pasted_behind_a_tag_does_no_harm(forge: Forge, tree: Tree) -> 
 
 
 @pytest.mark.needs("cmake")
-def test_a_client_library_that_is_only_needed_to_run_is_a_warning(forge: Forge, tree: Tree) -> None:
+def test_a_missing_runtime_client_library_is_a_warning(forge: Forge, tree: Tree) -> None:
     text = manifest("a", "rclpy").replace("depend>", "exec_depend>")
     ran = forge("build", cwd=tree({"src/a/package.xml": text, "src/a/CMakeLists.txt": cmakelists("a")}))
     assert ran.code == 0, ran
     assert "warning: 'a' needs 'rclpy'" in ran.err
 
 
-def test_a_package_that_is_not_there(forge: Forge, tree: Tree) -> None:
+def test_a_missing_package_is_reported(forge: Forge, tree: Tree) -> None:
     root = tree({"src/robot/package.xml": manifest("robot")})
     ran = forge("build", "--packages-up-to", "robbot", cwd=root)
     one_message(ran, "'robbot'", "did you mean 'robot'?")
 
 
-def test_a_client_library_that_nobody_provides(forge: Forge, tree: Tree) -> None:
+def test_a_missing_client_library_is_an_error(forge: Forge, tree: Tree) -> None:
     """It is told before CMake runs, with who needs it and where to read on."""
     root = tree(
         {
@@ -143,7 +143,7 @@ ament_package()
 
 
 @pytest.mark.needs("cmake")
-def test_merged_after_isolated(forge: Forge, tree: Tree) -> None:
+def test_a_merged_build_after_an_isolated_one_is_rejected(forge: Forge, tree: Tree) -> None:
     root = tree({"src/a/package.xml": manifest("a"), "src/a/CMakeLists.txt": cmakelists("a")})
     assert forge("build", cwd=root).code == 0
     one_message(forge("build", "--merge-install", cwd=root), "install", "isolated", "--merge-install")
@@ -159,12 +159,12 @@ def test_an_install_folder_that_cannot_be_written(forge: Forge, tree: Tree) -> N
 
 
 @pytest.mark.needs("cmake")
-def test_no_compiler(tree: Tree) -> None:
+def test_a_missing_compiler_is_reported(tree: Tree) -> None:
     root = tree({"src/a/package.xml": manifest("a"), "src/a/CMakeLists.txt": cmakelists("a", "CXX")})
     one_message(_bare(root, without=COMPILERS), "'a' needs", "compiler", "hint: ")
 
 
-def test_no_cmake_names_the_extra(tree: Tree) -> None:
+def test_a_missing_cmake_names_the_extra(tree: Tree) -> None:
     root = tree({"src/a/package.xml": manifest("a"), "src/a/CMakeLists.txt": cmakelists("a", "CXX")})
     one_message(_bare(root, without=("cmake", "ninja")), "CMake not found", "install 'cmake>=")
 

@@ -202,7 +202,7 @@ def configured_repository(root: Path, sprung: Path) -> None:
 
 
 @pytest.mark.parametrize("words", ["status", "ls-tree HEAD~1", "diff"])
-def test_the_traps_of_a_repository_are_live(words: str, tree: Tree, tmp_path: Path) -> None:
+def test_the_traps_of_the_repository_work(words: str, tree: Tree, tmp_path: Path) -> None:
     sprung = tmp_path / "sprung"
     root = tree({"ws/a/x.py": "", "ws/a/package.xml": manifest_text("a")}) / "ws"
     configured_repository(root, sprung)
@@ -211,7 +211,7 @@ def test_the_traps_of_a_repository_are_live(words: str, tree: Tree, tmp_path: Pa
     assert sprung.exists()
 
 
-def test_commands_that_only_look_run_nothing_of_the_workspace(tree: Tree, tmp_path: Path) -> None:
+def test_read_only_commands_run_no_code_of_the_workspace(tree: Tree, tmp_path: Path) -> None:
     sprung = tmp_path / "traps" / "sprung"
     sprung.parent.mkdir()
     sprung.with_name("secret").write_text("a secret\n")
@@ -245,7 +245,7 @@ def test_commands_that_only_look_run_nothing_of_the_workspace(tree: Tree, tmp_pa
 
 
 @pytest.mark.parametrize("kind", ["packages", "installed", "executables"])
-def test_a_press_of_tab_runs_nothing_of_the_workspace(kind: str, tree: Tree, tmp_path: Path) -> None:
+def test_completion_runs_no_code_of_the_workspace(kind: str, tree: Tree, tmp_path: Path) -> None:
     sprung = tmp_path / "sprung"
     root = tree({f"ws/{path}": text for path, text in traps(sprung).items()}) / "ws"
     program = Path(__file__).parents[2] / "forge/cli/completion_words.py"
@@ -257,7 +257,7 @@ def test_a_press_of_tab_runs_nothing_of_the_workspace(kind: str, tree: Tree, tmp
 
 
 @pytest.mark.needs("cmake")
-def test_the_traps_are_live(tree: Tree, tmp_path: Path) -> None:
+def test_the_traps_of_the_workspace_work(tree: Tree, tmp_path: Path) -> None:
     """A test that no trap springs says nothing of traps that cannot."""
     sprung = tmp_path / "sprung"
     root = tree({f"ws/{path}": text for path, text in traps(sprung).items()}) / "ws"

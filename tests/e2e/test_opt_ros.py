@@ -143,7 +143,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Built:
     return Built(root, prefix, python, printed, before)
 
 
-def test_packages_are_built_with_what_the_underlay_has(built: Built) -> None:
+def test_packages_use_the_tools_of_the_underlay(built: Built) -> None:
     """With its ament, rosidl and interpreter: nothing that forge embeds, and not forge's own Python."""
     assert "Summary: 3 packages finished" in built.printed
     log = (built.root / "log/latest_build/opt_msgs/stdout_stderr.log").read_text(encoding="utf-8")
@@ -164,7 +164,7 @@ def test_programs_run_after_sourcing_the_workspace_alone(built: Built) -> None:
     ]
 
 
-def test_tests_run_without_sourcing_anything(built: Built) -> None:
+def test_tests_run_without_sourcing(built: Built) -> None:
     assert "2 tests, 0 errors, 0 failures, 0 skipped" in shell("forge test", built.root)
 
 
@@ -178,16 +178,14 @@ def test_tests_run_without_sourcing_anything(built: Built) -> None:
         ("true", ("AMENT_PREFIX_PATH",)),
     ],
 )
-def test_however_the_shell_was_prepared_nothing_is_built_again(
-    built: Built, sourced: str, variables: tuple[str, ...]
-) -> None:
+def test_sourcing_in_any_way_rebuilds_nothing(built: Built, sourced: str, variables: tuple[str, ...]) -> None:
     command = sourced.format(built.prefix)
     printed = shell(f"{command} && forge build", built.root, **dict.fromkeys(variables, str(built.prefix)))
     assert "0 packages finished, 3 packages unchanged" in printed
 
 
 @pytest.mark.parametrize("name", ["AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH"])
-def test_one_variable_is_enough_for_a_build(built: Built, name: str, tmp_path: Path) -> None:
+def test_AMENT_PREFIX_PATH_is_enough_for_a_build(built: Built, name: str, tmp_path: Path) -> None:
     """As below `sudo -E` or in an editor: forge adds what the setup scripts would have set."""
     layout = Layout(tmp_path / "build", tmp_path / "install", None)
     variables = build_variables(layout, {name: str(built.prefix)})
@@ -198,6 +196,6 @@ def test_one_variable_is_enough_for_a_build(built: Built, name: str, tmp_path: P
     assert [variables[name] for name in ("PYTHONPATH", "LD_LIBRARY_PATH", "ROS_DISTRO")] == told.split()
 
 
-def test_nothing_is_written_into_the_underlay(built: Built) -> None:
+def test_the_underlay_is_never_modified(built: Built) -> None:
     """By none of the tests above; the permissions alone would not stop root."""
     assert states(built.prefix) == built.before

@@ -127,7 +127,7 @@ READERS = {
 
 
 @pytest.mark.parametrize("reader", READERS.values(), ids=READERS.keys())
-def test_a_file_outside_that_setup_py_reads(reader: str, tree: Tree, forge: Forge) -> None:
+def test_an_external_file_read_by_setup_py_is_an_input(reader: str, tree: Tree, forge: Forge) -> None:
     def version(number: str) -> dict[str, str]:
         return {
             "VERSION": f"{number}\n",
@@ -140,14 +140,14 @@ def test_a_file_outside_that_setup_py_reads(reader: str, tree: Tree, forge: Forg
     assert workspace.change(version("2.0")).startswith(("'VERSION' ", "'shared/version."))
 
 
-def test_a_file_that_was_looked_for_in_vain_appears(tree: Tree, forge: Forge) -> None:
+def test_a_missing_file_that_appears_causes_a_rebuild(tree: Tree, forge: Forge) -> None:
     reader = "try:\n    exec(open('../../local.py').read())\nexcept FileNotFoundError: pass"
     workspace = Workspace(tree(package(reader)), forge)
     assert workspace.change({"local.py": "version = '7'"})
     assert workspace.change({"local.py": None})
 
 
-def test_a_file_in_a_folder_outside_that_is_globbed(tree: Tree, forge: Forge) -> None:
+def test_a_new_file_in_an_external_glob_causes_a_rebuild(tree: Tree, forge: Forge) -> None:
     reader = 'data.append(("share/talk/shared", sorted(glob.glob("../../shared/*.yaml"))))'
     workspace = Workspace(tree(package(reader, **{"shared/a.yaml": "1"})), forge)
     assert workspace.change({"shared/b.yaml": "2"})
@@ -155,7 +155,7 @@ def test_a_file_in_a_folder_outside_that_is_globbed(tree: Tree, forge: Forge) ->
     assert workspace.change({"shared/a.yaml": None})
 
 
-def test_a_version_outside_that_a_pyproject_names(tree: Tree, forge: Forge) -> None:
+def test_an_external_version_file_of_pyproject_is_an_input(tree: Tree, forge: Forge) -> None:
     pyproject = """[build-system]
 requires = ["hatchling"]
 build-backend = "hatchling.build"
@@ -171,7 +171,7 @@ path = "../../shared/version.py"
     assert workspace.change({"shared/version.py": "__version__ = '2.0'\n"})
 
 
-def test_configuration_of_the_user_for_setuptools(
+def test_the_setuptools_configuration_of_the_user_is_an_input(
     tree: Tree, forge: Forge, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It is followed as by colcon, and a change of it is noticed."""
@@ -195,7 +195,7 @@ def test_configuration_of_the_user_for_setuptools(
     assert first_line() == "#!/bin/three"
 
 
-def test_a_manifest_that_names_fewer_files(tree: Tree, forge: Forge) -> None:
+def test_a_shorter_sources_manifest_causes_a_rebuild(tree: Tree, forge: Forge) -> None:
     """Setuptools would keep what its earlier list of sources named."""
     more = "more = {'include_package_data': True}"
     data = {"src/talk/talk/a.txt": "1", "src/talk/talk/b.txt": "2"}
@@ -235,7 +235,9 @@ def distribution(version: str, *modules: str) -> dict[str, str]:
     ],
     ids=["import", "metadata", "child"],
 )
-def test_an_upgraded_distribution(reader: str, modules: int, tree: Tree, forge: Forge) -> None:
+def test_an_upgraded_distribution_causes_a_rebuild(
+    reader: str, modules: int, tree: Tree, forge: Forge
+) -> None:
     names = [f"part{number}" for number in range(modules)]
     root = tree(package(reader, **distribution("1.0", *names)))
     workspace = Workspace(root, forge, env={"PYTHONPATH": str(root / "lib")})
@@ -243,7 +245,7 @@ def test_an_upgraded_distribution(reader: str, modules: int, tree: Tree, forge: 
     assert workspace.change(distribution("1.1", *names))
 
 
-def test_a_distribution_that_was_not_there_is_installed(tree: Tree, forge: Forge) -> None:
+def test_a_newly_installed_distribution_causes_a_rebuild(tree: Tree, forge: Forge) -> None:
     reader = "try:\n    from helper import version\nexcept ImportError: pass"
     root = tree(package(reader, **{"lib/other.py": ""}))
     workspace = Workspace(root, forge, env={"PYTHONPATH": str(root / "lib")})
@@ -252,7 +254,7 @@ def test_a_distribution_that_was_not_there_is_installed(tree: Tree, forge: Forge
     assert workspace.change({"lib/other.py": ""})
 
 
-def test_another_setuptools_in_the_interpreter(tree: Tree, forge: Forge) -> None:
+def test_another_setuptools_causes_a_rebuild(tree: Tree, forge: Forge) -> None:
     """One that lacks it is lent forge's own, until it has one."""
     root = tree(package())
     venv.create(root / "venv")
@@ -274,7 +276,9 @@ def test_another_setuptools_in_the_interpreter(tree: Tree, forge: Forge) -> None
 
 @pytest.mark.needs("gcc", "clang")
 @pytest.mark.parametrize("compiler", ["gcc", "clang"])
-def test_headers_and_libraries_outside_of_an_extension(compiler: str, tree: Tree, forge: Forge) -> None:
+def test_external_headers_and_libraries_of_extensions_are_inputs(
+    compiler: str, tree: Tree, forge: Forge
+) -> None:
     line = """more = {"ext_modules": [Extension("talk.fast", ["fast.c"], include_dirs=[
         os.path.join(here, "../../first"), os.path.join(here, "../../second")])]}"""
     files = {"src/talk/fast.c": EXTENSION, "second/size.h": '#define SIZE "one"\n', "first/other.h": ""}
@@ -285,7 +289,7 @@ def test_headers_and_libraries_outside_of_an_extension(compiler: str, tree: Tree
 
 
 @pytest.mark.needs("gcc")
-def test_a_static_library_outside_of_an_extension(tree: Tree, forge: Forge) -> None:
+def test_external_static_libraries_of_extensions_are_inputs(tree: Tree, forge: Forge) -> None:
     code = EXTENSION.replace('#include "size.h"', "extern const char size[];").replace("SIZE", "size")
     line = """more = {"ext_modules": [Extension("talk.fast", ["fast.c"],
         library_dirs=[os.path.join(here, "../../lib")], libraries=["size"])]}"""
@@ -316,7 +320,7 @@ def test_links_show_edits_and_new_modules_are_built(tree: Tree, forge: Forge) ->
     workspace.change({"src/talk/talk/a.py": None})
 
 
-def test_what_a_build_writes_among_its_sources_is_no_reason_for_ever(tree: Tree, forge: Forge) -> None:
+def test_files_written_into_sources_cause_no_endless_rebuilds(tree: Tree, forge: Forge) -> None:
     """The first build changes the sources, as the second one finds; that leaves them as they were."""
     root = tree(package("open('talk/made.py', 'w').write('made = 1')"))
     assert forge("build", cwd=root).code == 0
@@ -336,7 +340,7 @@ def test_an_ordinary_package_reads_few_files_outside(tree: Tree, forge: Forge) -
     assert not [path for path in found if path.endswith((".pyc", "input.json"))]
 
 
-def test_a_cache_knows_what_was_read_outside(tree: Tree, forge: Forge) -> None:
+def test_cached_results_depend_on_external_files(tree: Tree, forge: Forge) -> None:
     root = tree(package(READERS["open"], VERSION="1.0\n"))
     cache = ("--cache", str(root / "cache"))
 

@@ -68,7 +68,7 @@ def test_the_workspace_of_the_nodes_holds_those_of_the_outer_one_too(forge: Forg
     assert listed.err == ""
 
 
-def test_who_needs_whom_is_known_without_ros(forge: Forge, workspace: Path) -> None:
+def test_dependencies_are_known_without_ros(forge: Forge, workspace: Path) -> None:
     order = forge("list", "--names-only", "--topological-order", cwd=workspace / "ros2").out.split()
     assert order.index("robot_motion") < order.index("example_action_rclcpp") < order.index("robot_startup")
     graph = forge("graph", "--packages-above", "robot_motion", cwd=workspace / "ros2")
@@ -93,7 +93,7 @@ def test_a_build_without_ros_names_what_is_missing_and_starts_nothing(forge: For
     assert not (workspace / "ros2/install").exists()
 
 
-def test_what_needs_rclpy_only_to_run_is_built_without_it(forge: Forge, workspace: Path) -> None:
+def test_packages_that_need_rclpy_only_at_run_time_are_built(forge: Forge, workspace: Path) -> None:
     ran = forge("build", "--packages-select", "example_py", cwd=workspace / "ros2")
     assert ran.code == 0
     assert "'example_py' needs 'rclpy'" in ran.err

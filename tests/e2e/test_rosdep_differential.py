@@ -66,7 +66,7 @@ def rule(chance: random.Random, *, deep: bool = True) -> Any:
 
 
 @pytest.mark.needs("rosdep")
-def test_the_same_names_come_of_the_same_rules() -> None:
+def test_forge_and_rosdep_resolve_rules_equally() -> None:
     chance = random.Random(7)
     cases = []
     for _ in range(CASES):

@@ -123,7 +123,7 @@ INPUTS = {
 }
 
 
-def test_what_cargo_reads_outside_of_the_package_is_an_input(forge: Forge, tree: Tree) -> None:
+def test_external_files_read_by_cargo_are_inputs(forge: Forge, tree: Tree) -> None:
     """These are variables, folders, the root of a Cargo workspace, and cargo's configuration above."""
     root = tree(INPUTS)
     env: dict[str, str] = {}

@@ -122,7 +122,7 @@ def write_chain(root: Path, kind: str, count: int) -> Path:
     [("list",), ("graph", "--dot"), ("info", "--json"), ("build", "--dry-run", "--merge-install")],
     ids=str,
 )
-def test_many_packages_take_time_and_memory_in_proportion(words: tuple[str, ...], tmp_path: Path) -> None:
+def test_time_and_memory_are_linear_in_packages(words: tuple[str, ...], tmp_path: Path) -> None:
     few = cost(write_workspace(tmp_path / "few", PACKAGES // 4, files=1), *words)
     many = cost(write_workspace(tmp_path / "many", PACKAGES, files=1), *words)
     assert in_proportion(few, many)
@@ -169,7 +169,7 @@ def write_mixture(root: Path, packages: int) -> Path:
 
 
 @pytest.mark.needs("cmake")
-def test_many_packages_are_built_and_then_there_is_nothing_to_do(tmp_path: Path) -> None:
+def test_many_packages_are_built_and_then_up_to_date(tmp_path: Path) -> None:
     costs = [
         built_twice(write_mixture(tmp_path / f"built_{count}", count), count)
         for count in ((BUILT // 4, BUILT // 2, BUILT) if LARGE else (BUILT // 4, BUILT))
@@ -179,7 +179,7 @@ def test_many_packages_are_built_and_then_there_is_nothing_to_do(tmp_path: Path)
 
 
 @pytest.mark.needs("cmake")
-def test_a_long_chain_is_built_and_then_there_is_nothing_to_do(tmp_path: Path) -> None:
+def test_a_long_chain_is_built_and_then_up_to_date(tmp_path: Path) -> None:
     """Each link sees all below it, so that something grows with the square; it must be little."""
     short, long = (
         built_twice(write_chain(tmp_path / f"built_chain_{count}", "cmake", count), count)
@@ -189,7 +189,7 @@ def test_a_long_chain_is_built_and_then_there_is_nothing_to_do(tmp_path: Path) -
     assert in_proportion(short[1], long[1])
 
 
-def test_a_circle_of_many_is_told_in_time(tmp_path: Path) -> None:
+def test_a_large_cycle_is_reported_quickly(tmp_path: Path) -> None:
     root = write_chain(tmp_path / "circle", "cmake", LINKS)
     first = root / "src" / "link_00000" / "package.xml"
     first.write_text(MANIFEST.format(name="link_00000", depends=f"  <depend>link_{LINKS - 1:05}</depend>\n"))
@@ -201,7 +201,7 @@ def test_a_circle_of_many_is_told_in_time(tmp_path: Path) -> None:
     assert "dependency cycle" in done.stderr
 
 
-def test_many_interfaces_take_time_and_memory_in_proportion(tmp_path: Path) -> None:
+def test_time_and_memory_are_linear_in_interfaces(tmp_path: Path) -> None:
     costs = []
     for count in (INTERFACES // 4, INTERFACES // 2, INTERFACES):
         folder = tmp_path / str(count) / "src" / "many" / "msg"

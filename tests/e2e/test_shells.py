@@ -107,7 +107,7 @@ _HELD = st.dictionaries(_VARIABLES, st.sampled_from(["", "/a", "/a:/b", ":/a", "
 @each_shell
 @given(below=workspaces(), made=workspaces(), held=_HELD)
 @settings(max_examples=10, deadline=None)
-def test_a_shell_reports_what_was_computed(
+def test_sourcing_gives_the_computed_environment(
     shell: str,
     layout_word: str,
     below: list[Made],
@@ -128,7 +128,7 @@ def test_a_shell_reports_what_was_computed(
 @each_shell
 @given(made=workspaces(), held=_HELD)
 @settings(max_examples=10, deadline=None)
-def test_a_package_alone_is_what_its_users_are_built_in(
+def test_package_scripts_match_the_build_environment(
     shell: str, made: list[Made], held: dict[str, str]
 ) -> None:
     """The package scripts and the environment of a build agree."""
@@ -181,7 +181,7 @@ def test_sourcing_after_a_build_adds_what_is_new(shell: str, layout_word: str, t
 
 @each_shell
 @pytest.mark.parametrize(("cwd", "path"), [(".", "./install/setup"), ("install", "./setup"), ("/", None)])
-def test_it_does_not_matter_where_one_stands(shell: str, cwd: str, path: str | None, tmp_path: Path) -> None:
+def test_scripts_work_from_any_working_folder(shell: str, cwd: str, path: str | None, tmp_path: Path) -> None:
     """Relative paths, another folder, and a CDPATH that leads astray."""
     layout = make_install(tmp_path, [LIBRARY, PROGRAMS])
     (tmp_path / "astray" / "install").mkdir(parents=True)
@@ -223,7 +223,7 @@ def test_nothing_is_left_behind(shell: str, layout_word: str, tmp_path: Path) ->
 
 
 @each_posix_shell
-def test_after_a_package_script_the_documented_function_stays(shell: str, tmp_path: Path) -> None:
+def test_the_documented_function_remains_after_a_package_script(shell: str, tmp_path: Path) -> None:
     """Hooks of colcon's packages call it."""
     layout = make_install(tmp_path, [LIBRARY])
     script = str(layout.prefix("library") / f"share/library/package.{shell}")
@@ -233,7 +233,7 @@ def test_after_a_package_script_the_documented_function_stays(shell: str, tmp_pa
 
 
 @each_posix_shell
-def test_strict_shells_stay_strict(shell: str, tmp_path: Path) -> None:
+def test_strict_shell_options_are_kept(shell: str, tmp_path: Path) -> None:
     """A hook that 'set -eu' would stop does not stop it, and the options are as before."""
     hook = {"share/sloppy/hook.sh": 'false\nexport SEEN="$NOBODY_SET_THIS+"\n'}
     layout = make_install(tmp_path, [dsv_package("sloppy", "source;share/sloppy/hook.sh", files=hook)])
@@ -255,7 +255,7 @@ def test_a_moved_tree_works_from_its_new_place(shell: str, tmp_path: Path) -> No
 
 
 @pytest.mark.needs("dash")
-def test_a_moved_tree_says_so_in_sh(tmp_path: Path) -> None:
+def test_sh_reports_a_moved_tree(tmp_path: Path) -> None:
     """Without a hint sh cannot know; it changes nothing and says what would help."""
     layout = make_install(tmp_path / "old", [LIBRARY])
     shutil.move(layout.install, tmp_path / "new")
@@ -289,7 +289,7 @@ def test_removed_packages_are_left_out(shell: str, layout_word: str, tmp_path: P
 
 
 @each_shell
-def test_underlays_come_first_and_stand_behind(shell: str, tmp_path: Path) -> None:
+def test_underlays_are_sourced_first_and_have_lower_precedence(shell: str, tmp_path: Path) -> None:
     """The chain is sourced lowest first, so that the overlay's entries stand before the others."""
     lowest = make_install(tmp_path / "lowest", [Made("base", files=LIBRARY.files)], merged=True)
     middle = make_install(tmp_path / "middle", [LIBRARY], underlays=(lowest.install,))
@@ -326,7 +326,7 @@ def test_a_missing_underlay_is_one_line(shell: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.needs("fish")
-def test_fish_takes_over_what_sh_makes_of_a_hook(tmp_path: Path) -> None:
+def test_fish_imports_the_effects_of_sh_hooks(tmp_path: Path) -> None:
     """Also variables that go away, odd values, and functions that ament and colcon promise to hooks."""
     hook = (
         "export ODD='a b'\\''\"$HOME\" `x` \\ ö\nsecond line'\nunset TAKEN\necho talk\n"
@@ -343,7 +343,7 @@ def test_fish_takes_over_what_sh_makes_of_a_hook(tmp_path: Path) -> None:
 
 
 @pytest.mark.needs("fish")
-def test_fish_outlives_a_hook_that_ends_its_shell(tmp_path: Path) -> None:
+def test_fish_survives_hooks_that_exit(tmp_path: Path) -> None:
     """It says so, and goes on with the rest."""
     rude = dsv_package("rude", "source;share/rude/hook.sh", files={"share/rude/hook.sh": "exit 3\n"})
     layout = make_install(tmp_path, [rude, PROGRAMS])
@@ -354,7 +354,7 @@ def test_fish_outlives_a_hook_that_ends_its_shell(tmp_path: Path) -> None:
 
 
 @each_shell
-def test_hooks_in_a_shell_s_own_language_go_before_plain_ones(shell: str, tmp_path: Path) -> None:
+def test_shell_specific_hooks_take_precedence(shell: str, tmp_path: Path) -> None:
     """A hook that is there for bash too is sourced once, in bash's version by bash."""
     hooks = {f"share/multi/hook.{ext}": f"export SEEN=${{SEEN-}}{ext}\n" for ext in ("sh", "bash")}
     multi = dsv_package("multi", *(f"source;{path}" for path in hooks), files=hooks)
@@ -388,7 +388,7 @@ def test_hooks_in_a_shell_s_own_language_go_before_plain_ones(shell: str, tmp_pa
         for option in options
     ],
 )
-def test_users_have_options(shell: str, option: str, tmp_path: Path) -> None:
+def test_scripts_work_with_any_shell_options(shell: str, option: str, tmp_path: Path) -> None:
     """Whatever one has set for oneself, the environment is the same."""
     path = tmp_path / "here (it) is"
     hook = {"share/hooked/hook.sh": "export HOOKED=yes\n"}

@@ -74,7 +74,7 @@ def root(request: pytest.FixtureRequest, tree: Tree) -> Path:
     )
 
 
-def test_they_are_there_whenever_cmake_runs_again(forge: Forge, root: Path) -> None:
+def test_side_outputs_are_kept_when_cmake_runs_again(forge: Forge, root: Path) -> None:
     assert forge("build", cwd=root).code == 0
     for number in range(3):
         (root / f"src/a/{number}.md").write_text("x")
@@ -83,7 +83,7 @@ def test_they_are_there_whenever_cmake_runs_again(forge: Forge, root: Path) -> N
     assert found == clean(forge, root)
 
 
-def test_none_is_left_of_a_source_or_an_option_that_is_gone(forge: Forge, root: Path) -> None:
+def test_side_outputs_of_removed_sources_and_options_are_deleted(forge: Forge, root: Path) -> None:
     assert forge("build", cwd=root).code == 0
     (root / "src/a/y.c").unlink()
     (root / "src/a/x.c").write_text("int main(void) { return 0; }\n")

@@ -84,7 +84,7 @@ every_kind = pytest.mark.parametrize(
 @pytest.mark.parametrize(
     "name", ["src/b/package.xml", "src/a/colcon.pkg", "forge.toml", "colcon_defaults.yaml"]
 )
-def test_what_is_no_text_is_refused_by_name(
+def test_special_files_in_place_of_texts_are_rejected(
     root: Path, name: str, make: Callable[[Path], None], reason: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(root)
@@ -118,7 +118,7 @@ def test_a_folder_that_only_such_a_file_would_make_a_package_is_left_out_and_tol
     ("name", "build_type"),
     [("CMakeLists.txt", "cmake"), ("setup.py", "ament_python"), ("setup.cfg", "ament_python")],
 )
-def test_what_a_build_certainly_waits_for_is_refused(root: Path, name: str, build_type: str) -> None:
+def test_special_files_that_block_builds_are_rejected(root: Path, name: str, build_type: str) -> None:
     assert run(root, "build")[0] == 0
     (root / "src/a/package.xml").write_text(manifest_text("a", build_type=build_type))
     (root / "src/a" / name).unlink(missing_ok=True)
@@ -132,7 +132,7 @@ def test_what_a_build_certainly_waits_for_is_refused(root: Path, name: str, buil
 @pytest.mark.parametrize(
     "name", ["part/CMakeLists.txt", "setup.py", "setup.cfg", "options.cmake", "part/x.cpp", "msg/X.msg"]
 )
-def test_what_no_build_step_opens_is_a_warning(root: Path, name: str) -> None:
+def test_special_files_that_no_step_opens_are_warnings(root: Path, name: str) -> None:
     """CMake opens the files that CMakeLists.txt names, and no others."""
     (root / "src/a" / name).parent.mkdir(exist_ok=True)
     os.mkfifo(root / "src/a" / name)
@@ -143,7 +143,7 @@ def test_what_no_build_step_opens_is_a_warning(root: Path, name: str) -> None:
     assert "1 package unchanged" in run(root, "build")[1]
 
 
-def test_what_no_tool_opens_may_lie_in_a_package(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_special_files_that_no_tool_opens_are_accepted(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(root)
     os.mkfifo(root / "src/a/pipe")
     make_socket(root / "src/a/socket")
@@ -170,14 +170,14 @@ def test_results_of_tests_are_not_waited_for(root: Path) -> None:
     assert run(root, "test-result") == (0, "Summary: 0 tests, 0 errors, 0 failures, 0 skipped\n")
 
 
-def test_a_source_may_be_larger_than_the_memory(root: Path) -> None:
+def test_sources_can_be_larger_than_memory(root: Path) -> None:
     with (root / "src/a/large.bin").open("wb") as stream:
         stream.truncate(1 << 30)
     assert run(root, "build")[0] == 0
     assert "1 package unchanged" in run(root, "build")[1]
 
 
-def test_results_in_a_folder_that_may_not_be_read_are_told(root: Path) -> None:
+def test_unreadable_result_folders_are_reported(root: Path) -> None:
     assert run(root, "build")[0] == 0
     results = root / "build"
     results.chmod(0)
@@ -190,7 +190,7 @@ def test_results_in_a_folder_that_may_not_be_read_are_told(root: Path) -> None:
         results.chmod(0o755)
 
 
-def test_a_folder_that_may_not_be_read_is_told(root: Path) -> None:
+def test_unreadable_folders_are_reported(root: Path) -> None:
     secret = root / "src/secret"
     secret.mkdir()
     shutil.copy(root / "src/a/package.xml", secret)
@@ -276,7 +276,7 @@ def test_a_folder_in_the_place_of_an_installed_file_is_refused(root: Path, layou
 
 @pytest.mark.parametrize("closed", [">&-", "2>&-", "<&-", ">&- 2>&-", "<&- >&- 2>&-"])
 @pytest.mark.parametrize("words", ["build", "build --json", "list", "graph"])
-def test_closed_streams_are_no_error(root: Path, words: str, closed: str) -> None:
+def test_closed_standard_streams_are_not_an_error(root: Path, words: str, closed: str) -> None:
     code, _ = run(root, *words.split(), line=f'exec "$@" {closed}', lines=0)
     assert code == 0
     for name in ("build/forge_journal.jsonl", "install/.forge.json"):
@@ -287,7 +287,7 @@ def test_closed_streams_are_no_error(root: Path, words: str, closed: str) -> Non
 @pytest.mark.needs("/dev/full")
 @pytest.mark.parametrize("unbuffered", ["", "1"])
 @pytest.mark.parametrize("words", [("list",), ("build",), ("graph",)])
-def test_an_output_that_cannot_be_written_is_named(
+def test_unwritable_outputs_are_named(
     root: Path, words: tuple[str, ...], unbuffered: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("PYTHONUNBUFFERED", unbuffered)
@@ -298,14 +298,14 @@ def test_an_output_that_cannot_be_written_is_named(
     assert code in {2, 130}
 
 
-def test_a_reader_that_has_left_ends_a_listing_without_a_word(root: Path) -> None:
+def test_a_closed_pipe_ends_listings_silently(root: Path) -> None:
     code, said = run(root, "list", line='"$@" 2>&1 | :; "$@" | head -c 1', lines=0)
     assert code == 0
     assert said == "a"
 
 
 @pytest.mark.parametrize("jobs", ["70000", "99999999999"])
-def test_any_number_of_jobs_may_be_asked_for(root: Path, jobs: str) -> None:
+def test_any_number_of_jobs_is_accepted(root: Path, jobs: str) -> None:
     assert run(root, "build", "--jobs", jobs)[0] == 0
     assert run(root, "test", "--jobs", jobs)[0] == 0
 
@@ -408,7 +408,7 @@ def test_a_name_that_no_wheel_can_hold_is_refused(tree: Tree) -> None:
     assert r"src/p: error: the file name b'p/\xff.txt' is not UTF-8" in said
 
 
-def test_what_a_package_removes_after_it_was_installed_is_not_missed(root: Path) -> None:
+def test_files_removed_by_the_package_after_install_are_not_missing(root: Path) -> None:
     line = r'install(CODE "file(REMOVE \${CMAKE_INSTALL_PREFIX}/share/a/said.txt)")'
     (root / "src/a/CMakeLists.txt").write_text(f"{CMAKE}{line}\n")
     assert run(root, "build")[0] == 0
@@ -423,7 +423,7 @@ def test_what_a_package_removes_after_it_was_installed_is_not_missed(root: Path)
         {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "PYTHONIOENCODING": "ascii"},
     ],
 )
-def test_paths_that_are_no_ascii_in_the_c_locale(
+def test_non_ascii_paths_work_in_the_c_locale(
     tree: Tree, variables: dict[str, str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for name, value in variables.items():
@@ -453,7 +453,7 @@ def test_paths_that_are_no_ascii_in_the_c_locale(
         (),
     ],
 )
-def test_a_generator_for_several_configurations_is_refused(
+def test_multi_configuration_generators_are_rejected(
     root: Path, words: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delenv("CMAKE_GENERATOR", raising=False)

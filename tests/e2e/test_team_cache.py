@@ -98,7 +98,7 @@ def watched_compilers(folder: Path) -> dict[str, str]:
     return {"PATH": f"{folder}:{os.environ['PATH']}"}
 
 
-def test_a_clone_at_another_path_gets_all_of_it(nginx: Nginx, forge: Forge, tmp_path: Path) -> None:
+def test_a_clone_at_another_path_is_restored_completely(nginx: Nginx, forge: Forge, tmp_path: Path) -> None:
     """No compiler is started for it, and nothing is installed but what a clean build there installs."""
     env = watched_compilers(tmp_path / "compilers")
     some = ("--packages-up-to", "plain_cmake_math", "robot_control_interfaces", "robot_configs")
@@ -120,7 +120,7 @@ def test_a_clone_at_another_path_gets_all_of_it(nginx: Nginx, forge: Forge, tmp_
     assert differences(found, second.tree()) == []
 
 
-def test_who_only_reads_sends_nothing(nginx: Nginx, clone: Callable[[str], Clone]) -> None:
+def test_read_only_clients_upload_nothing(nginx: Nginx, clone: Callable[[str], Clone]) -> None:
     clone("reader").build("--remote-cache", nginx.url, "--cache-read-only")
     assert {request.split()[0] for request in nginx.requests()} == {"GET"}
     clone("writer").build(env={"FORGE_REMOTE_CACHE": nginx.url})
@@ -178,7 +178,7 @@ def test_a_bad_server_costs_no_more_than_the_timeout(
     assert differences(one.tree(), built.tree) == []
 
 
-def test_a_server_that_is_gone_costs_nothing(nginx: Nginx, one: Clone, built: Clean) -> None:
+def test_an_unreachable_server_costs_no_time(nginx: Nginx, one: Clone, built: Clean) -> None:
     nginx.stop()
     ran = one.build("--remote-cache", nginx.url)
     assert f"{nginx.url}: cannot connect: Connection refused; disabled for this build" in ran.err
@@ -196,7 +196,7 @@ def test_a_server_that_is_gone_costs_nothing(nginx: Nginx, one: Clone, built: Cl
     ],
     ids=["other bytes", "too few bytes", "no blobs", "no messages", "empty messages"],
 )
-def test_what_is_spoilt_there_is_built_and_mended(
+def test_corrupt_remote_results_are_rebuilt_and_replaced(
     damage: tuple[str, Callable[[bytes], bytes] | None],
     nginx: Nginx,
     clone: Callable[[str], Clone],
@@ -217,7 +217,7 @@ def test_what_is_spoilt_there_is_built_and_mended(
     assert differences(one.tree(), built.tree) == []
 
 
-def test_passwords_get_into_no_package_and_no_file(forge: Forge, tmp_path: Path) -> None:
+def test_passwords_are_not_stored_in_packages_or_files(forge: Forge, tmp_path: Path) -> None:
     """Packages are built by code of others, logs are given to others."""
     folder = tmp_path / "ws"
     (folder / "src/curious").mkdir(parents=True)

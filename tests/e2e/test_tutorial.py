@@ -71,7 +71,7 @@ python3 -c "{HELLO}"
     assert shell(script, tmp_path, PATH=path) == "status: 1\n2\n"
 
 
-def test_building_again_touches_no_module_header_or_program(workspace: Path) -> None:
+def test_an_up_to_date_build_touches_no_installed_file(workspace: Path) -> None:
     before = _times(workspace / "install")
     shell("forge build", workspace)
     assert _times(workspace / "install") == before

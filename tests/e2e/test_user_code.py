@@ -60,7 +60,7 @@ def _importable(generated: Path) -> Iterator[None]:
 
 @pytest.mark.usefixtures("_importable")
 @pytest.mark.parametrize("program", PYTHON, ids=_name)
-def test_python_programs_find_what_they_expect(program: Path) -> None:
+def test_python_snippets_run(program: Path) -> None:
     """Each is a list of statements and assertions; nothing else happens here."""
     runpy.run_path(str(program), run_name="__main__")
 
@@ -92,7 +92,7 @@ def programs(
 
 @pytest.mark.needs("g++")
 @pytest.mark.parametrize("program", CPP, ids=_name)
-def test_cpp_programs_find_what_they_expect(programs: Path, program: Path) -> None:
+def test_cpp_snippets_run(programs: Path, program: Path) -> None:
     ran = subprocess.run([programs, program.stem], check=False, capture_output=True, text=True)
     assert (ran.returncode, ran.stderr) == (0, "")
 
@@ -108,7 +108,7 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.needs("bash", "cmake")
-def test_installed_modules_serve_python_programs(installed: Path) -> None:
+def test_python_snippets_run_with_installed_modules(installed: Path) -> None:
     lines = [f"python3 '{CODE / 'python' / name}.py'" for name in ("checking", "defaults", "showing")]
     assert shell("source install/setup.bash\n" + "\n".join(lines), installed) == ""
 

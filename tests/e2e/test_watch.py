@@ -142,7 +142,7 @@ def replace(path: Path, text: str) -> None:
     beside.replace(path)
 
 
-def test_each_save_is_built_and_told_in_one_line(tree: Tree) -> None:
+def test_each_save_is_built_and_reported_in_one_line(tree: Tree) -> None:
     root = tree({**package("a"), **package("b", "a"), **package("c", "b"), **package("other")})
     with watching(root) as watch:
         assert any(said.startswith("Summary: 4 packages finished") for said in watch.said)
@@ -162,7 +162,7 @@ def test_each_save_is_built_and_told_in_one_line(tree: Tree) -> None:
         assert watch.end() == 0, "waiting is not interrupted, it ends"
 
 
-def test_what_forge_git_and_editors_write_is_no_save(tree: Tree) -> None:
+def test_files_written_by_forge_git_and_editors_trigger_no_build(tree: Tree) -> None:
     root = tree({**package("a"), "src/a/.git/HEAD": "x", "src/.git/HEAD": "x"})
     with watching(root) as watch:
         for name in (
@@ -182,7 +182,7 @@ def test_what_forge_git_and_editors_write_is_no_save(tree: Tree) -> None:
         assert watch.rebuilt() == "a"
 
 
-def test_packages_come_and_go(tree: Tree) -> None:
+def test_packages_can_be_added_and_removed(tree: Tree) -> None:
     root = tree({**package("a"), **package("b")})
     with watching(root) as watch:
         tree(package("c", "a"))
@@ -207,7 +207,7 @@ def test_packages_come_and_go(tree: Tree) -> None:
         assert watch.rebuilt() == "a and 1 more"
 
 
-def test_a_failure_is_told_as_ever_and_mended_by_the_next_save(tree: Tree) -> None:
+def test_failures_are_reported_and_fixed_by_the_next_save(tree: Tree) -> None:
     root = tree({**package("a"), **package("b", "a")})
     with watching(root) as watch:
         good = (root / "src/a/CMakeLists.txt").read_text()
@@ -253,7 +253,7 @@ def test_a_save_during_a_build_is_not_lost(tree: Tree) -> None:
         assert installed(root) == ("three\n", "two\n"), watch.said
 
 
-def test_only_what_was_selected_is_built(tree: Tree) -> None:
+def test_only_selected_packages_are_built(tree: Tree) -> None:
     root = tree({**package("a"), **package("b", "a"), **package("other")})
     with watching(root, "--packages-up-to", "b") as watch:
         watch.nothing(root / "src/other/said.txt")
@@ -265,7 +265,7 @@ def test_only_what_was_selected_is_built(tree: Tree) -> None:
         assert not (root / "install/other").exists()
 
 
-def test_others_may_build_between_two_turns(tree: Tree) -> None:
+def test_other_builds_can_run_between_saves(tree: Tree) -> None:
     root = tree(package("a"))
     with watching(root) as watch:
         argv = [sys.executable, "-m", "forge", "build", "--force"]
@@ -293,7 +293,7 @@ def test_folders_and_files_that_are_links(tree: Tree, tmp_path: Path) -> None:
         assert watch.rebuilt() == "a"
 
 
-def test_what_is_asked_for_once_is_done_once(tree: Tree) -> None:
+def test_one_time_options_apply_once(tree: Tree) -> None:
     root = tree(package("a"))
     with watching(root, "--force", "--cmake-clean-cache") as watch:
         assert watch.is_silent(0.5)
@@ -302,7 +302,7 @@ def test_what_is_asked_for_once_is_done_once(tree: Tree) -> None:
         assert watch.rebuilt() == "a", "options in files are read again"
 
 
-def test_a_package_that_writes_its_own_sources_does_not_spin(tree: Tree) -> None:
+def test_packages_that_write_their_sources_do_not_loop(tree: Tree) -> None:
     stamp = 'execute_process(COMMAND sh -c "date +%N > ${CMAKE_CURRENT_SOURCE_DIR}/stamp.txt")'
     root = tree(package("a", more=f'install(CODE "{stamp.replace(chr(34), chr(92) + chr(34))}")'))
     with watching(root) as watch:
@@ -314,7 +314,7 @@ def test_a_package_that_writes_its_own_sources_does_not_spin(tree: Tree) -> None
 
 
 @pytest.mark.needs("pgrep")
-def test_an_interrupted_build_ends_with_130_and_nothing_goes_on(tree: Tree) -> None:
+def test_an_interrupt_ends_watch_mode_with_130(tree: Tree) -> None:
     root = tree(package("a", seconds=0))
     with watching(root) as watch:
         text = (root / "src/a/CMakeLists.txt").read_text()
@@ -326,13 +326,13 @@ def test_an_interrupted_build_ends_with_130_and_nothing_goes_on(tree: Tree) -> N
 
 
 @pytest.mark.parametrize("other", ["--dry-run", "--print-command=a"])
-def test_what_builds_nothing_cannot_be_watched(tree: Tree, other: str) -> None:
+def test_options_that_build_nothing_cannot_be_watched(tree: Tree, other: str) -> None:
     watch = Watch(tree(package("a")), other)
     assert watch.process.wait(timeout=20) == 2
     watch.close()
 
 
-def test_a_python_file_is_there_soon(tree: Tree) -> None:
+def test_python_edits_are_available_quickly(tree: Tree) -> None:
     """The aim is half a second; a busy machine takes longer, so what is asserted is an order of magnitude."""
     root = tree(python_package("a"))
     with watching(root) as watch:
@@ -342,7 +342,7 @@ def test_a_python_file_is_there_soon(tree: Tree) -> None:
         assert time.monotonic() - begun < 5
 
 
-def test_a_system_with_no_more_watches_is_looked_at_instead(tree: Tree) -> None:
+def test_polling_replaces_exhausted_file_watches(tree: Tree) -> None:
     """The limit is set in a user namespace; where there is none to be had, looking is asked for by hand."""
     root = tree(package("a"))
     few = ("unshare", "-Ur", "sh", "-c", 'echo 2 > /proc/sys/user/max_inotify_watches && exec "$@"', "sh")

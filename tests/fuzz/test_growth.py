@@ -49,7 +49,7 @@ def seconds(name: str, data: bytes) -> float:
 
 
 @pytest.mark.parametrize(("name", "shape"), CASES)
-def test_time_grows_as_the_bytes_do(name: str, shape: Shape) -> None:
+def test_parsing_time_is_linear(name: str, shape: Shape) -> None:
     for _ in range(3):
         short, long = (seconds(name, shape.of(size)) for size in (SIZE // 4, SIZE))
         if long <= 8 * short + 0.15:
@@ -58,7 +58,7 @@ def test_time_grows_as_the_bytes_do(name: str, shape: Shape) -> None:
 
 
 @pytest.mark.parametrize(("name", "shape"), CASES if "FORGE_FUZZ_SIZE" in os.environ else CASES[::12])
-def test_memory_grows_as_the_bytes_do(name: str, shape: Shape) -> None:
+def test_parsing_memory_is_linear(name: str, shape: Shape) -> None:
     data = shape.of(SIZE // 8)
     HARNESSES[name](data[: len(data) // 2])  # what is kept from then on counts once
     tracemalloc.start()

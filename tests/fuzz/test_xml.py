@@ -23,7 +23,7 @@ LAUGHS = "".join(f'<!ENTITY a{n} "&a{n - 1};&a{n - 1};">' for n in range(1, 40))
         '<!DOCTYPE a [<!ATTLIST a b CDATA "c">]><a/>',
     ],
 )
-def test_a_document_type_is_refused(document: str) -> None:
+def test_document_types_are_rejected(document: str) -> None:
     with pytest.raises(WorkspaceError, match="document type declarations are not allowed"):
         parse_xml(document.encode(), Path("package.xml"))
 
@@ -37,12 +37,12 @@ def test_a_document_type_is_refused(document: str) -> None:
         b"<a>&#0;</a>",
     ],
 )
-def test_what_is_no_plain_xml_is_refused(content: bytes) -> None:
+def test_entities_and_unusual_xml_are_rejected(content: bytes) -> None:
     with pytest.raises(WorkspaceError, match="not well-formed XML"):
         parse_xml(content, Path("package.xml"))
 
 
-def test_depth_has_a_bound() -> None:
+def test_nesting_depth_is_limited() -> None:
     assert parse_xml(b"<a>" * 100 + b"</a>" * 100, Path("package.xml")).tag == "a"
     with pytest.raises(WorkspaceError, match="nested more than 100 levels deep"):
         parse_xml(b"<a>" * 101 + b"</a>" * 101, Path("package.xml"))

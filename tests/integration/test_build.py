@@ -66,7 +66,7 @@ SEEMS_REQUIRED = {
 """Ways to mention a package that CMake does without."""
 
 
-def test_a_dependency_that_is_ignored_is_not_called_absent(forge: Forge, tree: Tree) -> None:
+def test_an_ignored_dependency_is_not_reported_as_missing(forge: Forge, tree: Tree) -> None:
     made = {**files("rcl_a"), **files("warned", "<depend>rcl_a</depend>")}
     made |= files("failing", "<depend>rcl_a</depend>")
     made["src/failing/CMakeLists.txt"] = "project(failing NONE)\nfind_package(rcl_a REQUIRED)\ninstall()\n"
@@ -83,7 +83,7 @@ def test_a_dependency_that_is_ignored_is_not_called_absent(forge: Forge, tree: T
         shutil.rmtree(root / "build")
 
 
-def test_what_only_seems_to_be_required_stops_no_build(forge: Forge, tree: Tree) -> None:
+def test_dependencies_that_may_be_optional_do_not_stop_the_build(forge: Forge, tree: Tree) -> None:
     made: dict[str, str] = {"src/Findrclcpp.cmake": "set(rclcpp_FOUND TRUE)\n"}
     for name, more in SEEMS_REQUIRED.items():
         made |= files(name, "<depend>rclcpp</depend>")
@@ -120,12 +120,12 @@ def test_an_unbuilt_package_may_come_from_an_underlay(forge: Forge, tree: Tree) 
 
 
 @pytest.mark.parametrize("number", ["-1", "x", "1.5"])
-def test_a_number_of_packages_is_not_negative(forge: Forge, workspace: Path, number: str) -> None:
+def test_negative_numbers_of_packages_are_rejected(forge: Forge, workspace: Path, number: str) -> None:
     ran = forge("build", f"--parallel-workers={number}", cwd=workspace)
     assert (ran.code, "is not a number of packages" in ran.err) == (2, True)
 
 
-def test_definitions_concern_only_cmake(forge: Forge, tree: Tree) -> None:
+def test_cmake_definitions_do_not_affect_python_packages(forge: Forge, tree: Tree) -> None:
     manifest = manifest_text("p", build_type="ament_python")
     setup = "from setuptools import setup\nsetup(name='p', version='1')\n"
     root = tree({"src/p/package.xml": manifest, "src/p/setup.py": setup, **files("c")})
@@ -133,7 +133,7 @@ def test_definitions_concern_only_cmake(forge: Forge, tree: Tree) -> None:
     assert forge("build", "--packages-select", "c", "--cmake-args", "-DX", cwd=root).code == 2
 
 
-def test_selected_packages_need_theirs_installed(forge: Forge, workspace: Path) -> None:
+def test_dependencies_of_selected_packages_must_be_installed(forge: Forge, workspace: Path) -> None:
     ran = forge("build", "--packages-select", "c", cwd=workspace)
     assert ran.code == 2
     assert "error: 'c' needs 'a', 'b', which are not built yet" in ran.err
@@ -142,7 +142,7 @@ def test_selected_packages_need_theirs_installed(forge: Forge, workspace: Path) 
     assert forge("build", "--packages-select", "c", cwd=workspace).code == 0
 
 
-def test_what_was_warned_of_is_not_said_again_when_nothing_is_built(forge: Forge, tree: Tree) -> None:
+def test_warnings_are_not_repeated_if_nothing_is_built(forge: Forge, tree: Tree) -> None:
     workspace = tree(files("a", "<exec_depend>launch_ros</exec_depend>"))
     first = forge("build", cwd=workspace)
     assert first.code == 0
@@ -151,7 +151,7 @@ def test_what_was_warned_of_is_not_said_again_when_nothing_is_built(forge: Forge
     assert (again.code, again.err) == (0, "")
 
 
-def test_a_failure_is_reported_with_its_log_and_stops_the_rest(forge: Forge, workspace: Path) -> None:
+def test_a_failure_is_reported_with_its_log_and_stops_the_build(forge: Forge, workspace: Path) -> None:
     lists = 'cmake_minimum_required(VERSION 3.16)\nproject(b NONE)\nmessage(FATAL_ERROR "no luck")\n'
     (workspace / "src/b/CMakeLists.txt").write_text(lists)
     ran = forge("build", cwd=workspace)
@@ -183,7 +183,7 @@ def test_a_definition_without_a_value_is_refused_before_anything_is_built(
     )
 
 
-def test_going_on_after_a_failure(forge: Forge, workspace: Path, tree: Tree) -> None:
+def test_continue_on_error_builds_independent_packages(forge: Forge, workspace: Path, tree: Tree) -> None:
     tree(files("d", more='message(FATAL_ERROR "x")'))
     ran = forge("build", "--continue-on-error", "--executor", "sequential", cwd=workspace)
     assert ran.code == 1
@@ -224,7 +224,7 @@ def built(forge: Forge, root: Path, *options: str, env: Variables | None = None)
         ),
     ],
 )
-def test_every_damage_is_noticed_and_explained(
+def test_every_kind_of_damage_is_detected_and_explained(
     forge: Forge, workspace: Path, damage: Callable[[Path], object], reason: str
 ) -> None:
     built(forge, workspace)
@@ -238,14 +238,14 @@ def test_every_damage_is_noticed_and_explained(
     assert built(forge, workspace) == []
 
 
-def test_a_dry_run_prints_every_command_and_runs_none(forge: Forge, workspace: Path) -> None:
+def test_a_dry_run_prints_commands_without_running_them(forge: Forge, workspace: Path) -> None:
     ran = forge("build", "--dry-run", cwd=workspace)
     assert "a: build, not built yet\n" in ran.out
     assert f"# a\ncd {workspace}/build/a && " in ran.out
     assert not (workspace / "install/a").exists()
 
 
-def test_the_log_level_says_why_and_what(forge: Forge, workspace: Path) -> None:
+def test_the_log_level_controls_reasons_and_commands(forge: Forge, workspace: Path) -> None:
     assert "a: build, it was" not in forge("build", "--packages-select", "a", cwd=workspace).err
     assert "1 package: up to date\n" in forge("--log-level", "info", "build", cwd=workspace).err
     ran = forge("build", "--force", "--log-level", "10", cwd=workspace)
@@ -265,7 +265,7 @@ def test_a_step_can_be_repeated_by_hand(forge: Forge, workspace: Path) -> None:
     assert forge("build", "--print-command", "b", cwd=workspace).code == 2
 
 
-def test_a_failed_build_is_never_fresh(forge: Forge, workspace: Path) -> None:
+def test_a_failed_build_is_never_up_to_date(forge: Forge, workspace: Path) -> None:
     built(forge, workspace)
     good = (workspace / "src/b/CMakeLists.txt").read_text()
     (workspace / "src/b/CMakeLists.txt").write_text("message(FATAL_ERROR)")
@@ -274,7 +274,7 @@ def test_a_failed_build_is_never_fresh(forge: Forge, workspace: Path) -> None:
     assert built(forge, workspace) == ["b"]
 
 
-def test_a_damaged_journal_means_building_again(forge: Forge, workspace: Path) -> None:
+def test_a_damaged_journal_causes_a_rebuild(forge: Forge, workspace: Path) -> None:
     built(forge, workspace)
     (workspace / "build/forge_journal.jsonl").write_text("nonsense")
     assert built(forge, workspace) == ["a", "b", "c"]
@@ -294,7 +294,7 @@ def test_an_empty_folder_gets_a_hint(forge: Forge, tmp_path: Path) -> None:
     assert "warning: --base-paths: 'nowhere' does not exist" in ran.err
 
 
-def test_event_handlers_are_colcons(forge: Forge, workspace: Path) -> None:
+def test_event_handlers_of_colcon_are_supported(forge: Forge, workspace: Path) -> None:
     ran = forge(
         "build", "--packages-select", "a", "--event-handlers", "console_direct+", "summary-", cwd=workspace
     )
@@ -389,7 +389,7 @@ def test_what_was_read_outside_counts_though_the_journal_was_lost(forge: Forge, 
             (root / "build/forge_journal.jsonl").unlink()
 
 
-def test_what_a_killed_build_did_not_come_to_is_done_by_the_next(forge: Forge, workspace: Path) -> None:
+def test_the_next_build_finishes_what_a_killed_build_left(forge: Forge, workspace: Path) -> None:
     assert forge("build", cwd=workspace).code == 0
     journal = workspace / "build/forge_journal.jsonl"
     lines = journal.read_text().splitlines(keepends=True)
@@ -409,7 +409,7 @@ def test_what_a_killed_build_did_not_come_to_is_done_by_the_next(forge: Forge, w
 
 
 @pytest.mark.parametrize("generator", ["Ninja", "Unix Makefiles"])
-def test_a_target_that_a_package_lacks_may_be_skipped(forge: Forge, tree: Tree, generator: str) -> None:
+def test_missing_targets_can_be_skipped(forge: Forge, tree: Tree, generator: str) -> None:
     touch = 'COMMAND "${CMAKE_COMMAND}" -E touch made'
     more = f"add_custom_target(say.it {touch})\nadd_custom_target(fail.it COMMAND false)"
     root = tree({**files("with", more=more), **files("without", more="add_custom_target(say_it)")})
@@ -438,7 +438,7 @@ def test_an_unused_variable_is_reported_once(forge: Forge, tree: Tree) -> None:
     assert "stderr" not in ran.out
 
 
-def test_scripts_are_written_again_when_a_package_says_something_else(forge: Forge, workspace: Path) -> None:
+def test_scripts_are_updated_if_the_hooks_of_a_package_change(forge: Forge, workspace: Path) -> None:
     assert forge("build", cwd=workspace).code == 0
     script = workspace / "install/local_setup.sh"
     before = script.stat().st_mtime_ns, script.read_text()
@@ -455,9 +455,7 @@ def test_scripts_are_written_again_when_a_package_says_something_else(forge: For
     assert "/b/bin" in script.read_text()
 
 
-def test_scripts_are_written_again_when_a_folder_appears_that_a_hook_is_about(
-    forge: Forge, tree: Tree
-) -> None:
+def test_scripts_are_updated_if_a_conditional_folder_appears(forge: Forge, tree: Tree) -> None:
     hook = "install(FILES local_setup.dsv DESTINATION share/b)"
     root = tree(
         {**files("b", more=hook), "src/b/local_setup.dsv": "prepend-non-duplicate-if-exists;PATH;tools\n"}
@@ -485,7 +483,7 @@ def test_a_variable_that_only_an_unchanged_package_uses_is_not_called_unused(
     assert "not used" not in selected.out
 
 
-def test_a_workspace_whose_submodules_are_missing_says_so(forge: Forge, tree: Tree) -> None:
+def test_missing_git_submodules_are_reported(forge: Forge, tree: Tree) -> None:
     root = tree({".gitmodules": '[submodule "up"]\n\tpath = src/up\n', "src/up/x": ""})
     (root / "src/up/x").unlink()
     ran = forge("build", cwd=root)
@@ -501,7 +499,7 @@ def test_a_build_of_nothing_warns_of_removed_packages(forge: Forge, workspace: P
     assert "'c' is no longer in the workspace" in ran.err
 
 
-def test_after_a_failure_forge_says_for_what_it_waits(forge: Forge, tree: Tree) -> None:
+def test_after_a_failure_running_packages_are_named(forge: Forge, tree: Tree) -> None:
     """A step that runs is not killed; without a word, a long one would look like a hang."""
     slow = "add_custom_target(wait ALL COMMAND ${CMAKE_COMMAND} -E sleep 3)"
     late = "execute_process(COMMAND ${CMAKE_COMMAND} -E sleep 1)\nmessage(FATAL_ERROR no)"

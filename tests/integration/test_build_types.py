@@ -104,7 +104,7 @@ def test_the_exit_code_of_a_plugins_tests_has_a_meaning(forge: Forge, greeter: P
 
 
 @pytest.mark.usefixtures("plugin")
-def test_results_that_a_plugin_writes_are_counted(forge: Forge, greeter: Path) -> None:
+def test_test_results_of_plugins_are_counted(forge: Forge, greeter: Path) -> None:
     """Packages that leave none do not change the sum."""
     results = '<testsuite tests="2" errors="0" failures="0" skipped="1"/>'
     makefile = MAKEFILE.replace('grep -q "$(WORD)" greet', f"echo '{results}' > test.xml")
@@ -137,7 +137,7 @@ def test_a_plugin_finds_packages_without_manifest(forge: Forge, tree: Tree, name
     assert forge("list", cwd=root).out == "x\tsrc/x\t(make)\n"
 
 
-def test_build_types_of_a_workspace_must_be_installed(forge: Forge, tree: Tree) -> None:
+def test_build_types_are_not_loaded_from_the_workspace(forge: Forge, tree: Tree) -> None:
     root = tree({"forge.toml": "build-types = ['make']", "src/x/Makefile": MAKEFILE})
     ran = forge("list", cwd=root)
     assert ran.code == 2
@@ -216,7 +216,7 @@ def test_a_requested_package_of_an_unknown_build_type_is_an_error(
     assert "hint: supported build types: ament_cargo, ament_cmake, " in ran.err
 
 
-def test_a_package_that_another_one_needs_is_not_skipped(forge: Forge, tree: Tree) -> None:
+def test_required_packages_of_unknown_build_types_are_errors(forge: Forge, tree: Tree) -> None:
     root = tree(
         {
             "src/a/package.xml": manifest_text("a", build_type="wierd"),

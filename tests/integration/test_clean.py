@@ -37,14 +37,14 @@ def left(root: Path) -> set[str]:
     }
 
 
-def test_a_workspace_is_as_before_it_was_built(forge: Forge, workspace: Path) -> None:
+def test_clean_restores_the_unbuilt_workspace(forge: Forge, workspace: Path) -> None:
     ran = forge("clean", "workspace", "-y", cwd=workspace)
     assert (ran.code, ran.err) == (0, "")
     assert sorted(path.name for path in workspace.iterdir()) == ["src"]
     assert forge("clean", "workspace", "-y", cwd=workspace).out == "nothing to remove\n"
 
 
-def test_what_forge_did_not_make_stays(forge: Forge, workspace: Path, tree: Tree) -> None:
+def test_foreign_files_are_kept(forge: Forge, workspace: Path, tree: Tree) -> None:
     mine = ("build/mine/notes", "install/mine/notes", "log/mine/notes", "install/share/mine", "build/file")
     tree(dict.fromkeys(mine, ""))
     ran = forge("clean", "workspace", "--yes", cwd=workspace)
@@ -54,7 +54,7 @@ def test_what_forge_did_not_make_stays(forge: Forge, workspace: Path, tree: Tree
     assert left(workspace) == {name for name in mine if not name.startswith("log")}
 
 
-def test_only_some_of_the_folders(forge: Forge, workspace: Path) -> None:
+def test_only_the_selected_folders_are_removed(forge: Forge, workspace: Path) -> None:
     forge("clean", "workspace", "-y", "--base-select", "log", cwd=workspace)
     assert not (workspace / "log").exists()
     assert (workspace / "install/setup.sh").is_file()
@@ -62,7 +62,7 @@ def test_only_some_of_the_folders(forge: Forge, workspace: Path) -> None:
     assert sorted(path.name for path in workspace.iterdir()) == ["src"]
 
 
-def test_a_package_goes_without_a_trace_and_comes_back(forge: Forge, workspace: Path) -> None:
+def test_a_package_is_removed_completely_and_can_be_rebuilt(forge: Forge, workspace: Path) -> None:
     before = left(workspace)
     scripts = (workspace / "install/local_setup.sh").read_text()
     ran = forge("clean", "packages", "b", "-y", cwd=workspace)
@@ -86,7 +86,7 @@ def test_packages_may_be_selected(forge: Forge, workspace: Path) -> None:
     assert not (workspace / "build/b").exists()
 
 
-def test_what_left_the_workspace_is_stale(forge: Forge, workspace: Path) -> None:
+def test_results_of_removed_packages_are_stale(forge: Forge, workspace: Path) -> None:
     assert forge("clean", "stale", cwd=workspace).out == "nothing to remove\n"
     shutil.rmtree(workspace / "src/b")
     ran = forge("clean", "stale", "-y", cwd=workspace)
@@ -97,14 +97,14 @@ def test_what_left_the_workspace_is_stale(forge: Forge, workspace: Path) -> None
     assert forge("clean", "stale", "-y", cwd=workspace).out == "nothing to remove\n"
 
 
-def test_a_broken_manifest_makes_nothing_stale(forge: Forge, workspace: Path) -> None:
+def test_a_broken_manifest_makes_no_results_stale(forge: Forge, workspace: Path) -> None:
     (workspace / "src/b/package.xml").write_text("<package/>")
     assert forge("clean", "stale", "-y", cwd=workspace).code == 2
     assert (workspace / "build/b").is_dir()
 
 
 @pytest.mark.parametrize(("answer", "gone"), [("", False), ("\n", False), ("n\n", False), ("Y\n", True)])
-def test_it_asks_first(
+def test_clean_asks_for_confirmation(
     forge: Forge, tree: Tree, monkeypatch: pytest.MonkeyPatch, answer: str, gone: object
 ) -> None:
     root = tree({"src/x": "", "build/.built_by": "colcon", "build/a/colcon_build.rc": "0"})
@@ -116,7 +116,7 @@ def test_it_asks_first(
     assert (root / "build").exists() is not gone
 
 
-def test_without_words_it_says_what_it_would_do(forge: Forge, tree: Tree) -> None:
+def test_clean_without_arguments_lists_what_it_would_remove(forge: Forge, tree: Tree) -> None:
     names = ("build/gone/cmake_args.last", "install/.colcon_install_layout", "src/x")
     root = tree({**dict.fromkeys(names, ""), "build/.built_by": "colcon"})
     ran = forge("clean", cwd=root)
@@ -135,7 +135,7 @@ def test_without_words_it_says_what_it_would_do(forge: Forge, tree: Tree) -> Non
     assert "'clean' does not accept" in forge("clean", "--packages-select", "gone", cwd=root).err
 
 
-def test_words_that_make_no_sense(forge: Forge, tree: Tree) -> None:
+def test_contradictory_arguments_are_rejected(forge: Forge, tree: Tree) -> None:
     root = tree({"build/.built_by": "colcon", "build/a/colcon_build.rc": "0"})
     assert forge("clean", "packages", cwd=root).code == 2
     assert forge("clean", "workspace", "a", cwd=root).code == 2
@@ -165,7 +165,7 @@ def test_names_may_stand_before_and_after_options(
     assert forge("clean", "packages", "-y", "a", "--nonsense", cwd=workspace).code == 2
 
 
-def test_files_that_no_build_installed_stay_and_are_named(forge: Forge, workspace: Path, tree: Tree) -> None:
+def test_files_not_installed_by_builds_are_kept_and_named(forge: Forge, workspace: Path, tree: Tree) -> None:
     merged = (workspace / "install/share/a").is_dir()
     prefix = "install" if merged else "install/a"
     mine = (f"{prefix}/share/a/mine.yaml", f"{prefix}/mine/deep/x", f"{prefix}/share/a/package.notes")
@@ -189,7 +189,7 @@ def test_files_that_no_build_installed_stay_and_are_named(forge: Forge, workspac
     assert all((workspace / name).is_file() for name in mine)
 
 
-def test_without_records_a_prefix_keeps_what_is_newer_than_its_package(
+def test_without_records_files_newer_than_the_package_are_kept(
     forge: Forge, workspace: Path, tree: Tree
 ) -> None:
     shutil.rmtree(workspace / "build")
@@ -200,7 +200,7 @@ def test_without_records_a_prefix_keeps_what_is_newer_than_its_package(
     assert left(workspace) == {"install/a/mine", "install/.forge_files/a.json"}
 
 
-def test_nothing_behind_a_link_is_removed(forge: Forge, workspace: Path, tree: Tree) -> None:
+def test_files_behind_links_are_kept(forge: Forge, workspace: Path, tree: Tree) -> None:
     merged = (workspace / "install/share/a").is_dir()
     share = workspace / ("install" if merged else "install/a") / "share"
     tree({"precious/keep": ""})
@@ -213,14 +213,16 @@ def test_nothing_behind_a_link_is_removed(forge: Forge, workspace: Path, tree: T
     assert (share / "a").is_symlink()
 
 
-def test_a_folder_of_logs_without_logs_of_a_run_stays(forge: Forge, workspace: Path, tree: Tree) -> None:
+def test_a_log_folder_without_runs_is_kept(forge: Forge, workspace: Path, tree: Tree) -> None:
     mine = ("log/run_2024-01-01_00-00-00/x.log", "log/latest_notes")
     tree(dict.fromkeys(mine, ""))
     assert forge("clean", "workspace", "-y", cwd=workspace).code == 0
     assert all((workspace / name).is_file() for name in mine)
 
 
-def test_only_files_of_exactly_these_names_are_forges_own(forge: Forge, workspace: Path, tree: Tree) -> None:
+def test_only_exact_file_names_are_recognized_as_forge_files(
+    forge: Forge, workspace: Path, tree: Tree
+) -> None:
     mine = ("install/setup.py", "install/local_setup.md", "build/forge_notes.txt", "build/.forge_x/y")
     tree(dict.fromkeys(mine, ""))
     assert forge("clean", "workspace", "-y", cwd=workspace).code == 0

@@ -14,7 +14,7 @@ from forge.cli import commands, main
 from tests.conftest import Forge
 
 
-def test_problems_in_a_row_that_have_one_remedy_give_it_once() -> None:
+def test_consecutive_problems_share_one_hint() -> None:
     source = [Problem("a", hint="x"), Problem("b", hint="x"), Problem("c"), Problem("d", hint="x")]
     assert [problem.hint for problem in share_hints(source)] == [None, "x", None, "x"]
     assert share_hints([]) == []
@@ -26,7 +26,7 @@ def test_help_names_every_command(forge: Forge) -> None:
     assert all(word in ran.out for word in main.COMMANDS)
 
 
-def test_a_word_that_is_no_command(forge: Forge) -> None:
+def test_an_unknown_command_is_an_error(forge: Forge) -> None:
     ran = forge("xyz")
     assert ran.code == 2
     assert "'forge --help' lists all commands" in ran.err
@@ -53,7 +53,7 @@ def test_jobs_have_a_short_spelling_which_other_programs_have_too(
     assert [argument.lstrip() for argument in given] == arguments
 
 
-def test_help_may_be_asked_for_in_every_way(forge: Forge) -> None:
+def test_all_spellings_of_help_work(forge: Forge) -> None:
     """Without words, forge prints its own help, as cargo does."""
     whole = forge("--help")
     assert whole.code == 0
@@ -98,7 +98,7 @@ class Failing:
         (OSError(errno.ENOSPC, "No space"), 2, "error: cannot write to the standard output: no space\n"),
     ],
 )
-def test_every_end_has_its_exit_code(
+def test_exit_codes_are_as_documented(
     forge: Forge, monkeypatch: pytest.MonkeyPatch, error: BaseException, code: int, text: str
 ) -> None:
     monkeypatch.setitem(sys.modules, "forge.cli.commands.list", Failing(error))
@@ -120,12 +120,12 @@ def test_every_end_has_its_exit_code(
         (("pkg", "prefix"), "usage: forge pkg prefix [-h] [--share] PACKAGE\n"),
     ],
 )
-def test_the_usage_is_a_line(forge: Forge, command: tuple[str, ...], usage: str) -> None:
+def test_usage_is_one_line(forge: Forge, command: tuple[str, ...], usage: str) -> None:
     """What must be given is in it; the options that may be are listed below."""
     assert forge(*command, "--help").out.startswith(usage)
 
 
-def test_a_reader_that_leaves_early_is_no_error() -> None:
+def test_a_closed_pipe_is_not_an_error() -> None:
     command = f"'{sys.executable}' -m forge list --base-paths forge/embedded | true; exit ${{PIPESTATUS[0]}}"
     home = Path(main.__file__).parents[2]
     ran = subprocess.run(["bash", "-c", command], cwd=home, capture_output=True, check=False)

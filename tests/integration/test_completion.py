@@ -137,7 +137,7 @@ OFFERS: dict[tuple[str, ...], list[str]] = {
 
 
 @EVERY_SHELL
-def test_the_words_that_fit_are_offered(forge: Forge, workspace: Path, shell: str) -> None:
+def test_matching_words_are_completed(forge: Forge, workspace: Path, shell: str) -> None:
     found = offered(forge, workspace, shell, *OFFERS)
     plain = [
         answer if words[-1] else [word for word in answer if not word.startswith("-")]
@@ -147,7 +147,7 @@ def test_the_words_that_fit_are_offered(forge: Forge, workspace: Path, shell: st
 
 
 @EVERY_SHELL
-def test_what_is_installed_is_offered_to_run(
+def test_installed_programs_are_completed_for_run(
     forge: Forge, tree: Tree, monkeypatch: pytest.MonkeyPatch, shell: str
 ) -> None:
     root = tree(
@@ -217,12 +217,12 @@ def in_terminal(argv: list[str], folder: Path, text: str, until: str) -> str:
 
 
 @pytest.mark.needs("bash")
-def test_folders_are_the_shells_to_find(forge: Forge, workspace: Path) -> None:
+def test_paths_are_completed_by_the_shell(forge: Forge, workspace: Path) -> None:
     lines = (("build", "--build-base", "sr"), ("-C", "sr"), ("build", "--install-base=sr"))
     assert offered(forge, workspace, "bash", *lines) == [["src"], ["src"], ["src"]]
 
 
-def test_names_are_those_of_today(workspace: Path, tmp_path: Path) -> None:
+def test_completion_uses_current_package_names(workspace: Path, tmp_path: Path) -> None:
     cache = tmp_path / "cache"
     assert sorted(package_names(workspace, cache)) == NAMES
     stamp = next(cache.iterdir()).stat().st_mtime_ns
@@ -277,7 +277,7 @@ def test_programs_of_packages_without_ament_are_found(
     assert capsys.readouterr().out == "walker\n"
 
 
-def test_packages_are_those_of_the_workspace_around(
+def test_packages_of_the_current_workspace_are_completed(
     workspace: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(workspace / "src/group")
@@ -318,7 +318,7 @@ def test_an_answer_takes_less_than_a_tenth_of_a_second(tree: Tree) -> None:
     assert min(seconds) < 0.1
 
 
-def test_names_of_the_workspace_around_and_of_forge(
+def test_packages_of_the_workspace_and_of_forge_are_completed(
     workspace: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(workspace / "src")
@@ -371,7 +371,7 @@ def test_forge_cd_changes_to_packages_and_the_root(
     assert "no package named 'gamma'" in done.stderr
 
 
-def test_outside_of_a_workspace_there_is_no_root(
+def test_there_is_no_root_outside_of_a_workspace(
     workspace: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(workspace / "src/group")

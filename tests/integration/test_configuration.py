@@ -26,7 +26,7 @@ def listed(forge: Forge, root: Path, *argv: str, **env: str) -> str:
     return " ".join(ran.out.split()) + ran.err
 
 
-def test_the_nearer_file_wins_and_the_command_line_over_all(forge: Forge, root: Path) -> None:
+def test_nearer_files_win_and_the_command_line_overrides_all(forge: Forge, root: Path) -> None:
     assert listed(forge, root) == "a b"
     (root / "home/defaults.yaml").write_text("list: {packages-select: [a]}")
     assert listed(forge, root) == "a"
@@ -46,7 +46,7 @@ def test_another_defaults_file_may_be_named(forge: Forge, root: Path) -> None:
     assert listed(forge, root, COLCON_DEFAULTS_FILE=str(root / "mine.yaml")) == "b"
 
 
-def test_a_path_on_the_command_line_puts_those_of_files_aside(forge: Forge, root: Path) -> None:
+def test_paths_on_the_command_line_replace_those_of_files(forge: Forge, root: Path) -> None:
     (root / "colcon_defaults.yaml").write_text("list: {base-paths: [src/b]}")
     assert listed(forge, root) == "b"
     assert listed(forge, root, "--paths", "src/*") == "a b"
@@ -90,20 +90,18 @@ def test_a_file_that_cannot_be_read_is_an_error(
     assert message in listed(forge, root)
 
 
-def test_an_empty_file_says_nothing(forge: Forge, root: Path) -> None:
+def test_an_empty_file_sets_nothing(forge: Forge, root: Path) -> None:
     (root / "colcon_defaults.yaml").write_text("")
     assert listed(forge, root) == "a b"
 
 
-def test_a_profile_that_is_not_there_is_an_error(forge: Forge, root: Path) -> None:
+def test_a_missing_profile_is_an_error(forge: Forge, root: Path) -> None:
     (root / "forge.toml").write_text("[profiles.debug.build]\n")
     assert "unknown profile 'debg'\nhint: did you mean 'debug'?" in listed(forge, root, "--profile", "debg")
     assert "add a table [profiles.zzz.list]" in listed(forge, root, "--profile", "zzz")
 
 
-def test_mixins_come_before_the_command_line_and_give_way_to_its_single_values(
-    forge: Forge, root: Path
-) -> None:
+def test_mixins_are_overridden_by_the_command_line(forge: Forge, root: Path) -> None:
     (root / "home/mixin/.hidden").mkdir(parents=True)
     (root / "home/mixin/.hidden/no.mixin").write_text("- nonsense")
     (root / "home/mixin/my.mixin").write_text(
@@ -121,7 +119,7 @@ def test_mixins_come_before_the_command_line_and_give_way_to_its_single_values(
     assert listed(forge, root) == "a"
 
 
-def test_mixin_files_add_to_the_users(forge: Forge, root: Path) -> None:
+def test_mixin_files_extend_the_mixins_of_the_user(forge: Forge, root: Path) -> None:
     (root / "one.mixin").write_text("list: {x: {packages-select: [b]}}")
     assert listed(forge, root, "--mixin-files", "one.mixin", "--mixin", "x") == "b"
     assert "cannot read mixin file: No such file" in listed(
@@ -158,7 +156,7 @@ def test_mixins_can_be_listed_and_shown(forge: Forge, root: Path) -> None:
     assert ran.err == "error: unknown mixin 'relase'\nhint: did you mean 'release'?\n"
 
 
-def test_the_variable_names_more_folders_of_mixins(forge: Forge, root: Path) -> None:
+def test_an_environment_variable_adds_mixin_folders(forge: Forge, root: Path) -> None:
     for name in ("one", "two"):
         (root / name / "deep").mkdir(parents=True)
         (root / name / "deep/x.mixin").write_text(f"list: {{{name}: {{packages-select: [b]}}}}")
@@ -189,21 +187,21 @@ def test_options_of_single_packages_come_from_four_places(forge: Forge, root: Pa
     assert "  hooks: h.sh\n  metadata:\n    cmake-args: [" in paragraph
 
 
-def test_global_options_may_stand_in_files(forge: Forge, root: Path) -> None:
+def test_global_options_can_be_set_in_files(forge: Forge, root: Path) -> None:
     (root / "colcon_defaults.yaml").write_text("'': {log-level: nonsense, other: 1}")
     assert "unknown log level 'nonsense'" in forge("build", "--packages-select", cwd=root).err
     ran = forge("--log-level", "error", "build", "--packages-select", cwd=root)
     assert "nonsense" not in ran.err
 
 
-def test_the_tables_are_shown(forge: Forge) -> None:
+def test_configuration_tables_are_printed(forge: Forge) -> None:
     shown = forge("extensions").out
     assert shown.startswith("build types (entry points 'forge.build_types'):\n  ament_cargo   ros-forge ")
     assert "\ninterface targets (entry points 'forge.interfaces.targets'):\n  c " in shown
     assert f"\nshells:\n  bash  ros-forge {__version__}\n" in shown
 
 
-def test_a_file_that_a_variable_names_is_read_once(forge: Forge, root: Path) -> None:
+def test_a_file_named_by_a_variable_is_read_once(forge: Forge, root: Path) -> None:
     (root / "colcon_defaults.yaml").write_text("list: {no-such-option: 1}")
     ran = forge("list", cwd=root, env={"COLCON_DEFAULTS_FILE": "./colcon_defaults.yaml"})
     assert ran.err.count("has no option 'no-such-option'") == 1

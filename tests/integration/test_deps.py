@@ -85,7 +85,7 @@ def deps(forge: Forge, root: Path, *argv: str, system: str = "ubuntu:jammy") -> 
     return forge("deps", "--rosdep-file", "keys.yaml", "--os", system, *argv, cwd=root, env=env)
 
 
-def test_a_distribution_that_resembles_a_known_one_is_told(forge: Forge, root: Path) -> None:
+def test_derived_distributions_use_their_parent_and_say_so(forge: Forge, root: Path) -> None:
     assert deps(forge, root, "--rosdistro", "humbel").err.startswith(
         "warning: unknown ROS distribution 'humbel'\nhint: did you mean 'humble'?\n"
     )
@@ -108,13 +108,13 @@ def test_lines_to_paste_name_the_packages_that_need_each_key(forge: Forge, root:
     assert lines[5:] == ["# odd-one is unknown, needed by b"]
 
 
-def test_names_are_those_of_the_system(forge: Forge, root: Path) -> None:
+def test_package_names_follow_the_system(forge: Forge, root: Path) -> None:
     assert "sudo dnf install foo-devel\n" in deps(forge, root, system="openEuler:24.03").out
     assert "apt-get install libfoo-dev libfoo-tools\n" in deps(forge, root, system="debian:bookworm").out
     assert "# libfoo-dev is unknown" in deps(forge, root, system="debian:trixie").out
 
 
-def test_kinds_and_packages_can_be_chosen(forge: Forge, root: Path) -> None:
+def test_dependency_kinds_and_packages_can_be_selected(forge: Forge, root: Path) -> None:
     assert "sphinx-of-foo" in deps(forge, root, "--dependency-types", "doc").out
     assert "nav2_msgs" not in deps(forge, root, "-t", "build", "test").out
     assert "nav2_msgs" not in deps(forge, root, "--packages-up-to", "b").out
@@ -126,7 +126,7 @@ def test_kinds_and_packages_can_be_chosen(forge: Forge, root: Path) -> None:
     )
 
 
-def test_what_is_there_is_named_only_when_asked(forge: Forge, root: Path) -> None:
+def test_installed_dependencies_are_listed_on_request(forge: Forge, root: Path) -> None:
     everything = deps(forge, root, "--all").out
     assert "# b (the workspace), needed by a\n" in everything
     assert "# std_msgs (forge), needed by a\n" in everything
@@ -134,7 +134,7 @@ def test_what_is_there_is_named_only_when_asked(forge: Forge, root: Path) -> Non
     assert "std_msgs" not in deps(forge, root).out
 
 
-def test_underlays_are_those_of_a_build(forge: Forge, root: Path) -> None:
+def test_the_underlays_of_the_build_are_used(forge: Forge, root: Path) -> None:
     """Remembered ones as well; and with their generators, the embedded interfaces cannot be used."""
     below = make_install(root / "below", [Made("nav2_msgs"), Made("rosidl_cmake")], merged=True).install
     make_install(root, [], underlays=(below,))
@@ -143,7 +143,7 @@ def test_underlays_are_those_of_a_build(forge: Forge, root: Path) -> None:
     assert "# std_msgs, needed by a: ROS package" in out
 
 
-def test_as_json(forge: Forge, root: Path) -> None:
+def test_output_as_json(forge: Forge, root: Path) -> None:
     found = json.loads(deps(forge, root, "--json").out)
     assert found["system"] == "ubuntu:jammy"
     by_key = {need["key"]: need for need in found["needs"]}
@@ -159,7 +159,7 @@ def test_as_json(forge: Forge, root: Path) -> None:
     assert by_key["odd-one"]["manager"] is None
 
 
-def test_a_file_that_is_no_database(forge: Forge, root: Path) -> None:
+def test_an_invalid_database_is_rejected(forge: Forge, root: Path) -> None:
     missing = forge("deps", "--rosdep-file", "gone.yaml", cwd=root)
     assert missing.code == 2
     assert missing.err == "gone.yaml: error: cannot read the rosdep file: no such file or directory\n"
@@ -182,7 +182,7 @@ def test_without_a_database_keys_are_listed_with_the_way_to_get_one(forge: Forge
     )
 
 
-def test_a_system_that_no_database_has_names_for(forge: Forge, root: Path) -> None:
+def test_a_system_without_names_in_the_database_is_reported(forge: Forge, root: Path) -> None:
     ran = deps(forge, root, "-t", "test", system="void")
     assert ran.out == "# odd-one is unknown, needed by b\n"
     assert ran.err == (
@@ -191,7 +191,7 @@ def test_a_system_that_no_database_has_names_for(forge: Forge, root: Path) -> No
     )
 
 
-def test_what_this_machine_has_is_left_out(forge: Forge, tree: Tree) -> None:
+def test_dependencies_installed_on_this_machine_are_left_out(forge: Forge, tree: Tree) -> None:
     """These tests run in pytest: it is installed."""
     root = tree(
         {
@@ -205,7 +205,7 @@ def test_what_this_machine_has_is_left_out(forge: Forge, tree: Tree) -> None:
     assert out.splitlines()[-1].endswith("-m pip install surely-not-installed")
 
 
-def test_what_cannot_be_read_is_not_said_to_need_nothing(forge: Forge, tree: Tree) -> None:
+def test_unreadable_packages_are_reported(forge: Forge, tree: Tree) -> None:
     ran = forge("deps", cwd=tree({"src/a/package.xml": "<package>"}))
     assert ran.code == 2
     assert "src/a/package.xml:" in ran.err
@@ -214,12 +214,12 @@ def test_what_cannot_be_read_is_not_said_to_need_nothing(forge: Forge, tree: Tre
     assert "no packages found below" in ran.err
 
 
-def test_a_workspace_that_needs_nothing(forge: Forge, tree: Tree) -> None:
+def test_a_workspace_without_dependencies(forge: Forge, tree: Tree) -> None:
     ran = forge("deps", cwd=tree({"src/a/package.xml": manifest_text("a")}))
     assert (ran.code, ran.out) == (0, "# nothing is missing\n")
 
 
-def test_what_is_printed_can_be_given_to_a_shell_whatever_names_are(forge: Forge, tree: Tree) -> None:
+def test_printed_commands_are_safe_for_any_name(forge: Forge, tree: Tree) -> None:
     """Names come from files that others wrote: none of them may become a command or an option."""
     evil = "x\ntouch made\n"
     database = {
@@ -290,7 +290,7 @@ def test_data_of_the_distribution_says_what_was_released(forge: Forge, root: Pat
     )
 
 
-def test_data_that_rosdep_cannot_read(forge: Forge, root: Path, resolver: str) -> None:
+def test_invalid_rosdep_data_is_reported(forge: Forge, root: Path, resolver: str) -> None:
     cache = root / "home/rosdep/sources.cache"
     cache.mkdir(parents=True)
     (cache / "index").write_text("yaml https://example.org/x.yaml\n", encoding="utf-8")
@@ -351,7 +351,7 @@ def test_installing_shows_the_commands_and_asks(
         assert lines[1].removeprefix("sudo ") == logged.strip()
 
 
-def test_with_yes_nobody_asks(forge: Forge, installable: Path) -> None:
+def test_with_yes_there_is_no_question(forge: Forge, installable: Path) -> None:
     ran = install(forge, installable, "-y")
     assert ran.code == 0
     assert "[y/N]" not in ran.out
@@ -361,7 +361,7 @@ def test_with_yes_nobody_asks(forge: Forge, installable: Path) -> None:
     )
 
 
-def test_a_command_that_fails_ends_it(forge: Forge, installable: Path) -> None:
+def test_a_failing_command_stops_the_installation(forge: Forge, installable: Path) -> None:
     ran = install(forge, installable, "-y", FAIL="100")
     assert ran.code == 2
     assert "surely-not-installed' failed with exit code 100\n" in ran.err

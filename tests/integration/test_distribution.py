@@ -37,7 +37,7 @@ def test_the_environment_precedes_forge_toml_the_last_build_and_humble(forge: Fo
     assert told(forge, root, ROS_DISTRO="jazzy") == "jazzy"
 
 
-def test_an_overlay_is_for_the_distribution_of_its_underlay(forge: Forge, root: Path) -> None:
+def test_an_overlay_uses_the_distribution_of_its_underlay(forge: Forge, root: Path) -> None:
     """Also if the underlay is known only from the last build, which was for another distribution."""
     underlay = root / "underlay"
     underlay.mkdir()
@@ -67,7 +67,7 @@ def test_conditions_of_manifests_are_evaluated_for_the_distribution(forge: Forge
     assert "service_msgs" not in plan(forge, root, ROS_DISTRO="humble")
 
 
-def test_a_distribution_without_embedded_interfaces_is_refused_by_name(forge: Forge, root: Path) -> None:
+def test_a_distribution_without_embedded_interfaces_is_rejected(forge: Forge, root: Path) -> None:
     result = forge("build", "--rosdistro", "kiltd", cwd=root)
     assert result.code == 2
     assert result.err == (

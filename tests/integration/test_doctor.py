@@ -69,7 +69,7 @@ def of_topic(found: dict[str, Any], topic: str) -> list[dict[str, Any]]:
     return [finding for finding in found["findings"] if finding["topic"] == topic]
 
 
-def test_the_packages_of_the_user_come_first(forge: Forge, tree: Tree) -> None:
+def test_packages_of_the_user_are_listed_first(forge: Forge, tree: Tree) -> None:
     root = tree(cmake_package("z", depends=("ament_cmake",)))
     found = findings(forge, root)
     assert found["checked"][0]["summary"] == "1 package, and 1 embedded in forge"
@@ -87,7 +87,7 @@ def test_a_workspace_without_problems_lists_the_checks(forge: Forge, tree: Tree)
 
 
 @pytest.mark.needs("cmake", "g++")
-def test_the_last_line_says_how_it_stands(forge: Forge, tree: Tree) -> None:
+def test_the_last_line_is_a_summary(forge: Forge, tree: Tree) -> None:
     root = tree(cmake_package("a"))
     good = forge("doctor", cwd=root)
     assert good.code == 0
@@ -99,14 +99,14 @@ def test_the_last_line_says_how_it_stands(forge: Forge, tree: Tree) -> None:
     assert "src/a/package.xml:" in bad.out
 
 
-def test_it_works_where_there_is_no_workspace(forge: Forge, tmp_path: Path) -> None:
+def test_doctor_works_outside_of_a_workspace(forge: Forge, tmp_path: Path) -> None:
     found = findings(forge, tmp_path)
     assert found["checked"][0] == {"topic": "workspace", "summary": "no packages found"}
     home = findings(forge, tmp_path, env={"HOME": str(tmp_path)})
     assert "not searching for packages" in home["checked"][0]["summary"]
 
 
-def test_nothing_is_written_and_nothing_of_the_workspace_runs(forge: Forge, tree: Tree) -> None:
+def test_doctor_writes_nothing_and_runs_no_code_of_the_workspace(forge: Forge, tree: Tree) -> None:
     root = tree(
         {
             **python_package("p", "raise SystemExit('imported')\n"),
@@ -148,7 +148,7 @@ def test_a_required_package_of_the_workspace_that_is_not_declared_stops_a_build(
         ("find_package(${name} REQUIRED)", None, None),
     ],
 )
-def test_how_much_an_undeclared_package_matters(
+def test_the_severity_of_an_undeclared_package(
     forge: Forge, tree: Tree, line: str, severity: str | None, tag: str | None
 ) -> None:
     """What is optional may be missing, what tests need is a test_depend, what is no package is no matter."""
@@ -158,7 +158,7 @@ def test_how_much_an_undeclared_package_matters(
         assert found[0]["hint"] == f"add <{tag}>a</{tag}> to src/b/package.xml"
 
 
-def test_what_another_dependency_brings_along_is_only_a_note(forge: Forge, tree: Tree) -> None:
+def test_transitive_dependencies_are_only_noted(forge: Forge, tree: Tree) -> None:
     root = tree(
         {
             **cmake_package("a"),
@@ -187,14 +187,14 @@ def test_imports_of_python_are_compared_with_the_manifest(forge: Forge, tree: Tr
     ]
 
 
-def test_what_is_declared_and_never_mentioned_is_only_a_note(forge: Forge, tree: Tree) -> None:
+def test_unused_dependencies_are_only_noted(forge: Forge, tree: Tree) -> None:
     root = tree({**cmake_package("a"), **cmake_package("b", depends=("a",))})
     assert [f["severity"] for f in of_topic(findings(forge, root), "declared")] == ["note"]
     assert "mentions it" not in forge("doctor", cwd=root).out
     assert "mentions it" in forge("doctor", "--all", cwd=root).out
 
 
-def test_modules_that_hide_others(forge: Forge, tree: Tree) -> None:
+def test_modules_that_shadow_others_are_reported(forge: Forge, tree: Tree) -> None:
     twin = {**python_package("b", ""), "src/b/a/__init__.py": ""}
     root = tree({**python_package("a", ""), **twin, **python_package("logging", "")})
     messages = [finding["message"] for finding in of_topic(findings(forge, root), "shadows")]
@@ -228,7 +228,7 @@ def test_an_interpreter_that_does_not_run(forge: Forge, tree: Tree) -> None:
     assert of_topic(found, "python")[0]["message"] == "python 'no-such-python' not found"
 
 
-def test_files_from_the_future(forge: Forge, tree: Tree) -> None:
+def test_files_with_future_times_are_reported(forge: Forge, tree: Tree) -> None:
     root = tree(cmake_package("a"))
     os.utime(root / "src/a/CMakeLists.txt", (time.time() + 3600,) * 2)
     (finding,) = of_topic(findings(forge, root), "clock")
@@ -250,19 +250,19 @@ def test_files_from_the_future(forge: Forge, tree: Tree) -> None:
         ),
     ],
 )
-def test_variables_that_were_left_behind(
+def test_leftover_variables_are_reported(
     forge: Forge, tmp_path: Path, variables: dict[str, str], message: str
 ) -> None:
     found = of_topic(findings(forge, tmp_path, env=variables), "environment")
     assert any(finding["message"].startswith(message) and finding["hint"] for finding in found), found
 
 
-def test_an_underlay_that_is_gone(forge: Forge, tmp_path: Path) -> None:
+def test_a_missing_underlay_is_reported(forge: Forge, tmp_path: Path) -> None:
     found = of_topic(findings(forge, tmp_path, env={"AMENT_PREFIX_PATH": "/gone"}), "underlays")
     assert found[0]["message"] == "'AMENT_PREFIX_PATH' names '/gone', which does not exist"
 
 
-def test_underlays_are_looked_at(forge: Forge, tree: Tree) -> None:
+def test_underlays_are_checked(forge: Forge, tree: Tree) -> None:
     """Modules for another Python, missing dependencies, underlays in the wrong order."""
     root = tree(
         {
@@ -342,7 +342,7 @@ def test_modules_that_a_distribution_needs(forge: Forge, tree: Tree) -> None:
     assert lacking().endswith("required by the build: 'numpy', 'catkin_pkg', 'em', 'lark'")
 
 
-def test_folders_of_other_tools_and_of_before(forge: Forge, tree: Tree) -> None:
+def test_folders_of_other_tools_and_versions_are_reported(forge: Forge, tree: Tree) -> None:
     root = tree(
         {
             **cmake_package("a"),
@@ -358,7 +358,7 @@ def test_folders_of_other_tools_and_of_before(forge: Forge, tree: Tree) -> None:
     assert "'/elsewhere/src/a'" in found[2]["message"]
 
 
-def test_a_login_shell_without_scripts(forge: Forge, tmp_path: Path) -> None:
+def test_a_login_shell_without_setup_scripts_is_reported(forge: Forge, tmp_path: Path) -> None:
     (finding,) = of_topic(findings(forge, tmp_path, env={"SHELL": "/bin/tcsh"}), "shells")
     assert "forge shell" in finding["hint"]
 
@@ -376,7 +376,7 @@ def test_a_hundred_packages_take_less_than_a_second(forge: Forge, tree: Tree) ->
     assert found["checked"][0]["summary"] == "100 packages"
 
 
-def test_packages_of_ros_need_not_be_there_to_be_missed(forge: Forge, tree: Tree) -> None:
+def test_missing_ros_packages_are_reported_without_ros(forge: Forge, tree: Tree) -> None:
     root = tree({**cmake_package("a", "find_package(rclcpp)"), **python_package("b", "import rclpy.node\n")})
     messages = [finding["message"] for finding in of_topic(findings(forge, root), "declared")]
     assert messages == [
@@ -385,7 +385,7 @@ def test_packages_of_ros_need_not_be_there_to_be_missed(forge: Forge, tree: Tree
     ]
 
 
-def test_a_package_that_does_not_register_itself(forge: Forge, tree: Tree) -> None:
+def test_packages_missing_from_the_ament_index_are_reported(forge: Forge, tree: Tree) -> None:
     """Its build succeeds, but nothing finds the package. Other calls may register it."""
     endings = {
         "a": "ament_auto_package()",
@@ -409,7 +409,7 @@ def test_a_package_that_does_not_register_itself(forge: Forge, tree: Tree) -> No
     ]
 
 
-def test_names_that_do_not_agree(forge: Forge, tree: Tree) -> None:
+def test_inconsistent_names_are_reported(forge: Forge, tree: Tree) -> None:
     root = tree({**cmake_package("a"), **python_package("b", ""), **python_package("c", "")})
     (root / "src/a/package.xml").write_text(manifest_text("a"), encoding="utf-8")
     (root / "src/a/CMakeLists.txt").write_text(lists("b", "ament_package()"), encoding="utf-8")

@@ -72,7 +72,7 @@ def test_env_of_a_sourced_shell_reports_no_changes(layout: Layout, *, seen: bool
 
 
 @pytest.mark.needs("dash")
-def test_sh_may_evaluate_it(forge: Forge, layout: Layout) -> None:
+def test_the_output_can_be_evaluated_by_sh(forge: Forge, layout: Layout) -> None:
     """Whatever is in a path."""
     text = forge("env", cwd=layout.install.parent).out
     before = {"PATH": os.environ["PATH"]}
@@ -193,7 +193,7 @@ def test_the_prompt_of_a_shell_names_the_workspace(layout: Layout, tmp_path: Pat
 
 
 @pytest.mark.needs("zsh")
-def test_zsh_reads_the_files_of_the_users_own_folder(layout: Layout, tmp_path: Path) -> None:
+def test_zsh_reads_the_startup_files_of_the_user(layout: Layout, tmp_path: Path) -> None:
     (tmp_path / "home").mkdir()
     (tmp_path / "home/.zshenv").write_text(f"ZDOTDIR={tmp_path}/other\n")
     (tmp_path / "other").mkdir()

@@ -30,15 +30,15 @@ def build(forge: Forge, tree: Tree, words: dict[str, str], *options: str) -> Ran
     return forge("build", "--executor", "sequential", *options, cwd=tree(files))
 
 
-def test_equal_files_of_two_packages_are_no_conflict(forge: Forge, tree: Tree) -> None:
+def test_identical_files_of_two_packages_are_not_a_conflict(forge: Forge, tree: Tree) -> None:
     assert build(forge, tree, {"a": "same", "b": "same"}, "--merge-install", "--strict").code == 0
 
 
-def test_prefixes_of_their_own_keep_them_apart(forge: Forge, tree: Tree) -> None:
+def test_isolated_prefixes_have_no_conflicts(forge: Forge, tree: Tree) -> None:
     assert build(forge, tree, {"a": "one", "b": "two"}, "--strict").code == 0
 
 
-def test_different_bytes_are_a_warning_that_names_both(forge: Forge, tree: Tree) -> None:
+def test_different_contents_are_a_warning_that_names_both_packages(forge: Forge, tree: Tree) -> None:
     """Whichever of them was built last."""
     ran = build(forge, tree, {"a": "one", "b": "two"}, "--merge-install")
     assert (ran.code, ran.err) == (0, f"warning{TOLD}")
@@ -47,7 +47,7 @@ def test_different_bytes_are_a_warning_that_names_both(forge: Forge, tree: Tree)
     assert build(forge, tree, {"a": "two", "b": "two"}, "--merge-install").err == ""
 
 
-def test_strictly_it_is_an_error_each_time(forge: Forge, tree: Tree) -> None:
+def test_with_strict_a_conflict_is_an_error_every_time(forge: Forge, tree: Tree) -> None:
     """Until somebody mends it."""
     for _ in range(3):
         ran = build(forge, tree, {"a": "one", "b": "two"}, "--merge-install", "--strict")

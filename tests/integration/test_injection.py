@@ -32,7 +32,7 @@ def code_of(text: str, language: str) -> str:
 
 @pytest.mark.needs("g++")
 @pytest.mark.parametrize("target", ["cpp", "c"])
-def test_what_the_preprocessor_leaves_is_the_same_whatever_authors_say(target: str) -> None:
+def test_preprocessed_code_does_not_depend_on_comments(target: str) -> None:
     plain = generated(NEUTRAL, target)
     struct = next(
         path for path in plain if path.endswith(f"detail/hostile__struct.h{'pp' * (target == 'cpp')}")
@@ -54,7 +54,7 @@ def test_what_the_preprocessor_leaves_is_the_same_whatever_authors_say(target: s
 
 @pytest.mark.needs("g++", "gcc")
 @pytest.mark.parametrize(("target", "compiler"), [("cpp", "g++ -std=c++17"), ("c", "gcc -std=c99")])
-def test_compilers_take_all_fragments_at_once(target: str, compiler: str, tmp_path: Path) -> None:
+def test_compilers_accept_hostile_texts(target: str, compiler: str, tmp_path: Path) -> None:
     """Comments of each fragment, alone and at the end of a line; values of each as well."""
     lines = []
     for number, fragment in enumerate(FRAGMENTS):
@@ -100,7 +100,7 @@ def manifest_of(text: str) -> Manifest:
 
 
 @pytest.mark.needs("cmake")
-def test_cmake_reads_what_manifests_say_and_carries_nothing_out(tmp_path: Path) -> None:
+def test_cmake_reads_hostile_manifests_as_text(tmp_path: Path) -> None:
     script = ["cmake_minimum_required(VERSION 3.18)\n"]
     texts = [fragment.replace("\0", "") for fragment in FRAGMENTS]
     texts += [f"{text}\\" for text in texts[:40]] + ["".join(texts[at : at + 3]) for at in range(len(texts))]
@@ -139,7 +139,7 @@ def values() -> list[str]:
 @pytest.mark.parametrize(
     "shell", [pytest.param(s, marks=pytest.mark.needs(w[0], "env")) for s, w in _SHELLS.items()]
 )
-def test_shells_set_what_packages_say_and_carry_nothing_out(shell: str, tmp_path: Path) -> None:
+def test_shells_read_hostile_hooks_as_text(shell: str, tmp_path: Path) -> None:
     root = tmp_path / 'it\'s a $(touch x) "root"; `touch x` #\\'
     root.mkdir()
     edits = [Edit("set", f"SET_{n}", value, below=False) for n, value in enumerate(values())]
@@ -172,7 +172,7 @@ def test_shells_set_what_packages_say_and_carry_nothing_out(shell: str, tmp_path
 
 
 @pytest.mark.needs("make")
-def test_make_reads_the_paths_of_a_depfile(tmp_path: Path) -> None:
+def test_make_reads_hostile_paths_in_depfiles(tmp_path: Path) -> None:
     folders = [
         tmp_path / name for name in ("a b", "a#b", "a$b", "a$(touch canary)b", "a'b", 'a"b', "a`b", "a\\b")
     ]
@@ -189,7 +189,7 @@ def test_make_reads_the_paths_of_a_depfile(tmp_path: Path) -> None:
     assert not (tmp_path / "canary").exists()
 
 
-def test_every_shell_is_tried() -> None:
+def test_all_shells_are_covered() -> None:
     from forge.environment.shells import SHELLS
 
     assert SHELLS.keys() == _SHELLS.keys()

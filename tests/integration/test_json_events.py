@@ -52,7 +52,7 @@ def two(tree: Tree) -> Path:
     return tree({f"my ws/{name}": text for name, text in files.items()}) / "my ws"
 
 
-def test_a_build_tells_each_event_on_a_line_and_nothing_else(forge: Forge, two: Path) -> None:
+def test_json_output_has_one_event_per_line(forge: Forge, two: Path) -> None:
     ran = forge("build", "--json", "--explain", cwd=two)
     assert ran.code == 0, ran.err
     events = events_in(ran.out)
@@ -110,7 +110,7 @@ def test_a_failure_brings_its_error_and_the_line_that_repeats_it(forge: Forge, t
     assert "Failed   <<< bad" in ran.err
 
 
-def test_what_programs_print_comes_only_if_it_is_asked_for(forge: Forge, tree: Tree) -> None:
+def test_program_output_is_included_on_request(forge: Forge, tree: Tree) -> None:
     root = tree(plain("a", more='message(STATUS "a word")'))
     assert "a word" not in forge("build", "--json", "--event-handlers", "console_cohesion+", cwd=root).out
     ran = forge("build", "--json", "--cmake-force-configure", "--event-handlers", "console_direct+", cwd=root)
@@ -120,7 +120,7 @@ def test_what_programs_print_comes_only_if_it_is_asked_for(forge: Forge, tree: T
 
 
 @pytest.mark.needs("ctest")
-def test_tests_tell_what_failed_and_how_to_repeat_it(forge: Forge, tree: Tree) -> None:
+def test_test_events_name_failures_and_the_command_to_repeat_them(forge: Forge, tree: Tree) -> None:
     root = tree(
         {
             **cmake_package("c", 'add_test(bad "false")'),
@@ -152,7 +152,7 @@ def test_tests_tell_what_failed_and_how_to_repeat_it(forge: Forge, tree: Tree) -
     assert events_in(ran.out)[-1]["code"] == ran.code == 0
 
 
-def test_an_interrupted_build_says_so(tree: Tree) -> None:
+def test_an_interrupted_build_is_reported(tree: Tree) -> None:
     more = 'execute_process(COMMAND "${CMAKE_COMMAND}" -E sleep 60)'
     root = tree({**plain("a", more=more), **plain("b", "<depend>a</depend>")})
     argv = [sys.executable, "-m", "forge", "build", "--json"]

@@ -46,7 +46,7 @@ def told(
     return [problem.message for problem in errors], [problem.message for problem in warnings]
 
 
-def test_the_limit_is_the_kernel_s() -> None:
+def test_the_limit_is_that_of_the_kernel() -> None:
     """One byte more, and nothing starts."""
     value = "x" * (LIMIT - len("A=") - 1)
     subprocess.run(["/bin/true"], env={"A": value}, check=True)
@@ -54,7 +54,7 @@ def test_the_limit_is_the_kernel_s() -> None:
         subprocess.run(["/bin/true"], env={"A": value + "x"}, check=True)
 
 
-def test_a_byte_decides() -> None:
+def test_the_limit_is_exact_to_the_byte() -> None:
     """Each entry has its ':' or, the last one, the NUL."""
     folder = "/i" * 100
     entry = len(f"{folder}/p0000:")
@@ -66,7 +66,7 @@ def test_a_byte_decides() -> None:
     assert told(fits, folder, AMENT_PREFIX_PATH=before + "o")[1] != []
 
 
-def test_what_cannot_be_built_is_an_error() -> None:
+def test_variables_too_long_for_the_build_are_an_error() -> None:
     """Once, with the first package that sees too much; then the warning says nothing new."""
     errors, warnings = told(140, "/a/" + "long/" * 200, chained=True)
     assert warnings == []
@@ -75,7 +75,7 @@ def test_what_cannot_be_built_is_an_error() -> None:
     ]
 
 
-def test_in_a_merged_tree_there_is_one_entry() -> None:
+def test_merged_installs_have_one_entry() -> None:
     """However many packages there are."""
     made, layout = plan(140, "/a/" + "long/" * 200, chained=True)
     merged = Layout(layout.build, layout.install, None, merged=True)
@@ -84,7 +84,7 @@ def test_in_a_merged_tree_there_is_one_entry() -> None:
     ) == ((), ())
 
 
-def test_a_build_says_so_before_it_begins(forge: Forge, tree: Tree) -> None:
+def test_the_length_is_checked_before_the_build(forge: Forge, tree: Tree) -> None:
     """With the remedy, and nothing is run."""
     root = tree({"src/p/package.xml": manifest_text("p", build_type="ament_python"), "src/p/setup.py": ""})
     ran = forge("build", "--dry-run", cwd=root, env={"AMENT_PREFIX_PATH": "/" + "x" * (LIMIT - 30)})

@@ -41,7 +41,7 @@ def build(root: Path) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.mark.needs("cmake", "bash")
-def test_a_folder_with_signs_of_the_shell_in_its_name_works(tmp_path: Path) -> None:
+def test_workspace_paths_with_shell_characters_work(tmp_path: Path) -> None:
     root = workspace(tmp_path / "it's a (`touch sprung`) & 1 [@x@] \u00fc*~=,")
     done = build(root)
     assert done.returncode == 0, done.stderr
@@ -51,7 +51,7 @@ def test_a_folder_with_signs_of_the_shell_in_its_name_works(tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("sign", [":", ";", '"', "\\", "\n", "$", "%", "{", "}"])
-def test_a_folder_that_tools_misread_is_refused_before_anything_is_made(sign: str, tmp_path: Path) -> None:
+def test_workspace_paths_that_tools_cannot_handle_are_rejected_early(sign: str, tmp_path: Path) -> None:
     root = workspace(tmp_path / f"a{sign}b")
     done = build(root)
     assert (done.returncode, (root / "install").exists()) == (2, False)
@@ -59,5 +59,5 @@ def test_a_folder_that_tools_misread_is_refused_before_anything_is_made(sign: st
     assert "move the workspace" in done.stderr
 
 
-def test_only_setuptools_minds_some_signs() -> None:
+def test_characters_that_only_setuptools_rejects() -> None:
     assert not list(path_problems([Path("/a$b%c{d}")], python=False))

@@ -54,7 +54,7 @@ def sourced(root: Path) -> dict[str, str | None]:
     return {"AMENT_PREFIX_PATH": f"{root}/one:{root}/gone:{root}/two"}
 
 
-def test_create_tells_each_thing_it_makes(forge: Forge, tmp_path: Path) -> None:
+def test_create_lists_the_files_it_writes(forge: Forge, tmp_path: Path) -> None:
     argv = ("walker", "--dependencies", "rclcpp", "rclcpp", "--maintainer-email", "a@b.cd")
     ran = forge("pkg", "create", *argv, "--maintainer-name", "Ada", "--license", "MIT", cwd=tmp_path)
     assert (ran.code, ran.err) == (0, "")
@@ -95,7 +95,7 @@ def test_create_makes_the_destination_and_the_python_package(forge: Forge, tmp_p
     assert made == {"setup.py", "walker/__init__.py", "walker/walk.py", "walker/gait/__init__.py", *tests}
 
 
-def test_create_is_complete_though_nobody_reads_what_it_prints(tmp_path: Path) -> None:
+def test_create_completes_with_a_closed_stdout(tmp_path: Path) -> None:
     argv = (sys.executable, "-m", "forge", "pkg", "create", "p", "--build-type", "ament_cmake")
     ours, theirs = os.pipe()
     os.close(ours)
@@ -154,7 +154,7 @@ def test_a_question_mark_lists_the_licences(argv: tuple[str, ...], forge: Forge,
 
 
 @pytest.mark.parametrize("there", ["walker/file", "walker"])
-def test_create_leaves_what_is_there_alone(there: str, forge: Forge, tree: Tree) -> None:
+def test_create_keeps_existing_files(there: str, forge: Forge, tree: Tree) -> None:
     root = tree({there: "mine\n"})
     ran = forge("pkg", "create", "walker", cwd=root)
     assert (ran.code, ran.out) == (2, "")
@@ -163,13 +163,13 @@ def test_create_leaves_what_is_there_alone(there: str, forge: Forge, tree: Tree)
     )
 
 
-def test_create_says_why_it_cannot_write(forge: Forge, tree: Tree) -> None:
+def test_create_explains_write_errors(forge: Forge, tree: Tree) -> None:
     ran = forge("pkg", "create", "walker", "--destination-directory", "file", cwd=tree({"file": ""}))
     assert ran.code == 2
     assert ran.err == "error: cannot create 'file/walker': not a directory\n"
 
 
-def test_create_refuses_before_it_writes(forge: Forge, tmp_path: Path) -> None:
+def test_create_validates_before_writing(forge: Forge, tmp_path: Path) -> None:
     ran = forge("pkg", "create", "my walker", cwd=tmp_path)
     assert (ran.code, ran.out, list(tmp_path.iterdir())) == (2, "", [])
     assert ran.err.startswith("error: invalid package name 'my walker'\nhint: ")
@@ -179,14 +179,14 @@ def test_create_refuses_before_it_writes(forge: Forge, tmp_path: Path) -> None:
     ("email", "told"), [("ada@example.org", "ada@example.org"), ("ada@home", "Ada.L@todo.todo")]
 )
 @pytest.mark.needs("git")
-def test_the_address_is_git_s_if_it_is_one(email: str, told: str, forge: Forge, tree: Tree) -> None:
+def test_the_address_is_taken_from_git(email: str, told: str, forge: Forge, tree: Tree) -> None:
     root = tree({"gitconfig": f"[user]\n\temail = {email}\n"})
     env = {"GIT_CONFIG_GLOBAL": str(root / "gitconfig"), "GIT_CONFIG_SYSTEM": os.devnull}
     ran = forge("pkg", "create", "walker", "--maintainer-name", "Ada L", cwd=root, env=env)
     assert f"maintainer: ['Ada L <{told}>']" in ran.out
 
 
-def test_without_git_the_login_has_to_do(forge: Forge, tmp_path: Path) -> None:
+def test_without_git_the_login_name_is_used(forge: Forge, tmp_path: Path) -> None:
     ran = forge("pkg", "create", "walker", cwd=tmp_path, env={"PATH": str(tmp_path), "LOGNAME": "ada"})
     assert "maintainer: ['ada <ada@todo.todo>']" in ran.out
 
@@ -231,7 +231,7 @@ def test_xml_prints_the_text_of_a_tag(forge: Forge, prefix: Path) -> None:
         ),
     ],
 )
-def test_what_is_not_there_is_one_message(
+def test_missing_packages_are_one_message(
     argv: tuple[str, ...], message: str, forge: Forge, prefix: Path
 ) -> None:
     ran = forge("pkg", *argv, env=sourced(prefix))
@@ -249,7 +249,7 @@ def test_without_prefix_and_workspace_the_next_step_is_named(verb: str, forge: F
 
 
 @pytest.mark.parametrize("layout", ["isolated", "merged"])
-def test_the_workspace_around_need_not_be_sourced(layout: str, forge: Forge, tree: Tree) -> None:
+def test_the_current_workspace_need_not_be_sourced(layout: str, forge: Forge, tree: Tree) -> None:
     """Sourced prefixes come first, then the workspace, then the underlays that it was built on."""
     folder = "" if layout == "merged" else "walker/"
     root = tree(
@@ -279,5 +279,5 @@ def test_the_workspace_around_need_not_be_sourced(layout: str, forge: Forge, tre
     )
 
 
-def test_pkg_wants_a_verb(forge: Forge) -> None:
+def test_pkg_requires_a_subcommand(forge: Forge) -> None:
     assert forge("pkg").code == 2

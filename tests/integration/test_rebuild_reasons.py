@@ -136,7 +136,7 @@ def emptied_install(root: Path) -> None:
         (emptied_install, "'install/plain/share/plain/package.bash' and "),
     ],
 )
-def test_a_reason_stays_true_when_it_is_asked_again(
+def test_reasons_do_not_change_when_asked_again(
     change: Callable[[Path], None], reason: str, forge: Forge, workspace: Path
 ) -> None:
     """A run that builds nothing, such as --dry-run, has read the files."""
@@ -147,7 +147,7 @@ def test_a_reason_stays_true_when_it_is_asked_again(
         assert reasons(forge, workspace, "--packages-select", "plain")["plain"].startswith(reason)
 
 
-def test_files_and_folders_outside_are_named(forge: Forge, tree: Tree, tmp_path: Path) -> None:
+def test_external_files_and_folders_are_named(forge: Forge, tree: Tree, tmp_path: Path) -> None:
     """A header, its folder, and a file of the workspace that belongs to no package."""
     system = tmp_path / "system"
     code = f"include_directories({system})\nadd_library(a a.cpp)\nfile(READ ../shared.txt text)"
@@ -185,7 +185,7 @@ def test_files_and_folders_outside_are_named(forge: Forge, tree: Tree, tmp_path:
         (3, "/other/forge", "forge now runs in '/other/forge' with Python {2}, not in '{3}' with Python {2}"),
     ],
 )
-def test_another_forge_is_named_by_what_differs(
+def test_a_different_forge_is_described_by_what_differs(
     part: int, word: str, text: str, forge: Forge, workspace: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Its version, its code, or only the Python that runs it."""
@@ -227,7 +227,7 @@ def test_a_file_that_another_package_overwrites_is_not_called_changed(forge: For
     )
 
 
-def test_what_else_is_selected_is_no_input(forge: Forge, tree: Tree) -> None:
+def test_the_selection_is_not_an_input(forge: Forge, tree: Tree) -> None:
     """A Python package alone and with one of CMake, which needs more tools."""
     root = tree(
         {

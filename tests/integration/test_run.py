@@ -44,7 +44,7 @@ def run(forge: Forge, root: Path, *argv: str) -> tuple[int, str, str]:
         ("build", "run", "@file"),
     ],
 )
-def test_the_program_gets_its_words_as_they_are(argv: tuple[str, ...], forge: Forge, tree: Tree) -> None:
+def test_the_program_gets_its_arguments_unchanged(argv: tuple[str, ...], forge: Forge, tree: Tree) -> None:
     root = tree({MARK: "", "lib/walker/say": SAY})
     assert run(forge, root, "walker", "say", *argv) == (0, "".join(f"[{word}]" for word in argv), "")
 
@@ -53,7 +53,7 @@ def test_two_dashes_end_the_options_of_forge(forge: Forge, tree: Tree) -> None:
     assert run(forge, tree({MARK: "", "lib/walker/say": SAY}), "--", "walker", "say", "a")[1] == "[a]"
 
 
-def test_a_prefix_stands_in_front(forge: Forge, tree: Tree) -> None:
+def test_the_prefix_command_comes_first(forge: Forge, tree: Tree) -> None:
     root = tree({MARK: "", "lib/walker/say": SAY, "wrap": '#!/bin/sh\nprintf "$1:"; shift; exec "$@"\n'})
     code, out, _ = run(forge, root, "--prefix", f"'{root}/wrap' 'a b'", "walker", "say", "--prefix", "c")
     assert (code, out) == (0, "a b:[--prefix][c]")
@@ -72,14 +72,14 @@ def test_the_program_runs_in_the_folder_of_the_caller(forge: Forge, tree: Tree) 
         ("kill -KILL $$", -signal.SIGKILL, f"[ros2run]: {signal.strsignal(signal.SIGKILL)}\n"),
     ],
 )
-def test_the_end_of_the_program_is_the_end_of_forge(
+def test_the_exit_code_is_that_of_the_program(
     script: str, code: int, told: str, forge: Forge, tree: Tree
 ) -> None:
     root = tree({MARK: "", "lib/walker/end": f"#!/bin/sh\n{script}\n"})
     assert run(forge, root, "walker", "end") == (code, "", told)
 
 
-def test_forge_leaves_ctrl_c_to_the_program_and_hands_on_the_rest(tree: Tree) -> None:
+def test_ctrl_c_goes_to_the_program_and_other_signals_are_forwarded(tree: Tree) -> None:
     script = (
         "#!/bin/sh\ntrap 'echo interrupted' INT\ntrap 'echo asked to end; exit 5' TERM\n"
         "echo ready\nwhile :; do sleep 0.02; done\n"
@@ -109,7 +109,7 @@ def test_signals_to_forge_itself_reach_the_program_except_ctrl_c(forge: Forge, t
     assert run(forge, tree({MARK: "", "lib/walker/end": script}), "walker", "end")[0] == 5
 
 
-def test_handlers_are_put_back(forge: Forge, tree: Tree) -> None:
+def test_signal_handlers_are_restored(forge: Forge, tree: Tree) -> None:
     before = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)]
     run(forge, tree({MARK: "", "lib/walker/say": SAY}), "walker", "say")
     assert before == [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)]
@@ -136,7 +136,7 @@ def test_handlers_are_put_back(forge: Forge, tree: Tree) -> None:
         (("--prefix", "'gdb", "walker", "say"), "cannot parse --prefix: no closing quotation"),
     ],
 )
-def test_what_cannot_run_is_one_message(
+def test_programs_that_cannot_run_are_one_message(
     argv: tuple[str, ...], message: str, forge: Forge, tree: Tree
 ) -> None:
     root = tree(
@@ -170,14 +170,14 @@ MANY = "'a', 'b', 'c', 'd', 'e', 'f', 'g', 'h', 'i', 'j'; 'forge pkg executables
         (("wolker",), "a", "package 'wolker' not found\nhint: did you mean 'walker'?"),
     ],
 )
-def test_run_wants_two_names(
+def test_run_requires_package_and_program(
     argv: tuple[str, ...], programs: str, told: str, forge: Forge, tree: Tree
 ) -> None:
     root = tree({MARK: "", **{f"lib/walker/{name}": SAY for name in programs}})
     assert run(forge, root, *argv) == (2, "", f"error: {told}\n".replace("{}", str(root)))
 
 
-def test_a_package_without_programs_says_so(forge: Forge, tree: Tree) -> None:
+def test_a_package_without_programs_is_reported(forge: Forge, tree: Tree) -> None:
     root = tree({MARK: ""})
     told = f"hint: package 'walker' has no executables in '{root}/lib/walker'\n"
     assert run(forge, root, "walker", "say") == (2, "", f"error: no executable found\n{told}")
@@ -218,7 +218,7 @@ OTHER = "it is in '{}/lib/wlaker' instead of lib/walker: "
         ),
     ],
 )
-def test_a_program_that_was_not_installed_where_it_belongs(
+def test_a_program_installed_in_the_wrong_folder_is_reported(
     files: dict[str, str], where: str, hint: str, forge: Forge, tree: Tree
 ) -> None:
     root = tree(files)
@@ -227,7 +227,7 @@ def test_a_program_that_was_not_installed_where_it_belongs(
     assert f"{where.format(root)}{hint}" in err
 
 
-def test_a_script_with_the_line_ends_of_windows(forge: Forge, tree: Tree) -> None:
+def test_a_script_with_windows_line_ends_is_reported(forge: Forge, tree: Tree) -> None:
     """The system would report a missing 'python3' followed by an invisible character."""
     root = tree({MARK: "", "lib/walker/say": SAY.replace("\n", "\r\n")})
     code, _, err = run(forge, root, "walker", "say")
@@ -236,7 +236,7 @@ def test_a_script_with_the_line_ends_of_windows(forge: Forge, tree: Tree) -> Non
     assert "hint: fix the source: sed -i 's/\\r$//' say, and build again" in err
 
 
-def test_a_program_for_another_platform(forge: Forge, tree: Tree) -> None:
+def test_a_program_for_another_platform_is_reported(forge: Forge, tree: Tree) -> None:
     """For example one of a workspace that was built with --target."""
     root = tree({MARK: "", "lib/walker/say": ""})
     (root / "lib/walker/say").write_bytes(b"\x7fELF\x02\x01\x01" + bytes(57))
@@ -247,7 +247,7 @@ def test_a_program_for_another_platform(forge: Forge, tree: Tree) -> None:
     assert "--prefix 'qemu-aarch64 -L /usr/aarch64-linux-gnu'" in err
 
 
-def test_a_package_that_was_not_built_is_not_to_be_sourced(forge: Forge, tree: Tree) -> None:
+def test_unbuilt_packages_are_not_blamed_on_sourcing(forge: Forge, tree: Tree) -> None:
     files = {"install/.colcon_install_layout": "isolated\n", "install/half/lib/half/x": ""}
     manifest = {"src/zzz/package.xml": manifest_text("zzz")}
     root = tree({**files, **manifest, f"install/walker/{MARK}": ""})

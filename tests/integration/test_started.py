@@ -59,7 +59,7 @@ def test_what_a_build_started_is_ended(tmp_path: Path, started: list[subprocess.
     assert process.wait(timeout=5) == -signal.SIGKILL
 
 
-def test_asked_gently_it_may_tidy_up(tmp_path: Path, started: list[subprocess.Popen[str]]) -> None:
+def test_processes_can_clean_up_after_sigterm(tmp_path: Path, started: list[subprocess.Popen[str]]) -> None:
     tidy = "trap 'echo tidied; exit 3' TERM; echo $$; while :; do sleep 0.05; done"
     process, _ = start(["sh", "-c", tidy], tmp_path)
     started.append(process)
@@ -90,7 +90,7 @@ def test_a_process_with_a_reused_id_keeps_running(
     assert process.poll() is None
 
 
-def test_ids_of_another_start_of_the_system_say_nothing(
+def test_process_ids_of_another_boot_are_ignored(
     tmp_path: Path, started: list[subprocess.Popen[str]]
 ) -> None:
     process, _ = start(SLEEP, tmp_path, told=True)
@@ -107,7 +107,7 @@ def test_corrupt_notes_are_ignored(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("told", [True, False])
-def test_what_an_ended_program_left_in_its_session(tmp_path: Path, *, told: bool) -> None:
+def test_processes_left_in_a_session_are_ended(tmp_path: Path, *, told: bool) -> None:
     """It is ended if it knows the build: else its id may be another one's by now."""
     process, child = start(ENDS_AND_LEAVES, tmp_path, told=told)
     process.wait()
@@ -118,7 +118,7 @@ def test_what_an_ended_program_left_in_its_session(tmp_path: Path, *, told: bool
     process.communicate()
 
 
-def test_what_descends_from_it_is_ended_in_whatever_session(
+def test_descendants_in_other_sessions_are_ended(
     tmp_path: Path, started: list[subprocess.Popen[str]]
 ) -> None:
     process, child = start(MOVES_AWAY, tmp_path)

@@ -98,14 +98,14 @@ def test_all_kinds_of_packages_are_tested(forge: Forge, workspace: Path) -> None
     assert not list(workspace.glob("src/**/__pycache__"))
 
 
-def test_the_sums_are_those_of_the_files(forge: Forge, workspace: Path) -> None:
+def test_totals_match_the_result_files(forge: Forge, workspace: Path) -> None:
     forge("test", cwd=workspace)
     ran = forge("test-result", cwd=workspace)
     assert ran.code == 1
     assert ran.out.endswith("\nSummary: 9 tests, 0 errors, 3 failures, 1 skipped\n")
 
 
-def test_what_failed_can_be_repeated_line_by_line(forge: Forge, workspace: Path) -> None:
+def test_failed_tests_can_be_repeated_by_the_printed_lines(forge: Forge, workspace: Path) -> None:
     ran = forge("test", cwd=workspace)
     assert "3 failed tests:\n  c_bad: bad.one\n      no luck\n" in ran.out
     assert "  p_test: tests.test_p_test.test_value[2]\n      assert 2 == 1\n" in ran.out
@@ -216,7 +216,7 @@ def test_a_run_of_ctest_without_a_result_is_an_error_in_the_results(
     assert_the_run_failed(forge, root, "ctest exited without writing a result")
 
 
-def test_a_run_of_ctest_whose_arguments_run_nothing_is_an_error(forge: Forge, workspace: Path) -> None:
+def test_ctest_arguments_that_select_no_test_are_an_error(forge: Forge, workspace: Path) -> None:
     options = ("--packages-select", "c_bad", "--ctest-args", "-D", "ContinuousTest")
     ran = forge("test", "--return-code-on-test-failure", *options, cwd=workspace)
     assert ran.code == 1
@@ -265,7 +265,7 @@ def test_a_run_that_was_killed_with_forge_is_an_error(forge: Forge, tree: Tree) 
     assert forge("build", cwd=root).code == 0
 
 
-def test_results_of_tests_that_are_gone_are_gone(forge: Forge, tree: Tree) -> None:
+def test_results_of_removed_tests_are_deleted(forge: Forge, tree: Tree) -> None:
     root = tree({**cmake_package("c", GOOD), **python_package("p", "def test_a(): pass", pytest=True)})
     assert forge("build", cwd=root).code == 0
     for base in ("build", "results"):
@@ -312,7 +312,7 @@ def test_the_frameworks_get_arguments_that_are_options_of_forge_too(
     assert f" {' '.join(passed)}" in (workspace / "log/latest_test/p_test/command.log").read_text()
 
 
-def test_coverage_where_the_plugin_is(forge: Forge, workspace: Path) -> None:
+def test_pytest_cov_is_used_if_installed(forge: Forge, workspace: Path) -> None:
     only = ("--packages-select", "p_test", "--pytest-with-coverage")
     ran = forge("test", *only, cwd=workspace)
     plugin = importlib.util.find_spec("pytest_cov") is not None
@@ -338,7 +338,7 @@ def test_coverage_is_part_of_the_summary(forge: Forge, workspace: Path) -> None:
     assert events[-1]["tests"] == {"tests": 2, "errors": 0, "failures": 1, "skipped": 0}
 
 
-def test_a_run_that_dies_leaves_a_result_and_is_repeated_whole(forge: Forge, workspace: Path) -> None:
+def test_a_crashed_test_run_leaves_a_result_and_is_repeated(forge: Forge, workspace: Path) -> None:
     test = workspace / "src/u_test/tests/test_u_test.py"
     text = test.read_text()
     test.write_text("import os\nos._exit(1)\n")
@@ -358,7 +358,7 @@ def test_unittest_may_run_what_pytest_would(forge: Forge, workspace: Path) -> No
     assert (workspace / "build/p_test/unittest.xml").is_file()
 
 
-def test_results_may_go_elsewhere(forge: Forge, workspace: Path, tmp_path: Path) -> None:
+def test_results_can_be_written_elsewhere(forge: Forge, workspace: Path, tmp_path: Path) -> None:
     forge("test", "--test-result-base", str(tmp_path / "results"), cwd=workspace)
     names = {path.relative_to(tmp_path / "results").as_posix() for path in tmp_path.glob("results/*/*.xml")}
     assert names == {"p_test/pytest.xml", "u_test/unittest.xml", "u_none/unittest.xml"}
@@ -488,7 +488,7 @@ def test_a_broken_manifest_stops_testing(forge: Forge, tree: Tree) -> None:
     assert forge("test", cwd=root).code == 2
 
 
-def test_an_unknown_kind_of_package_is_left_out_with_a_word(forge: Forge, tree: Tree) -> None:
+def test_packages_of_unknown_build_types_are_skipped_with_a_warning(forge: Forge, tree: Tree) -> None:
     root = tree({"src/a/package.xml": manifest_text("a", build_type="catkin")})
     ran = forge("test", cwd=root)
     assert ran.code == 0

@@ -103,7 +103,7 @@ def test_files_can_set_it(files: dict[str, str], forge: Forge, tree: Tree, works
         ("{}", ("--cmake-args", "-DBUILD_TESTING=OFF", "-DBUILD_TESTING=ON")),
     ],
 )
-def test_what_holds_for_a_package_decides(
+def test_package_options_take_precedence(
     meta: str, options: tuple[str, ...], forge: Forge, tree: Tree, workspace: Path
 ) -> None:
     """Its own arguments come after those of all packages, and the last one counts."""
@@ -133,7 +133,7 @@ def test_the_option_rebuilds_only_what_it_affects(forge: Forge, workspace: Path)
     assert "script: build, the dependency 'lint' was added\n" in ran.out
 
 
-def test_tests_say_that_there_are_none(forge: Forge, workspace: Path) -> None:
+def test_packages_built_without_tests_are_reported(forge: Forge, workspace: Path) -> None:
     built(forge, workspace, "--packages-up-to", "top", *OFF)
     ran = forge("test", "--packages-select", "top", "--return-code-on-test-failure", cwd=workspace)
     assert ran.code == 0, ran.err

@@ -50,7 +50,7 @@ def results(tree: Tree) -> Path:
     )
 
 
-def test_files_with_failures_have_a_line_and_all_make_the_sum(forge: Forge, results: Path) -> None:
+def test_each_failed_file_has_a_line_and_the_total_counts_all(forge: Forge, results: Path) -> None:
     ran = forge("test-result", cwd=results)
     assert ran.code == 1
     assert ran.err == ""
@@ -61,7 +61,7 @@ def test_files_with_failures_have_a_line_and_all_make_the_sum(forge: Forge, resu
     )
 
 
-def test_all_of_them(forge: Forge, results: Path) -> None:
+def test_all_result_files_are_listed_on_request(forge: Forge, results: Path) -> None:
     ran = forge("test-result", "--all", "--verbose", cwd=results)
     assert ran.out.splitlines() == [
         "build/a/pytest.xml: 1 test, 0 errors, 0 failures, 0 skipped",
@@ -82,7 +82,7 @@ def test_all_of_them(forge: Forge, results: Path) -> None:
     ]
 
 
-def test_verbose_tells_why_tests_were_skipped(forge: Forge, tree: Tree) -> None:
+def test_verbose_explains_skipped_tests(forge: Forge, tree: Tree) -> None:
     root = tree(
         {
             "build/a/pytest.xml": SKIPPED,
@@ -101,19 +101,19 @@ def test_verbose_tells_why_tests_were_skipped(forge: Forge, tree: Tree) -> None:
     assert "Skipped" not in forge("test-result", cwd=root).out
 
 
-def test_paths_alone(forge: Forge, results: Path) -> None:
+def test_only_paths_are_printed_on_request(forge: Forge, results: Path) -> None:
     ran = forge("test-result", "--result-files-only", cwd=results)
     assert (ran.code, ran.out) == (1, "build/b/unittest.xml\nbuild/c/test_results/c/no.xunit.xml\n")
     ran = forge("test-result", "--result-files-only", "--test-result-base", "build/a", cwd=results)
     assert (ran.code, ran.out) == (0, "")
 
 
-def test_without_failures_all_is_well(forge: Forge, results: Path) -> None:
+def test_without_failures_the_exit_code_is_0(forge: Forge, results: Path) -> None:
     ran = forge("test-result", "--test-result-base", "build/a", cwd=results)
     assert (ran.code, ran.out) == (0, "Summary: 1 test, 0 errors, 0 failures, 0 skipped\n")
 
 
-def test_json_for_tools(forge: Forge, results: Path) -> None:
+def test_results_can_be_printed_as_json(forge: Forge, results: Path) -> None:
     told = json.loads(forge("test-result", "--json", cwd=results).out)
     assert told["summary"] == {"tests": 6, "errors": 0, "failures": 2, "skipped": 0}
     assert told["results"][0]["path"] == "build/b/unittest.xml"
@@ -191,13 +191,13 @@ def test_a_folder_that_cannot_be_read_may_contain_failures(
     assert "permission denied" in found[0].cases[0].errors[0].lower()
 
 
-def test_a_place_without_results_is_a_mistake(forge: Forge, tree: Tree) -> None:
+def test_a_folder_without_results_is_an_error(forge: Forge, tree: Tree) -> None:
     root = tree({"file": ""})
     assert forge("test-result", cwd=root).code == 2
     assert forge("test-result", "--test-result-base", "file", cwd=root).code == 2
 
 
-def test_deleting_asks_first(forge: Forge, results: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_deleting_asks_for_confirmation(forge: Forge, results: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for answer, end in (("n\n", "Aborted\n"), ("", "Aborted\n"), ("what\ny\n", "Deleted 5 files\n")):
         monkeypatch.setattr(sys, "stdin", io.StringIO(answer))
         ran = forge("test-result", "--delete", cwd=results)

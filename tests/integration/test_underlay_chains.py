@@ -76,7 +76,7 @@ def test_an_overlay_never_becomes_an_underlay(shell: str, tool: str, forge: Forg
     assert after["COLCON_PREFIX_PATH"] == str(low / "install")
 
 
-def test_a_recorded_overlay_is_forgotten(forge: Forge, tmp_path: Path) -> None:
+def test_a_recorded_overlay_is_removed_from_the_underlays(forge: Forge, tmp_path: Path) -> None:
     """An earlier version has recorded it: the next build corrects it, though all is up to date."""
     low, top = workspace(tmp_path / "low", "pa"), workspace(tmp_path / "top", "pb", "<depend>pa</depend>")
     assert forge("build", cwd=low).code == 0
@@ -171,7 +171,7 @@ def test_two_distributions_in_one_chain_are_a_warning(where: str, forge: Forge, 
     )
 
 
-def test_one_distribution_is_no_warning(forge: Forge, tmp_path: Path) -> None:
+def test_a_single_distribution_gives_no_warning(forge: Forge, tmp_path: Path) -> None:
     _, ran = build_on(forge, tmp_path, "humble", {}, ROS_DISTRO="humble")
     assert (ran.code, ran.err) == (0, "")
 

@@ -41,7 +41,7 @@ def generate(root: Path, name: str, **variables: str) -> subprocess.CompletedPro
     return ask(root, "interface", "generate", "--package", name, "--output", "out", name, **variables)
 
 
-def test_through_the_worker_and_without_it_all_is_the_same(package: Path) -> None:
+def test_commands_behave_the_same_with_and_without_the_worker(package: Path) -> None:
     alone = [generate(package, name) for name in ("good", "bad")]
     written = (package / "out/python/good/msg/_a.py").read_text()
     shutil.rmtree(package / "out")
@@ -72,7 +72,7 @@ def until(question: Callable[[], bool]) -> None:
 
 
 @pytest.mark.needs("pgrep")
-def test_what_a_caller_wanted_ends_with_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_commands_end_with_their_caller(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """An interrupt ends the callers; what they asked for must not go on behind their backs."""
     (tmp_path / "dawdling.py").write_text(DAWDLING)
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join((HOME, str(tmp_path))))
@@ -118,7 +118,7 @@ def test_the_processor_time_of_commands_counts_for_the_worker(tmp_path: Path) ->
     assert float(result.read_text()) >= 0.3
 
 
-def test_many_callers_at_once(package: Path) -> None:
+def test_the_worker_serves_callers_concurrently(package: Path) -> None:
     with worker(*INTERFACE_MODULES) as variables:
         environment = {**os.environ, **variables}
         words = [sys.executable, "-S", "-E", str(CLIENT), "interface", "hash", "std_msgs/msg/String"]
@@ -131,10 +131,10 @@ def test_many_callers_at_once(package: Path) -> None:
     assert "RIHS01_" in answers.pop()
 
 
-def test_a_worker_that_has_gone_is_no_obstacle(package: Path) -> None:
+def test_a_vanished_worker_is_no_error(package: Path) -> None:
     assert generate(package, "good", FORGE_WORKER=str(package / "nobody")).returncode == 0
 
 
-def test_the_end_of_argparse_is_an_exit_code_too(package: Path) -> None:
+def test_exits_of_argparse_are_returned_as_exit_codes(package: Path) -> None:
     with worker(*INTERFACE_MODULES) as variables:
         assert ask(package, "interface", "generate", "--nonsense", **variables).returncode == 2

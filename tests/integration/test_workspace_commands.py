@@ -47,7 +47,7 @@ def test_embedded_packages_show_only_when_asked_for(forge: Forge, workspace: Pat
     assert "name: ament_cmake\n" in forge("info", "--embedded", cwd=workspace).out
 
 
-def test_a_broken_manifest_is_a_warning_to_a_listing(forge: Forge, workspace: Path) -> None:
+def test_a_broken_manifest_is_a_warning_for_list(forge: Forge, workspace: Path) -> None:
     (workspace / "src/b/package.xml").write_text("<package/>")
     ran = forge("list", "-n", cwd=workspace)
     assert ran.out == "a\nc\np\n"
@@ -77,7 +77,7 @@ def test_graph_for_graphviz_colours_edges_by_category(forge: Forge, workspace: P
     ]
 
 
-def test_info_says_what_the_manifest_says(forge: Forge, workspace: Path) -> None:
+def test_info_prints_the_manifest(forge: Forge, workspace: Path) -> None:
     assert forge("info", "c", cwd=workspace).out == (
         "path: src/z/c\n  type: ros.ament_cmake\n  name: c\n"
         "  dependencies:\n    build: \n    run: b\n    test: \n"
@@ -102,7 +102,7 @@ def test_a_cycle_is_an_error_of_every_command(forge: Forge, tree: Tree) -> None:
         assert "error: dependency cycle: a -> b -> a" in ran.err
 
 
-def test_names_are_taken_with_a_blank_in_front_and_numbers_checked(forge: Forge, workspace: Path) -> None:
+def test_names_are_trimmed_and_numbers_checked(forge: Forge, workspace: Path) -> None:
     assert forge("list", "-n", "--packages-select", " a", cwd=workspace).out == "a\n"
     assert forge("list", "-n", "--packages-above-depth", "1", "a", cwd=workspace).out == "a\nb\n"
     ran = forge("list", "--packages-above-depth", "a", cwd=workspace)
@@ -117,7 +117,7 @@ def test_strict_makes_an_unknown_name_an_error(forge: Forge, workspace: Path) ->
     assert (ran.code, "did you mean 'a'?" in ran.err) == (2, True)
 
 
-def test_ignored_packages_are_as_if_they_were_not_there(forge: Forge, workspace: Path) -> None:
+def test_ignored_packages_are_treated_as_absent(forge: Forge, workspace: Path) -> None:
     assert forge("graph", "--packages-ignore", "b", "p", cwd=workspace).out == "a  + \nc   +\n"
     assert forge("list", "-n", "--packages-ignore-regex", "[ab]", cwd=workspace).out == "c\np\n"
 
@@ -144,7 +144,7 @@ def test_list_graph_and_info_speak_json(forge: Forge, workspace: Path) -> None:
     assert package["dependencies"] == {"build": ["a"], "run": ["a"], "test": []}
 
 
-def test_a_graph_shows_what_is_left_out_on_request(forge: Forge, workspace: Path) -> None:
+def test_a_graph_can_show_deselected_packages(forge: Forge, workspace: Path) -> None:
     skip = ("--packages-skip", "b")
     plain = forge("graph", "--dot", *skip, cwd=workspace).out
     assert '  "c" -> "a" [color="#ff0000", style="dashed"];\n' in plain
@@ -156,7 +156,7 @@ def test_a_graph_shows_what_is_left_out_on_request(forge: Forge, workspace: Path
     assert '    _legend_run -> _legend_test [label="test dep.", color="#d2b48c"];\n' in framed
 
 
-def test_the_older_words_for_graphs_draw_them(forge: Forge, workspace: Path) -> None:
+def test_older_graph_options_still_work(forge: Forge, workspace: Path) -> None:
     matrix = forge("graph", "--legend", cwd=workspace).out
     assert forge("list", "-g", "--topological-graph-legend", cwd=workspace).out == matrix
     dot = forge("graph", "--dot", cwd=workspace).out
@@ -181,7 +181,7 @@ def test_packages_of_one_name_are_shown_and_refused_only_by_a_build_of_both(
     assert forge("build", "--dry-run", "--packages-select", "p", cwd=workspace).code == 0
 
 
-def test_nothing_to_tell_about_is_an_error_of_info(forge: Forge, tree: Tree) -> None:
+def test_info_without_packages_is_an_error(forge: Forge, tree: Tree) -> None:
     ran = forge("info", cwd=tree({}))
     assert ran.code == 2
     assert "no packages found below" in ran.err

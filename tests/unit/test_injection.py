@@ -94,7 +94,7 @@ def skeleton(text: str) -> str:
 
 @quick
 @given(messages)
-def test_python_is_the_same_module_whatever_authors_say(message: Message) -> None:
+def test_python_code_does_not_depend_on_comments_and_values(message: Message) -> None:
     found = generated(message, "python")
     plain = generated(NEUTRAL, "python")
     for path, text in found.items():
@@ -120,7 +120,7 @@ def _without_docs(text: str) -> str:
 
 @quick
 @given(messages)
-def test_idl_says_the_same_when_it_is_read_again(message: Message) -> None:
+def test_generated_idl_round_trips(message: Message) -> None:
     (text,) = generated(message, "idl").values()
     again = parse(Source("pkg", "msg/Hostile.idl", Path("Hostile.idl"), text))
     assert isinstance(again, Message)
@@ -150,7 +150,7 @@ class _Tags(HTMLParser):
 
 @quick
 @given(messages)
-def test_pages_of_documentation_have_no_tag_of_their_subjects(message: Message) -> None:
+def test_documentation_pages_contain_no_foreign_tags(message: Message) -> None:
     markdown_it = pytest.importorskip("markdown_it")
     tags = []
     for each in (message, NEUTRAL):
@@ -163,7 +163,7 @@ def test_pages_of_documentation_have_no_tag_of_their_subjects(message: Message) 
 
 
 @pytest.mark.parametrize("name", [".X", "X\n", "X;Y", "X Y", "X$(a)", "\u202eX", "x"])
-def test_an_interface_cannot_be_called_so(name: str) -> None:
+def test_invalid_interface_names_are_rejected(name: str) -> None:
     with pytest.raises(ForgeError):
         parse(Source("pkg", f"msg/{name}.msg", Path("x.msg"), "int8 a\n"))
 
@@ -171,7 +171,7 @@ def test_an_interface_cannot_be_called_so(name: str) -> None:
 @pytest.mark.parametrize(
     "line", ["int8 ../a", "int8 a;b", "../x/Y a", "a/../Y a", "int8 a$(b)", "int8 a\u202e", "pkg/X\u202eY a"]
 )
-def test_a_member_cannot_be_called_so(line: str) -> None:
+def test_invalid_member_lines_are_rejected(line: str) -> None:
     with pytest.raises(ForgeError):
         parse(Source("pkg", "msg/X.msg", Path("x.msg"), f"{line}\n"))
 
@@ -184,7 +184,7 @@ def test_a_member_cannot_be_called_so(line: str) -> None:
 @example(f"x) execute_process(COMMAND touch {CANARY}", "depend")
 @example("../../x", "name")
 @example("*/\n#error sprung_canary\n", "build_type")
-def test_a_manifest_with_such_names_is_refused_or_harmless(text: str, tag: str) -> None:
+def test_hostile_manifests_are_rejected_or_harmless(text: str, tag: str) -> None:
     from xml.sax.saxutils import escape
 
     content = manifest_text(
@@ -208,7 +208,7 @@ def test_a_manifest_with_such_names_is_refused_or_harmless(text: str, tag: str) 
     ["../x", "/x", "a/b", "..", ".", ".git", "-rf", "a b", "a\nb", "$(x)", "a'b", 'a"b', "x" * 300],
 )
 @pytest.mark.parametrize("where", ["colcon.pkg", "setup.py", "pyproject.toml", "setup.cfg"])
-def test_a_package_cannot_be_called_so(name: str, where: str, tmp_path: Path) -> None:
+def test_invalid_package_names_are_rejected(name: str, where: str, tmp_path: Path) -> None:
     texts = {
         "colcon.pkg": json.dumps({"name": name, "type": "cmake"}),
         "setup.py": f"from setuptools import setup\nsetup(name={name!r})\n",
@@ -227,7 +227,7 @@ def test_a_package_cannot_be_called_so(name: str, where: str, tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("hook", ["../x.sh", "/x.sh", "a/../../x.sh", "a\nset;PATH;x", "", 5, {}])
-def test_a_hook_cannot_be_there(hook: object, tmp_path: Path) -> None:
+def test_hooks_outside_of_the_package_are_rejected(hook: object, tmp_path: Path) -> None:
     (tmp_path / "package.xml").write_text(manifest_text("pkg"))
     (tmp_path / "colcon.pkg").write_text(json.dumps({"hooks": [hook]}))
     found = identify(tmp_path, Path(), ["package.xml", "colcon.pkg"], {}, Overrides())
@@ -236,7 +236,7 @@ def test_a_hook_cannot_be_there(hook: object, tmp_path: Path) -> None:
 
 @quick
 @given(hostile(), hostile(), hostile(), st.sampled_from(BUILD_TYPES))
-def test_a_new_package_says_what_it_was_told(
+def test_created_packages_contain_the_given_texts(
     description: str, license_: str, name: str, build_type: str
 ) -> None:
     try:
@@ -259,7 +259,7 @@ def test_a_new_package_says_what_it_was_told(
 
 
 @pytest.mark.parametrize("relative", ["../X.msg", "/X.msg", "msg/../../X.msg", "msg/../X.msg"])
-def test_a_definition_cannot_lie_elsewhere(relative: str, tmp_path: Path) -> None:
+def test_definitions_outside_of_the_package_are_rejected(relative: str, tmp_path: Path) -> None:
     (tmp_path / "msg").mkdir()
     (tmp_path / "X.msg").write_text("int8 a\n")
     with pytest.raises(ForgeError, match="must be relative and without"):
@@ -279,14 +279,14 @@ def test_a_definition_cannot_lie_elsewhere(relative: str, tmp_path: Path) -> Non
         "set;$A;b",
     ],
 )
-def test_a_hook_file_with_such_a_line_is_refused(line: str) -> None:
+def test_invalid_hook_lines_are_rejected(line: str) -> None:
     with pytest.raises(WorkspaceError, match="invalid environment hook"):
         parse_dsv(f"{line}\n", "package.dsv")
 
 
 @quick
 @given(hostile("\n", "\r", "\x0b", "\x0c", "\x1c", "\x1d", "\x1e", "\x85", "\u2028", "\u2029", "\0"))
-def test_a_hook_file_says_one_thing_a_line(text: str) -> None:
+def test_a_hook_line_is_one_operation(text: str) -> None:
     changes, sources = parse_dsv(f"set;VALUE;{text}\n", "package.dsv")
     assert (changes, sources) == ((DsvChange("set", "VALUE", text),), ())
     assert resolve_hooks(changes, lambda _: False)
@@ -296,18 +296,18 @@ def test_a_hook_file_says_one_thing_a_line(text: str) -> None:
 
 
 @pytest.mark.parametrize("path", ["/a\n\ttouch b\n", "/a;touch b"])
-def test_a_path_that_make_has_no_word_for_is_refused(path: str, tmp_path: Path) -> None:
+def test_paths_that_make_cannot_express_are_rejected(path: str, tmp_path: Path) -> None:
     with pytest.raises(HostError, match="make cannot handle the path"):
         write_depfile(tmp_path / "deps", Path("x"), [Path(path)])
 
 
-def test_error_messages_move_no_cursor() -> None:
+def test_error_messages_contain_no_control_characters() -> None:
     content = manifest_text("pkg", "<x\x85y>\u202e</x\x85y>", "<depend>a b\u202e\x9b31m</depend>").encode()
     with pytest.raises(WorkspaceError) as caught:
         parse_manifest(content, Path("package.xml"), {})
     assert not re.search("[\x1b\x80-\x9f\u202e]", str(caught.value))
 
 
-def test_the_result_of_tests_that_left_none_is_xml() -> None:
+def test_the_substitute_test_result_is_valid_xml() -> None:
     text = render_template("testing/error_result.xml.j2", package="a.b-c+d", test="pytest", message="<>")
     assert parse_xml(text.encode(), Path("pytest.xml")).attributes["name"] == "a.b-c+d"

@@ -76,7 +76,7 @@ def site_of(text: str) -> dict[str, str]:
 
 @quick
 @given(hostile("\r"))
-def test_pages_about_interfaces_have_no_element_of_their_subjects(text: str) -> None:
+def test_interface_pages_contain_no_foreign_elements(text: str) -> None:
     # A comment may make paragraphs and drawings, and there may be nothing to be seen of it.
     plain = site_of("x\n\n  a   b\n")
     for path, found in site_of(text).items():
@@ -88,7 +88,7 @@ def test_pages_about_interfaces_have_no_element_of_their_subjects(text: str) -> 
 
 
 @everywhere
-def test_pages_about_interfaces_say_every_fragment(fragment: str) -> None:
+def test_interface_pages_show_every_fragment_as_text(fragment: str) -> None:
     said = read_page(site_of(f"x{fragment}x")["demo/msg/Thing.html"]).text
     letters = "".join(char for char in fragment if char.isascii() and char.isprintable() and char != " ")
     assert letters in re.sub(r"\s", "", said)
@@ -121,7 +121,7 @@ named = hostile("/", "\0").filter(lambda text: text not in {"", ".", "..", "abov
 
 @quick
 @given(hostile("/", "\0"), named)
-def test_the_page_of_a_graph_has_no_element_of_its_packages(text: str, name: str) -> None:
+def test_graph_pages_contain_no_foreign_elements(text: str, name: str) -> None:
     plain, found = picture_of(chart_of("x", "below"), "html"), picture_of(chart_of(text, name), "html")
     assert elements(found) == elements(plain)
     assert scripts(found)[0] == scripts(plain)[0]
@@ -134,7 +134,7 @@ def test_the_page_of_a_graph_has_no_element_of_its_packages(text: str, name: str
 
 @quick
 @given(named)
-def test_the_picture_of_a_graph_has_no_element_of_its_packages(name: str) -> None:
+def test_graph_pictures_contain_no_foreign_elements(name: str) -> None:
     found, plain = (
         # Our own text, and an attack on its reader is what is sought.
         list(ET.fromstring(picture_of(chart_of("x", each), "svg")).iter())
@@ -147,7 +147,7 @@ def test_the_picture_of_a_graph_has_no_element_of_its_packages(name: str) -> Non
 
 
 @pytest.mark.parametrize("form", ["--svg", "--html"])
-def test_the_folder_of_a_workspace_is_no_element(form: str, forge: Forge, tree: Tree) -> None:
+def test_the_workspace_path_is_shown_as_text(form: str, forge: Forge, tree: Tree) -> None:
     folder = "<b>&\x0b\u202e"
     root = tree({f"{folder}/src/demo/package.xml": manifest_text("demo")}) / folder
     found = forge("graph", form, cwd=root)
@@ -159,7 +159,7 @@ def test_the_folder_of_a_workspace_is_no_element(form: str, forge: Forge, tree: 
 
 @quick
 @given(named)
-def test_a_flowchart_has_no_line_of_its_packages(name: str) -> None:
+def test_flowcharts_contain_no_foreign_lines(name: str) -> None:
     lines = list(mermaid(chart_of("x", name)))
     assert [re.sub(r'"[^"\n]*"', "T", line) for line in lines] == [
         *("flowchart TD", "  p0[T]", "  p1[T]", "  p0 --> p1"),
@@ -198,7 +198,7 @@ def timings_of(text: str, name: str) -> str:
 @quick
 @given(hostile(), named)
 @example("</script><script>alert(1)</script>", "x")
-def test_the_page_of_a_build_has_no_element_of_its_packages(text: str, name: str) -> None:
+def test_build_pages_contain_no_foreign_elements(text: str, name: str) -> None:
     plain, found = timings_of("x", "demo"), timings_of(text, name)
     assert elements(found) == elements(plain)
     assert scripts(found)[0] == scripts(plain)[0]

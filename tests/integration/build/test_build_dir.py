@@ -143,7 +143,7 @@ def note_of(probe: Probe, **values: object) -> None:
     path.write_text(json.dumps({**json.loads(path.read_text()), **values}), encoding="utf-8")
 
 
-def test_what_takes_in_a_generated_file_by_its_name_is_made_again(probe: Probe) -> None:
+def test_objects_that_include_a_generated_file_by_name_are_rebuilt(probe: Probe) -> None:
     probe.write("blob.in", "2\n", old=True)
     assert probe.make() == (Reuse.PRODUCTS, {"three"})
 
@@ -161,7 +161,7 @@ def test_an_external_file_written_during_a_killed_build_rebuilds_everything(
     assert probe.make() == (Reuse.NOTHING, OBJECTS)
 
 
-def test_a_file_that_was_changed_and_changed_back_around_a_killed_build_is_compiled_again(
+def test_a_file_changed_and_reverted_around_a_killed_build_is_recompiled(
     probe: Probe,
 ) -> None:
     probe.write("one.h", "#define ONE 2\n")
@@ -171,7 +171,7 @@ def test_a_file_that_was_changed_and_changed_back_around_a_killed_build_is_compi
     assert probe.make()[1] == {"one"}
 
 
-def test_a_folder_that_was_set_aside_while_forge_was_killed_comes_back(probe: Probe) -> None:
+def test_a_build_folder_set_aside_before_a_kill_is_restored(probe: Probe) -> None:
     probe.write("CMakeLists.txt", f"{_CMAKE}# a remark\n")
     probe.begin()
     assert build_dir.set_aside_path(probe.build).is_dir()
@@ -215,7 +215,7 @@ def test_a_source_removed_during_the_build_rebuilds_everything(probe: Probe) -> 
     assert probe.begin() is Reuse.NOTHING
 
 
-def test_an_external_file_written_during_the_build_is_noticed(probe: Probe) -> None:
+def test_external_files_written_during_the_build_are_detected(probe: Probe) -> None:
     outside = probe.root / "outside.h"
     outside.write_text("1", encoding="utf-8")
     probe.externals = (str(outside),)
@@ -226,7 +226,7 @@ def test_an_external_file_written_during_the_build_is_noticed(probe: Probe) -> N
     assert probe.end() == {str(outside)}
 
 
-def test_what_tests_left_in_a_build_folder_stays(probe: Probe) -> None:
+def test_files_left_by_tests_are_kept_in_the_build_folder(probe: Probe) -> None:
     (probe.build / "test_results").mkdir()
     (probe.build / "test_results" / "one.xml").touch()
     probe.inputs = replace(probe.inputs, base="other")

@@ -78,7 +78,7 @@ def library(folder: Path, name: str, text: str, *flags: str) -> Path:
 
 
 @pytest.mark.parametrize("change", CHANGES)
-def test_what_concerns_programs_changes_the_interface(tmp_path: Path, change: str) -> None:
+def test_visible_changes_change_the_interface(tmp_path: Path, change: str) -> None:
     one, other = (
         library(tmp_path, name, text) for name, text in zip(("one", "other"), CHANGES[change], strict=True)
     )
@@ -86,7 +86,7 @@ def test_what_concerns_programs_changes_the_interface(tmp_path: Path, change: st
 
 
 @pytest.mark.parametrize("change", SAME)
-def test_what_concerns_the_library_alone_does_not(tmp_path: Path, change: str) -> None:
+def test_internal_changes_keep_the_interface(tmp_path: Path, change: str) -> None:
     one, other = (
         library(tmp_path, name, text) for name, text in zip(("one", "other"), SAME[change], strict=True)
     )
@@ -97,7 +97,7 @@ def test_what_concerns_the_library_alone_does_not(tmp_path: Path, change: str) -
     "flag",
     ["-Wl,-soname,libe.so", "-Wl,-rpath,/x", "-Wl,-z,norelro", "-Wl,-z,nodelete", "-Wl,-Bsymbolic", "-lm"],
 )
-def test_options_of_the_linker_that_others_see_change_the_interface(tmp_path: Path, flag: str) -> None:
+def test_linker_options_visible_to_users_change_the_interface(tmp_path: Path, flag: str) -> None:
     text = "static int q; int *const v = &q; double w(double a) { return __builtin_sin(a); }"
     one, other = library(tmp_path, "one", text, "-Wl,--no-as-needed"), library(tmp_path, "other", text, flag)
     assert abi_digest(str(one)) != abi_digest(str(other)) != ""
@@ -114,7 +114,7 @@ VARIABLES = [name for name in CHANGES if "function" not in name and "thread" not
 
 @pytest.mark.parametrize("linker", ["bfd", "gold", "lld"])
 @pytest.mark.parametrize("change", VARIABLES)
-def test_equal_interfaces_make_equal_programs(tmp_path: Path, change: str, linker: str) -> None:
+def test_equal_interfaces_give_identical_programs(tmp_path: Path, change: str, linker: str) -> None:
     """A program that links two libraries differently shows that their interfaces differ."""
     programs, digests = [], []
     (tmp_path / "x.c").write_text(PROGRAM)

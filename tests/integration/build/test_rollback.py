@@ -49,7 +49,7 @@ def installed(root: Path) -> dict[str, str]:
 
 
 @pytest.mark.needs("cmake")
-def test_an_install_that_fails_half_way_changes_nothing(
+def test_a_partially_failed_install_is_rolled_back(
     forge: Forge, options: tuple[str, ...], tmp_path: Path
 ) -> None:
     """Files that were replaced, or are gone, come back, small and large, and the package is known."""
@@ -72,7 +72,7 @@ def test_an_install_that_fails_half_way_changes_nothing(
 
 
 @pytest.mark.needs("cmake")
-def test_what_cannot_be_configured_stays_as_it_was(forge: Forge, tmp_path: Path) -> None:
+def test_a_failed_configure_keeps_the_installed_package(forge: Forge, tmp_path: Path) -> None:
     """A shell that sources the workspace during the build still finds the package."""
     write(tmp_path, package_xml=manifest_text("walker", build_type="cmake"), CMakeLists_txt=CMAKE)
     write(tmp_path, words="one", last="one")
@@ -84,7 +84,7 @@ def test_what_cannot_be_configured_stays_as_it_was(forge: Forge, tmp_path: Path)
 
 
 @pytest.mark.needs("cmake")
-def test_an_interrupted_install_changes_nothing(forge: Forge, tmp_path: Path) -> None:
+def test_an_interrupted_install_is_rolled_back(forge: Forge, tmp_path: Path) -> None:
     """Ctrl-C while half of the files are there."""
     write(tmp_path, package_xml=manifest_text("walker", build_type="cmake"), CMakeLists_txt=CMAKE)
     write(tmp_path, words="one", last="one")

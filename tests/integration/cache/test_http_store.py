@@ -144,7 +144,7 @@ def threads_end() -> Iterator[None]:
     ],
     ids=SLOW | BROKEN,
 )
-def test_a_bad_server_is_a_sentence_in_time(
+def test_a_faulty_server_is_one_message_within_the_timeout(
     answer: Callable[[Request], Moves], words: str, seconds: float, target: Path
 ) -> None:
     target.parent.mkdir()
@@ -192,13 +192,13 @@ def test_a_corrupt_blob_is_reported_and_leaves_no_file(
     ],
     ids=["length", "chunks", "until the end", "in parts"],
 )
-def test_good_bytes_may_come_in_any_way(answer: Callable[[Request], Moves], tmp_path: Path) -> None:
+def test_any_valid_transfer_encoding_is_accepted(answer: Callable[[Request], Moves], tmp_path: Path) -> None:
     with rude(answer) as server, asking(server.url) as store:
         assert store.fetch(DIGEST, tmp_path / "blob")
     assert (tmp_path / "blob").read_bytes() == BYTES
 
 
-def test_a_large_blob_has_more_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_large_blobs_have_a_longer_timeout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Two thirds of a second at 240 kB in a second are more than the 0.3 s that an answer may take."""
     monkeypatch.setattr(deadline, "RATE", 240_000)
     parts = [BYTES[at : at + 10_000] for at in range(0, len(BYTES), 10_000)]
@@ -208,7 +208,7 @@ def test_a_large_blob_has_more_time(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
 
 @pytest.mark.parametrize("data", [b"<html>", b"\x12\x00", b"\x2a\x05a"])
-def test_a_result_that_is_none_is_a_fault_of_its_own(data: bytes) -> None:
+def test_an_invalid_result_is_reported_separately(data: bytes) -> None:
     with (
         rude(lambda _: reply(200, data)) as server,
         asking(server.url) as store,
@@ -217,7 +217,7 @@ def test_a_result_that_is_none_is_a_fault_of_its_own(data: bytes) -> None:
         store.result(KEY)
 
 
-def test_a_result_has_a_bound(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_size_of_results_is_limited(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(action_result, "MAX_SIZE", 100_000)
     with (
         rude(endless(b"HTTP/1.1 200 OK\r\n\r\n", b"x" * 1000, 0)) as server,
@@ -250,7 +250,7 @@ def test_unknown_hosts_and_closed_ports_are_reported() -> None:
             store.result(KEY)
 
 
-def test_a_kept_connection_may_have_been_closed() -> None:
+def test_closed_keep_alive_connections_are_reopened() -> None:
     """Servers close idle connections, and may do so while the next request is on its way."""
     answer = raw(*(move for move in reply(404) if move is not None))
     with rude(answer) as server, asking(server.url) as store:
@@ -282,7 +282,7 @@ def source(tmp_path: Path) -> Path:
         *((status, StoreError) for status in (302, 500, 502, 503)),
     ],
 )
-def test_the_status_decides_if_only_uploads_are_disabled(
+def test_the_http_status_decides_whether_only_uploads_are_disabled(
     status: int, fault: type[StoreError], source: Path
 ) -> None:
     answer = lambda request: reply(404 if request.method == "HEAD" else status)  # noqa: E731
@@ -294,7 +294,7 @@ def test_the_status_decides_if_only_uploads_are_disabled(
             store.put_result(KEY, RESULT)
 
 
-def test_a_server_may_refuse_before_it_has_read(tmp_path: Path) -> None:
+def test_a_server_may_reject_an_upload_early(tmp_path: Path) -> None:
     (tmp_path / "large").write_bytes(bytes(20_000_000))
     digest = Digest("0" * 64, 20_000_000)
 
@@ -311,7 +311,7 @@ def test_a_server_may_refuse_before_it_has_read(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("rate", [1 << 20, 1 << 30], ids=["socket timeout first", "deadline first"])
-def test_a_server_that_reads_nothing_is_left(
+def test_an_unresponsive_upload_is_abandoned(
     rate: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Bytes in socket buffers count as transferred: at a low rate, they extend the deadline by seconds."""
@@ -330,7 +330,7 @@ def test_a_server_that_reads_nothing_is_left(
         store.put(Digest("0" * 64, 20_000_000), tmp_path / "large")
 
 
-def test_what_is_there_is_not_sent_again_unless_it_is_spoilt(source: Path, tmp_path: Path) -> None:
+def test_existing_blobs_are_not_uploaded_again_unless_corrupt(source: Path, tmp_path: Path) -> None:
     shelf = Shelf()
     with rude(shelf) as server, asking(server.url) as store:
         store.put(DIGEST, source)
@@ -347,7 +347,7 @@ def test_what_is_there_is_not_sent_again_unless_it_is_spoilt(source: Path, tmp_p
         assert shelf.files[path] == BYTES
 
 
-def test_a_server_may_know_no_head(source: Path) -> None:
+def test_servers_without_head_requests_are_supported(source: Path) -> None:
     shelf = Shelf()
 
     def answer(request: Request) -> Moves:
@@ -358,7 +358,7 @@ def test_a_server_may_know_no_head(source: Path) -> None:
     assert shelf.files == {f"/cas/{DIGEST.hash}": BYTES}
 
 
-def test_a_file_that_changes_while_it_is_sent_is_not_kept(source: Path) -> None:
+def test_files_that_change_during_the_upload_are_not_stored(source: Path) -> None:
     shelf = Shelf()
     with rude(shelf) as server, asking(server.url) as store:
         source.write_bytes(BYTES[:1000])
@@ -392,7 +392,7 @@ def test_credentials_come_from_the_url_then_the_token_then_netrc(tmp_path: Path)
     assert sent == ["Basic bWVAaG9tZTpwOnc=", "Bearer abc.def", "Basic bmV0OnJj", None]
 
 
-def test_no_password_is_in_a_message() -> None:
+def test_messages_contain_no_passwords() -> None:
     with rude(raw()) as server:
         pass
     said: list[str] = []
@@ -403,7 +403,7 @@ def test_no_password_is_in_a_message() -> None:
     store.close()
 
 
-def test_requests_are_as_bazel_remote_wants_them(source: Path) -> None:
+def test_requests_follow_the_protocol_of_bazel_remote(source: Path) -> None:
     """It rejects bodies without a length, compresses for clients that accept it, and normalizes paths."""
     shelf = Shelf()
     with rude(shelf) as server, asking(f"{server.url}//a//b/") as store:

@@ -38,7 +38,7 @@ def source(tmp_path: Path) -> Path:
     return path
 
 
-def test_read_only_writes_nothing_and_asks_nothing_for_it(source: Path) -> None:
+def test_read_only_stores_send_no_upload_requests(source: Path) -> None:
     with rude(Shelf()) as server:
         remote = open_remote(server.url, seconds=5, writable=False, variables={}, report=pytest.fail)
         remote.put(DIGEST, source)
@@ -72,7 +72,7 @@ def test_waiting_requests_end_when_the_store_fails(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-def test_leaving_is_no_fault_of_the_server(tmp_path: Path) -> None:
+def test_an_interrupt_is_not_reported_as_a_server_error(tmp_path: Path) -> None:
     """After an interrupt no timeout is reported."""
     said: list[str] = []
     with rude(lambda _: (60.0,)) as server:
@@ -148,7 +148,7 @@ def test_results_are_sent_after_their_blobs(source: Path) -> None:
     assert puts.count(f"/cas/{DIGEST.hash}") <= 4
 
 
-def test_no_more_than_so_many_at_a_time(source: Path) -> None:
+def test_the_number_of_parallel_requests_is_limited(source: Path) -> None:
     shelf, now, most = Shelf(), list[int](), [0]
 
     def answer(request: Request) -> Moves:
@@ -163,14 +163,14 @@ def test_no_more_than_so_many_at_a_time(source: Path) -> None:
     assert 1 < most[0] <= 3
 
 
-def test_what_a_dead_server_did_not_get_is_counted(source: Path) -> None:
+def test_results_not_uploaded_to_a_dead_server_are_counted(source: Path) -> None:
     with rude(lambda _: (60.0,)) as server:
         begun = time.monotonic()
         assert sent(server.url, 20, source, seconds=0.4) == 20
         assert time.monotonic() - begun < 3
 
 
-def test_a_blob_that_is_gone_costs_one_result(source: Path) -> None:
+def test_a_missing_blob_invalidates_one_result(source: Path) -> None:
     shelf = Shelf()
     with rude(shelf) as server:
         remote = open_remote(server.url, seconds=5, writable=True, variables={}, report=pytest.fail)
@@ -182,14 +182,14 @@ def test_a_blob_that_is_gone_costs_one_result(source: Path) -> None:
     assert list(shelf.files) == [f"/ac/{'1' * 64}"]
 
 
-def test_an_infinite_timeout_is_days(source: Path) -> None:
+def test_an_infinite_timeout_is_accepted(source: Path) -> None:
     """The system's clocks know no more."""
     with rude(Shelf()) as server:
         assert sent(server.url, 2, source, seconds=1e30) == 0
 
 
 @pytest.mark.parametrize("wait", ["uploads.finish(60)", "remote.result('b' * 64)"])
-def test_an_interrupt_leaves_at_once(wait: str, tmp_path: Path) -> None:
+def test_an_interrupt_cancels_uploads_immediately(wait: str, tmp_path: Path) -> None:
     script = tmp_path / "script.py"
     script.write_text(
         "import sys\n"

@@ -54,7 +54,7 @@ def opened(url: str, *, seconds: float = 10, writable: bool = True, **variables:
     return open_remote(url, seconds=seconds, writable=writable, variables=variables, report=pytest.fail)
 
 
-def test_what_was_put_is_there_and_nothing_else(url: str, tmp_path: Path) -> None:
+def test_stores_return_exactly_what_was_stored(url: str, tmp_path: Path) -> None:
     source = tmp_path / "source"
     source.write_bytes(BYTES)
     store = opened(url)
@@ -73,7 +73,7 @@ def test_what_was_put_is_there_and_nothing_else(url: str, tmp_path: Path) -> Non
     other.close()
 
 
-def test_the_name_of_another_blob_does_not_get_these_bytes(url: str, tmp_path: Path) -> None:
+def test_blobs_are_not_stored_under_a_wrong_digest(url: str, tmp_path: Path) -> None:
     source = tmp_path / "source"
     source.write_bytes(BYTES)
     store = opened(url)
@@ -89,7 +89,7 @@ def test_the_name_of_another_blob_does_not_get_these_bytes(url: str, tmp_path: P
 
 
 @pytest.mark.needs("/usr/sbin/nginx")
-def test_nginx_gives_nothing_else(nginx: Nginx) -> None:
+def test_nginx_serves_only_the_cache(nginx: Nginx) -> None:
     """Files beside the cache are not served, and keys cannot be paths."""
     (nginx.files / "secret").write_text("secret", encoding="utf-8")
     pool = urllib3.PoolManager()
@@ -101,7 +101,7 @@ def test_nginx_gives_nothing_else(nginx: Nginx) -> None:
 
 
 @pytest.mark.needs("/usr/sbin/nginx")
-def test_many_may_write_one_blob_at_the_same_time(nginx: Nginx, tmp_path: Path) -> None:
+def test_concurrent_writes_of_one_blob_are_safe(nginx: Nginx, tmp_path: Path) -> None:
     """Concurrent readers get all of it or nothing."""
     source = tmp_path / "source"
     source.write_bytes(BYTES * 10)
@@ -145,7 +145,7 @@ def guarded(tmp_path: Path) -> Iterator[Nginx]:
 
 
 @pytest.mark.needs("/usr/sbin/nginx", "openssl")
-def test_everybody_reads_and_some_write(
+def test_read_and_write_permissions_are_separate(
     guarded: Nginx, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     source = tmp_path / "source"
@@ -185,7 +185,7 @@ def test_a_target_that_cannot_be_written_is_reported(url: str, tmp_path: Path) -
     store.close()
 
 
-def test_a_name_that_is_no_text_cannot_be_sent(url: str) -> None:
+def test_names_that_are_not_utf8_cannot_be_stored(url: str) -> None:
     store = opened(url)
     with pytest.raises(BlobError, match="cannot encode a file name"):
         store.put_result(KEY, ActionResult((OutputFile(os.fsdecode(b"\xff"), DIGEST),)))

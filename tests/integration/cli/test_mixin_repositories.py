@@ -117,7 +117,7 @@ def test_an_index_may_be_on_a_server(mixin: partial[Ran], served: str, root: Pat
         ("asan.mixin", "index.yaml: error: the index has no list 'mixin' of file names"),
     ],
 )
-def test_a_wrong_index_is_an_error_and_changes_nothing(
+def test_an_invalid_index_is_an_error_and_changes_nothing(
     mixin: partial[Ran], root: Path, entries: str, message: str
 ) -> None:
     (root / "home/mixin/r").mkdir()
@@ -141,7 +141,7 @@ def test_one_repository_that_fails_does_not_stop_the_others(mixin: partial[Ran],
     assert f"  + {root}/home/mixin/b/asan.mixin\n" in ran.out
 
 
-def test_a_password_in_a_url_is_not_shown(mixin: partial[Ran], root: Path) -> None:
+def test_passwords_in_urls_are_hidden(mixin: partial[Ran], root: Path) -> None:
     (root / "home/mixin_repositories.yaml").write_text("a: http://me:secret@127.0.0.1:1/index.yaml")
     assert mixin("list", "a").out == "a: http://...@127.0.0.1:1/index.yaml\n"
 
@@ -175,7 +175,7 @@ def test_a_damaged_list_of_repositories_is_an_error(mixin: partial[Ran], root: P
     assert (ran.code, "is not a mapping of names to URLs" in ran.err) == (2, True)
 
 
-def test_a_huge_file_is_not_fetched(mixin: partial[Ran], root: Path) -> None:
+def test_oversized_files_are_not_fetched(mixin: partial[Ran], root: Path) -> None:
     (root / "repo/asan.mixin").write_text("#" * 1_000_001)
     mixin("add", "r", "repo/index.yaml")
     assert "asan.mixin': it is larger than 1000000 bytes" in mixin("update").err

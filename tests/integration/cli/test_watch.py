@@ -29,7 +29,7 @@ def wait_for(question: Callable[[], bool]) -> None:
 
 
 @pytest.mark.needs("cmake")
-def test_a_whole_watch(forge: Forge, tree: Tree) -> None:
+def test_watch_mode_builds_after_each_save(forge: Forge, tree: Tree) -> None:
     root = tree(PACKAGE)
 
     def edit() -> None:

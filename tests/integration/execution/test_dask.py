@@ -34,7 +34,7 @@ def task(folder: Path, *programs: str) -> Task:
     return Task("a", package("a"), folder, folder / "a", (), steps, "")
 
 
-def test_slots_have_a_job_each_and_share_the_rest() -> None:
+def test_slots_share_the_remaining_jobs() -> None:
     jobs = WorkerJobs(5, 2)
     jobs.prepare({"PATH": os.environ["PATH"]})
     for _ in range(2):
@@ -49,7 +49,7 @@ def test_slots_have_a_job_each_and_share_the_rest() -> None:
                 os.close(reader)
 
 
-def test_where_no_tool_takes_jobs_each_slot_has_its_part(tmp_path: Path) -> None:
+def test_jobs_are_split_between_slots_without_a_jobserver(tmp_path: Path) -> None:
     jobs = WorkerJobs(5, 2)
     tool = tmp_path / "ninja"
     tool.write_text("#!/bin/sh\nexit 1\n", encoding="utf-8")

@@ -23,7 +23,7 @@ from tests.unit.execution.test_jobserver import BOTH, NONE, ONLY_PIPE
 
 
 @pytest.mark.needs("make")
-def test_a_tool_is_tried(tmp_path: Path) -> None:
+def test_jobserver_support_of_tools_is_detected(tmp_path: Path) -> None:
     """GNU make says in its version what it speaks; a program that speaks nothing, or fails, is no speaker."""
     make = shutil.which("make") or ""
     version = subprocess.run((make, "--version"), capture_output=True, text=True, check=True).stdout.split()[
@@ -36,7 +36,7 @@ def test_a_tool_is_tried(tmp_path: Path) -> None:
 
 
 @pytest.mark.needs("ninja")
-def test_ninjas_speak_as_their_version_lets_expect() -> None:
+def test_the_version_of_ninja_determines_its_jobserver_style() -> None:
     ninja = shutil.which("ninja") or ""
     said = subprocess.run((ninja, "--version"), capture_output=True, text=True, check=True).stdout.strip()
     found = supported_styles("ninja", Path(ninja), os.environ)
@@ -66,7 +66,7 @@ def test_an_unused_job_pool_closes_immediately() -> None:
     subprocess.run((sys.executable, "-W", "error", "-c", program), check=True, timeout=20)
 
 
-def test_what_waits_for_a_token_is_aborted_with_the_build(tmp_path: Path) -> None:
+def test_waiting_for_a_token_ends_with_the_build(tmp_path: Path) -> None:
     """Two packages may begin, but there is one job: when the first fails, the second never ran.
 
     The failure and the token it gives back race through two threads: one clean stop in five is asked for.

@@ -43,7 +43,7 @@ def sleeper(build: Path) -> subprocess.Popen[bytes]:
     return process
 
 
-def test_the_second_waits_and_says_for_whom(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_a_second_build_waits_and_names_the_first(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     with holder(tmp_path) as first:
         argv = [sys.executable, "-c", HOLD, str(tmp_path)]
         second = subprocess.Popen(argv, stdin=subprocess.PIPE, text=True)
@@ -59,7 +59,7 @@ def test_the_second_waits_and_says_for_whom(tmp_path: Path, capfd: pytest.Captur
     assert (tmp_path / LOCK_FILE).read_text() == ""
 
 
-def test_what_a_killed_one_left_running_is_ended(tmp_path: Path) -> None:
+def test_processes_left_by_a_killed_build_are_ended(tmp_path: Path) -> None:
     (tmp_path / "other").mkdir()
     first = holder(tmp_path)
     with first, sleeper(tmp_path) as own, sleeper(tmp_path / "other") as foreign:
@@ -71,7 +71,7 @@ def test_what_a_killed_one_left_running_is_ended(tmp_path: Path) -> None:
         foreign.kill()
 
 
-def test_what_one_that_ended_by_itself_left_running_may_stay(tmp_path: Path) -> None:
+def test_processes_left_by_a_finished_build_keep_running(tmp_path: Path) -> None:
     with holder(tmp_path) as first, sleeper(tmp_path) as daemon:
         first.communicate("go\n")
         assert not (tmp_path / PROCESSES_FILE).exists()

@@ -112,7 +112,7 @@ def test_everything_that_a_step_removes_is_observed(
     assert not writes.take_away(f"{prefix}/b")
 
 
-def test_nothing_is_observed_that_others_write(observed: tuple[Layout, Task, Observer]) -> None:
+def test_writes_of_other_processes_are_not_observed(observed: tuple[Layout, Task, Observer]) -> None:
     prefix = observed[1].prefix
     writes = run(f"cat /etc/passwd > {prefix.parent.parent}/out; ls > /dev/null; echo x > a", observed)
     (prefix / "b").touch()
@@ -140,7 +140,7 @@ def test_a_prefix_is_observed_through_a_link(tmp_path: Path, observed: tuple[Lay
     assert writes.files == {str(prefix / name) for name in "abc"}
 
 
-def test_without_a_compiler_nothing_is_observed(
+def test_writes_are_not_observed_without_a_compiler(
     tmp_path: Path, observed: tuple[Layout, Task, Observer]
 ) -> None:
     layout, task, _ = observed
@@ -149,7 +149,7 @@ def test_without_a_compiler_nothing_is_observed(
     assert "LD_PRELOAD" not in observer.variables(task, {})
 
 
-def test_a_torn_log_is_not_complete(tmp_path: Path) -> None:
+def test_a_truncated_log_is_incomplete(tmp_path: Path) -> None:
     log = tmp_path / "log"
     log.write_bytes(struct.pack("=QQ", 2, 3) + b"P1\0W/p/a\0")
     assert read_log(log, Path("/p")).complete

@@ -101,7 +101,7 @@ def test_a_report_that_fails_says_why(tmp_path: Path) -> None:
     assert problem.message == "cannot measure the coverage of 'half': No data to report."
 
 
-def test_what_is_not_built_for_coverage_is_a_warning(
+def test_packages_not_built_for_coverage_are_a_warning(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     tasks = {
@@ -142,7 +142,7 @@ def test_missing_programs_are_named_with_the_command_that_installs_them(
         ("/usr/bin/c++", None),
     ],
 )
-def test_gcov_is_that_of_the_compiler(tmp_path: Path, compiler: str, gcov: str | None) -> None:
+def test_gcov_matches_the_compiler(tmp_path: Path, compiler: str, gcov: str | None) -> None:
     bin_ = tmp_path / "bin"
     bin_.mkdir()
     for name in ("gcovr", "gcov-12", "aarch64-linux-gnu-gcov", "llvm-cov-14"):

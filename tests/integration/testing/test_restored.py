@@ -137,7 +137,7 @@ def test_a_build_for_tests_that_fails_fails_the_run(forge: Forge, tree: Tree) ->
     assert forge("test-result", cwd=root).code == 0
 
 
-def test_what_cannot_be_run_is_counted(forge: Forge, tree: Tree) -> None:
+def test_tests_that_cannot_run_are_counted(forge: Forge, tree: Tree) -> None:
     root = tree({**cmake_package("p", GOOD), "src/p/text": "", **cmake_package("q", GOOD), "src/q/text": ""})
     restore(forge, root)
     shutil.rmtree(root / "build/p")
@@ -153,7 +153,7 @@ def test_what_cannot_be_run_is_counted(forge: Forge, tree: Tree) -> None:
     assert not (root / "build/p/test_results/p/not_run.xml").exists()
 
 
-def test_a_run_without_tests_says_so(forge: Forge, tree: Tree) -> None:
+def test_a_run_without_tests_is_reported(forge: Forge, tree: Tree) -> None:
     root = tree(cmake_package("p"))
     assert forge("build", cwd=root).code == 0
     ran = forge("test", cwd=root)

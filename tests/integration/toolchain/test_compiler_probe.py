@@ -24,7 +24,7 @@ install(TARGETS x DESTINATION lib/x)
 
 @pytest.mark.needs("cmake", "ninja", "g++")
 @pytest.mark.parametrize("generator", ["Ninja", "Unix Makefiles"])
-def test_a_seeded_folder_is_configured_like_any_other(tree: Tree, generator: str) -> None:
+def test_a_build_folder_with_cached_detection_is_configured_normally(tree: Tree, generator: str) -> None:
     """The rules and the objects are those of a folder that CMake has configured twice by itself.
 
     Twice, since CMake's own second run, which believes its first answers, leaves out a variable of the
@@ -97,7 +97,7 @@ def test_without_a_package_in_cxx_no_compiler_for_it_is_tested(tree: Tree) -> No
 
 
 @pytest.mark.needs("cmake")
-def test_without_a_compiler_nothing_is_seeded(tree: Tree) -> None:
+def test_without_a_compiler_no_results_are_reused(tree: Tree) -> None:
     root = tree({"src/CMakeLists.txt": LISTS, "build/keep": ""})
     variables = {**os.environ, "CXX": "/no/such/compiler"}
     toolchain = Toolchain(root / "cache", Path(shutil.which("cmake") or ""), (), ())

@@ -115,7 +115,7 @@ def test_options_that_affect_code_have_a_header_of_their_own(
     assert len(precompiled(folder)) == 2
 
 
-def test_another_c_plus_plus_library_has_its_own(
+def test_another_cpp_library_has_a_separate_precompiled_header(
     compile_source: Compile, folder: Path, tmp_path: Path
 ) -> None:
     said(compile_source())
@@ -127,7 +127,7 @@ def test_another_c_plus_plus_library_has_its_own(
         assert f"! {folder}/" in said(compile_source(*options))
 
 
-def test_headers_of_another_environment_are_its_own(
+def test_another_environment_has_separate_precompiled_headers(
     compile_source: Compile, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     said(compile_source())
@@ -137,7 +137,7 @@ def test_headers_of_another_environment_are_its_own(
     assert f"! {folder}/" in said(compile_source())
 
 
-def test_other_options_share_one(compile_source: Compile, folder: Path) -> None:
+def test_irrelevant_options_share_a_precompiled_header(compile_source: Compile, folder: Path) -> None:
     first = ("-Wall", "-DPACKAGE=1", "-I/x")
     second = (
         "-DBUILDING",
@@ -156,7 +156,7 @@ def test_other_options_share_one(compile_source: Compile, folder: Path) -> None:
     assert len(precompiled(folder)) == 1
 
 
-def test_g_plus_plus_refuses_what_does_not_fit(compile_source: Compile, folder: Path) -> None:
+def test_gcc_rejects_unsuitable_precompiled_headers(compile_source: Compile, folder: Path) -> None:
     """A macro of the library in two words is not recognized, but it changes the headers."""
     assert f"! {folder}/" in said(compile_source())
     assert "! " not in said(compile_source("-D", "_GLIBCXX_ASSERTIONS"))
@@ -203,7 +203,9 @@ def test_an_error_leaves_the_marker(compile_source: Compile, tmp_path: Path) -> 
     assert (tmp_path / "marker").exists()
 
 
-def test_the_next_build_keeps_it(compile_source: Compile, folder: Path, tmp_path: Path) -> None:
+def test_precompiled_headers_are_kept_between_builds(
+    compile_source: Compile, folder: Path, tmp_path: Path
+) -> None:
     said(compile_source())
     before = precompiled(folder)
     assert prepared(tmp_path) == folder
@@ -237,7 +239,7 @@ def test_other_tools_have_another_folder(compile_source: Compile, folder: Path, 
     assert precompiled(other) == []
 
 
-def test_what_an_interrupted_build_left_is_removed(
+def test_leftovers_of_interrupted_builds_are_removed(
     compile_source: Compile, folder: Path, tmp_path: Path
 ) -> None:
     said(compile_source())

@@ -54,7 +54,7 @@ def commit(root: Path, files: dict[str, str] | None = None) -> str:
 
 
 @pytest.mark.needs("git")
-def test_changed_packages_are_those_with_files_that_differ(forge: Forge, root: Path) -> None:
+def test_packages_with_changed_files_are_selected(forge: Forge, root: Path) -> None:
     (root / "src/b/old.txt").write_text("x")
     (root / ".gitignore").write_text("ignored\n")
     git(root, "init")
@@ -201,9 +201,7 @@ def test_a_package_that_contains_a_submodule_changes_with_it(forge: Forge, tree:
 
 
 @pytest.mark.needs("git")
-def test_without_the_recorded_commit_all_packages_of_a_submodule_count_as_changed(
-    forge: Forge, project: Path
-) -> None:
+def test_without_the_recorded_commit_all_submodule_packages_are_changed(forge: Forge, project: Path) -> None:
     commit(project)
     shallow = project.with_name("shallow")
     git(project, "clone", "-q", f"file://{project}", str(shallow))

@@ -97,7 +97,7 @@ def test_mutable_defaults_are_not_shared() -> None:
     assert Ours("a").words is not Ours("a").words
 
 
-def test_patterns_and_empty_classes_work() -> None:
+def test_match_patterns_and_empty_classes_are_supported() -> None:
     match Ours("a", 5):
         case Ours(name, count):
             assert (name, count) == ("a", 5)

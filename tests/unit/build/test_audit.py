@@ -42,7 +42,7 @@ def test_a_call_in_two_halves_is_one() -> None:
     ) == [("/x/b", "looked at", ""), ("/x/a", "read", "")]
 
 
-def test_what_was_made_before_it_was_read_is_no_input() -> None:
+def test_files_created_before_they_were_read_are_not_inputs() -> None:
     lines = [
         '7  openat(AT_FDCWD</w>, "/scratch/x.s", O_RDWR|O_CREAT|O_EXCL, 0600) = 3</scratch/x.s>',
         '8  openat(AT_FDCWD</w>, "/scratch/x.s", O_RDONLY) = 3</scratch/x.s>',
@@ -74,7 +74,7 @@ def test_what_was_made_before_it_was_read_is_no_input() -> None:
         ("/opt/vendor/include/x.h", AccessKind.MISSED, "cc1"),
     ],
 )
-def test_what_forge_does_not_track_is_not_explained(path: str, kind: AccessKind, program: str) -> None:
+def test_untracked_accesses_have_no_explanation(path: str, kind: AccessKind, program: str) -> None:
     assert explain(Access(path, kind, program), TRACKED, MACHINE, DISK) == ""
 
 
@@ -114,14 +114,14 @@ def test_what_forge_does_not_track_is_not_explained(path: str, kind: AccessKind,
         ("/ws/src/a/__pycache__/x.pyc", AccessKind.READ, "python3", "bytecode and what editors leave"),
     ],
 )
-def test_what_forge_leaves_out_on_purpose_has_a_row(
+def test_deliberately_ignored_accesses_are_listed_in_the_table(
     path: str, kind: AccessKind, program: str, row: str
 ) -> None:
     assert explain(Access(path, kind, program), TRACKED, MACHINE, DISK) == row
     assert row in {each.what for each in ROWS}
 
 
-def test_a_report_says_what_and_what_to_do() -> None:
+def test_the_report_lists_untracked_paths_with_hints() -> None:
     accesses = Accesses(
         {
             ("/x/calib.yaml", AccessKind.READ): "python3",
@@ -142,7 +142,7 @@ def test_a_report_says_what_and_what_to_do() -> None:
     )
 
 
-def test_the_documentation_has_the_same_table() -> None:
+def test_the_documentation_lists_every_ignored_kind_of_input() -> None:
     section = PAGE.read_text(encoding="utf-8").partition("## What is not tracked")[2]
     first = [line[2:] for line in section.splitlines() if re.match(r"\| (?!not tracked)\S", line)]
     missing = [row.what for row in ROWS if not any(cell.startswith(row.what) for cell in first)]

@@ -38,7 +38,7 @@ def is_certain(
     return bool(CMakeSearch(resolution, layout, found, cmake_args).certainly_missing(made, ["rclcpp"]))
 
 
-def test_nothing_can_provide_the_package(tmp_path: Path) -> None:
+def test_a_package_that_nothing_can_provide_fails_for_certain(tmp_path: Path) -> None:
     assert is_certain(tmp_path)
     assert is_certain(tmp_path, cmake_args=("-DCMAKE_BUILD_TYPE=Release", "-GNinja", "-Wno-dev"))
     assert is_certain(tmp_path, text=CERTAIN.replace("find", "find_package(ament_cmake REQUIRED)\nfind", 1))
@@ -63,13 +63,13 @@ def test_nothing_can_provide_the_package(tmp_path: Path) -> None:
         ("--preset=x",),
     ],
 )
-def test_options_may_lead_cmake_elsewhere(tmp_path: Path, options: tuple[str, ...]) -> None:
+def test_cmake_options_may_provide_the_package(tmp_path: Path, options: tuple[str, ...]) -> None:
     assert not is_certain(tmp_path, cmake_args=options)
     assert not is_certain(tmp_path, settings={"cmake-args": list(options)})
 
 
 @pytest.mark.parametrize("name", ["rclcpp_DIR", "rclcpp_ROOT", "RCLCPP_ROOT", "CMAKE_TOOLCHAIN_FILE"])
-def test_variables_may_lead_cmake_elsewhere(tmp_path: Path, name: str) -> None:
+def test_environment_variables_may_provide_the_package(tmp_path: Path, name: str) -> None:
     assert not is_certain(tmp_path, variables={name: "/x"})
 
 
@@ -108,6 +108,6 @@ def test_a_package_of_the_workspace_may_provide_the_package(tree: Tree) -> None:
     assert not is_certain(root, interfaces)
 
 
-def test_a_package_that_is_found_before_may_provide_the_package(tmp_path: Path) -> None:
+def test_an_earlier_find_package_may_provide_the_package(tmp_path: Path) -> None:
     text = CERTAIN.replace("find", "find_package(other)\nfind", 1)
     assert not is_certain(tmp_path, text=text)

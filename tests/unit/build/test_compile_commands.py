@@ -9,7 +9,7 @@ from forge.build.compile_commands import merge_compile_commands
 from tests.conftest import Tree
 
 
-def test_lists_become_one_list_and_odd_files_are_left_out(tree: Tree) -> None:
+def test_compile_commands_of_all_packages_are_merged_without_invalid_files(tree: Tree) -> None:
     root = tree(
         {
             "a/compile_commands.json": '[\n{"file": "1"},\n{"file": "2"}\n]\n',
@@ -26,7 +26,7 @@ def test_lists_become_one_list_and_odd_files_are_left_out(tree: Tree) -> None:
     ]
 
 
-def test_it_is_written_only_when_a_part_changed(tree: Tree) -> None:
+def test_compile_commands_are_rewritten_only_after_a_change(tree: Tree) -> None:
     root = tree({"a/compile_commands.json": '[{"file": "1"}]', "b/compile_commands.json": "[]"})
     assert merge_compile_commands(root)
     assert not merge_compile_commands(root)
@@ -42,7 +42,7 @@ def test_it_is_written_only_when_a_part_changed(tree: Tree) -> None:
     assert not (root / "compile_commands.json").exists()
 
 
-def test_the_sources_of_a_unit_have_entries_of_their_own(tree: Tree) -> None:
+def test_each_source_of_a_unity_file_has_its_own_entry(tree: Tree) -> None:
     root = tree({"a/Unity/unity_0_c.c": '/* generated */\n\n#include "/g/one.c"\n\n#include "/g/two.c"\n'})
     unit = f"{root}/a/Unity/unity_0_c.c"
     entries = [
@@ -58,7 +58,7 @@ def test_the_sources_of_a_unit_have_entries_of_their_own(tree: Tree) -> None:
     ]
 
 
-def test_sources_that_join_a_unit_get_entries(tree: Tree) -> None:
+def test_sources_added_to_a_unity_file_get_entries(tree: Tree) -> None:
     root = tree({"a/Unity/unity_0_c.c": '#include "/g/one.c"\n', "a/CMakeCache.txt": ""})
     unit = f"{root}/a/Unity/unity_0_c.c"
     entry = {"directory": "/b", "command": f"cc -c {unit}", "file": unit}

@@ -71,7 +71,7 @@ def layout_in(base: Path, *, merged: bool = False, symlink: bool = False) -> Lay
         ),
     ],
 )
-def test_what_does_not_fit_is_one_message(
+def test_an_unsuitable_install_folder_is_one_message(
     before: dict[str, str], asked: str, message: str, tree: Tree
 ) -> None:
     """With the folder, what is wrong and how to mend it."""
@@ -81,7 +81,7 @@ def test_what_does_not_fit_is_one_message(
     assert str(caught.value) == message.replace("W", str(root), 1)
 
 
-def test_a_folder_that_cannot_be_made_is_a_message() -> None:
+def test_a_folder_that_cannot_be_created_is_one_message() -> None:
     """Not even root makes folders in /proc."""
     with pytest.raises(WorkspaceError) as caught:
         create_output_folders(layout_in(Path("/proc/forge")))
@@ -93,7 +93,7 @@ def test_a_folder_that_cannot_be_made_is_a_message() -> None:
 # --- install_package
 
 
-def test_hooks_that_the_package_installs_itself_stay(tmp_path: Path) -> None:
+def test_hooks_installed_by_the_package_are_kept(tmp_path: Path) -> None:
     """They are in the package's install manifest; only those listed in colcon.pkg take effect."""
     layout = make_install(tmp_path, [LIBRARY])
     prefix = layout.prefix("library")
@@ -111,7 +111,7 @@ def test_hooks_that_the_package_installs_itself_stay(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("symlink", [False, True])
-def test_python_packages_get_what_their_setup_forgot(symlink: bool, tmp_path: Path) -> None:
+def test_python_packages_get_the_files_that_setup_py_does_not_install(symlink: bool, tmp_path: Path) -> None:
     """The index marker and the manifest, unless they are there."""
     layout = layout_in(tmp_path, symlink=symlink)
     made = package("p", build_type="ament_python")
@@ -131,7 +131,7 @@ def test_python_packages_get_what_their_setup_forgot(symlink: bool, tmp_path: Pa
 # --- finish_workspace
 
 
-def test_underlays_are_kept_when_they_are_not_sourced(tmp_path: Path) -> None:
+def test_recorded_underlays_are_kept_when_they_are_not_sourced(tmp_path: Path) -> None:
     """What a workspace was built on does not depend on the terminal of the day."""
     low, high, other = (tmp_path / name for name in ("low", "high", "other"))
     layout = make_install(tmp_path, [], underlays=(low, high))
@@ -143,7 +143,7 @@ def test_underlays_are_kept_when_they_are_not_sourced(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", "{}"])
-def test_a_damaged_state_is_written_anew_with_the_underlays_of_the_script(tmp_path: Path, text: str) -> None:
+def test_a_damaged_state_is_rebuilt_from_the_setup_script(tmp_path: Path, text: str) -> None:
     low, high = tmp_path / "l o$w", tmp_path / "high"
     layout = make_install(tmp_path, [], underlays=(low, high))
     state = layout.install / ".forge.json"

@@ -57,7 +57,7 @@ def plan(
     return make_plan(names, RESOLUTION, snapshot, context, global_inputs)[0]
 
 
-def test_a_package_of_ros_1_is_named_as_such() -> None:
+def test_a_ros_1_package_gets_its_own_error_message() -> None:
     """A package.xml without a build type means catkin (REP 149): often the wrong branch of a repository."""
     with pytest.raises(WorkspaceError) as raised:
         make_plan(("a",), resolution(package("a", build_type="catkin")), Snapshot(), CONTEXT, GLOBAL)
@@ -77,10 +77,10 @@ def test_a_package_of_ros_1_is_named_as_such() -> None:
         replace(CONTEXT, cmake_args=("-GUnix Makefiles",)),
     ],
 )
-def test_the_users_generator_wins_over_ninja(context: BuildContext) -> None:
+def test_the_generator_chosen_by_the_user_overrides_ninja(context: BuildContext) -> None:
     assert "Ninja" not in plan("a", context=context).tasks["a"].steps[0].argv
 
 
-def test_a_load_limit_is_the_build_tools_to_keep_too() -> None:
+def test_the_load_limit_is_passed_to_build_tools() -> None:
     steps = plan("a", context=replace(CONTEXT, load_limit=2.5)).tasks["a"].steps
     assert steps[1].argv == ("/usr/bin/cmake", "--build", "/ws/build/a", "--", "-l2.5")

@@ -27,7 +27,7 @@ def kept(tmp_path: Path, *, merged: bool = False) -> tuple[Layout, Path, Path]:
 
 
 @pytest.mark.parametrize("merged", [False, True], ids=["isolated", "merged"])
-def test_after_a_kill_the_last_good_state_is_kept(tmp_path: Path, *, merged: bool) -> None:
+def test_the_last_good_install_survives_a_kill(tmp_path: Path, *, merged: bool) -> None:
     """The files of the killed build are no state to return to."""
     layout, small, large = kept(tmp_path, merged=merged)
     assert not small.exists()
@@ -43,7 +43,7 @@ def test_after_a_kill_the_last_good_state_is_kept(tmp_path: Path, *, merged: boo
     assert not (layout.install / BACKUP_DIR).exists()
 
 
-def test_a_kill_while_files_move_loses_none(tmp_path: Path) -> None:
+def test_a_kill_while_files_are_moved_loses_none(tmp_path: Path) -> None:
     """Half of them are aside: all of them are good."""
     layout, small, _ = kept(tmp_path, merged=True)
     (layout.install / BACKUP_DIR / "walker").rename(layout.install / BACKUP_DIR / "walker.part")
@@ -57,7 +57,7 @@ def test_a_kill_while_files_move_loses_none(tmp_path: Path) -> None:
     assert (small.read_text(), script.read_text()) == ("small", "still there")
 
 
-def test_what_was_written_in_place_is_not_taken_for_good(tmp_path: Path) -> None:
+def test_files_modified_in_place_are_restored_after_a_failure(tmp_path: Path) -> None:
     """A large file that others installed, too, is linked: then the package looks not installed."""
     layout, small, large = kept(tmp_path, merged=True)
     with large.open("a") as stream:
@@ -67,7 +67,7 @@ def test_what_was_written_in_place_is_not_taken_for_good(tmp_path: Path) -> None
     assert not (layout.prefix("walker") / "share/walker/package.dsv").exists()
 
 
-def test_a_package_that_was_not_there_is_not_there_again(tmp_path: Path) -> None:
+def test_a_failed_first_install_leaves_no_package(tmp_path: Path) -> None:
     """A first build that fails leaves nothing, and takes nothing with it that is no folder."""
     layout = make_install(tmp_path, [])
     prefix = layout.prefix("walker")
@@ -84,7 +84,7 @@ def test_a_package_that_was_not_there_is_not_there_again(tmp_path: Path) -> None
     assert prefix.read_text() == "mine"
 
 
-def test_a_kill_while_old_files_are_removed_changes_nothing(tmp_path: Path) -> None:
+def test_a_kill_during_cleanup_changes_nothing(tmp_path: Path) -> None:
     """What is left of them is not taken for the last good state."""
     layout, small, _ = kept(tmp_path)
     PrefixExchange("walker", layout).commit()
@@ -101,7 +101,7 @@ def test_a_kill_while_old_files_are_removed_changes_nothing(tmp_path: Path) -> N
     assert not (layout.install / BACKUP_DIR).exists()
 
 
-def test_a_prefix_that_cannot_be_moved_as_a_whole_is_moved_entry_by_entry(tmp_path: Path) -> None:
+def test_a_prefix_that_cannot_be_renamed_is_moved_entry_by_entry(tmp_path: Path) -> None:
     """One that was killed while it did so has all it needs."""
     layout, small, large = kept(tmp_path)
     aside = layout.install / BACKUP_DIR / "walker"
@@ -113,7 +113,7 @@ def test_a_prefix_that_cannot_be_moved_as_a_whole_is_moved_entry_by_entry(tmp_pa
     assert (small.read_text(), large.read_text()) == ("small", BIG)
 
 
-def test_folders_that_may_not_be_written_to_go_as_well(tmp_path: Path) -> None:
+def test_read_only_folders_are_removed_as_well(tmp_path: Path) -> None:
     """A package may install such; where links lead nothing happens."""
     outside = tmp_path / "outside"
     outside.mkdir(mode=0o500)

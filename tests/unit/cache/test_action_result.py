@@ -33,12 +33,12 @@ RESULTS = st.builds(
 
 @given(RESULTS)
 @example(EMPTY)
-def test_bytes_are_those_of_protobuf(result: ActionResult) -> None:
+def test_messages_have_the_bytes_of_protobuf(result: ActionResult) -> None:
     assert encode(result) == as_message(result, Used).SerializeToString(deterministic=True)
 
 
 @given(RESULTS, st.binary(), st.lists(_TEXTS))
-def test_fields_of_others_are_passed_over(result: ActionResult, junk: bytes, texts: list[str]) -> None:
+def test_unknown_fields_are_skipped(result: ActionResult, junk: bytes, texts: list[str]) -> None:
     message = as_message(result, Whole)
     message.stderr_raw = junk
     message.stdout_digest.hash = "any"
@@ -52,7 +52,7 @@ def test_fields_of_others_are_passed_over(result: ActionResult, junk: bytes, tex
 
 
 @given(RESULTS)
-def test_bazel_remote_would_take_it(result: ActionResult) -> None:
+def test_bazel_remote_accepts_the_message(result: ActionResult) -> None:
     assert is_storable(Whole.FromString(encode(result)))
 
 
@@ -88,7 +88,7 @@ _FIELDS = st.recursive(
 
 @given(st.lists(_FIELDS, max_size=4).map(b"".join) | st.binary(max_size=40))
 @example(b"\x12" + b"\x0f" + b"\n\x01a\x12\x0a\n\x08" + b"12345678")
-def test_nothing_is_read_that_protobuf_refuses_or_reads_otherwise(data: bytes) -> None:
+def test_messages_are_read_exactly_as_by_protobuf(data: bytes) -> None:
     try:
         expected = Used.FromString(data)
     except DecodeError:
@@ -112,7 +112,7 @@ def test_a_corrupt_byte_is_read_as_protobuf_reads_it(result: ActionResult, data:
     spoilt = bytearray(encode(result))
     if spoilt:
         spoilt[data.draw(st.integers(0, len(spoilt) - 1))] = data.draw(st.integers(0, 255))
-    test_nothing_is_read_that_protobuf_refuses_or_reads_otherwise.hypothesis.inner_test(bytes(spoilt))  # type: ignore[attr-defined]
+    test_messages_are_read_exactly_as_by_protobuf.hypothesis.inner_test(bytes(spoilt))  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize(
@@ -139,18 +139,18 @@ def test_a_corrupt_byte_is_read_as_protobuf_reads_it(result: ActionResult, data:
         (b"<html>", "invalid wire type"),
     ],
 )
-def test_what_is_wrong_is_said(data: bytes, complaint: str) -> None:
+def test_invalid_messages_are_explained(data: bytes, complaint: str) -> None:
     with pytest.raises(ValueError, match=complaint):
         decode(data)
 
 
-def test_no_more_is_read_than_there_may_be(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_oversized_messages_are_rejected(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(action_result, "MAX_SIZE", 10)
     assert decode(b"\x2a\x08" + b"a" * 8).stdout == b"a" * 8
     with pytest.raises(ValueError, match="11 bytes, more than 10"):
         decode(b"\x2a\x09" + b"a" * 9)
 
 
-def test_a_path_that_is_no_text_is_no_value() -> None:
+def test_a_path_that_is_not_utf8_is_rejected() -> None:
     with pytest.raises(ValueError, match="surrogates"):
         encode(ActionResult((OutputFile(os.fsdecode(b"\xff"), Digest(HASH, 1)),)))

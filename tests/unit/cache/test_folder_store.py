@@ -48,7 +48,7 @@ def rights(folder: Path) -> dict[str, set[int]]:
 
 
 @pytest.mark.usefixtures("mask")
-def test_what_is_kept_is_its_owners_alone(tmp_path: Path) -> None:
+def test_cached_files_are_private_to_their_owner(tmp_path: Path) -> None:
     store = FolderStore(tmp_path / "deep/cache")
     fill(store, tmp_path / "source")
     assert rights(tmp_path / "deep/cache") == {"folders": {0o700}, "files": {0o600}}
@@ -57,7 +57,7 @@ def test_what_is_kept_is_its_owners_alone(tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("mask")
 @pytest.mark.parametrize("mode", [0o755, 0o775, 0o777, 0o1777, 0o2755])
-def test_an_open_folder_is_not_meant_for_a_group(tmp_path: Path, mode: int) -> None:
+def test_world_readable_folders_are_not_group_folders(tmp_path: Path, mode: int) -> None:
     """It may be there for other things as well: its own rights stay as they are."""
     (tmp_path / "cache").mkdir()
     (tmp_path / "cache").chmod(mode)
@@ -68,14 +68,14 @@ def test_an_open_folder_is_not_meant_for_a_group(tmp_path: Path, mode: int) -> N
 
 @pytest.mark.usefixtures("mask")
 @pytest.mark.parametrize(("mode", "files"), [(0o2770, 0o660), (0o2775, 0o664)])
-def test_the_folder_of_a_group_is_for_that_group(tmp_path: Path, mode: int, files: int) -> None:
+def test_a_setgid_folder_is_shared_with_its_group(tmp_path: Path, mode: int, files: int) -> None:
     (tmp_path / "cache").mkdir()
     (tmp_path / "cache").chmod(mode)
     fill(FolderStore(tmp_path / "cache"), tmp_path / "source")
     assert rights(tmp_path / "cache") == {"folders": {mode}, "files": {files}}
 
 
-def test_what_an_earlier_forge_has_kept_is_closed(tmp_path: Path) -> None:
+def test_files_of_earlier_versions_are_made_private(tmp_path: Path) -> None:
     for name in ("ac/ab", "cas/ab"):
         (tmp_path / "cache" / name).mkdir(parents=True)
     (tmp_path / "cache/cas/ab/blob").write_text("open to all")
@@ -83,7 +83,7 @@ def test_what_an_earlier_forge_has_kept_is_closed(tmp_path: Path) -> None:
     assert {stat.S_IMODE((tmp_path / "cache" / name).stat().st_mode) for name in ("ac", "cas")} == {0o700}
 
 
-def test_a_folder_that_is_removed_meanwhile_is_made_again(tmp_path: Path) -> None:
+def test_a_cache_folder_removed_during_use_is_recreated(tmp_path: Path) -> None:
     store = FolderStore(tmp_path / "cache")
     fill(store, tmp_path / "source")
     (tmp_path / "cache").rename(tmp_path / "gone")
@@ -146,7 +146,7 @@ def test_a_result_that_anyone_can_write_to_counts_as_missing(tmp_path: Path) -> 
 
 
 @pytest.mark.usefixtures("mask")
-def test_nothing_in_a_shared_folder_is_writable_for_all(tmp_path: Path) -> None:
+def test_shared_cache_files_are_not_world_writable(tmp_path: Path) -> None:
     (tmp_path / "cache").mkdir()
     (tmp_path / "cache").chmod(0o2777)
     fill(FolderStore(tmp_path / "cache"), tmp_path / "source")

@@ -44,9 +44,7 @@ def test_files_of_a_folder_store_appear_complete(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("scheme", ["file", "memory"])
-def test_a_library_that_hangs_is_left_behind(
-    scheme: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_hanging_library_is_abandoned(scheme: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     over = threading.Event()
     monkeypatch.setattr(fsspec.get_filesystem_class(scheme), "open", lambda *_, **__: over.wait(60))
     said: list[str] = []
@@ -88,7 +86,7 @@ def test_an_invalid_result_is_reported(
     store.close()
 
 
-def test_in_a_bucket_nothing_is_moved(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_objects_in_buckets_are_not_renamed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Files appear whole there, folders are none, and moving would be copying."""
     monkeypatch.setattr("forge.cache.fsspec_store._BUCKETS", frozenset({"memory"}))
     kind = fsspec.get_filesystem_class("memory")
@@ -102,7 +100,7 @@ def test_in_a_bucket_nothing_is_moved(tmp_path: Path, monkeypatch: pytest.Monkey
     store.close()
 
 
-def test_ssh_is_told_to_know_its_hosts(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ssh_host_keys_are_verified(monkeypatch: pytest.MonkeyPatch) -> None:
     """By default sshfs accepts every server; an empty tuple makes it read ~/.ssh/known_hosts."""
     given = {}
 

@@ -13,16 +13,16 @@ bogomips\t: 1
 """
 
 
-def test_the_clock_and_the_number_of_processors_do_not_count() -> None:
+def test_clock_rate_and_number_of_processors_are_not_part_of_the_key() -> None:
     again = ONE.replace("1234.5", "4321.0").replace(": 0", ": 1")
     assert processor(f"{ONE}\n{again}") == processor(ONE)
 
 
-def test_model_and_abilities_count() -> None:
+def test_processor_model_and_features_are_part_of_the_key() -> None:
     assert processor(ONE.replace("avx2", "avx")) != processor(ONE)
     assert processor(ONE.replace("A processor", "B processor")) != processor(ONE)
 
 
-def test_an_arm_processor_has_other_lines() -> None:
+def test_arm_processors_are_identified() -> None:
     arm = "processor\t: 0\nFeatures\t: fp asimd\nCPU implementer\t: 0x41\nCPU part\t: 0xd0c\n"
     assert processor(arm) != processor(arm.replace("0xd0c", "0xd0d"))

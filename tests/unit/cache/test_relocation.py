@@ -44,13 +44,13 @@ TEXTS = st.lists(WORDS, max_size=12).map("".join)
 
 
 @given(TEXTS)
-def test_what_is_put_aside_comes_in_again_as_it_was(text: str) -> None:
+def test_relocated_files_are_restored_unchanged(text: str) -> None:
     loose = HERE.relativize(text.encode())
     assert isinstance(loose, NonRelocatable) or HERE.absolutize(loose) == text.encode()
 
 
 @given(TEXTS)
-def test_nothing_that_is_put_aside_has_the_path_in_it(text: str) -> None:
+def test_stored_files_do_not_contain_the_workspace_path(text: str) -> None:
     """What is loose at another place names that place wherever it named this one."""
     loose = HERE.relativize(text.encode())
     if not isinstance(loose, NonRelocatable):
@@ -71,7 +71,7 @@ def test_nothing_that_is_put_aside_has_the_path_in_it(text: str) -> None:
         ("as in /home/ann/ws.", "as in /srv/ci/job 7/ws."),
     ],
 )
-def test_text_is_rewritten(text: str, moved: str) -> None:
+def test_paths_in_text_files_are_rewritten(text: str, moved: str) -> None:
     loose = HERE.relativize(text.encode())
     assert not isinstance(loose, NonRelocatable)
     assert THERE.absolutize(loose).decode() == moved
@@ -87,16 +87,16 @@ def test_text_is_rewritten(text: str, moved: str) -> None:
         (b"@FORGE_ROOT@ and more", "a placeholder of forge"),
     ],
 )
-def test_what_cannot_be_rewritten_holds_here_alone(content: bytes, what: str) -> None:
+def test_files_that_cannot_be_relocated_bind_the_result_to_its_path(content: bytes, what: str) -> None:
     assert HERE.relativize(content) == NonRelocatable(what)
 
 
 @pytest.mark.parametrize("spelled", [b"a\\ b", b"a$ b", b"a%20b", b"a\\040b"])
-def test_a_path_in_another_spelling_is_not_overlooked(spelled: bytes) -> None:
+def test_other_spellings_of_the_path_are_found(spelled: bytes) -> None:
     assert isinstance(places("/ws/a b").relativize(b"cd /ws/" + spelled + b"/install"), NonRelocatable)
 
 
-def test_where_a_link_leads_is_one_more_spelling(tmp_path: Path) -> None:
+def test_the_target_of_a_link_counts_as_the_path(tmp_path: Path) -> None:
     real, link = tmp_path / "real", tmp_path / "link"
     real.mkdir()
     link.symlink_to(real)
@@ -113,11 +113,11 @@ def test_where_a_link_leads_is_one_more_spelling(tmp_path: Path) -> None:
         ("/a$b", QuotingClass.ODD),
     ],
 )
-def test_paths_are_of_three_kinds(root: str, kind: str) -> None:
+def test_paths_have_three_quoting_classes(root: str, kind: str) -> None:
     assert places(root).quoting == kind
 
 
-def test_folders_apart_from_the_root_have_words_of_their_own() -> None:
+def test_separate_folders_have_their_own_placeholders() -> None:
     apart = Relocator(Path("/ws"), Layout(Path("/fast/build"), Path("/opt/robot"), None))
     assert apart.relativize_word("/opt/robot/lib:/fast/build/x:/ws/src") == (
         "@FORGE_INSTALL@/lib:@FORGE_BUILD@/x:@FORGE_ROOT@/src"

@@ -109,7 +109,7 @@ def test_a_rejected_upload_does_not_stop_downloads(source: Path) -> None:
     assert store.asked == ["put 5 source", "result ab"]
 
 
-def test_many_slow_answers_are_a_fault_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_many_slow_responses_disable_the_store(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("forge.cache.remote._TOLERATED_SECONDS", 0.05)
     store, said = Fake(seconds=0.25), list[str]()
     remote = Remote(store, 0.5, said.append, writable=True)
@@ -141,13 +141,13 @@ def test_many_slow_answers_are_a_fault_as_well(monkeypatch: pytest.MonkeyPatch) 
         ("htp://h/", "unsupported URL scheme 'htp'"),
     ],
 )
-def test_a_url_that_is_none_is_a_mistake_of_the_user(url: str, words: str) -> None:
+def test_an_invalid_url_is_a_user_error(url: str, words: str) -> None:
     with pytest.raises(ForgeError, match=words) as raised:
         open_remote(url, seconds=1, writable=True, variables={}, report=pytest.fail)
     assert "secret" not in str(raised.value)
 
 
-def test_more_may_be_added_after_a_pause(source: Path) -> None:
+def test_uploads_can_be_added_after_a_pause(source: Path) -> None:
     store = Fake()
     uploads = Uploads(store, limit=1)
     for number in range(3):
@@ -156,7 +156,7 @@ def test_more_may_be_added_after_a_pause(source: Path) -> None:
     assert store.asked == ["put 5 source", "put_result 00 1", "put_result 11 1", "put_result 22 1"]
 
 
-def test_waiting_ends_without_progress_and_goes_on_with_it() -> None:
+def test_waiting_for_uploads_ends_without_progress() -> None:
     store = Fake(seconds=0.2)
     uploads = Uploads(store, limit=1)
     for number in range(4):
@@ -172,7 +172,7 @@ def test_waiting_ends_without_progress_and_goes_on_with_it() -> None:
     stuck.close()
 
 
-def test_a_bug_in_a_thread_is_not_lost() -> None:
+def test_exceptions_in_upload_threads_are_raised() -> None:
     store = Fake()
     store.put_result = None  # type: ignore[assignment,method-assign]
     uploads = Uploads(store)

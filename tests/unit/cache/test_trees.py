@@ -68,7 +68,7 @@ def look(prefix: Path) -> dict[str, tuple[int, bytes]]:
     return found
 
 
-def test_a_tree_is_planted_as_it_was(tmp_path: Path) -> None:
+def test_a_stored_tree_is_restored_unchanged(tmp_path: Path) -> None:
     """Rights, also of folders, links, empty files and folders, large files; names that are no UTF-8."""
     layout = installed(tmp_path / "one", {"lib/small": b"x", "lib/large": b"y" * LARGE, "share/empty": b""})
     prefix = layout.prefix("a")
@@ -89,7 +89,7 @@ def test_a_tree_is_planted_as_it_was(tmp_path: Path) -> None:
     assert surveyed(other, tmp_path / "pack2").digest == tree.digest
 
 
-def test_paths_move_along(tmp_path: Path) -> None:
+def test_paths_are_adjusted_on_restore(tmp_path: Path) -> None:
     one, two = tmp_path / "one", tmp_path / "two"
     times = LARGE // 10
     files = {"setup.sh": f"x={one}/install/a\n", "big.txt": f"{one}\n" * times}
@@ -104,7 +104,7 @@ def test_paths_move_along(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("size", [10, LARGE])
-def test_a_path_in_a_program_binds_the_tree(tmp_path: Path, size: int) -> None:
+def test_a_path_in_a_binary_binds_the_tree_to_its_location(tmp_path: Path, size: int) -> None:
     layout = installed(tmp_path, {"lib/p": b"\0" * size + bytes(tmp_path / "build") + b"\0"})
     assert (
         surveyed(layout, tmp_path / "pack").absolute_path_reason
@@ -121,7 +121,7 @@ def test_results_that_cannot_be_restored_are_not_stored(tmp_path: Path) -> None:
         surveyed(installed(tmp_path / "b", {}), tmp_path / "pack", ("/etc/passwd",))
 
 
-def test_what_python_compiled_for_itself_is_left_out(tmp_path: Path) -> None:
+def test_bytecode_caches_are_not_stored(tmp_path: Path) -> None:
     layout = installed(tmp_path, {"lib/m.py": b"", "lib/__pycache__/m.cpython-311.pyc": bytes(tmp_path)})
     assert [leaf.path for leaf in surveyed(layout, tmp_path / "pack").leaves] == ["lib/m.py"]
 
@@ -182,12 +182,12 @@ def leaf(path: object, offset: int = 0, size: int = 1, target: object = None) ->
         index(seconds=10**400),
     ],
 )
-def test_an_index_that_is_none_or_unsafe_is_refused(content: bytes) -> None:
+def test_invalid_or_unsafe_indexes_are_rejected(content: bytes) -> None:
     with pytest.raises(ValueError, match=r"."):
         decode_index(content)
 
 
-def test_rights_that_would_give_away_more_are_not_restored() -> None:
+def test_excessive_permissions_are_not_restored() -> None:
     entry = leaf("x")
     entry[1] = 0o104755
     assert decode_index(index(entry)).leaves[0].mode == 0o755
@@ -205,7 +205,7 @@ def test_nothing_is_written_through_a_link_out_of_the_prefix(tmp_path: Path) -> 
     assert not any(outside.iterdir())
 
 
-def test_what_is_there_already_keeps_its_time_and_its_other_names(tmp_path: Path) -> None:
+def test_unchanged_files_keep_their_time_and_hard_links(tmp_path: Path) -> None:
     """An equal file stays, so that nothing is recompiled. A different one is replaced, not overwritten."""
     tree = surveyed(installed(tmp_path / "one", {"same": b"same", "other": b"new"}), tmp_path / "pack")
     prefix = installed(tmp_path / "two", {"same": b"same", "other": b"old"}).prefix("a")

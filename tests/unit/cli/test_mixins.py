@@ -12,7 +12,7 @@ def cmake_args(*names: str) -> list[str]:
     return found
 
 
-def test_mixins_of_colcons_repository_have_its_names() -> None:
+def test_built_in_mixins_have_the_names_of_the_colcon_repository() -> None:
     names = {name for verb, name in BUILT_IN if verb == "build"}
     assert names >= {
         "asan-gcc",

@@ -17,7 +17,7 @@ PACKAGE = {
 }
 
 
-def test_what_is_looked_at(tree: Tree) -> None:
+def test_the_watched_folders_follow_the_selection(tree: Tree) -> None:
     root = tree(
         {
             **PACKAGE,
@@ -45,6 +45,6 @@ def test_what_is_looked_at(tree: Tree) -> None:
     assert "forge.toml" in (found[str(root)].names or ())
 
 
-def test_what_cannot_be_watched(forge: Forge, tree: Tree) -> None:
+def test_incompatible_options_are_rejected_with_watch(forge: Forge, tree: Tree) -> None:
     ran = forge("build", "--watch", "--dry-run", cwd=tree(PACKAGE))
     assert (ran.code, ran.err.splitlines()[0]) == (2, "error: '--watch' cannot be combined with '--dry-run'")

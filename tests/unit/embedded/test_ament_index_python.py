@@ -103,7 +103,7 @@ def test_a_missing_share_folder_is_a_warning(index: ModuleType) -> None:
 
 @pytest.mark.usefixtures("prefixes")
 @pytest.mark.parametrize("name", ["", "a/b", "..\\a"])
-def test_a_name_that_would_leave_the_index_is_refused(index: ModuleType, name: str) -> None:
+def test_names_that_escape_the_index_are_rejected(index: ModuleType, name: str) -> None:
     with pytest.raises(ValueError, match=r"empty|not a valid package name"):
         index.get_package_prefix(name)
     with pytest.raises(ValueError, match=r"empty|invalid name"):
@@ -160,7 +160,7 @@ NOT_THERE = [
 
 @pytest.mark.usefixtures("prefixes")
 @pytest.mark.parametrize(("name", "error", "words"), NOT_THERE)
-def test_a_definition_that_is_not_there_is_named(
+def test_a_missing_definition_is_named(
     runtime: ModuleType, name: str, error: type[Exception], words: str
 ) -> None:
     with pytest.raises(error, match=f"^{words}$"):

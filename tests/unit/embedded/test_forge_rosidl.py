@@ -72,7 +72,7 @@ def _type_support(class_: type) -> object:
     return type(class_)._TYPE_SUPPORT  # type: ignore[attr-defined]
 
 
-def test_a_namesake_in_the_module_is_not_taken_for_the_part(tmp_path: Path) -> None:
+def test_a_class_with_the_same_name_is_not_mistaken_for_a_part(tmp_path: Path) -> None:
     """walk/msg/Point has a field of geometry_msgs/Point, and is what its own module calls Point."""
     generate(tmp_path, catalog_of("walk", {"msg/Point.msg": "geometry_msgs/Point at\n"}))
     with importable(tmp_path):

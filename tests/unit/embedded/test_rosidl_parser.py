@@ -38,7 +38,7 @@ EXPRESSIONS = [
 
 
 @pytest.mark.parametrize("expression", EXPRESSIONS)
-def test_a_description_equals_one_that_says_the_same(definition: ModuleType, expression: str) -> None:
+def test_equal_descriptions_compare_equal(definition: ModuleType, expression: str) -> None:
     one, other = (eval(expression, vars(definition)) for _ in range(2))
     assert one == other
     assert hash(one) == hash(other)
@@ -47,7 +47,7 @@ def test_a_description_equals_one_that_says_the_same(definition: ModuleType, exp
     assert one not in others
 
 
-def test_descriptions_tell_whether_a_size_is_bounded(definition: ModuleType) -> None:
+def test_descriptions_report_bounded_sizes(definition: ModuleType) -> None:
     text, element = definition.UnboundedString(), definition.BasicType("int8")
     assert not text.has_maximum_size()
     assert definition.BoundedString(3).has_maximum_size()

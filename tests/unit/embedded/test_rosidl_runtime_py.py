@@ -48,12 +48,12 @@ def test_nested_messages_become_dictionaries(msg: ModuleType, runtime: ModuleTyp
     assert runtime.message_to_ordereddict(message)["points"] == ({"x": 1.0, "y": 0.0},)
 
 
-def test_numbers_of_numpy_become_pythons(msg: ModuleType, runtime: ModuleType) -> None:
+def test_numpy_numbers_become_python_numbers(msg: ModuleType, runtime: ModuleType) -> None:
     value = runtime.message_to_ordereddict(msg.Point(x=np.float64(1.5)))["x"]
     assert type(value) is float
 
 
-def test_long_values_are_cut_and_marked_at_every_level(msg: ModuleType, runtime: ModuleType) -> None:
+def test_long_values_are_truncated_at_every_level(msg: ModuleType, runtime: ModuleType) -> None:
     message = msg.Loose(a_int8=[1, 2, 3], texts=["abcd", "e", "f"], bytes=[b"xyz"])
     fields = runtime.message_to_ordereddict(message, truncate_length=2)
     assert fields["a_int8"] == [1, 2, "..."]
@@ -61,7 +61,7 @@ def test_long_values_are_cut_and_marked_at_every_level(msg: ModuleType, runtime:
     assert fields["bytes"] == ["xy..."]
 
 
-def test_collections_and_strings_can_be_outlined(msg: ModuleType, runtime: ModuleType) -> None:
+def test_collections_and_strings_can_be_summarized(msg: ModuleType, runtime: ModuleType) -> None:
     fields = runtime.message_to_ordereddict(msg.Fixed(), no_arr=True)
     assert (fields["a_int8"], fields["texts"]) == ("<array type: int8[3]>", "<array type: string[2]>")
     assert fields["points"] == "<array type: probe/msg/Point[2]>"
@@ -104,7 +104,7 @@ def test_csv_joins_values_without_quotes(msg: ModuleType, runtime: ModuleType) -
     assert runtime.message_to_csv(msg.Bound(numbers=[1, 2], points=[msg.Point()])) == "1,2,,,0.0,0.0"
 
 
-def test_csv_says_nothing_before_the_first_value(msg: ModuleType, runtime: ModuleType) -> None:
+def test_csv_has_no_leading_separator(msg: ModuleType, runtime: ModuleType) -> None:
     assert runtime.message_to_csv(msg.Bound(texts=["a"])) == "a,,"
 
 
@@ -124,7 +124,7 @@ def test_slot_types_are_found_by_name(msg: ModuleType, runtime: ModuleType) -> N
     )
 
 
-def test_a_class_written_by_hand_needs_only_slots(runtime: ModuleType) -> None:
+def test_hand_written_classes_need_only_slots(runtime: ModuleType) -> None:
     class ByHand:
         __slots__ = ("_speed",)
         SLOT_TYPES = ("double",)
@@ -155,7 +155,7 @@ VALUES = [
 
 
 @pytest.mark.parametrize(("name", "value", "expected"), VALUES)
-def test_a_value_is_made_what_the_field_holds(
+def test_values_are_converted_to_the_field_type(
     msg: ModuleType, runtime: ModuleType, name: str, value: object, expected: object
 ) -> None:
     message = msg.Scalars()
@@ -164,7 +164,7 @@ def test_a_value_is_made_what_the_field_holds(
     assert type(getattr(message, name)) is type(expected)
 
 
-def test_collections_are_made_what_the_fields_hold(msg: ModuleType, runtime: ModuleType) -> None:
+def test_collections_are_converted_to_the_field_type(msg: ModuleType, runtime: ModuleType) -> None:
     fixed, loose = msg.Fixed(), msg.Loose()
     values = {
         "a_int8": [1, 2, 3],
@@ -192,7 +192,7 @@ def test_nested_messages_are_replaced(msg: ModuleType, runtime: ModuleType) -> N
     assert message.point is not given
 
 
-def test_the_given_values_stay_as_they_are(msg: ModuleType, runtime: ModuleType) -> None:
+def test_the_given_values_are_not_modified(msg: ModuleType, runtime: ModuleType) -> None:
     values = {"points": [{"x": 1}], "texts": ["a"]}
     message = msg.Loose()
     runtime.set_message_fields(message, values)
@@ -200,7 +200,7 @@ def test_the_given_values_stay_as_they_are(msg: ModuleType, runtime: ModuleType)
     assert values == {"points": [{"x": 1}], "texts": ["a"]}
 
 
-def test_a_number_of_numpy_in_a_field_is_replaced_by_one(msg: ModuleType, runtime: ModuleType) -> None:
+def test_numpy_numbers_in_fields_are_replaced(msg: ModuleType, runtime: ModuleType) -> None:
     message = msg.Point(x=np.float64(1))
     runtime.set_message_fields(message, {"x": 2})
     assert message.x == 2.0
@@ -214,7 +214,7 @@ MISTAKES = [
 
 
 @pytest.mark.parametrize(("values", "error", "words"), MISTAKES)
-def test_a_mistake_is_named(
+def test_invalid_fields_are_named(
     msg: ModuleType, runtime: ModuleType, values: object, error: type[Exception], words: str
 ) -> None:
     with pytest.raises(error, match=words):
@@ -227,7 +227,7 @@ def test_a_message_needs_a_dictionary(msg: ModuleType, runtime: ModuleType) -> N
             runtime.set_message_fields(message, values)
 
 
-def test_times_can_be_left_open(msg: ModuleType, runtime: ModuleType) -> None:
+def test_auto_and_now_fill_in_times(msg: ModuleType, runtime: ModuleType) -> None:
     time = import_module("builtin_interfaces.msg").Time
     message = msg.Nested()
     (set_stamp,) = runtime.set_message_fields(message, {"header": "auto"}, expand_header_auto=True)
@@ -241,7 +241,7 @@ def test_times_can_be_left_open(msg: ModuleType, runtime: ModuleType) -> None:
         runtime.set_message_fields(message, {"header": "auto"})
 
 
-def test_what_yaml_says_fills_an_equal_message(msg: ModuleType, runtime: ModuleType) -> None:
+def test_yaml_round_trips(msg: ModuleType, runtime: ModuleType) -> None:
     message = msg.Fixed(
         a_int8=[1, 2, 3], texts=["a", "é"], points=[msg.Point(x=1.0), msg.Point()], bytes=[b"a", b"\0"]
     )
@@ -301,7 +301,7 @@ def test_the_parts_of_services_and_actions_are_messages(
     assert names.get_message(name).__name__ == class_name
 
 
-def test_what_is_not_there_is_an_import_error(names: ModuleType) -> None:
+def test_a_missing_type_is_an_import_error(names: ModuleType) -> None:
     with pytest.raises(ModuleNotFoundError):
         names.get_message("nowhere/msg/Point")
     with pytest.raises(AttributeError):
@@ -319,6 +319,6 @@ WRONG_KINDS = [
 
 
 @pytest.mark.parametrize(("function", "name", "what"), WRONG_KINDS)
-def test_a_name_of_another_kind_is_refused(names: ModuleType, function: str, name: str, what: str) -> None:
+def test_a_name_of_another_kind_is_rejected(names: ModuleType, function: str, name: str, what: str) -> None:
     with pytest.raises(ValueError, match=f"^Expected the full name of {what}, got '{name}'$"):
         getattr(names, function)(name)

@@ -72,7 +72,7 @@ def test_resolving_hooks_checks_which_files_exist() -> None:
         (":/x:", True, "/p/b:/p/a:/x"),
     ],
 )
-def test_prepending(held: str | None, first: bool, expected: str) -> None:
+def test_prepending_keeps_the_order_of_existing_entries(held: str | None, first: bool, expected: str) -> None:
     """The last one ends up first; an empty variable has no entries; only `first` moves and tidies."""
     variables = {} if held is None else {"X": held}
     assert after(variables, [prepend("a"), prepend("b"), prepend("a")][: 2 if first else 3], first=first) == {

@@ -77,13 +77,13 @@ def auth_in(budget: JobPool, tmp_path: Path) -> str:
         ({}, None),
     ],
 )
-def test_a_run_has_the_one_style_that_all_its_tools_speak(
+def test_all_tools_of_a_build_share_one_jobserver_style(
     spoken_by: dict[str, frozenset[str]], style: str | None
 ) -> None:
     assert common_style(spoken_by) == style
 
 
-def test_tokens_that_no_package_has_are_the_tools(tmp_path: Path) -> None:
+def test_tokens_not_held_by_packages_are_available_to_tools(tmp_path: Path) -> None:
     """And all come back: three jobs, of which packages hold two, then one, then none."""
     with closing(JobPool(3, create_pool(FIFO), FLUENT)) as budget:
         auth = auth_in(budget, tmp_path)
@@ -96,7 +96,7 @@ def test_tokens_that_no_package_has_are_the_tools(tmp_path: Path) -> None:
         wait_for(lambda: lying_in(auth) == TOKEN * 3)
 
 
-def test_packages_never_outnumber_the_jobs() -> None:
+def test_there_are_never_more_packages_than_jobs() -> None:
     running: list[int] = []
     most: list[int] = []
     with closing(JobPool(3, create_pool(PIPE))) as budget:
@@ -132,7 +132,7 @@ def test_lost_tokens_are_replaced_when_nothing_runs(tmp_path: Path) -> None:
         os.close(thief)
 
 
-def test_while_memory_is_short_one_package_runs_and_the_pool_is_drained(tmp_path: Path) -> None:
+def test_low_memory_leaves_one_package_and_drains_the_pool(tmp_path: Path) -> None:
     short = threading.Event()
     with closing(JobPool(3, create_pool(FIFO), FLUENT, is_overloaded=short.is_set)) as budget:
         auth = auth_in(budget, tmp_path)
@@ -186,7 +186,7 @@ def test_variables_and_arguments_of_a_step_depend_on_its_tool(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("style", [FIFO, PIPE])
-def test_a_pool_above_us_is_joined_and_left_as_it_was(style: str, tmp_path: Path) -> None:
+def test_an_outer_jobserver_is_joined_and_left_unchanged(style: str, tmp_path: Path) -> None:
     """One job needs no token of it: the one that the make above gave by starting us."""
     with closing(create_pool(style)) as outer:
         outer.give(b"a")
@@ -214,5 +214,5 @@ def test_a_pool_above_us_is_joined_and_left_as_it_was(style: str, tmp_path: Path
 
 
 @pytest.mark.parametrize("auth", ["900,901", "fifo:/no/such/fifo", f"fifo:{os.devnull}", "0", "a,b", "-2,-2"])
-def test_what_is_no_pool_cannot_be_joined(auth: str) -> None:
+def test_an_invalid_jobserver_is_not_joined(auth: str) -> None:
     assert join_pool(auth) is None

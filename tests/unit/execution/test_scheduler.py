@@ -27,7 +27,7 @@ def plan_of(graph: dict[str, frozenset[str]]) -> BuildPlan:
 
 
 @given(graphs(), st.integers(0, 3), st.sets(st.integers(0, 7)), st.booleans(), st.randoms())
-def test_a_task_ends_once_after_its_needs_and_at_most_limit_run(
+def test_scheduling_respects_dependencies_and_the_limit(
     graph: dict[str, frozenset[str]],
     limit: int,
     bad: set[int],
@@ -66,7 +66,7 @@ def test_a_task_ends_once_after_its_needs_and_at_most_limit_run(
 
 
 @given(graphs(), st.integers(1, 3), st.lists(st.integers(0, 9), min_size=8, max_size=8))
-def test_no_task_starts_before_a_ready_one_with_more_work_above_it(
+def test_tasks_with_the_longest_remaining_path_start_first(
     graph: dict[str, frozenset[str]], limit: int, lengths: list[int]
 ) -> None:
     plan = plan_of(graph)
@@ -92,7 +92,7 @@ def test_no_task_starts_before_a_ready_one_with_more_work_above_it(
     assert not waiting
 
 
-def test_a_long_chain_goes_before_many_short_ones() -> None:
+def test_long_chains_start_before_short_ones() -> None:
     """Three packages wait for 'wide', but from 'deep' the way to the end takes longer."""
     graph = {"wide": frozenset[str](), "deep": frozenset[str](), "end": frozenset({"deep"})}
     graph |= {name: frozenset({"wide"}) for name in "abc"}
@@ -104,7 +104,7 @@ def test_a_long_chain_goes_before_many_short_ones() -> None:
         assert Scheduler(plan_of(graph), 1, seconds, in_order=True).advance() == [Started(first)]
 
 
-def test_a_package_never_built_counts_like_the_usual_one() -> None:
+def test_packages_without_history_count_as_average() -> None:
     graph = {name: frozenset[str]() for name in ("short", "new", "long", "longer")}
     scheduler = Scheduler(plan_of(graph), 1, {"short": 1.0, "long": 5.0, "longer": 7.0})
     order = []

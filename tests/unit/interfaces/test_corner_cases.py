@@ -153,7 +153,7 @@ def test_msgs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize("name", ["Arrays", "BoundedSequences", "UnboundedSequences"])
-def test_03_what_follows_strings_of_odd_length_is_aligned(name: str, test_msgs: Path) -> None:
+def test_fields_after_strings_of_odd_length_are_aligned(name: str, test_msgs: Path) -> None:
     class_ = load(test_msgs, "test_msgs")[f"test_msgs/msg/{name}"]
     forge_cdr = import_module("forge_cdr")
     value = class_(alignment_check=0x01020304)
@@ -163,20 +163,20 @@ def test_03_what_follows_strings_of_odd_length_is_aligned(name: str, test_msgs: 
     assert forge_cdr.deserialize(data, class_) == value
 
 
-def test_08_wide_texts_beyond_ascii() -> None:
+def test_wide_strings_contain_any_characters() -> None:
     value = made(TEST_MSGS["WStrings"])()
     assert (value.wstring_value_default2, value.wstring_value_default3) == ("Hellö wörld!", "ハローワールド")
     assert not hasattr(value, "WSTRING_CONST")
 
 
 @pytest.mark.parametrize("name", KNOWN)
-def test_09_messages_of_arrays_of_messages_of_arrays(name: str, test_msgs: Path) -> None:
+def test_nested_arrays_of_messages_have_the_reference_hashes(name: str, test_msgs: Path) -> None:
     """These hashes were computed by others; MultiNested contains nearly all of the other messages."""
     found = hashes(resolve("test_msgs", parse_all(read_folder("test_msgs", test_msgs)), Library()))
     assert found[TypeName("test_msgs", "msg", name)] == f"RIHS01_{KNOWN[name]}"
 
 
-def test_10_one_type_with_and_without_its_package(tree: Tree) -> None:
+def test_bare_and_qualified_type_names_are_the_same_type(tree: Tree) -> None:
     part = "Near near\ntour/Near again\nbuiltin_interfaces/Duration far\n"
     folder = tree({"msg/Near.msg": "int8 a", "action/Go.action": f"{part}---\n{part}---\n{part}"})
     go = load(folder, "tour")["tour/action/Go"]
@@ -184,7 +184,7 @@ def test_10_one_type_with_and_without_its_package(tree: Tree) -> None:
         assert type(section().near) is type(section().again)
 
 
-def test_11_a_byte_is_bytes_in_python_and_so_are_its_constants() -> None:
+def test_bytes_and_their_constants_are_bytes_in_python() -> None:
     status = load(EMBEDDED / "diagnostic_msgs")["diagnostic_msgs/msg/DiagnosticStatus"]
     assert (status().level, status.OK, status.STALE) == (b"\0", b"\0", b"\3")
     log = load(EMBEDDED / "rcl_interfaces")["rcl_interfaces/msg/Log"]
@@ -198,14 +198,14 @@ def test_11_a_byte_is_bytes_in_python_and_so_are_its_constants() -> None:
     )
 
 
-def test_12_a_default_without_a_fraction_is_a_float_and_no_part_of_the_hash() -> None:
+def test_integer_defaults_of_floats_are_floats_and_not_hashed() -> None:
     pose = load(EMBEDDED / "geometry_msgs")["geometry_msgs/msg/Pose"]()
     assert (type(pose.orientation.w), pose.orientation.w) == (float, 1.0)
     expected = "d501954e9476cea2996984e812054b68026ae0bfae789d9a10b23daf35cc90fa"
     assert hash_of("geometry_msgs/msg/Pose") == expected
 
 
-def test_13_bounded_sequences_of_messages_and_a_bound_before_a_comment() -> None:
+def test_bounded_sequences_of_messages_are_parsed() -> None:
     descriptor = embedded("rcl_interfaces/msg/ParameterDescriptor")
     types = [field.type for field in descriptor.fields]
     assert Sequence(Named(TypeName("rcl_interfaces", "msg", "FloatingPointRange")), 1) in types
@@ -213,14 +213,14 @@ def test_13_bounded_sequences_of_messages_and_a_bound_before_a_comment() -> None
     assert (field.type, field.doc) == (Sequence(Primitive("double"), 3), ("At no point more",))
 
 
-def test_16_brackets_that_are_no_units_are_taken_for_units_as_rosidl_does() -> None:
+def test_any_bracketed_text_is_a_unit_as_in_rosidl() -> None:
     (field,) = message("float32 a # a share [0.0-1.0]").fields
     assert (field.doc, field.unit) == (("a share",), "0.0-1.0")
     assert message("# K[0] == 0.0 says that.\n\nint8 a").doc == ("K == 0.0 says that.",)
     assert message("#     [fx  0 cx]\n# K = [ 0 fy cy]\n\nint8 a").doc == ("    [fx  0 cx]", "K = [ 0 fy cy]")
 
 
-def test_19_chars_of_an_event_are_hashed_as_uint8(forge: Forge, tmp_path: Path) -> None:
+def test_char_arrays_of_events_are_hashed_as_uint8(forge: Forge, tmp_path: Path) -> None:
     assert embedded("service_msgs/msg/ServiceEventInfo").fields[2].type == Array(Primitive("uint8"), 16)
     expected = "41bcbbe07a75c9b52bc96bfd5c24d7f0fc0a08c0cb7921b3373c5732345a6f45"
     assert hash_of("service_msgs/msg/ServiceEventInfo") == expected
@@ -231,7 +231,7 @@ def test_19_chars_of_an_event_are_hashed_as_uint8(forge: Forge, tmp_path: Path) 
     assert [f["type"]["type_id"] for f in fields if f["name"] == "client_gid"] == [51]
 
 
-def test_20_a_sequence_of_bounded_wide_texts_is_refused_for_rosidl_bounds_it() -> None:
+def test_sequences_of_bounded_wide_strings_are_rejected() -> None:
     with pytest.raises(InterfaceError, match=r"rosidl reads 'wstring<=4\[\]' as 'wstring<=4\[<=4\]'"):
         read("wstring<=4[] a")
     with pytest.raises(InterfaceError, match="rosidl reads 'sequence<wstring<4>>' as"):
@@ -241,7 +241,7 @@ def test_20_a_sequence_of_bounded_wide_texts_is_refused_for_rosidl_bounds_it() -
     assert [field.type for field in fields] == [Array(wide, 2), Sequence(wide, 3), Sequence(String(bound=4))]
 
 
-def test_22_what_only_idl_can_say_in_a_namespace_of_its_own(forge: Forge, tree: Tree) -> None:
+def test_idl_only_types_in_their_own_namespace(forge: Forge, tree: Tree) -> None:
     idl = "module tour {{ module idl {{ struct Only {{ wchar a; sequence<wchar> b; {} c; }}; }}; }};"
     folder = tree({"src/idl/Only.idl": idl.format("long double")})
     arguments = ["--package", "tour", "--output", "out", "src"]
@@ -255,7 +255,7 @@ def test_22_what_only_idl_can_say_in_a_namespace_of_its_own(forge: Forge, tree: 
     assert load(folder / "src", "tour")["tour/idl/Only"](a="日", b=["x"]).a == "日"
 
 
-def test_26_files_of_another_package_belong_to_the_one_that_generates(forge: Forge, tree: Tree) -> None:
+def test_files_of_other_folders_belong_to_the_generating_package(forge: Forge, tree: Tree) -> None:
     root = tree({"share/files/msg/Inner.msg": "int8 a", "share/files/msg/Outer.msg": "Inner inner"})
     files = [word for name in ("Inner", "Outer") for word in ("--file", f"share/files:msg/{name}.msg")]
     ran = forge("interface", "hash", "--package", "test_msgs", *files, cwd=root)
@@ -265,7 +265,7 @@ def test_26_files_of_another_package_belong_to_the_one_that_generates(forge: For
     ]
 
 
-def test_29_float32_takes_what_fits_and_infinity() -> None:
+def test_float32_accepts_its_range_and_infinity() -> None:
     class_ = made("float32 a")
     assert class_(a=float("inf")).a == float("inf")
     assert class_(a=3.4028234663852886e38).a == 3.4028234663852886e38

@@ -51,7 +51,7 @@ def test_without_events_they_are_only_part_of_the_hash() -> None:
 
 
 @pytest.mark.parametrize("events", [True, False])
-def test_all_languages_follow_the_flag(*, events: bool) -> None:
+def test_events_are_generated_in_all_languages_on_request(*, events: bool) -> None:
     found = catalog(events=events)
     texts = {file.path: file.text for target in (c, cpp, python) for file in target.files(found)}
     expected = {

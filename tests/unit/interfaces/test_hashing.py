@@ -37,7 +37,7 @@ KNOWN = dict(
 
 
 @pytest.mark.parametrize("package", sorted({name.partition("/")[0] for name in KNOWN}))
-def test_embedded_types_have_the_hashes_that_others_computed(package: str) -> None:
+def test_embedded_types_have_the_reference_hashes(package: str) -> None:
     found = hashes(resolve(package, parse_all(read_folder(package, EMBEDDED / package)), Library()))
     expected = {name: f"RIHS01_{digits}" for name, digits in KNOWN.items() if name.startswith(f"{package}/")}
     assert {str(name): text for name, text in found.items() if str(name) in expected} == expected

@@ -36,7 +36,7 @@ def test_a_page_reads_as_if_written_by_hand(golden: Golden) -> None:
     golden(case, {file.path: file.text for file in markdown.files(catalog)})
 
 
-def test_comments_and_values_cannot_become_markup() -> None:
+def test_comments_and_values_are_escaped_in_markdown() -> None:
     """What Markdown would understand is escaped, so that a table stays a table."""
     doc = ("# not | a *heading*", "", "<b>nor</b> [a](link)")
     fields = (Field("text", String(), "a | `b`", doc),)

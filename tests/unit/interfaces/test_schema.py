@@ -27,7 +27,7 @@ FILES = {
 }
 
 
-def test_a_schema_is_the_definitions_as_written_depth_first(forge: Forge, tree: Tree) -> None:
+def test_schemas_contain_definitions_depth_first(forge: Forge, tree: Tree) -> None:
     root = tree(FILES)
     includes = ["--include", f"tour={root}", "--include", f"other_msgs={root / 'other'}"]
     ran = forge("interface", "schema", "tour/msg/Top", *includes)
@@ -64,7 +64,7 @@ def test_a_schema_of_a_missing_type_is_an_error(forge: Forge, tree: Tree) -> Non
 
 
 @pytest.mark.parametrize("encoding", ["ros2msg", "ros2idl"])
-def test_a_schema_read_again_is_the_same_type(encoding: str) -> None:
+def test_schemas_round_trip(encoding: str) -> None:
     """The law, over what forge brings along: what comes back has the type's hash."""
     for name in NAMES[:: 1 if encoding == "ros2msg" else 3]:
         text = schema_text(require(name, LIBRARY), lambda each: require(each, LIBRARY), encoding)

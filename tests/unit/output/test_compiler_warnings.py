@@ -39,7 +39,7 @@ def test_the_output_of_commands_with_warnings_is_kept_whole() -> None:
         (b"a.c:1:2: note: here", 0),
     ],
 )
-def test_colours_do_not_hide_a_warning(line: bytes, count: int) -> None:
+def test_coloured_warnings_are_found(line: bytes, count: int) -> None:
     assert found(b"[1/1] c\n" + line + b"\n").count(line) == count
 
 

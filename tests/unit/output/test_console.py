@@ -69,7 +69,7 @@ def test_a_successful_build_prints_the_same_lines_as_colcon(capfd: pytest.Captur
     assert report.exit_code == 0
 
 
-def test_embedded_packages_that_were_built_before_are_only_counted(
+def test_up_to_date_embedded_packages_are_only_counted(
     capfd: pytest.CaptureFixture[str],
 ) -> None:
     report = report_on("a", "e")

@@ -117,7 +117,7 @@ def test_a_dependency_spelled_like_a_ros_package_gets_no_system_package_hint() -
     assert "apt-file search" in str(hint_of(said.format("nlohmann_json"), scene))
 
 
-def test_a_misspelt_package_is_not_looked_for_in_the_system_first() -> None:
+def test_misspelt_packages_get_a_suggestion_before_system_packages() -> None:
     said = 'asked CMake to find a package configuration file provided by "{}", but'
     scene = FailureContext(package("mine"), {name: package(name) for name in ("mine", "my_msgs", "rclcpp")})
     hint = str(hint_of(said.format("my_mgs"), scene))
@@ -147,11 +147,11 @@ def test_unclear_failures_have_no_hint(said: str) -> None:
 
 
 @given(st.text())
-def test_any_output_is_read(said: str) -> None:
+def test_any_output_can_be_analysed(said: str) -> None:
     hint_of(said, SCENE)
 
 
-def test_headers_are_looked_for_where_they_are_installed(tree: Tree) -> None:
+def test_missing_headers_are_found_in_installed_packages(tree: Tree) -> None:
     root = tree(
         dict.fromkeys(("include/shapes/shapes/circle.hpp", "include/shapes/README", "include/x/yes.h"), "")
     )
@@ -200,13 +200,13 @@ def test_headers_of_interfaces_are_in_lower_case() -> None:
     assert hint_of(said, scene) == "headers of interfaces are lower case: 'own_msgs/msg/big_status.hpp'"
 
 
-def test_a_plain_cmake_package_finds_what_its_users_need_in_its_config() -> None:
+def test_plain_cmake_packages_are_told_to_find_dependencies_in_their_config() -> None:
     scene = FailureContext(package("mine"), {"plain": package("plain", build_type="cmake")})
     hint = str(hint_of(NOT_EXPORTED.format("plain::plain", "Threads::Threads"), scene))
     assert hint.endswith("add find_dependency(Threads) to the CMake config that 'plain' installs")
 
 
-def test_build_tools_are_declared_as_such() -> None:
+def test_missing_build_tools_are_buildtool_dependencies() -> None:
     said = 'package configuration file provided by "ament_cmake", but'
     scene = FailureContext(package("mine"), {"ament_cmake": package("ament_cmake")})
     assert "add <buildtool_depend>ament_cmake</buildtool_depend> to src/mine/package.xml" in str(
@@ -261,7 +261,7 @@ def test_a_submodule_below_a_package_is_named(tree: Tree, monkeypatch: pytest.Mo
     assert "git submodule update --init src/mine/extern/x" in str(hint_of(said, scene_in(root)))
 
 
-def test_a_workspace_next_door_is_to_be_sourced(tree: Tree) -> None:
+def test_a_package_of_a_neighbouring_workspace_suggests_sourcing_it(tree: Tree) -> None:
     root = tree({"other/install/my_msgs/share/my_msgs/package.sh": "", "ws/src/x": ""}) / "ws"
     hint = str(hint_of(NO_CONFIG.format("my_msgs"), scene_in(root)))
     assert hint == f"source the workspace that contains it: . {root.parent}/other/install/setup.sh"

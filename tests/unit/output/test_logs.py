@@ -23,7 +23,7 @@ from forge.build.tasks import Step, StepKind
 from forge.output.logs import open_log
 
 
-def test_each_run_has_a_folder_and_latest_points_at_it(tmp_path: Path) -> None:
+def test_each_run_has_a_log_folder_and_latest_links_to_it(tmp_path: Path) -> None:
     logs = tmp_path / "log"
     folders = []
     for _ in range(2):
@@ -128,7 +128,7 @@ def test_a_log_folder_that_cannot_be_created_is_reported(tmp_path: Path) -> None
     assert error.value.problems[0].hint == "choose another folder with --log-base DIR"
 
 
-def test_a_log_has_no_passwords(tmp_path: Path) -> None:
+def test_passwords_are_not_logged(tmp_path: Path) -> None:
     """Logs are shared, and a command line may contain credentials."""
     argv = ["forge", "build", "--remote-cache=https://me:pass@word@host:1/x", "-DA=ssh://git@host", "a@b"]
     open_log(tmp_path, "build", argv).close()

@@ -52,7 +52,7 @@ def test_running_packages_have_their_current_step() -> None:
 BUILD = Step(StepKind.BUILD, (), Path())
 
 
-def test_the_share_of_a_package_is_that_of_its_build_tool() -> None:
+def test_package_progress_follows_the_build_tool() -> None:
     """A count of the newest step is shown; the share of the whole never shrinks."""
     begun = after(Progress(0.0, {}, 2), (0, Started("a")), (0, StepStarted("a", BUILD)))
     counted = after(begun, (1, Output("a", b"[1/4] x.cpp\n[2/4] y.cpp\n", stderr=False)))
@@ -85,7 +85,7 @@ def test_the_share_of_a_package_is_that_of_its_build_tool() -> None:
         (b"", None),
     ],
 )
-def test_the_counts_of_tools_are_read(output: bytes, share: float | None) -> None:
+def test_progress_counts_of_build_tools_are_parsed(output: bytes, share: float | None) -> None:
     assert counted_share(output) == share
 
 
@@ -109,7 +109,7 @@ def test_a_damaged_record_of_durations_gives_no_estimate() -> None:
 
 
 @given(st.lists(st.tuples(st.floats(0, 100), EVENTS)), st.dictionaries(NAMES, st.floats(0, 100)))
-def test_any_order_of_events_is_survived(
+def test_any_order_of_events_is_handled(
     events: list[tuple[float, Event]], expected: dict[str, float]
 ) -> None:
     now = after(Progress(0.0, expected, 4), *events)

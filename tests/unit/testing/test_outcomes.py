@@ -61,7 +61,7 @@ def ctest(text: str) -> Outcome:
     return read_ctest(parse_xml(text.encode(), Path("Test.xml")), "build/p/Testing/1/Test.xml", "build/p")
 
 
-def test_test_cases_are_printed_as_colcon_prints_them() -> None:
+def test_failed_tests_are_printed_as_by_colcon() -> None:
     bad, worse = junit(JUNIT).cases
     assert details(bad) == [
         "- p.test_a test_bad (test_a.py:7)",
@@ -133,7 +133,7 @@ RUNS = st.dictionaries(
 
 
 @given(RUNS, st.sampled_from([".xml", ".catch2.xml", ".gtest.xml", ".xunit.xml"]))
-def test_counting_once_loses_no_failure_and_no_test(
+def test_removing_duplicates_loses_no_failure_and_no_test(
     run: dict[str, tuple[Counts, list[Counts] | None]], extension: str
 ) -> None:
     """Each test counts at least once; all is well after counting once exactly when it was before."""

@@ -120,7 +120,7 @@ def test_the_initial_cache_sets_the_launcher_and_removes_a_former_one() -> None:
         ("someone@red/5:/opt/bin/distccd,lzo\n@blue:/opt/9/distccd\n", 2, 9),
     ],
 )
-def test_hosts_are_read_as_distcc_lists_them(text: str, hosts: int, slots: int) -> None:
+def test_distcc_host_lists_are_parsed(text: str, hosts: int, slots: int) -> None:
     assert read_hosts(text) == HostPool(hosts, slots)
 
 

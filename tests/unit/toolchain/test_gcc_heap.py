@@ -22,7 +22,7 @@ GIB = 1 << 30
         (4 * GIB, 2, 256),
     ],
 )
-def test_all_jobs_together_take_a_quarter_of_the_memory_at_most(
+def test_all_compilers_together_use_at_most_a_quarter_of_the_memory(
     total: int, jobs: int, mib: int | None
 ) -> None:
     found = gcc_heap(Memory(total, 0), jobs)

@@ -37,7 +37,7 @@ def environment(root: Path, name: str, version: str = OTHER) -> Path:
     return folder
 
 
-def test_the_order(tree: Tree) -> None:
+def test_the_interpreter_is_chosen_in_the_documented_order(tree: Tree) -> None:
     """An option, the active environment, the highest underlay, PATH; and the last build, where it counts."""
     root = tree({})
     names = ("option", "venv", "conda", "path", "built", "low", "high")
@@ -105,7 +105,7 @@ def test_the_interpreter_is_the_same_however_forge_was_started(
     assert own_path() == root / "other/python"
 
 
-def test_the_underlay_tells_by_its_modules_which_version_it_needs(tree: Tree) -> None:
+def test_the_python_version_of_an_underlay_is_recognized_by_its_modules(tree: Tree) -> None:
     """In isolated layouts as well; python3 comes before a program with the version in its name."""
     root = tree(
         {
@@ -131,7 +131,7 @@ def test_the_underlay_tells_by_its_modules_which_version_it_needs(tree: Tree) ->
     )
 
 
-def test_the_scripts_of_an_underlay_tell_its_interpreter(tree: Tree) -> None:
+def test_the_interpreter_of_an_underlay_is_read_from_its_scripts(tree: Tree) -> None:
     """As those in /opt/ros, where conda's python3 may come first on PATH."""
     root = tree(
         {"ros/bin/a": "#!/usr/bin/env python3\n", "ros/bin/b": "#!/gone/bin/python3\n", "ros/bin/c/d": ""}
@@ -218,7 +218,9 @@ def test_an_interpreter_of_another_version_than_the_underlay_is_rejected(
         ),
     ],
 )
-def test_a_missing_python_is_a_message(python: str | None, variables: dict[str, str], message: str) -> None:
+def test_a_missing_interpreter_is_reported(
+    python: str | None, variables: dict[str, str], message: str
+) -> None:
     """With what would help."""
     with pytest.raises(HostError) as caught:
         find_interpreter(python, variables)

@@ -24,7 +24,7 @@ from tests.packages import package
         "project(x C)\nenable_language(CXX OPTIONAL)",
     ],
 )
-def test_a_project_with_cxx(text: str) -> None:
+def test_projects_that_enable_cxx_are_recognized(text: str) -> None:
     assert enables_cxx(text)
 
 
@@ -39,7 +39,7 @@ def test_a_project_with_cxx(text: str) -> None:
         'project(x VERSION 1 DESCRIPTION "With CXX" LANGUAGES C ASM)\nenable_language(Fortran OPTIONAL)',
     ],
 )
-def test_a_project_without_cxx(text: str) -> None:
+def test_projects_without_cxx_are_recognized(text: str) -> None:
     assert not enables_cxx(text)
 
 

@@ -48,7 +48,7 @@ def test_a_launcher_named_like_a_compiler_starts_the_next_one_on_path(tree: Tree
     assert [path_of(identity) for identity in found] == [str(root / "lib/cc"), str(root / "bin/cc")]
 
 
-def test_identities_have_what_arguments_and_variables_name(tree: Tree) -> None:
+def test_programs_named_by_arguments_and_variables_are_identified(tree: Tree) -> None:
     names = ("gcc", "ar", "ld", "ccache", "ld.gold", "mycc")
     root = tree({f"bin/{name}": "binary" for name in names})
     for name in names:
@@ -106,7 +106,7 @@ def test_config_files_below_a_prefix(tree: Tree, place: str) -> None:
     assert ConfigSearch().folder(str(root), "yam") == ""
 
 
-def test_only_variables_that_can_change_a_build_count() -> None:
+def test_only_variables_that_affect_builds_are_inputs() -> None:
     idle = (
         "ROS_DOMAIN_ID ROS_LOG_DIR ROS_LOCALHOST_ONLY RMW_IMPLEMENTATION CUDA_VISIBLE_DEVICES ROS_MASTER_URI"
         " ROS_HOSTNAME PKG_CONFIG_DEBUG_SPEW CUDA_CACHE_PATH AMENT_TRACE_SETUP_FILES CMAKE_COLOR_DIAGNOSTICS"

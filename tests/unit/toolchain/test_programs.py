@@ -33,7 +33,7 @@ def compiled(root: Path, project: str) -> Package:
     return made
 
 
-def test_cmake_command_names_another(tree: Tree) -> None:
+def test_CMAKE_COMMAND_selects_another_cmake(tree: Tree) -> None:
     root = tree({"bin/make": PROGRAM})
     tools = find_tools(
         [package("a")], {"PATH": str(root / "bin"), "CMAKE_COMMAND": "/opt/cmake", "CXX": "cc"}
@@ -57,16 +57,14 @@ def test_everything_missing_is_reported_together_with_hints(
     assert extra_command("cmake") in (error.value.problems[0].hint or "")
 
 
-def test_cmake_without_a_build_program(tree: Tree, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_cmake_without_ninja_and_make_is_an_error(tree: Tree, monkeypatch: pytest.MonkeyPatch) -> None:
     root = tree({"bin/cmake": PROGRAM})
     beside_nothing(monkeypatch, root)
     with pytest.raises(HostError, match="neither Ninja nor make found"):
         find_tools([package("a")], {"PATH": str(root / "bin")})
 
 
-def test_the_ninja_that_came_with_forge_goes_before_that_of_the_system(
-    tree: Tree, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_ninja_of_forge_precedes_the_system_ninja(tree: Tree, monkeypatch: pytest.MonkeyPatch) -> None:
     """A distribution's seldom shares jobs."""
     root = tree(
         {
@@ -99,7 +97,7 @@ def test_programs_that_a_package_starts_find_the_same_ninja(tree: Tree) -> None:
     assert rest == [str(root / "bin")]
 
 
-def test_the_wheels_own_cmake_is_found_behind_its_script(tree: Tree, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_cmake_of_the_wheel_is_found(tree: Tree, monkeypatch: pytest.MonkeyPatch) -> None:
     root = tree(
         {"site/cmake/__init__.py": "", "site/cmake/data/bin/cmake": PROGRAM, "venv/bin/ninja": PROGRAM}
     )

@@ -116,7 +116,7 @@ def test_the_resources_of_this_machine_are_known() -> None:
         ("none", MemoryLimit()),
     ],
 )
-def test_a_limit_is_a_share_or_a_size(text: str, limit: MemoryLimit) -> None:
+def test_a_memory_limit_is_a_percentage_or_a_size(text: str, limit: MemoryLimit) -> None:
     assert memory_limit(text) == limit
 
 

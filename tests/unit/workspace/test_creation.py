@@ -72,7 +72,7 @@ def files_of(blueprint: NewPackage) -> dict[str, str]:
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_a_package_is_what_a_reviewer_has_accepted(case: str, golden: Golden) -> None:
+def test_created_packages_match_their_goldens(case: str, golden: Golden) -> None:
     folders = "".join(f"{item.path}/\n" for item in render_package(CASES[case]) if item.text is None)
     golden(f"pkg/{case}", {**files_of(CASES[case]), "folders.txt": folders})
 
@@ -122,7 +122,7 @@ def test_a_known_license_adds_a_license_file(license_: str) -> None:
         ("import", "ament_python", "invalid Python package name 'import'"),
     ],
 )
-def test_a_name_that_cannot_be_built_is_refused(name: str, build_type: str, message: str) -> None:
+def test_names_that_cannot_be_built_are_rejected(name: str, build_type: str, message: str) -> None:
     with pytest.raises(ForgeError) as caught:
         NewPackage(name, ADA, build_type)
     assert [problem.message for problem in caught.value.problems] == [message]
@@ -191,6 +191,6 @@ def test_a_node_in_python_is_named_like_a_module(node: str) -> None:
         NewPackage("walker", ADA, "ament_python", node=node)
 
 
-def test_node_and_library_need_two_names() -> None:
+def test_node_and_library_need_different_names() -> None:
     with pytest.raises(ForgeError, match="cannot both be named 'walk'"):
         NewPackage("walker", ADA, node="walk", library="walk")

@@ -28,7 +28,7 @@ def test_packages_are_found_in_folders_but_not_in_packages(tree: Tree) -> None:
     assert found(root, "src/deep", "src/a") == {"b": "src/deep/er/b", "a": "src/a"}
 
 
-def test_ignore_marks_hide_a_folder_and_all_below(tree: Tree) -> None:
+def test_ignore_files_hide_a_folder_and_everything_below(tree: Tree) -> None:
     root = tree(
         {
             "a/package.xml": manifest_text("a"),
@@ -51,7 +51,7 @@ INSTALLED = (
 """Files of a workspace in environments, and where package managers install."""
 
 
-def test_what_is_installed_below_a_workspace_is_no_source(tree: Tree) -> None:
+def test_installed_packages_are_not_discovered(tree: Tree) -> None:
     installed = {f"src/{name}": manifest_text("a") for name in INSTALLED}
     root = tree({"src/a/package.xml": manifest_text("a"), **installed})
     workspace = discover(root, ["."], {})
@@ -61,7 +61,7 @@ def test_what_is_installed_below_a_workspace_is_no_source(tree: Tree) -> None:
     assert found(root, "src/web/node_modules") == {"a": "src/web/node_modules/x"}
 
 
-def test_an_environment_at_the_root_of_a_workspace_hides_no_package(tree: Tree) -> None:
+def test_a_virtual_environment_at_the_root_hides_no_packages(tree: Tree) -> None:
     root = tree(
         {
             "pyvenv.cfg": "",
@@ -72,7 +72,7 @@ def test_an_environment_at_the_root_of_a_workspace_hides_no_package(tree: Tree) 
     assert found(root) == {"a": "src/a"}
 
 
-def test_a_pipe_in_an_environment_is_not_read(tree: Tree) -> None:
+def test_named_pipes_in_virtual_environments_are_not_opened(tree: Tree) -> None:
     root = tree({"a/package.xml": "", "a/env/pyvenv.cfg": "", "a/node_modules/x": ""})
     for folder in ("env", "node_modules"):
         os.mkfifo(root / "a" / folder / "setup.py")
@@ -81,7 +81,7 @@ def test_a_pipe_in_an_environment_is_not_read(tree: Tree) -> None:
     assert len(list(special_files(root, Path("a")))) == 1
 
 
-def test_a_loop_of_links_ends_and_a_folder_counts_once(tree: Tree) -> None:
+def test_link_loops_end_and_each_folder_is_visited_once(tree: Tree) -> None:
     root = tree({"src/a/package.xml": manifest_text("a")})
     (root / "src" / "loop").symlink_to(root)
     (root / "src" / "again").symlink_to(root / "src" / "a")
@@ -89,7 +89,7 @@ def test_a_loop_of_links_ends_and_a_folder_counts_once(tree: Tree) -> None:
     assert found(root) == {"a": "src/a"}
 
 
-def test_errors_and_duplicate_names_are_reported_and_the_rest_is_found(tree: Tree) -> None:
+def test_errors_and_duplicates_do_not_hide_other_packages(tree: Tree) -> None:
     root = tree(
         {
             "a/package.xml": manifest_text("same"),
@@ -108,7 +108,7 @@ def test_errors_and_duplicate_names_are_reported_and_the_rest_is_found(tree: Tre
     ]
 
 
-def test_a_group_dependency_is_one_on_its_members(tree: Tree) -> None:
+def test_a_group_dependency_is_a_dependency_on_its_members(tree: Tree) -> None:
     root = tree(
         {
             "a/package.xml": manifest_text("a", "<group_depend>g</group_depend>"),

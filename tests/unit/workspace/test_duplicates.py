@@ -35,7 +35,7 @@ def test_the_copy_below_a_generated_folder_is_the_one_to_ignore(tree: Tree) -> N
     assert hint.endswith("'docs_build/COLCON_IGNORE'")
 
 
-def test_a_folder_with_other_packages_is_not_to_be_ignored(tree: Tree) -> None:
+def test_the_hint_never_ignores_a_folder_with_other_packages(tree: Tree) -> None:
     ((_, hint),) = reported(tree(packages("src/a", "old/a", "old/b")))
     assert hint.endswith("'old/a/COLCON_IGNORE'")
 

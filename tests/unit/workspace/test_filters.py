@@ -33,7 +33,9 @@ def names(forge: Forge, root: Path, *argv: str) -> str:
     ("kind", "words"),
     [("build", ("build-failed", "build-finished")), ("test", ("test-failures", "test-passed"))],
 )
-def test_earlier_results_select_and_skip(forge: Forge, root: Path, kind: str, words: tuple[str, str]) -> None:
+def test_packages_are_selected_by_earlier_results(
+    forge: Forge, root: Path, kind: str, words: tuple[str, str]
+) -> None:
     failed, well = words
     for name, said in {"a": "0", "b": "1", "c": "SIGINT"}.items():
         (root / "out" / name).mkdir(parents=True)

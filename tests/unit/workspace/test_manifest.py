@@ -33,7 +33,7 @@ def test_exports_keep_their_inner_text() -> None:
     ]
 
 
-def test_the_last_active_build_type_counts_with_a_warning() -> None:
+def test_the_last_matching_build_type_is_used_with_a_warning() -> None:
     manifest = parse(
         manifest_text("a").replace(
             "<export>",
@@ -112,11 +112,11 @@ def test_a_format_1_test_depend_may_not_repeat() -> None:
         ("", "not well-formed XML"),
     ],
 )
-def test_what_is_no_manifest(text: str, message: str) -> None:
+def test_files_that_are_not_manifests_are_rejected(text: str, message: str) -> None:
     assert message in problems(text)[0]
 
 
-def test_empty_and_unusual_things_are_warnings() -> None:
+def test_empty_and_unknown_elements_are_warnings() -> None:
     manifest = parse(manifest_text("Robot", "<depend> </depend>"))
     assert [warning.message for warning in manifest.warnings] == [
         "package name 'Robot' does not follow the convention of lower-case names",

@@ -42,7 +42,7 @@ def beginnings(problems: Iterable[Problem]) -> list[str]:
     return [problem.message.split(",")[0] for problem in problems]
 
 
-def test_what_cmake_requires_is_an_error_and_anything_else_a_warning(tree: Tree) -> None:
+def test_missing_required_packages_are_errors_and_others_warnings(tree: Tree) -> None:
     missing = missing_in(
         requiring(tree, package("a", "rclcpp", "libboost-dev"), "rclcpp"),
         requiring(tree, package("b", "rclcpp", "boost"), "rclcpp", "boost"),
@@ -117,7 +117,7 @@ def test_skipped_keys_are_not_mentioned(tree: Tree) -> None:
         ("find_package(a REQUIRED)\n[[", {"a"}),
     ],
 )
-def test_only_unconditional_calls_certainly_fail(text: str, expected: set[str]) -> None:
+def test_only_unconditional_find_package_calls_are_errors(text: str, expected: set[str]) -> None:
     assert requirements(text) == expected
 
 

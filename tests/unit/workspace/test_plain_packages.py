@@ -41,11 +41,11 @@ def only(root: Path) -> Package:
         ("", None),
     ],
 )
-def test_the_name_of_a_project_is_its_first_literal_one(text: str, name: str | None) -> None:
+def test_the_first_literal_project_name_is_used(text: str, name: str | None) -> None:
     assert project_name(text) == name
 
 
-def test_dependencies_of_cmake_are_literal_names() -> None:
+def test_only_literal_find_package_names_are_dependencies() -> None:
     text = (
         'find_package(a REQUIRED)\nfind_package(${b})\n# find_package(c)\nFind_Package( "d" )\n'
         "pkg_check_modules(P REQUIRED QUIET e>=1 f)\npkg_search_module(Q g=2)\n"
@@ -53,7 +53,7 @@ def test_dependencies_of_cmake_are_literal_names() -> None:
     assert cmake_dependencies([text]) == {"a", "d", "e", "f", "g"}
 
 
-def test_setup_py_is_read_with_the_names_it_binds() -> None:
+def test_names_bound_in_setup_py_are_resolved() -> None:
     facts = read_setup_py(
         "import os\nname: str = 'x'\nversion = os.environ['V']\n"
         "setuptools.setup(name=name, version=version, "
@@ -177,7 +177,7 @@ def test_the_first_source_of_both_type_and_name_wins(
         {"package.xml": "<package/>", "CMakeLists.txt": CMAKE.format("c")},
     ],
 )
-def test_what_is_no_package(tree: Tree, files: dict[str, str]) -> None:
+def test_folders_that_are_not_packages_are_recognized(tree: Tree, files: dict[str, str]) -> None:
     assert not walked(tree({f"x/{file}": text for file, text in files.items()})).packages
 
 
@@ -252,7 +252,7 @@ def test_a_cargo_manifest_describes_a_package(tree: Tree) -> None:
     assert [dependency.name for dependency in packages["node"].manifest.dependencies] == ["a", "c", "d", "e"]
 
 
-def test_the_manifest_of_a_cargo_workspace_is_no_package(tree: Tree) -> None:
+def test_a_cargo_workspace_manifest_is_not_a_package(tree: Tree) -> None:
     root = tree(
         {"x/Cargo.toml": "[workspace]\nmembers = ['y']\n", "x/y/Cargo.toml": "[package]\nname = 'y'\n"}
     )

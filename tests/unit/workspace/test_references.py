@@ -32,7 +32,7 @@ from forge.workspace.references import (
         "execute_process(COMMAND printenv FOO)",
     ],
 )
-def test_variables_that_cmake_or_its_commands_read(text: str) -> None:
+def test_environment_variables_of_cmake_code_are_found(text: str) -> None:
     assert "FOO" in in_lists(text).variables
 
 
@@ -47,7 +47,7 @@ def test_variables_that_cmake_or_its_commands_read(text: str) -> None:
         "env = os.environ\nx = env.get('FOO')",
     ],
 )
-def test_variables_that_python_reads(text: str) -> None:
+def test_environment_variables_of_python_code_are_found(text: str) -> None:
     assert in_python(text).variables == {"FOO"}
 
 
@@ -61,12 +61,12 @@ def test_variables_that_python_reads(text: str) -> None:
         'println!("cargo:x"); for name in ["FOO"] { let x = std::env::var(name); }',
     ],
 )
-def test_variables_that_rust_reads_while_it_compiles(text: str) -> None:
+def test_environment_variables_of_rust_builds_are_found(text: str) -> None:
     assert in_rust(text).variables == in_rust(text).exported == {"FOO"}
     assert in_rust_script(text) == in_rust(text)
 
 
-def test_variables_that_a_rust_program_reads_when_it_runs_are_no_inputs() -> None:
+def test_runtime_variables_of_rust_programs_are_not_inputs() -> None:
     text = 'let x = std::env::var("FOO");'
     assert in_rust(text).variables == frozenset()
     assert in_rust_script(text).variables == {"FOO"}
@@ -76,12 +76,12 @@ def test_crates_in_other_folders() -> None:
     assert in_cargo_manifest('[dependencies]\nx = { path = "../x" }\n').included == {"../x"}
 
 
-def test_variables_of_settings_and_scripts() -> None:
+def test_environment_variables_of_settings_and_scripts_are_found() -> None:
     assert in_settings('dependencies = ["x @ {env:FOO}"]').variables == {"FOO"}
     assert in_shell("echo $A ${B} $(C)\n").variables == {"A", "B", "C"}
 
 
-def test_packages_that_are_looked_for() -> None:
+def test_packages_named_by_find_package_are_found() -> None:
     text = "find_package(A 1.2 REQUIRED)\nfind_dependency( B )\npkg_check_modules(C REQUIRED c)\n"
     assert in_lists(text).packages == {"A", "B", "C"}
 
@@ -106,7 +106,7 @@ def test_references_of_installable_cmake_files_apply_to_dependents() -> None:
         "add_custom_target(x COMMAND env CC=mytool ls)",
     ],
 )
-def test_words_that_may_be_programs(text: str) -> None:
+def test_possible_program_names_are_found(text: str) -> None:
     assert "mytool" in in_lists(text).words
 
 
@@ -128,7 +128,7 @@ def test_scripts_and_included_files() -> None:
     assert {"../../common.cmake", "a"} <= in_lists(text).included
 
 
-def test_which_files_a_build_may_run() -> None:
+def test_scripts_that_a_build_may_run_are_found() -> None:
     always = [
         "CMakeLists.txt",
         "x.cmake",

@@ -68,7 +68,7 @@ def test_a_family_of_embedded_packages_is_used_completely_or_not_at_all() -> Non
     )
 
 
-def test_embedded_generators_in_an_underlay_leave_the_embedded_interfaces() -> None:
+def test_embedded_interfaces_work_with_generators_of_an_underlay() -> None:
     there = {"ament_cmake": 1, "rosidl_default_generators": 2, "rosidl_cmake": 2, "builtin_interfaces": 3}
     made = resolve_dependencies(
         by_name(package("a", "rosidl_default_generators", "std_msgs")),
@@ -130,7 +130,7 @@ def test_generators_of_a_distribution_get_no_implied_dependencies_of_events() ->
         ("rclpy", None),
     ],
 )
-def test_other_packages_with_the_same_ending_are_not_misspelt(name: str, expected: str | None) -> None:
+def test_packages_with_the_same_suffix_are_not_suggested(name: str, expected: str | None) -> None:
     known = ("my_msgs", "std_msgs", "nav_msgs", "geometry_msgs", "rclcpp")
     assert similar_package(name, known) == expected
 

@@ -22,7 +22,7 @@ ORDERED = ("a", "d", "b", "c")
         (Query(up_to=("c",), above=("b",)), ("b", "c")),
     ],
 )
-def test_every_option_only_deselects(query: Query, expected: tuple[str, ...]) -> None:
+def test_selection_options_narrow_the_selection(query: Query, expected: tuple[str, ...]) -> None:
     selection, warnings = select(query, ORDERED, NEEDS)
     assert selection.names == expected
     assert set(selection.left_out) == set(ORDERED) - set(expected)
@@ -38,7 +38,7 @@ def test_unknown_names_in_select_and_skip_are_warnings() -> None:
     ]
 
 
-def test_unknown_names_in_up_to_and_above_stop() -> None:
+def test_unknown_names_in_up_to_and_above_are_errors() -> None:
     with pytest.raises(SelectionError) as error:
         select(Query(up_to=("x",), above=("y",)), ORDERED, NEEDS)
     assert len(error.value.problems) == 2
@@ -107,7 +107,7 @@ def test_ignored_packages_are_no_unknown_names() -> None:
     assert ignored(query, ["gone", "good", "a"]) == {"gone", "good"}
 
 
-def test_packages_of_one_name_are_selected_together() -> None:
+def test_packages_with_the_same_name_are_selected_together() -> None:
     other = duplicate_node("a", "again")
     needs = {
         "a": frozenset[str](),

@@ -80,42 +80,42 @@ def compiled(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
     return build(tmp_path_factory.mktemp("repository"), COMPILED, request.param)
 
 
-def test_headers_and_libraries_elsewhere_are_found(compiled: Built) -> None:
+def test_external_headers_and_libraries_are_found(compiled: Built) -> None:
     assert compiled.has("outside/outer.h")
     assert compiled.has("outside/sub/deep.h")
     assert compiled.has("lib/libmore.so")
     assert any(path.endswith("/stdc-predef.h") for path in compiled.found), "those of the system, too"
 
 
-def test_a_link_is_found_as_a_compiler_names_it(compiled: Built) -> None:
+def test_links_are_recorded_as_the_compiler_names_them(compiled: Built) -> None:
     assert compiled.has("outside/linked.h"), "its record says where it leads and what stands there"
 
 
-def test_folders_in_which_a_compiler_looked_are_found_by_their_names(compiled: Built) -> None:
+def test_include_folders_are_recorded_with_their_entries(compiled: Built) -> None:
     assert compiled.has("outside/.")
     assert compiled.has("early/.")
     assert compiled.has("outside/sub/."), "it looked for sub/deep.h"
     assert not compiled.has("away/.")
 
 
-def test_nothing_of_the_package_or_of_its_build_folder_is_elsewhere(compiled: Built) -> None:
+def test_sources_and_build_products_are_not_external(compiled: Built) -> None:
     own = (f"{compiled.root}/src/probe/", f"{compiled.root}/build/probe/")
     assert not [path for path in compiled.found if path.startswith(own)]
 
 
-def test_files_that_were_not_read_are_not_found(compiled: Built) -> None:
+def test_unread_files_are_not_recorded(compiled: Built) -> None:
     assert not compiled.has("notes.txt")
     assert not compiled.has("more.c"), "a program of the package's own read it: that is for an audit"
 
 
-def test_the_compiler_s_programs_count_and_cmakes_own_modules_do_not(compiled: Built) -> None:
+def test_compiler_programs_are_recorded_and_cmake_modules_are_not(compiled: Built) -> None:
     root = cmake_root(compiled.root / "build/probe")
     assert root.endswith("/")
     assert not [path for path in compiled.found if path.startswith(root)]
     assert any(path.endswith("/ar") for path in compiled.found)
 
 
-def test_files_read_below_a_folder_are_listed_separately(compiled: Built) -> None:
+def test_files_read_below_a_given_folder_are_listed_separately(compiled: Built) -> None:
     outside = compiled.root / "outside"
     assert read_below(compiled.root / "build/probe", outside) >= {f"{outside}/outer.h"}
     assert not read_below(compiled.root / "build/probe", compiled.root / "away")
@@ -130,7 +130,7 @@ REACHED = {
 
 
 @pytest.mark.parametrize("name", REACHED)
-def test_files_of_the_repository_that_cmake_code_reaches_are_found(tmp_path: Path, name: str) -> None:
+def test_repository_files_used_by_cmake_code_are_found(tmp_path: Path, name: str) -> None:
     files = {
         "src/probe/CMakeLists.txt": cmake(f"{REACHED[name]}\n"),
         "VERSION": "1",
@@ -146,7 +146,7 @@ def test_files_of_the_repository_that_cmake_code_reaches_are_found(tmp_path: Pat
     assert not built.has("other.txt")
 
 
-def test_a_folder_that_is_installed_stands_for_all_that_it_holds(tmp_path: Path) -> None:
+def test_an_installed_folder_includes_its_contents(tmp_path: Path) -> None:
     files = {
         "src/probe/CMakeLists.txt": cmake("install(DIRECTORY ../../shared/ DESTINATION share)\n"),
         "shared/a.txt": "",
@@ -162,7 +162,7 @@ def test_a_folder_that_is_installed_stands_for_all_that_it_holds(tmp_path: Path)
     ("pattern", "folders"),
     [("../../data/*.txt", {"data/."}), ("../../data/?.txt", {"data/."})],
 )
-def test_a_glob_elsewhere_counts_by_the_names_in_its_folders(
+def test_an_external_glob_depends_on_the_names_in_its_folders(
     tmp_path: Path, pattern: str, folders: set[str]
 ) -> None:
     files = {
@@ -173,7 +173,7 @@ def test_a_glob_elsewhere_counts_by_the_names_in_its_folders(
     assert all(built.has(folder) for folder in folders)
 
 
-def test_the_folder_that_holds_the_package_is_never_entered(tmp_path: Path) -> None:
+def test_the_parent_folder_of_the_package_is_not_scanned(tmp_path: Path) -> None:
     files = {
         "src/probe/CMakeLists.txt": cmake("set(root ${CMAKE_CURRENT_SOURCE_DIR}/../..)\nset(up ..)\n"),
         "other.txt": "",
@@ -184,14 +184,14 @@ def test_the_folder_that_holds_the_package_is_never_entered(tmp_path: Path) -> N
     assert not built.has("src/other/big.txt")
 
 
-def test_a_comment_names_nothing(tmp_path: Path) -> None:
+def test_comments_are_ignored(tmp_path: Path) -> None:
     text = cmake("# see ../../VERSION\n#[[\ninclude(../../more.cmake)\n]]\n")
     built = build(tmp_path, {"src/probe/CMakeLists.txt": text, "VERSION": "1", "more.cmake": ""})
     assert not built.has("VERSION")
     assert not built.has("more.cmake")
 
 
-def test_a_file_that_is_missing_counts_as_well(tmp_path: Path) -> None:
+def test_missing_files_are_recorded(tmp_path: Path) -> None:
     text = cmake("include(../../maybe.cmake OPTIONAL)\n")
     assert build(tmp_path, {"src/probe/CMakeLists.txt": text}).has("maybe.cmake"), "it may come"
 
@@ -205,7 +205,7 @@ def test_a_program_that_a_command_of_the_package_starts_is_found(tmp_path: Path)
     assert built.has("tools/make.sh")
 
 
-def test_what_cmake_found_by_name_is_found(tmp_path: Path) -> None:
+def test_results_of_find_commands_are_recorded(tmp_path: Path) -> None:
     text = cmake("find_program(tool special PATHS @ROOT@/bin)\nfind_file(file odd.txt PATHS @ROOT@/share)\n")
     built = build(
         tmp_path,
@@ -214,7 +214,7 @@ def test_what_cmake_found_by_name_is_found(tmp_path: Path) -> None:
     assert built.has("share/odd.txt")
 
 
-def test_a_folder_that_was_never_configured_read_nothing(tmp_path: Path) -> None:
+def test_an_unconfigured_build_folder_has_no_inputs(tmp_path: Path) -> None:
     assert external_inputs(tmp_path / "build", tmp_path / "src", (tmp_path / "src",)) == ()
     assert cmake_root(tmp_path / "build") == ""
 

@@ -98,22 +98,18 @@ def test_sources_and_headers_of_an_object_are_known(graph: NativeGraph, build: P
 
 
 @pytest.mark.parametrize("name", ["blank name.c", "größe.c", "cash$flow.c"])
-def test_names_that_build_rules_quote_are_read_as_they_are(
-    graph: NativeGraph, source: Path, name: str
-) -> None:
+def test_quoted_names_in_build_rules_are_unquoted(graph: NativeGraph, source: Path, name: str) -> None:
     assert str(source / "sub folder" / name) in graph.known()
     assert str(source / "sub folder" / name) in graph.compiled_sources()
 
 
-def test_a_header_with_a_blank_is_known_to_the_one_object_made_from_it(
-    graph: NativeGraph, source: Path
-) -> None:
+def test_headers_with_spaces_in_their_names_are_known(graph: NativeGraph, source: Path) -> None:
     header = str(source / "sub folder/own name.h")
     edges = [edge for edge in graph.edges if header in graph.inputs_of(edge)]
     assert [edge.inputs[0] for edge in edges] == [str(source / "sub folder/blank name.c")]
 
 
-def test_a_library_is_made_from_objects_and_reads_nothing_else(graph: NativeGraph, build: Path) -> None:
+def test_a_library_depends_on_its_objects(graph: NativeGraph, build: Path) -> None:
     edge = edge_of(graph, build / "libplain.a")
     assert edge.outputs_known
     assert str(build / "CMakeFiles/plain.dir/plain.c.o") in edge.inputs
@@ -125,49 +121,49 @@ def test_the_command_line_of_a_link_is_known(graph: NativeGraph, build: Path) ->
     assert "-lm" in edge.text
 
 
-def test_the_folders_in_which_a_compiler_looks_are_known(
-    graph: NativeGraph, build: Path, source: Path
-) -> None:
+def test_include_folders_of_compile_commands_are_known(graph: NativeGraph, build: Path, source: Path) -> None:
     text = edge_of(graph, build / "CMakeFiles/plain.dir/plain.c.o").text
     assert str(source).replace(" ", "") in text.replace("$ ", "").replace("\\ ", "").replace(" ", "")
 
 
-def test_a_command_after_a_link_may_read_and_write_anything(graph: NativeGraph, build: Path) -> None:
+def test_a_post_link_command_is_opaque(graph: NativeGraph, build: Path) -> None:
     edge = edge_of(graph, build / "hooked")
     assert not edge.inputs_known
     assert not edge.outputs_known
 
 
 @pytest.mark.parametrize("name", ["listed.h", "unlisted.h"])
-def test_commands_of_the_package_are_opaque_whether_or_not_they_declare_inputs(
+def test_custom_commands_are_opaque_with_or_without_declared_inputs(
     graph: NativeGraph, build: Path, name: str
 ) -> None:
     assert edge_of(graph, build / name) in graph.opaque()
 
 
-def test_only_commands_of_the_package_are_opaque(graph: NativeGraph, build: Path) -> None:
+def test_only_custom_commands_are_opaque(graph: NativeGraph, build: Path) -> None:
     outputs = {output for edge in graph.opaque() for output in edge.outputs}
     assert outputs == {str(build / name) for name in ("listed.h", "unlisted.h", "hooked")}
 
 
-def test_a_command_that_made_nothing_yet_has_read_nothing(tmp_path: Path) -> None:
+def test_a_command_that_never_ran_has_no_inputs(tmp_path: Path) -> None:
     folder = configure(tmp_path / "shapes", _FILES, "Ninja", build=False)
     assert read_native_graph(folder).opaque() == ()
 
 
-def test_what_cmake_read_is_known(graph: NativeGraph, source: Path) -> None:
+def test_files_read_by_cmake_are_known(graph: NativeGraph, source: Path) -> None:
     assert {str(source / "CMakeLists.txt"), str(source / "made.h.in")} <= {*graph.read_by_cmake}
     assert str(source / "notes.txt") not in graph.read_by_cmake, "CMake keeps no account of file(READ)"
 
 
-def test_what_cmake_read_is_found_without_reading_the_whole_graph(graph: NativeGraph, build: Path) -> None:
+def test_files_read_by_cmake_are_found_without_reading_the_whole_graph(
+    graph: NativeGraph, build: Path
+) -> None:
     if graph.tool == "ninja":
         assert cmake_edge(build).inputs == graph.read_by_cmake
     else:
         assert cmake_edge(build).inputs == ()
 
 
-def test_a_folder_that_was_moved_is_read_as_where_it_was(build: Path, graph: NativeGraph) -> None:
+def test_a_moved_build_folder_keeps_its_recorded_paths(build: Path, graph: NativeGraph) -> None:
     moved = build.with_name(".moved")
     shutil.copytree(build, moved)
     try:
@@ -176,7 +172,7 @@ def test_a_folder_that_was_moved_is_read_as_where_it_was(build: Path, graph: Nat
         shutil.rmtree(moved)
 
 
-def test_a_depfile_of_a_custom_command_counts_before_and_after_ninja_took_it_in(tmp_path: Path) -> None:
+def test_depfiles_of_custom_commands_count_before_and_after_ninja_reads_them(tmp_path: Path) -> None:
     text = r"""cmake_minimum_required(VERSION 3.21)
 project(dep NONE)
 add_custom_target(all_of_it ALL DEPENDS out.txt)
@@ -193,7 +189,7 @@ echo "out.txt: $here/read:1.txt $here/read\\\\ 2.txt" > out.d
     ).known()
 
 
-def test_a_colon_in_a_name_is_no_end_of_the_outputs(tmp_path: Path) -> None:
+def test_colons_in_names_do_not_end_the_outputs(tmp_path: Path) -> None:
     text = r"""cmake_minimum_required(VERSION 3.18)
 project(colon NONE)
 add_custom_target(all_of_it ALL DEPENDS out.txt)
@@ -204,13 +200,13 @@ add_custom_command(OUTPUT out.txt DEPENDS "a:b $c.txt" COMMAND touch out.txt)
     assert edge.inputs == (str(tmp_path / "colon" / "a:b $c.txt"),)
 
 
-def test_a_build_for_several_configurations_counts_as_unknown(tmp_path: Path) -> None:
+def test_multi_configuration_builds_are_unknown(tmp_path: Path) -> None:
     files = {"CMakeLists.txt": "cmake_minimum_required(VERSION 3.18)\nproject(several NONE)\n"}
     folder = configure(tmp_path / "several", files, "Ninja Multi-Config")
     assert read_native_graph(folder).tool == ""
 
 
-def test_a_folder_that_was_not_configured_is_unknown(tmp_path: Path) -> None:
+def test_unconfigured_build_folders_are_unknown(tmp_path: Path) -> None:
     assert read_native_graph(tmp_path).tool == ""
     assert read_native_graph(tmp_path / "missing").tool == ""
 
@@ -226,7 +222,7 @@ def test_dyndeps_are_detected(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("damage", ["cut", "empty", "noise", "version"])
-def test_a_damaged_log_reports_less_and_raises_nothing(damage: str, tmp_path: Path) -> None:
+def test_a_damaged_ninja_log_raises_no_error(damage: str, tmp_path: Path) -> None:
     folder = configure(tmp_path / "shapes", _FILES, "Ninja")
     log = folder / ".ninja_deps"
     content, whole = log.read_bytes(), read_native_graph(folder)

@@ -48,7 +48,7 @@ def write_cargo(tree: Tree, output: str) -> Path:
     return tree({"src/Cargo.toml": manifest, "src/output": output, "cargo": CARGO, "build/.forge/x": ""})
 
 
-def test_what_cargo_built_is_staged_and_what_rustc_read_is_listed(
+def test_cargo_output_is_staged_and_inputs_of_rustc_are_listed(
     tree: Tree, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     root = tree(
@@ -100,7 +100,7 @@ def test_what_cargo_built_is_staged_and_what_rustc_read_is_listed(
         ("libc 0.2.0 (registry+https://github.com/rust-lang/crates.io-index)", ""),
     ],
 )
-def test_crates_from_folders_are_recognized(package_id: str, crate: str) -> None:
+def test_path_dependencies_are_recognized(package_id: str, crate: str) -> None:
     assert cargo_run._local_crate(package_id) == crate
 
 
@@ -137,9 +137,7 @@ def test_results_of_tests_become_junit(tree: Tree, monkeypatch: pytest.MonkeyPat
     assert (root / "src/Cargo.lock").exists()
 
 
-def test_a_test_program_that_ends_before_its_last_test_has_failed(
-    tree: Tree, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_test_program_that_exits_early_has_failed(tree: Tree, monkeypatch: pytest.MonkeyPatch) -> None:
     """`exit(0)` in a test ends it and its program, and cargo takes that for success."""
     root = write_cargo(
         tree, "\nrunning 1 test\ntest a ... ok\n\ntest result: ok. 1 passed;\n\nrunning 2 tests\n"
@@ -174,7 +172,7 @@ def test_the_message_of_a_failed_test_is_its_panic(output: str, message: str) ->
     assert cargo_run._message(output) == message
 
 
-def test_status_lines_of_cargo_are_no_errors(
+def test_cargo_status_lines_are_not_errors(
     tree: Tree, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     """Programs and compilers write to stderr for a reason, cargo also to say what it does."""

@@ -17,7 +17,7 @@ _elements = st.text(st.characters(codec="utf-8", exclude_characters="\x00\r\\[]"
 @pytest.mark.needs("cmake")
 @settings(max_examples=5, deadline=None)
 @given(st.lists(_elements.filter(bool), min_size=20, max_size=40))
-def test_cmake_reads_the_elements_back(tmp_path_factory: pytest.TempPathFactory, elements: list[str]) -> None:
+def test_cmake_reads_the_values_back(tmp_path_factory: pytest.TempPathFactory, elements: list[str]) -> None:
     folder = tmp_path_factory.mktemp("quoted")
     checks = "".join(
         f'list(GET elements {at} one)\nfile(WRITE "{folder}/{at}" "${{one}}")\n'

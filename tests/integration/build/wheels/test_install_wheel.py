@@ -102,7 +102,7 @@ def test_a_setup_py_package_is_installed_and_its_source_folder_stays_clean(tree:
         (None, "bin"),
     ],
 )
-def test_programs_go_where_setup_cfg_says_or_else_onto_the_path(
+def test_scripts_are_installed_where_setup_cfg_says_or_else_in_bin(
     tree: Tree, said: str | None, folder: str
 ) -> None:
     """As setuptools has it: ros2 itself, and the linters, say nothing and are typed without `ros2 run`."""
@@ -113,7 +113,7 @@ def test_programs_go_where_setup_cfg_says_or_else_onto_the_path(
     assert [name for name in files(root / "install") if name.endswith("/hello")] == [f"{folder}/hello"]
 
 
-def test_what_is_no_longer_part_of_the_package_is_removed(tree: Tree) -> None:
+def test_files_no_longer_in_the_package_are_removed(tree: Tree) -> None:
     root = tree(SETUP)
     install(root)
     (root / "install/share/talk/mine").write_text("of somebody else")
@@ -158,7 +158,7 @@ executable = "/usr/bin/env python3"
     ids=["build_scripts", "build", "options", "pyproject"],
 )
 @pytest.mark.parametrize("options", [(), ("--link",)], ids=["copies", "links"])
-def test_scripts_start_the_executable_that_the_package_sets(
+def test_scripts_use_the_configured_interpreter(
     tree: Tree, changes: dict[str, str | None], options: tuple[str, ...]
 ) -> None:
     root = tree({name: text for name, text in {**SETUP, **changes}.items() if text is not None})
@@ -233,7 +233,7 @@ def test_a_command_may_change_installed_scripts(tree: Tree) -> None:
     assert (root / "install/lib/talk/hello").read_text().endswith("# changed\n")
 
 
-def test_the_code_of_a_setup_py_runs_as_a_program_that_installs(tree: Tree) -> None:
+def test_setup_py_runs_as_the_main_program(tree: Tree) -> None:
     """It sees the words of colcon's command line, and the prefix; so do programs that it starts."""
     after = """
 import subprocess
@@ -352,7 +352,7 @@ def test_compiled_modules_and_modules_in_a_folder_of_the_package_have_no_message
 
 
 @pytest.mark.parametrize("backend", ["setuptools", "hatchling"])
-def test_packages_called_build_and_dist_are_linked(tree: Tree, backend: str) -> None:
+def test_packages_named_build_and_dist_are_linked(tree: Tree, backend: str) -> None:
     """Even next to a copy that somebody built in the sources by hand."""
     every = {f"talk/{name}/__init__.py": f"# {name}\n" for name in ("build", "dist")}
     more = {f"src/talk/{name}": text for name, text in every.items()}
@@ -376,7 +376,7 @@ def test_an_interpreter_in_a_folder_with_a_blank_can_be_started(tree: Tree) -> N
     assert subprocess.check_output([str(root / "install/lib/talk/tool")], text=True) == "tool\n"
 
 
-def test_what_setup_requires_is_not_downloaded_into_the_sources(tree: Tree) -> None:
+def test_setup_requires_does_not_download_into_the_sources(tree: Tree) -> None:
     root = tree(setup_py(arguments="setup_requires=['no-such-project-of-anybody'],"))
     before = files(root / "src")
     assert install(root) == 0
@@ -395,7 +395,7 @@ def test_links_show_an_edit_at_once_and_going_back_to_copies_leaves_the_sources_
     assert source.read_text() == "def main():\n    print('edited')\n"
 
 
-def test_files_that_are_alike_are_linked_each_to_its_own_source(tree: Tree) -> None:
+def test_identical_files_are_linked_to_their_own_sources(tree: Tree) -> None:
     setup = SETUP["src/talk/setup.py"].replace('["talk"]', '["talk", "talk.more"]')
     root = tree(SETUP | {"src/talk/setup.py": setup, "src/talk/talk/more/__init__.py": ""})
     install(root, "--link")
@@ -403,7 +403,7 @@ def test_files_that_are_alike_are_linked_each_to_its_own_source(tree: Tree) -> N
         assert (root / "install" / SITE / name).readlink() == root / "src/talk" / name
 
 
-def test_data_files_that_are_alike_are_linked_each_to_its_own_source(tree: Tree) -> None:
+def test_identical_data_files_are_linked_to_their_own_sources(tree: Tree) -> None:
     data = """data_files=[("share/talk/x", ["cfg/one/c.yaml"]), ("share/talk/y", glob("cfg/two/*")),
         ("share/talk/z", ["../outside/c.yaml"]), ("share/talk/one", ["cfg/two/c.yaml"])],"""
     setup = SETUP["src/talk/setup.py"].replace(
@@ -432,7 +432,7 @@ def test_modules_in_a_folder_of_another_name_are_linked_to_their_own_sources(tre
     ).readlink() == root / "src/talk/other/__init__.py"
 
 
-def test_what_a_backend_does_not_say_is_linked_only_where_one_source_would_do(tree: Tree) -> None:
+def test_files_of_unknown_origin_are_linked_only_to_a_unique_source(tree: Tree) -> None:
     project = PROJECT["src/talk/pyproject.toml"]
     shared = """
 [tool.hatch.build.targets.wheel.shared-data]
@@ -457,7 +457,7 @@ def test_a_pyproject_with_its_own_backend(tree: Tree) -> None:
     assert hello(root) == "hello from hatch\n"
 
 
-def test_a_backend_that_is_not_there_is_named(tree: Tree, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_missing_build_backend_is_named(tree: Tree, capsys: pytest.CaptureFixture[str]) -> None:
     root = tree({"src/talk/pyproject.toml": '[build-system]\nbuild-backend = "no_such.backend"\n'})
     assert install(root) == 2
     assert "the build backend 'no_such.backend' is not installed" in capsys.readouterr().err
@@ -565,7 +565,7 @@ def test_a_fresh_virtual_environment_needs_nothing_more(
     ],
     ids=["setup.py", "no setup.py", "syntax", "tabs", "module", "function", "__init__"],
 )
-def test_what_no_backend_tells(
+def test_metadata_errors_that_backends_miss_are_reported(
     changes: dict[str, str | None], told: tuple[str, ...], tree: Tree, capfd: pytest.CaptureFixture[str]
 ) -> None:
     """Such a package would be installed, and fail when it is started."""
@@ -627,7 +627,7 @@ def test_an_invalid_entry_point_of_another_backend_is_one_message(
     )
 
 
-def test_the_place_of_a_computed_entry_point_is_the_file(tree: Tree) -> None:
+def test_a_computed_entry_point_is_reported_with_its_file(tree: Tree) -> None:
     setup = "package = 'talk'\nsetup(entry_points={'console_scripts': ['hello = ' + package + '.hello']})\n"
     source = tree({"setup.py": setup})
     assert list(invalid_scripts_of_setup(source / "setup.py")) == []
@@ -681,7 +681,7 @@ def test_a_correct_package_has_no_messages(tree: Tree, capfd: pytest.CaptureFixt
         ({"src/talk/pyproject.toml": "a = [\n"}, "not well-formed TOML"),
     ],
 )
-def test_what_would_leave_the_prefix_or_is_malformed_is_refused(
+def test_entry_points_that_escape_the_prefix_are_rejected(
     tree: Tree, capfd: pytest.CaptureFixture[str], said: dict[str, str], told: str
 ) -> None:
     root = tree(SETUP | said)

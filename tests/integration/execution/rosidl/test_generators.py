@@ -64,7 +64,7 @@ def generator(folder: Path, text: str) -> list[str]:
     ]
 
 
-def test_files_are_parsed_once_and_for_nobody_twice(
+def test_each_file_is_parsed_once(
     shared: Generators, environment: dict[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     argv = generator(tmp_path / "a", COUNT.replace("argv[3]", "argv[-1]"))
@@ -116,7 +116,7 @@ def test_setuptools_is_shared(shared: Generators, tmp_path: Path, monkeypatch: p
     assert (tmp_path / "p.egg-info").is_dir()
 
 
-def test_what_cannot_be_prepared_is_left_to_the_command(
+def test_generators_that_cannot_be_prepared_run_as_commands(
     shared: Generators, environment: dict[str, str], tmp_path: Path
 ) -> None:
     argv = generator(tmp_path / "a", "")

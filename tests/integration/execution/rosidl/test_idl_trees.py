@@ -80,7 +80,7 @@ MESSAGE = "module p {{ module msg {{ {} }}; }};"
         "module M_Constants { const other A = 1; }; struct M { long a; };",
     ],
 )
-def test_what_is_left_to_rosidl(trees: IdlTrees, text: str) -> None:
+def test_unsupported_definitions_are_left_to_rosidl(trees: IdlTrees, text: str) -> None:
     with pytest.raises((UnsupportedIdlError, *trees.errors)):
         trees.parse(MESSAGE.format(text))
 
@@ -103,7 +103,7 @@ def outcome(parser: Any, way: Callable[[str], object], text: str) -> object:
         "typedef long t; typedef short t; struct M { t a; };",
     ],
 )
-def test_what_rosidl_refuses_is_refused(parser: Any, trees: IdlTrees, text: str) -> None:
+def test_definitions_rejected_by_rosidl_are_rejected(parser: Any, trees: IdlTrees, text: str) -> None:
     ways = (trees.parse, parser.get_ast_from_idl_string)
     fast, slow = (outcome(parser, way, MESSAGE.format(text)) for way in ways)
     assert fast == slow

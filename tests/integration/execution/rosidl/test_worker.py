@@ -91,7 +91,7 @@ def test_scripts_of_ament_run_in_the_worker(tmp_path: Path, variables: dict[str,
     ],
     ids=["without arguments file", "without its name", "no file"],
 )
-def test_other_commands_run_as_they_are(
+def test_other_commands_run_unchanged(
     tmp_path: Path, variables: dict[str, str], argv: tuple[str, ...]
 ) -> None:
     done = ask(tmp_path, variables, *argv)
@@ -99,7 +99,7 @@ def test_other_commands_run_as_they_are(
     assert not in_worker(done)
 
 
-def test_without_a_worker_it_runs_as_well(tmp_path: Path, variables: dict[str, str]) -> None:
+def test_commands_run_without_a_worker(tmp_path: Path, variables: dict[str, str]) -> None:
     for address in ("", str(tmp_path / "gone")):
         done = ask(tmp_path, {**variables, worker_client.ROSIDL_WORKER_VARIABLE: address})
         assert (done.returncode, done.stderr) == (0, "")
@@ -136,7 +136,7 @@ def test_a_failure_is_that_of_the_command_itself(tmp_path: Path, variables: dict
     assert done.stderr == "forge: runs report.py in a process of its own: it ended with 7\n"
 
 
-def test_no_state_is_passed_on(tmp_path: Path, variables: dict[str, str]) -> None:
+def test_commands_share_no_state(tmp_path: Path, variables: dict[str, str]) -> None:
     (tmp_path / "report.py").write_text(
         "import os, sys\nassert not hasattr(sys, 'left')\nsys.left = True\nos.environ['GREETING'] = 'left'\n"
     )

@@ -97,7 +97,7 @@ def test_serialized_bytes_are_right_and_invalid_ones_rejected(
 
 
 @pytest.mark.needs("g++")
-def test_gcc_inlines_all_of_it(include: Path, tmp_path: Path) -> None:
+def test_gcc_inlines_serialization(include: Path, tmp_path: Path) -> None:
     """For GCC it is an error if a function that has to be inlined cannot be; Clang leaves it out."""
     program = compiled(tmp_path / "inlined", include, "g++", "-std=c++17", "-O0")
     assert subprocess.run([program], check=False).returncode == 0

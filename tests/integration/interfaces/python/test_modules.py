@@ -13,7 +13,7 @@ from tests.generated import generate_embedded, run_python
 ROOT = Path(forge.__file__).parents[1]
 
 
-def test_importing_a_namespace_loads_no_message(probe: Path) -> None:
+def test_importing_a_package_loads_no_message_modules(probe: Path) -> None:
     code = "import probe.msg, sys; print([name for name in sys.modules if name.startswith('probe.msg.')])"
     assert run_python(probe, code) == "[]"
 

@@ -79,7 +79,7 @@ def test_compiled_python_modules_are_refused(tree: Tree, forge: Forge) -> None:
     assert "  built for other platforms: aarch64-linux-gnu\n" in forge("info", cwd=root).out
 
 
-def test_all_rust_packages_to_skip_are_named_at_once(tree: Tree, forge: Forge) -> None:
+def test_all_unsupported_rust_packages_are_named_together(tree: Tree, forge: Forge) -> None:
     rust = {f"src/{name}/Cargo.toml": f'[package]\nname = "{name}"\nversion = "1.0.0"\n' for name in "abcd"}
     ran = forge(
         "build", "--target", "arm64", "--toolchain-file", "own.cmake", cwd=tree({**rust, "own.cmake": ""})

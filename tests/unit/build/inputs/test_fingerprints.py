@@ -37,7 +37,7 @@ def package(tree: Tree) -> Path:
     return root / "a"
 
 
-def test_litter_is_no_source(package: Path) -> None:
+def test_temporary_files_are_not_sources(package: Path) -> None:
     assert [path[len(str(package)) + 1 :] for path in source_files(str(package))] == [
         "package.xml",
         "src/x.cpp",
@@ -93,7 +93,7 @@ def lying(root: Path, files: Iterable[str]) -> set[str]:
     return {path[len(str(root)) + 1 :] for path in source_files(str(root))} & set(files)
 
 
-def test_what_tools_leave_is_no_source(tmp_path: Path) -> None:
+def test_files_left_by_tools_are_not_sources(tmp_path: Path) -> None:
     lying(tmp_path, ("package.xml", "x.cpp", "m.py", "d/x"))
     assert lying(tmp_path, BESIDE_PROJECT_FILES) == set()
     assert lying(tmp_path, BESIDE_THE_ORIGINAL) == set()
@@ -104,13 +104,13 @@ def test_what_tools_leave_is_no_source(tmp_path: Path) -> None:
     }
 
 
-def test_what_only_looks_like_litter_counts(tmp_path: Path) -> None:
+def test_files_that_resemble_temporary_files_are_sources(tmp_path: Path) -> None:
     lying(tmp_path, ("package.xml", "CMakeLists.txt"))
     data = [f"data/{name}" for name in (*DATA, *BESIDE_THE_ORIGINAL, *BESIDE_PROJECT_FILES)]
     assert lying(tmp_path, data) == set(data)
 
 
-def test_a_package_in_an_environment_of_python_keeps_its_sources(tmp_path: Path) -> None:
+def test_a_package_inside_a_virtual_environment_keeps_its_sources(tmp_path: Path) -> None:
     files = {"package.xml", "CMakeCache.txt", "pyvenv.cfg", "x.cpp"}
     assert lying(tmp_path, files) == files
 
@@ -120,7 +120,7 @@ def mark(package: Path, known: Fingerprint | None = None) -> Fingerprint:
     return fingerprint_tree(str(package), FileTable(package.parent / "table"), known)
 
 
-def test_a_linked_folder_is_entered_once(package: Path) -> None:
+def test_a_folder_reachable_by_several_links_is_read_once(package: Path) -> None:
     away = package.parent / "away"
     away.mkdir()
     (away / "y.hpp").write_text("1")
@@ -144,7 +144,7 @@ def test_a_linked_folder_is_entered_once(package: Path) -> None:
     assert mark(package, before).digest != before.digest
 
 
-def test_results_within_a_lone_package_are_no_sources(package: Path) -> None:
+def test_build_results_inside_a_single_package_workspace_are_not_sources(package: Path) -> None:
     for folder, marker in (
         ("build", ".built_by"),
         ("install", ".colcon_install_layout"),

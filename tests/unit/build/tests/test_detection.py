@@ -35,11 +35,11 @@ def test_metadata_asks_for_pytest(tree: Tree, name: str, text: str) -> None:
         ("README", "pytest"),
     ],
 )
-def test_nothing_is_asked_for(tree: Tree, name: str, text: str) -> None:
+def test_packages_without_a_test_declaration_have_no_pytest(tree: Tree, name: str, text: str) -> None:
     assert requirements_of_tests(tree({name: text})) == frozenset()
 
 
-def test_ctest_has_something_to_do_where_a_test_is_added_or_a_file_included(tree: Tree) -> None:
+def test_ctest_runs_if_a_test_is_added_or_a_file_included(tree: Tree) -> None:
     root = tree(
         {
             "none/CTestTestfile.cmake": '# nothing\nsubdirs("a")\n',

@@ -44,7 +44,7 @@ def only(steps: tuple[Step, ...]) -> tuple[str, ...]:
     return step.argv
 
 
-def test_ctest_is_started_as_colcon_starts_it() -> None:
+def test_ctest_gets_the_same_arguments_as_from_colcon() -> None:
     recipe = ctest_recipe(CM, CONTEXT, DEBUG)
     assert only(recipe.steps) == (
         *("/usr/bin/ctest", "-C", "Debug", "-D", "ExperimentalTest", "--no-compress-output", "-V"),
@@ -55,7 +55,7 @@ def test_ctest_is_started_as_colcon_starts_it() -> None:
     assert Path("/ws/build/c/test_results/c/*.xml") in recipe.clean
 
 
-def test_some_tests_leave_the_results_of_others_alone() -> None:
+def test_running_selected_tests_keeps_the_results_of_others() -> None:
     recipe = ctest_recipe(CM, with_options(ctest_args=("-R", "one")), DEBUG)
     assert recipe.clean == (Path("/ws/build/c/Testing/TAG"),)
 
@@ -71,13 +71,13 @@ def test_some_tests_leave_the_results_of_others_alone() -> None:
         (package("p", "python3-pytest"), frozenset(), None, "pytest"),
     ],
 )
-def test_a_package_says_what_tests_it(
+def test_a_package_chooses_its_test_framework(
     of: Package, wants: frozenset[str], option: str | None, expected: str
 ) -> None:
     assert framework(of, with_options(python_testing=option), PackageTests(wants=wants)) == expected
 
 
-def test_settings_of_a_package_come_after_the_options_of_all() -> None:
+def test_package_settings_follow_global_options() -> None:
     settings = {"ctest-args": ["-R", "x"], "python-testing": "pytest", "pytest-args": "-v"}
     context = with_options(ctest_args=("-j2",)).of(replace(PY, settings=settings))
     assert context.options.ctest_args == ("-j2", "-R", "x")
@@ -85,7 +85,7 @@ def test_settings_of_a_package_come_after_the_options_of_all() -> None:
     assert CONTEXT.of(PY) is CONTEXT
 
 
-def test_coverage_takes_the_place_of_pytest_cov() -> None:
+def test_coverage_replaces_pytest_cov() -> None:
     """Both would trace the same lines."""
     context = with_options(coverage=True, modules=frozenset({"pytest", "pytest_cov", "coverage"}))
     words = only(pytest_recipe(PY, context, PackageTests(wants=frozenset({"pytest-cov"}))).steps)

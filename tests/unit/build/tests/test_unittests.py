@@ -33,7 +33,7 @@ class Broken(unittest.TestCase):
 """
 
 
-def test_the_same_from_inside(tree: Tree, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unittest_results_are_written_in_process(tree: Tree, monkeypatch: pytest.MonkeyPatch) -> None:
     """What the program does is plain Python: so its lines count as tested."""
     root = tree({"test_kinds_inside.py": TESTS})
     monkeypatch.chdir(root)

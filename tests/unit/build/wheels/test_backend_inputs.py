@@ -29,7 +29,7 @@ def log(*lines: list[object]) -> str:
     return "".join(f"{json.dumps(line)}\n" for line in lines)
 
 
-def test_a_log_is_read_by_its_words() -> None:
+def test_an_access_log_is_parsed() -> None:
     traced = parse_trace(
         log(
             ["read", "/a/../b"],
@@ -58,16 +58,16 @@ def test_a_log_is_read_by_its_words() -> None:
     "line",
     ["", "{", "3", '["read"', '["read"]', '["read", 3]', '["started", "/", "x", 3]', '["a", "b"]', "\0"],
 )
-def test_a_line_that_says_nothing_is_passed_over(line: str) -> None:
+def test_meaningless_log_lines_are_skipped(line: str) -> None:
     assert parse_trace(f"{line}\n" + log(["read", "/a"])) == Traced(read={"/a"})
 
 
-def test_names_of_any_kind_survive_the_log() -> None:
+def test_any_file_name_survives_the_log() -> None:
     name = "/a\nb\udcff\u2028'\"\\"
     assert parse_trace(log(["read", name])).read == {name}
 
 
-def test_rules_of_make_name_files_behind_the_colon() -> None:
+def test_prerequisites_are_read_from_make_rules() -> None:
     text = "e.o: /usr/include/a.h \\\n a\\ b.h ../c$$\\#.h\ne.o: x.h\n/abs/f.o: /g:h.h\nno rule\n"
     found = list(parse_make_rules(text, "/src/p"))
     assert found == ["/usr/include/a.h", "/src/p/a b.h", "/src/c$#.h", "/src/p/x.h", "/g:h.h"]
@@ -77,7 +77,7 @@ def test_a_list_has_a_file_on_each_line() -> None:
     assert list(parse_list("/usr/include/a b.h\n./x.h\n\n", "/src/p")) == ["/usr/include/a b.h", "/src/p/x.h"]
 
 
-def test_what_is_inside_or_was_made_by_the_build_is_no_input(tree: Tree) -> None:
+def test_sources_and_build_products_are_not_external_inputs(tree: Tree) -> None:
     root = tree(dict.fromkeys(("src/p/a", "tmp/made/a", "tmp/written", "VERSION", "python"), ""))
     traced = Traced(
         read={*(str(root / name) for name in ("src/p/a", "tmp/made/a", "tmp/written", "VERSION", "python"))},
@@ -89,7 +89,7 @@ def test_what_is_inside_or_was_made_by_the_build_is_no_input(tree: Tree) -> None
     assert external_files(traced, (), (str(root / "src/p"),)) == (str(root / "VERSION"),)
 
 
-def test_a_file_that_was_not_there_may_appear_and_a_listed_folder_counts_by_its_names(tree: Tree) -> None:
+def test_missing_files_and_folder_listings_are_inputs(tree: Tree) -> None:
     root = tree({"shared/a": ""})
     traced = Traced(read={f"{root}/absent"}, listed={f"{root}/shared", f"{root}/gone", f"{root}/shared/a"})
     assert external_files(traced, (), ()) == (f"{root}/absent", f"{root}/shared/.")
@@ -101,7 +101,7 @@ def site(root: Path) -> Traced:
     return Traced(read=read, search_path={str(root / "site-packages")})
 
 
-def test_a_large_distribution_counts_by_its_record(tree: Tree) -> None:
+def test_a_large_distribution_is_identified_by_its_record_file(tree: Tree) -> None:
     names = ["big/__init__.py", *(f"big/sub/m{number}.py" for number in range(20)), "_other_name/x.py"]
     record = "".join(f"{name},,\n" for name in names)
     files = {f"site-packages/{name}": "" for name in names}
@@ -115,7 +115,7 @@ def test_a_large_distribution_counts_by_its_record(tree: Tree) -> None:
     assert external_files(site(root), (), ()) == (f"{root}/site-packages/Big-1.0.dist-info/RECORD",)
 
 
-def test_a_small_one_counts_by_its_files_too_and_a_lone_module_by_itself(tree: Tree) -> None:
+def test_small_distributions_and_single_modules_are_identified_by_their_files(tree: Tree) -> None:
     root = tree(
         {
             "site-packages/yaml/__init__.py": "",
@@ -128,7 +128,7 @@ def test_a_small_one_counts_by_its_files_too_and_a_lone_module_by_itself(tree: T
     assert external_files(site(root), (), ()) == tuple(f"{root}/site-packages/{name}" for name in names)
 
 
-def test_a_module_that_is_missing_would_be_read_where_others_are(tree: Tree) -> None:
+def test_a_missing_module_is_looked_for_beside_others(tree: Tree) -> None:
     root = tree({"lib/python3/os.py": "", "lib/python3/lib-dynload/x": "", "site-packages/a.py": ""})
     folders = ("lib/python3", "lib/python3/lib-dynload", "site-packages", "site-packages/a/_vendor", "absent")
     traced = Traced(
@@ -156,7 +156,7 @@ def test_a_command_line_names_files(words: list[str], tree: Tree) -> None:
     assert [path for path in found if path.startswith(f"{root}/")] == [f"{root}/VERSION"]
 
 
-def test_a_program_counts_and_so_do_libraries_and_folders_of_headers(tree: Tree) -> None:
+def test_programs_libraries_and_include_folders_are_inputs(tree: Tree) -> None:
     root = tree({"bin/cc": "#!", "lib/liba.a": "", "lib/liba.so": "", "more/liba.a": "", "include/x.h": ""})
     words = ("cc", "-Lnone", "-Llib", f"-L{root}/more", "-la", "-lnowhere", "-Iinclude", "-Inone")
     traced = Traced(started=[Started(str(root), f"{root}/bin/cc", words)])
@@ -165,7 +165,7 @@ def test_a_program_counts_and_so_do_libraries_and_folders_of_headers(tree: Tree)
 
 
 @pytest.mark.parametrize("name", ["backend_tracer", "setup_install"])
-def test_what_runs_in_the_interpreter_of_the_workspace_needs_no_more_than_python_3_8(name: str) -> None:
+def test_code_for_the_workspace_interpreter_runs_on_python_3_8(name: str) -> None:
     """The workspace's interpreter, and what a setup.py starts, may be older than forge's."""
     text = (ROOT / f"forge/build/wheels/{name}.py").read_text(encoding="utf-8")
     ast.parse(text, feature_version=(3, 8))

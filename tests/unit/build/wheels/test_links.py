@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from tests.conftest import Tree
 
 
-def test_the_copy_in_an_environment_is_no_source(tree: Tree) -> None:
+def test_a_copy_in_a_virtual_environment_is_not_a_source(tree: Tree) -> None:
     """As after `pip install .` in a virtual environment within the package."""
     root = tree(
         {

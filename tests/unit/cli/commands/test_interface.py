@@ -38,7 +38,7 @@ def test_list_has_a_heading_for_each_kind(forge: Forge) -> None:
     assert messages == sorted(messages)
 
 
-def test_list_can_be_narrowed_to_kinds_whose_order_is_fixed(forge: Forge) -> None:
+def test_list_can_be_restricted_to_kinds(forge: Forge) -> None:
     out = forge("interface", "list", "-a", "--only-srvs").out.splitlines()
     assert [line for line in out if not line.startswith(" ")] == ["Services:", "Actions:"]
     assert "    example_interfaces/action/Fibonacci" in out
@@ -55,13 +55,13 @@ def test_package_names_its_interfaces_one_per_line(forge: Forge) -> None:
     )
 
 
-def test_package_without_interfaces_is_no_error(forge: Forge, tree: Tree) -> None:
+def test_a_package_without_interfaces_is_not_an_error(forge: Forge, tree: Tree) -> None:
     ran = forge("interface", "package", "bare", env={"AMENT_PREFIX_PATH": str(tree(PREFIX))})
     assert (ran.code, ran.out) == (0, "")
     assert forge("interface", "package", "ament_cmake").code == 0
 
 
-def test_packages_are_sorted_and_the_first_kind_wins(forge: Forge) -> None:
+def test_packages_are_sorted_and_listed_once(forge: Forge) -> None:
     names = forge("interface", "packages").out.splitlines()
     assert names == sorted(names)
     assert {"std_msgs", "std_srvs"} <= set(names)
@@ -69,9 +69,7 @@ def test_packages_are_sorted_and_the_first_kind_wins(forge: Forge) -> None:
     assert "std_msgs" not in forge("interface", "packages", "-s").out.split()
 
 
-def test_show_unfolds_messages_and_leaves_no_residue_of_comments(
-    forge: Forge, tree: Tree, golden: Golden
-) -> None:
+def test_show_expands_nested_messages_and_removes_comments(forge: Forge, tree: Tree, golden: Golden) -> None:
     definitions = (GOLDEN / "interfaces/show/src").rglob("*.*")
     files = {f"share/tour/{path.parent.name}/{path.name}": path.read_text() for path in definitions}
     header = {"share/std_msgs/msg/Header.msg": "# head\n\nbuiltin_interfaces/Time stamp # when\n"}
@@ -87,13 +85,13 @@ def test_show_unfolds_messages_and_leaves_no_residue_of_comments(
     golden("interfaces/show", shown)
 
 
-def test_show_looks_at_sourced_prefixes_and_reads_a_name_from_a_line(forge: Forge, tree: Tree) -> None:
+def test_show_reads_sourced_prefixes_and_names_from_stdin(forge: Forge, tree: Tree) -> None:
     prefix = {"AMENT_PREFIX_PATH": str(tree(PREFIX))}
     ran = forge("interface", "show", "mine/msg/Top", env=prefix)
     assert ran.out == "# top\n\nInner inner # in\n\tstd_msgs/String text\n\t\tstring data\n"
 
 
-def test_interfaces_of_the_workspace_around_need_not_be_sourced(forge: Forge, tree: Tree) -> None:
+def test_interfaces_of_the_current_workspace_need_no_sourcing(forge: Forge, tree: Tree) -> None:
     """But code is generated only from what is included or sourced, as in a build."""
     files = {f"install/mine/{path}": text for path, text in PREFIX.items()}
     root = tree(
@@ -111,7 +109,7 @@ def test_interfaces_of_the_workspace_around_need_not_be_sourced(forge: Forge, tr
 
 
 @pytest.mark.parametrize("built", [True, False])
-def test_questions_name_the_command_for_a_package_that_is_not_built(
+def test_errors_name_the_command_that_builds_the_package(
     forge: Forge,
     tree: Tree,
     built: bool,
@@ -134,7 +132,7 @@ def test_questions_name_the_command_for_a_package_that_is_not_built(
         )
 
 
-def test_show_prints_an_interface_that_is_only_idl_as_it_is(forge: Forge, tree: Tree) -> None:
+def test_show_prints_idl_only_interfaces_unchanged(forge: Forge, tree: Tree) -> None:
     ran = forge("interface", "show", "mine/msg/Only", env={"AMENT_PREFIX_PATH": str(tree(PREFIX))})
     assert ran.out == PREFIX["share/mine/msg/Only.idl"]
 
@@ -197,7 +195,7 @@ def test_proto_knows_every_kind_of_field(forge: Forge, tree: Tree) -> None:
     )
 
 
-def test_interfaces_that_are_only_idl_count_like_others(forge: Forge, tree: Tree) -> None:
+def test_idl_only_interfaces_are_listed(forge: Forge, tree: Tree) -> None:
     struct = "module mine { module msg { struct Short { @default (value=7) short a; }; }; };"
     other = "module mine { module idl { struct Wide { mine::msg::Short a; wchar b; }; }; };"
     elsewhere = "module mine { module other { struct Wrong { short a; }; }; };"
@@ -278,7 +276,7 @@ def test_hash_as_json_is_one_object_and_names_with_underscores_are_found(forge: 
         (["--file", "a:msg/A.msg", "std_msgs/msg/Empty"], "missing package name for --file"),
     ],
 )
-def test_hash_says_what_is_missing(forge: Forge, arguments: list[str], text: str) -> None:
+def test_hash_reports_missing_definitions(forge: Forge, arguments: list[str], text: str) -> None:
     ran = forge("interface", "hash", *arguments)
     assert (ran.code, ran.err.splitlines()[0]) == (2, f"error: {text}")
 
@@ -397,7 +395,9 @@ def test_generate_for_a_build_takes_files_and_leaves_stamp_and_depfile(forge: Fo
         (["--package", "tour", "--include", "x="], "argument --include: 'x=' is not of the form LEFT=RIGHT"),
     ],
 )
-def test_generate_says_what_is_missing(forge: Forge, tree: Tree, arguments: list[str], text: str) -> None:
+def test_generate_reports_missing_definitions(
+    forge: Forge, tree: Tree, arguments: list[str], text: str
+) -> None:
     root = tree({"src/msg/A.msg": "int8 a"})
     ran = forge("interface", "generate", "--output", "out", *arguments, cwd=root)
     assert (ran.code, ran.err.splitlines()[0]) == (2, f"error: {text}")
@@ -409,9 +409,7 @@ def test_idl_text_is_as_reviewed(golden: Golden) -> None:
     golden("interfaces/idl", {file.path: file.text for file in idl.files(catalog)})
 
 
-def test_a_name_can_come_from_a_line_of_standard_input(
-    forge: Forge, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_name_can_be_read_from_stdin(forge: Forge, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "line").write_text("std_msgs/msg/Empty\nnot read\n")
     with (tmp_path / "line").open() as stream:
         monkeypatch.setattr("sys.stdin", stream)

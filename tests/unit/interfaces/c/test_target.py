@@ -150,7 +150,7 @@ def test_parts_live_in_the_header_of_the_whole(name: TypeName, path: str) -> Non
         (Sequence(POINT, 8), "geometry_msgs__msg__Point__Sequence x"),
     ],
 )
-def test_a_member_is_declared_as_the_specification_says(type_: Type, text: str) -> None:
+def test_members_are_declared_as_specified(type_: Type, text: str) -> None:
     assert declare(type_, "x") == text
 
 

@@ -202,7 +202,7 @@ def test_doubled_backslashes_are_halved_like_in_rosidl(written: str, value: str)
     assert field.default == value
 
 
-def test_wide_literals_know_escapes_by_code_unit() -> None:
+def test_wide_literals_support_escapes_by_code_unit() -> None:
     (field,) = message(r'@default (value=L"\u0041\u65e5") wstring a;').fields
     assert field.default == "A日"
     assert "half of a surrogate pair" in error(r'@default (value=L"\ud800") wstring a;')
@@ -272,7 +272,7 @@ def test_the_number_of_structs_determines_the_kind() -> None:
     assert errors(apart) == ["1:72 all structs of a file must be in one module"]
 
 
-def test_the_modules_are_the_package_and_any_namespace() -> None:
+def test_modules_are_the_package_and_a_namespace() -> None:
     assert read("module p { module idl { struct A { int8 a; }; }; };").name == TypeName("p", "idl", "A")
     assert errors("module q { module msg { struct A { int8 a; }; }; };") == [
         "1:8 the module is 'q', but the package is 'p'"

@@ -242,7 +242,7 @@ def fast(word: str, class_: Any) -> Any:
 
 
 @pytest.mark.parametrize("number", VECTORS)
-def test_vectors_are_written_and_read(cdr: Any, number: str) -> None:
+def test_test_vectors_are_written_and_read(cdr: Any, number: str) -> None:
     name, values, text = VECTORS[number]
     message, data = make(name, values), body(text)
     assert cdr.serialize(message) == data
@@ -280,7 +280,7 @@ def test_big_endian_is_read_into_the_types_of_this_machine(cdr: Any, name: str) 
 
 
 @pytest.mark.parametrize("options", ["00010003", "000100ff", "0001ff00"])
-def test_the_options_of_the_header_are_ignored(cdr: Any, options: str) -> None:
+def test_options_in_the_encapsulation_header_are_ignored(cdr: Any, options: str) -> None:
     assert cdr.deserialize(bytes.fromhex(f"{options} 02000000 7800"), class_of("std_msgs/String")).data == "x"
 
 
@@ -293,7 +293,7 @@ def test_trailing_bytes_are_ignored(cdr: Any) -> None:
     assert cdr.deserialize(body("01 000000"), class_of("std_msgs/Bool")).data is True
 
 
-def test_any_byte_but_zero_is_true(cdr: Any) -> None:
+def test_any_nonzero_byte_is_true(cdr: Any) -> None:
     assert cdr.deserialize(body("02"), class_of("std_msgs/Bool")).data is True
 
 
@@ -309,7 +309,7 @@ def test_strings_without_nul_are_accepted(cdr: Any, text: str, value: str) -> No
     assert words.a == [value]
 
 
-def test_a_nul_inside_a_string_is_part_of_it(cdr: Any) -> None:
+def test_embedded_nul_characters_are_kept(cdr: Any) -> None:
     message = make("std_msgs/String", {"data": "a\0b"})
     assert cdr.deserialize(cdr.serialize(message), type(message)) == message
 
@@ -391,7 +391,7 @@ def test_classes_without_generated_serializers_are_read_by_their_description(cdr
     assert cdr.serialize(read) == body("02000000 7800 0100 0200")
 
 
-def test_classes_made_at_run_time_are_read_and_written(cdr: Any) -> None:
+def test_classes_loaded_at_run_time_are_serialized(cdr: Any) -> None:
     text = f"""Around[] many
 ===
 MSG: mine/Around
@@ -553,7 +553,7 @@ def test_invalid_code_points_are_rejected(cdr: Any, position: int, words: str) -
         cdr.deserialize(data, class_of("vectors/Characters"))
 
 
-def test_the_error_knows_its_offset_and_survives_pickling(cdr: Any) -> None:
+def test_errors_have_an_offset_and_can_be_pickled(cdr: Any) -> None:
     with pytest.raises(cdr.CdrError) as caught:
         cdr.deserialize(body("05000000 6100"), class_of("std_msgs/String"))
     again = pickle.loads(pickle.dumps(caught.value))
@@ -597,7 +597,7 @@ def test_a_large_sequence_is_copied_on_first_access(image: Any) -> None:
     assert type(image) is class_
 
 
-def test_a_lazy_message_is_like_any_other(cdr: Any, image: Any) -> None:
+def test_lazy_messages_behave_like_others(cdr: Any, image: Any) -> None:
     whole = make("sensor_msgs/Image", {"header": {"frame_id": "c"}, "data": [1, 2, 3, 4] * 2500})
     data = cdr.serialize(whole)
 

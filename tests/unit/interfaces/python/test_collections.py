@@ -45,7 +45,7 @@ def test_other_collections_are_lists(msg: ModuleType) -> None:
     assert (loose.flags, loose.bytes, loose.texts, loose.shorts, loose.points) == ([], [], [], [], [])
 
 
-def test_a_constructor_lets_numpy_convert(msg: ModuleType) -> None:
+def test_constructors_convert_with_numpy(msg: ModuleType) -> None:
     message = msg.Fixed(a_int8=[1.7, 2, True], a_float32=(1, 2, 3))
     assert message.a_int8.tolist() == [1, 2, 1]
     assert message.a_float32.dtype == np.float32
@@ -57,7 +57,7 @@ def test_a_constructor_lets_numpy_convert(msg: ModuleType) -> None:
         msg.Fixed(a_int8=[[1, 2, 3]])
 
 
-def test_a_constructor_lets_array_convert(msg: ModuleType) -> None:
+def test_constructors_convert_to_array(msg: ModuleType) -> None:
     given = array("d", [1.0])
     message = msg.Loose(a_uint8=b"\x01\x02", a_float64=given)
     assert message.a_uint8 == array("B", [1, 2])
@@ -72,7 +72,7 @@ def test_a_constructor_lets_array_convert(msg: ModuleType) -> None:
         msg.Bound(numbers=[1, 2, 3, 4])
 
 
-def test_a_property_keeps_an_array_of_the_right_type(msg: ModuleType) -> None:
+def test_assigning_an_array_of_the_right_type_keeps_it(msg: ModuleType) -> None:
     fixed, loose = msg.Fixed(), msg.Loose()
     fixed.a_uint8 = kept = np.arange(3, dtype=np.uint8)
     assert fixed.a_uint8 is kept
@@ -97,7 +97,7 @@ COLLECTIONS_ACCEPTED = [
 
 
 @pytest.mark.parametrize(("name", "value"), COLLECTIONS_ACCEPTED)
-def test_a_property_converts_sequences_and_sets_of_numbers(
+def test_assigning_numbers_converts_them_to_an_array(
     msg: ModuleType, name: str, value: Iterable[float]
 ) -> None:
     for message in (msg.Fixed(), msg.Loose()):

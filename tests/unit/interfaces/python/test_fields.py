@@ -92,7 +92,7 @@ SCALARS_REFUSED = [
 
 
 @pytest.mark.parametrize(("name", "value"), SCALARS_ACCEPTED)
-def test_a_scalar_accepts_a_value_of_its_type_in_its_range(msg: ModuleType, name: str, value: object) -> None:
+def test_scalars_accept_values_in_range(msg: ModuleType, name: str, value: object) -> None:
     message = msg.Scalars()
     setattr(message, name, value)
     assert getattr(message, name) is value

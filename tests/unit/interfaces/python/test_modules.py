@@ -18,7 +18,7 @@ from tests.conftest import GOLDEN, Golden
 from tests.generated import PROBE, catalog_of, refused
 
 
-def test_a_package_has_a_module_for_each_file_and_one_for_each_kind() -> None:
+def test_packages_have_a_module_per_file_and_kind() -> None:
     catalog = catalog_of("probe", {"msg/UInt8.msg": "", "srv/DoIt.srv": "---", "msg/Vec3D.msg": ""})
     paths = sorted(file.path for file in python.files(catalog))
     assert [path for path in paths if not path.endswith(".pyi")] == [
@@ -40,7 +40,7 @@ def test_only_the_main_name_is_exported(probe: Path) -> None:
         _ = srv.Point_Request
 
 
-def test_classes_live_in_the_module_of_their_file(msg: ModuleType) -> None:
+def test_classes_are_defined_in_the_module_of_their_file(msg: ModuleType) -> None:
     assert msg.Scalars.__module__ == "probe.msg._scalars"
     assert import_module("probe.srv").Point.Request.__module__ == "probe.srv._point"
 
@@ -70,7 +70,7 @@ def test_constants_cannot_be_changed(msg: ModuleType) -> None:
     assert msg.Constants.LOW == -128
 
 
-def test_a_class_stays_open_for_other_attributes(msg: ModuleType) -> None:
+def test_classes_accept_other_attributes(msg: ModuleType) -> None:
     msg.Hidden.note = "mine"
     msg.Hidden.note = "still mine"
     del msg.Hidden.note
@@ -156,7 +156,7 @@ def test_arguments_are_keywords_only(msg: ModuleType) -> None:
         msg.Point(1.0)
 
 
-def test_messages_are_equal_member_by_member(msg: ModuleType) -> None:
+def test_messages_are_compared_by_fields(msg: ModuleType) -> None:
     assert msg.Point(x=1.0) == msg.Point(x=1.0)
     assert msg.Point(x=1.0) != msg.Point(x=2.0)
     assert msg.Point() != msg.Nothing()
@@ -172,7 +172,7 @@ def test_arrays_differ_if_one_element_does(msg: ModuleType) -> None:
     assert one == other
 
 
-def test_messages_have_no_hash_and_no_order(msg: ModuleType) -> None:
+def test_messages_are_not_hashable_or_ordered(msg: ModuleType) -> None:
     with pytest.raises(TypeError):
         hash(msg.Point())
     with pytest.raises(TypeError):

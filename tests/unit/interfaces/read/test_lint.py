@@ -68,7 +68,7 @@ def told(text: str, relative: str = "msg/A.msg") -> list[str]:
         ),
     ],
 )
-def test_error_prone_lines_are_reported_with_their_position(line: str, message: str) -> None:
+def test_error_prone_definitions_are_reported_with_their_position(line: str, message: str) -> None:
     assert told(line) == [message]
 
 

@@ -131,7 +131,7 @@ def test_a_bound_counts_characters_after_unescaping() -> None:
 
 
 @given(st.text(st.characters(exclude_categories=["Cs"])))
-def test_any_text_can_be_written_between_quotes(text: str) -> None:
+def test_any_text_can_be_quoted(text: str) -> None:
     written = text.replace("\\", "\\\\").replace('"', '\\"')
     assert read_value(f'"{written}"', TEXT) == text
 

@@ -74,19 +74,19 @@ def test_a_byte_order_mark_is_rejected_as_by_rosidl_adapter() -> None:
         ("a/B[]", Sequence(Named(TypeName("a", "msg", "B")))),
     ],
 )
-def test_a_type_reads_as_written(text: str, type_: Type) -> None:
+def test_types_are_parsed(text: str, type_: Type) -> None:
     assert message(f"{text} x").fields == (Field("x", type_),)
 
 
 @pytest.mark.parametrize(
     "line", ["int8 a", "int8   a", "int8 a   ", "int8\ta", "int8 a # note", "int8 a#note"]
 )
-def test_blanks_tabs_and_comments_do_not_change_a_field(line: str) -> None:
+def test_whitespace_and_comments_do_not_change_fields(line: str) -> None:
     assert [(f.name, f.type, f.default) for f in message(line).fields] == [("a", INT8, None)]
 
 
 @pytest.mark.parametrize("line", ["int8 A=-1", "int8 A = -1", "int8  A  =  -1   # why", "int8\tA\t=\t-1"])
-def test_blanks_and_comments_do_not_change_a_constant(line: str) -> None:
+def test_whitespace_and_comments_do_not_change_constants(line: str) -> None:
     assert [(c.name, c.type, c.value) for c in message(line).constants] == [("A", INT8, -1)]
 
 
@@ -100,7 +100,7 @@ def test_other_blanks_around_names_and_values_are_ignored_too(line: str) -> None
 
 
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r", "\v", "\f", "\x1c", "\x85", "\u2028"])
-def test_any_line_end_ends_a_line(end: str) -> None:
+def test_all_line_endings_are_supported(end: str) -> None:
     assert [f.name for f in message(f"int8 a{end}int8 b{end}").fields] == ["a", "b"]
 
 
@@ -110,7 +110,7 @@ def test_a_value_ends_at_the_first_hash() -> None:
     assert [c.value for c in parsed.constants] == ['"a', "x=y", ""]
 
 
-def test_a_tab_inside_quotes_is_a_blank() -> None:
+def test_tabs_inside_quotes_become_spaces() -> None:
     assert message('string a "a\tb"').fields[0].default == "a b"
 
 
@@ -119,7 +119,7 @@ def test_a_field_and_a_constant_may_differ_only_in_case() -> None:
     assert (parsed.fields, parsed.constants) == ((Field("a", INT8),), (Constant("A", INT8, 1),))
 
 
-def test_the_hidden_member_is_hidden_only_when_it_is_alone() -> None:
+def test_the_placeholder_member_is_hidden_only_alone() -> None:
     hidden = "uint8 structure_needs_at_least_one_member"
     assert message(hidden).fields == ()
     assert message("").members == message(hidden).members
@@ -160,7 +160,7 @@ def test_comments_belong_to_the_file_the_next_or_the_previous(
         ("empty []", ("empty []",), None),
     ],
 )
-def test_a_single_pair_of_brackets_is_the_unit(comment: str, doc: tuple[str, ...], unit: str | None) -> None:
+def test_a_single_bracketed_text_is_the_unit(comment: str, doc: tuple[str, ...], unit: str | None) -> None:
     field = message(f"int8 a # {comment}").fields[0]
     assert (field.doc, field.unit) == (doc, unit)
 

@@ -69,7 +69,7 @@ def test_a_page_reads_as_if_written_by_hand(golden: Golden) -> None:
     golden(case, {file.path: file.text for file in files if file.path.endswith(".html")})
 
 
-def test_nothing_that_is_told_becomes_markup() -> None:
+def test_texts_never_become_markup() -> None:
     doc = (HOSTILE, "", f"  {HOSTILE}")
     fields = (Field("text", String(), HOSTILE, doc, HOSTILE), Field("a", Primitive("int8")))
     message = Message(TypeName("demo", "msg", "Thing"), fields, (Constant("A", String(), HOSTILE, doc),), doc)
@@ -92,7 +92,7 @@ def test_nothing_that_is_told_becomes_markup() -> None:
     assert page_of(plain)["demo/msg/Thing.html"] != page_of(message)["demo/msg/Thing.html"]
 
 
-def test_what_hides_or_turns_the_rest_is_seen() -> None:
+def test_hidden_and_bidirectional_characters_are_visible() -> None:
     doc = ("nul \x00 and escape \x1b[31m", "turned \u202e round", "joined \u200d here")
     (paragraph,) = paragraphs(doc)
     assert (
@@ -124,11 +124,11 @@ def test_drawings_keep_their_columns() -> None:
         (("x" * 200,), "x" * 160 + " …"),
     ],
 )
-def test_a_list_has_the_first_sentence(doc: tuple[str, ...], first: str) -> None:
+def test_lists_show_the_first_sentence(doc: tuple[str, ...], first: str) -> None:
     assert summary(doc) == first
 
 
-def test_every_link_leads_somewhere(forge: Forge, tree: Tree) -> None:
+def test_all_links_resolve(forge: Forge, tree: Tree) -> None:
     """Also where types of other packages are referred to: those have pages, too."""
     root = workspace(tree)
     ran = forge(*DOCS, cwd=root)
@@ -148,7 +148,7 @@ def test_every_link_leads_somewhere(forge: Forge, tree: Tree) -> None:
     assert "only referenced types" in (out / "builtin_interfaces/index.html").read_text()
 
 
-def test_all_that_forge_brings_along_has_pages(forge: Forge, tmp_path: Path) -> None:
+def test_all_embedded_packages_have_pages(forge: Forge, tmp_path: Path) -> None:
     ran = forge(*DOCS, "--embedded", "-o", "site", cwd=tmp_path)
     assert ran.code == 0
     assert faults_of(tmp_path / "site") == []
@@ -171,7 +171,7 @@ def test_the_same_interfaces_give_the_same_bytes(forge: Forge, tree: Tree, tmp_p
     assert str(tmp_path).encode() not in b"".join(contents[0].values())
 
 
-def test_only_what_changed_is_written_and_what_is_gone_is_removed(forge: Forge, tree: Tree) -> None:
+def test_only_changed_pages_are_written_and_stale_ones_removed(forge: Forge, tree: Tree) -> None:
     root = workspace(tree)
     first = forge(*DOCS, "-o", "site", cwd=root).out
     count = int(first.split()[2])
@@ -190,7 +190,7 @@ def test_only_what_changed_is_written_and_what_is_gone_is_removed(forge: Forge, 
     assert faults_of(root / "site") == []
 
 
-def test_a_first_page_of_somebody_else_stays(forge: Forge, tree: Tree) -> None:
+def test_a_foreign_index_page_is_kept(forge: Forge, tree: Tree) -> None:
     root = workspace(tree)
     (root / "site").mkdir()
     (root / "site/index.html").write_text("mine")
@@ -242,7 +242,7 @@ def test_packages_without_pages_are_reported(
 
 
 @pytest.mark.parametrize("out", [".", "..", "src", "src/other"])
-def test_pages_do_not_hide_packages(forge: Forge, tree: Tree, out: str) -> None:
+def test_generated_pages_do_not_hide_packages(forge: Forge, tree: Tree, out: str) -> None:
     """No tool looks for packages among pages: a folder that has some is none for pages."""
     root = workspace(tree)
     before = sorted(root.rglob("*"))
@@ -264,7 +264,7 @@ def test_a_manifest_that_cannot_be_read_is_warned_of(forge: Forge, tree: Tree) -
 
 
 @given(text=st.text(st.characters(exclude_categories=["Cs"])))
-def test_any_comment_makes_a_page_that_is_whole(text: str) -> None:
+def test_any_comment_gives_a_complete_page(text: str) -> None:
     doc = tuple(text.splitlines())
     fields = (Field("a", String(), text, doc, text),)
     page = page_of(Message(TypeName("demo", "msg", "Thing"), fields, (), doc), description=text)
@@ -332,7 +332,7 @@ def test_definitions_of_other_folders_and_languages_have_pages(forge: Forge, tre
     assert "In the folder deep" in (root / "site/a_msgs/index.html").read_text()
 
 
-def test_pages_in_the_build_folder_go_with_it(forge: Forge, tree: Tree) -> None:
+def test_pages_in_the_build_folder_are_removed_with_it(forge: Forge, tree: Tree) -> None:
     root = workspace(tree)
     forge(*DOCS, cwd=root)
     assert forge("clean", "workspace", "--yes", cwd=root).code == 0

@@ -68,7 +68,7 @@ def test_an_empty_message_has_the_minimum_size(classes: Mapping[str, Any], name:
 @pytest.mark.parametrize("name", NAMES, ids=str)
 @settings(max_examples=30)
 @given(data=st.data())
-def test_every_message_is_within_the_limits(
+def test_serialized_messages_are_within_the_computed_limits(
     classes: Mapping[str, Any], name: TypeName, data: st.DataObject
 ) -> None:
     message = data.draw(messages(classes[str(name)]))

@@ -42,7 +42,7 @@ def test_packages_are_drawn_to_the_right_of_their_dependencies(graph: dict[str, 
 
 
 @given(graphs())
-def test_boxes_do_not_overlap_and_are_inside_the_picture(graph: dict[str, frozenset[str]]) -> None:
+def test_boxes_do_not_overlap_or_leave_the_picture(graph: dict[str, frozenset[str]]) -> None:
     layout, sizes = laid_out(graph)
     boxes = {
         name: (spot.x, spot.y - sizes[name][1] / 2, spot.x + sizes[name][0], spot.y + sizes[name][1] / 2)

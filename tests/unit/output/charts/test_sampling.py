@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from tests.conftest import Tree
 
 
-def test_ticks_are_divided_into_busy_and_idle(tree: Tree) -> None:
+def test_processor_time_is_split_into_busy_and_idle(tree: Tree) -> None:
     text = "cpu  10 2 3 100 5 1 1 4 7 0\ncpu0 10 2 3 100 5 1 1 4 7 0\n"
     assert processor_times(tree({"proc/stat": text})) == (21, 126)
     assert processor_times(tree({"other/file": ""}) / "other") is None
@@ -41,7 +41,7 @@ def test_nothing_is_sampled_unless_requested() -> None:
         assert watch.usage() is None
 
 
-def test_a_long_build_has_no_more_samples_than_a_short_one() -> None:
+def test_the_number_of_samples_is_bounded() -> None:
     sampler = Sampler(0.01, most=8)
     sampler.start()
     time.sleep(0.8)

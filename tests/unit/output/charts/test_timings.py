@@ -67,7 +67,7 @@ def test_running_packages_are_listed_in_the_order_of_their_start() -> None:
     assert (build.ended, build.seconds, build.code) == (10.0, 10.5, 0)
 
 
-def test_the_critical_path_is_the_longest_chain_of_needs() -> None:
+def test_the_critical_path_is_the_longest_dependency_chain() -> None:
     assert [run.name for run in critical_path(read_build(DIAMOND).packages)] == ["a", "c", "d"]
     assert critical_path(()) == ()
 
@@ -119,7 +119,7 @@ def schedules(draw: st.DrawFn) -> list[PackageRun]:
 
 @settings(max_examples=50)
 @given(schedules())
-def test_no_chain_is_longer_than_the_critical_path_and_no_build_is_faster(runs: Sequence[PackageRun]) -> None:
+def test_the_critical_path_is_a_lower_bound(runs: Sequence[PackageRun]) -> None:
     table = {run.name: run for run in runs}
 
     def longest(name: str) -> float:
@@ -142,7 +142,7 @@ def test_packages_in_one_row_of_a_trace_do_not_overlap(runs: Sequence[PackageRun
     assert len(set(in_row.values())) == max((count for _, count in at_work(runs)), default=0)
 
 
-def test_the_page_tells_it_in_words() -> None:
+def test_the_page_summarizes_the_build() -> None:
     shown = page(read_build(DIAMOND))
     assert shown.headline == "4 packages in 10.5s"
     assert shown.remarks == (
@@ -162,7 +162,7 @@ def test_the_page_tells_it_in_words() -> None:
     ]
 
 
-def test_the_page_says_what_the_times_of_the_critical_path_include(tmp_path: Path) -> None:
+def test_the_page_explains_the_critical_path(tmp_path: Path) -> None:
     """They are no lower bound: packages that shared the processors take less time with more of them."""
     (tmp_path / "events.jsonl").write_text("\n".join(DIAMOND))
     write_timings(tmp_path)
@@ -180,7 +180,7 @@ def test_restored_packages_are_not_counted_as_built() -> None:
     assert {bar.name: bar.outcome for bar in shown.bars}["e"] == "taken"
 
 
-def test_bars_and_strips_are_where_the_time_was() -> None:
+def test_bars_show_when_steps_ran() -> None:
     shown = page(read_build(DIAMOND))
     assert [(bar.name, bar.left, bar.width, bar.critical) for bar in shown.bars] == [
         ("a", "0.000%", "20.000%", True),

@@ -31,14 +31,14 @@ def test_a_platform_has_the_names_of_debian_docker_and_rust(
 
 
 @pytest.mark.parametrize("word", ["aarch64-poky-linux", "mips64el-linux-gnuabi64", "aarch64-linux-musl"])
-def test_another_name_is_kept_for_a_toolchain_file(word: str) -> None:
+def test_unknown_platform_names_need_a_toolchain_file(word: str) -> None:
     target = parse_target(word)
     assert target.triple == word
     assert not target.is_known
 
 
 @pytest.mark.parametrize("word", ["", "../x", "a b", "x/y"])
-def test_a_name_is_a_folder(word: str) -> None:
+def test_platform_names_are_safe_folder_names(word: str) -> None:
     with pytest.raises(ValueError, match="is not the name of a platform"):
         parse_target(word)
 
@@ -46,7 +46,7 @@ def test_a_name_is_a_folder(word: str) -> None:
 @pytest.mark.parametrize(
     ("word", "version"), [("aarch64-linux-gnu.2", "2"), ("arm64.22.04.1", "22.04.1"), ("arm64.", "")]
 )
-def test_what_follows_a_name_is_a_version_of_glibc(word: str, version: str) -> None:
+def test_a_platform_name_may_have_a_glibc_version(word: str, version: str) -> None:
     with pytest.raises(ValueError, match=f"'{version}' is not a version of glibc, such as 2.35"):
         parse_target(word)
 
@@ -67,5 +67,5 @@ def test_cmake_calls_processors_as_the_kernel_does() -> None:
         ("mips-linux-gnu", None),
     ],
 )
-def test_a_name_that_is_almost_right_is_recognized(word: str, near: str | None) -> None:
+def test_misspelt_platform_names_get_a_suggestion(word: str, near: str | None) -> None:
     assert similar_target(parse_target(word)) == near
