@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache, partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar, overload
 
 from forge.base.errors import Problem, WorkspaceError, raise_if_any
 from forge.base.frozen import frozen
 from forge.base.graph import closure, closures, ordered_names, weak_edges_on_cycles
-from forge.base.lazy import LazyTuple
 from forge.build.build_types import build_type_of, unknown_type, unknown_types
 from forge.build.install_manifests import without_other_installs
 from forge.build.model import BuildInputs, Fingerprint
@@ -24,7 +24,7 @@ from forge.build.up_to_date import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Collection, Iterable, Mapping
 
     from forge.base.frozen import Pairs
     from forge.build.model import BuildRecord, Snapshot
@@ -225,14 +225,14 @@ def _task(
         prefix=context.layout.prefix(name),
         build_dir=context.layout.build_dir(name),
         needs=needs,
-        steps=LazyTuple(lambda: _replacing(earlier, recipe().steps)),
+        steps=_LazyTuple(lambda: _replacing(earlier, recipe().steps)),
         reason="one of its dependencies is being rebuilt and may change",
         inputs=inputs,
         sources=snapshot.sources[name],
-        files=LazyTuple(lambda: recipe().files),
+        files=_LazyTuple(lambda: recipe().files),
         conditional=True,
         earlier=earlier,
-        kept=LazyTuple(lambda: recipe().kept),
+        kept=_LazyTuple(lambda: recipe().kept),
         reconfigure=context.force_configure or context.clean_cache,
     )
 
@@ -273,3 +273,46 @@ def _without_tests(resolution: DependencyResolution) -> dict[str, frozenset[str]
     return {
         name: needs - resolution.packages[name].only_tested_with for name, needs in resolution.needs.items()
     }
+
+
+_Item_co = TypeVar("_Item_co", covariant=True)
+
+
+class _LazyTuple(Sequence[_Item_co]):
+    """The tuple that the pure function `make` returns, computed on first access; pickled as that tuple.
+
+    Most tasks of a plan never run, because their dependencies are unchanged or their results are cached.
+    """
+
+    __slots__ = ("_items", "_make")
+
+    def __init__(self, make: Callable[[], tuple[_Item_co, ...]]) -> None:
+        self._make = make
+        self._items: tuple[_Item_co, ...] | None = None
+
+    def __len__(self) -> int:
+        return len(self._computed())
+
+    @overload
+    def __getitem__(self, index: int) -> _Item_co: ...
+    @overload
+    def __getitem__(self, index: slice) -> tuple[_Item_co, ...]: ...
+    def __getitem__(self, index: int | slice) -> _Item_co | tuple[_Item_co, ...]:
+        return self._computed()[index]
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, tuple | _LazyTuple) and self._computed() == tuple(other)
+
+    def __hash__(self) -> int:
+        return hash(self._computed())
+
+    def __reduce__(self) -> tuple[type[tuple[_Item_co, ...]], tuple[tuple[_Item_co, ...]]]:
+        return (tuple, (self._computed(),))
+
+    def __repr__(self) -> str:
+        return repr(self._computed())
+
+    def _computed(self) -> tuple[_Item_co, ...]:
+        if self._items is None:
+            self._items = self._make()
+        return self._items

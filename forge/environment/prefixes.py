@@ -199,16 +199,10 @@ def _layout(root: Path) -> str | None:
 
 def _provides(name: str, prefix: Path) -> bool:
     # Called for many names and prefixes in every build: avoid creating Path objects.
-    return any(
-        os.path.isfile(f"{prefix}/{path}")
-        for path in (
-            f"share/{name}/package.xml",
-            *(
-                f"{folder}/{config}"
-                for folder in (f"share/{name}/cmake", f"lib/cmake/{name}")
-                for config in (f"{name}Config.cmake", f"{name.lower()}-config.cmake")
-            ),
-        )
+    return os.path.isfile(f"{prefix}/share/{name}/package.xml") or any(
+        os.path.isfile(f"{prefix}/{folder}/{config}")
+        for folder in (f"share/{name}/cmake", f"lib/cmake/{name}")
+        for config in (f"{name}Config.cmake", f"{name.lower()}-config.cmake")
     )
 
 
