@@ -1,4 +1,4 @@
-"""What every test may ask for: files, a run of forge, goldens, generated Python, a tool of the machine."""
+"""Fixtures of all tests: files, runs of forge, goldens, generated Python, required tools."""
 
 from __future__ import annotations
 

@@ -827,7 +827,7 @@ def _outer(workspace: Evolving, number: int) -> set[str]:
 
 
 def _delete_installed(workspace: Evolving, number: int) -> set[str]:
-    """Remove an installed file; its package puts it back, and nobody else is concerned."""
+    """Remove an installed file; only its package is built again."""
     owned = _installed(workspace)
     if not owned:
         return set()
@@ -870,7 +870,7 @@ def _garble(workspace: Evolving, number: int) -> set[str]:
 
 
 def _break(workspace: Evolving, number: int) -> set[str]:
-    """Break a package, or mend it; from one good build to the next nobody knows what runs."""
+    """Break or repair a package; which steps run until the next successful build is not predicted."""
     name = workspace.packages[number % len(workspace.packages)]
     path = workspace.home / "src" / name / ("setup.py" if name == "script" else "CMakeLists.txt")
     text = path.read_text(encoding="utf-8")

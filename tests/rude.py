@@ -1,4 +1,4 @@
-"""A server on this machine that answers as it is told, and if need be like no server should."""
+"""A local server with scripted responses, valid or not."""
 
 from __future__ import annotations
 

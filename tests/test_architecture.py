@@ -1,4 +1,4 @@
-"""The house as docs/explanation/architecture.md draws it: floors, arrows, sizes, and a light front door."""
+"""The architecture of docs/explanation/architecture.md: packages, imports, start-up time."""
 
 from __future__ import annotations
 

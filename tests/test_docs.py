@@ -130,7 +130,7 @@ def test_no_page_installs_forge_from_an_index_that_does_not_have_it(document: Pa
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=_name)
 def test_commands_between_words_are_commands(document: Path) -> None:
-    """Whoever types one meets no word and no option that forge does not know."""
+    """Each command and option in running text exists."""
     text = _without_blocks(document.read_text(encoding="utf-8"))
     wrong = [typed for typed in _INLINE.findall(text.replace("\\|", "|")) if not _is_known(typed)]
     assert wrong == []

@@ -1,4 +1,4 @@
-"""The picture of the terminal shows what a program printed on one."""
+"""The picture of a terminal in the README is up to date."""
 
 from __future__ import annotations
 

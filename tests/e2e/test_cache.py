@@ -1,4 +1,4 @@
-"""Builds that take from a cache what others have built: the tree is that of a build, whatever goes wrong."""
+"""Builds with a package cache: restored trees equal built ones, whatever goes wrong."""
 
 from __future__ import annotations
 

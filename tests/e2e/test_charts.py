@@ -1,4 +1,4 @@
-"""Pages about a workspace and its builds, as somebody sees and uses them in a browser."""
+"""Graph and timing pages in a real browser."""
 
 from __future__ import annotations
 

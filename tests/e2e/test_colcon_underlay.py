@@ -93,7 +93,7 @@ def build(tool: str, root: Path, options: list[str], variables: dict[str, str], 
 def test_forge_and_colcon_workspaces_can_be_each_others_underlays(
     layout_word: str, forge: Forge, tmp_path: Path
 ) -> None:
-    """Whoever built which of the two workspaces: every shell sees the same, and forge knows it unsourced."""
+    """For each pair of tools: shells see the same environment, and forge finds it unsourced."""
     options = ["--merge-install"] if layout_word == "merged" else []
     plain = {"PATH": os.environ["PATH"], "HOME": str(tmp_path), "LOGNAME": "someone"}
     seen: dict[tuple[str, str, str], dict[str, str]] = {}

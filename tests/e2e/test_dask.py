@@ -135,7 +135,7 @@ class Workspace:
 
 @pytest.fixture(autouse=True)
 def _this_process(forge: Forge) -> None:
-    """Let builds that nobody interrupts run here, where Dask is loaded once."""
+    """Run builds that are not interrupted in this process, which loads Dask once."""
     Workspace.forge = forge
 
 

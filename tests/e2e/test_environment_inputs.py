@@ -1,4 +1,4 @@
-"""Variables, programs and files that a package or an option names: what a change of them builds again."""
+"""Changed variables, programs and files named by packages or options cause rebuilds."""
 
 from __future__ import annotations
 

@@ -217,7 +217,7 @@ def test_files_installed_by_setup_py_code_belong_to_the_package(
 
 
 def test_folders_match_a_clean_build(forge: Forge, tree: Tree) -> None:
-    """Empty ones come and go, and have the rights of now."""
+    """Empty folders appear and disappear, with current permissions."""
     root = tree(
         cmake(
             "a",

@@ -1,4 +1,4 @@
-"""Whatever a build did not install stays where it is in a prefix, with its contents."""
+"""Files in a prefix that no build installed are kept unchanged."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""After any sequence of edits, what an incremental build leaves is what a clean one makes."""
+"""After any sequence of edits, an incremental build equals a clean one."""
 
 from __future__ import annotations
 

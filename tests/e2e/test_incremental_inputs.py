@@ -1,4 +1,4 @@
-"""An incremental build gives what a clean build gives, whatever input changed and however it was used."""
+"""An incremental build equals a clean build, whatever input changed and however it is used."""
 
 from __future__ import annotations
 

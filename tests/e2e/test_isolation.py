@@ -87,7 +87,7 @@ def test_packages_can_have_the_names_of_forge_and_its_libraries(tree: Tree) -> N
 
 @pytest.fixture
 def foreign(tree: Tree) -> Path:
-    """Return a folder with modules that nobody wants."""
+    """Return a folder with unwanted modules."""
     return tree({f"foreign/{name}/__init__.py": FOREIGN for name in NAMES}) / "foreign"
 
 

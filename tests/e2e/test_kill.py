@@ -1,4 +1,4 @@
-"""A build that is interrupted or killed at any moment leaves nothing that the next one is deceived by."""
+"""A build that is interrupted or killed at any moment leaves nothing that misleads the next one."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def build(workspace: Evolving, *words: str) -> float:
 
 
 def clean_build(workspace: Evolving) -> dict[str, tuple[str, ...]]:
-    """Build the sources of now from nothing, in the same folder; return what is installed."""
+    """Build the current sources from scratch in the same folder; return the installed files."""
     parked = workspace.root / "parked"
     workspace.home.rename(parked)
     shutil.copytree(parked / "src", workspace.home / "src", symlinks=True)

@@ -1,4 +1,4 @@
-"""Compiler launchers at work: ccache and distcc as they are, in builds of real packages."""
+"""Builds of real packages with ccache and distcc."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a person sees on a terminal: a real pseudo-terminal, its screen kept by an emulator."""
+"""Output on a terminal: a real pseudo-terminal with an emulated screen."""
 
 from __future__ import annotations
 

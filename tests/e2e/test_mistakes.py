@@ -1,4 +1,4 @@
-"""Mistakes in packages as people make them: each failure ends with a hint that mends it; real tools speak."""
+"""Typical mistakes in packages: each failure of the real tools ends with a helpful hint."""
 
 from __future__ import annotations
 
@@ -212,7 +212,7 @@ ament_package()"""
 
 
 def test_a_message_not_listed_in_cmakelists_gets_a_hint(forge: Forge, tree: Tree) -> None:
-    """Whoever uses it is told where to add it; that nobody can use it is said in any case."""
+    """Users of the message get a hint where to add it; its package gets a warning."""
     lines = (
         "<buildtool_depend>rosidl_default_generators</buildtool_depend>",
         "<member_of_group>rosidl_interface_packages</member_of_group>",

@@ -1,4 +1,4 @@
-"""What goes wrong on the first day: one clear message with its place and a hint, code 2, no traceback."""
+"""Beginners' mistakes: one clear message with its location and a hint, exit code 2, no traceback."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def test_a_missing_package_is_reported(forge: Forge, tree: Tree) -> None:
 
 
 def test_a_missing_client_library_is_an_error(forge: Forge, tree: Tree) -> None:
-    """It is told before CMake runs, with who needs it and where to read on."""
+    """The error comes before CMake runs and names the dependents and a page."""
     root = tree(
         {
             "src/node/package.xml": manifest("node", "rclcpp", build_type="ament_cmake"),

@@ -1,4 +1,4 @@
-"""Whoever looks at a workspace runs nothing of it: what others wrote runs in its own build, not before."""
+"""Read-only commands run no code of the workspace; it runs only in its own build."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files that are not what their names say, where forge and the tools below it read: nothing hangs or crashes.
+"""Special files where forge and its tools read: nothing hangs or crashes.
 
 Each command runs in a process of its own, with a limit on its time and on its memory.
 """

@@ -343,7 +343,7 @@ def test_python_edits_are_available_quickly(tree: Tree) -> None:
 
 
 def test_polling_replaces_exhausted_file_watches(tree: Tree) -> None:
-    """The limit is set in a user namespace; where there is none to be had, looking is asked for by hand."""
+    """The limit is set in a user namespace; without one, polling is requested by an option."""
     root = tree(package("a"))
     few = ("unshare", "-Ur", "sh", "-c", 'echo 2 > /proc/sys/user/max_inotify_watches && exec "$@"', "sh")
     try:

@@ -1,4 +1,4 @@
-"""No bytes get more out of a parser than a sentence; FORGE_FUZZ_EXAMPLES says how many are tried of each."""
+"""Parsers return a value or one error for any bytes; FORGE_FUZZ_EXAMPLES inputs per parser."""
 
 from __future__ import annotations
 

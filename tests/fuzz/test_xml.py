@@ -1,4 +1,4 @@
-"""XML has no tricks here: entities, other files, other encodings."""
+"""Entities, external files and unusual encodings in XML are rejected."""
 
 from __future__ import annotations
 

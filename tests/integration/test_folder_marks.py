@@ -1,4 +1,4 @@
-"""No command empties, renames or removes what forge did not make, however a folder is named."""
+"""No command empties, renames or removes folders that forge did not make, whatever the options."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""forge pkg: what it prints, what it writes, what it refuses."""
+"""forge pkg: output, files, errors."""
 
 from __future__ import annotations
 

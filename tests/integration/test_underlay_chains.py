@@ -1,4 +1,4 @@
-"""Environments that contradict what is recorded: chains that lead back, two paths of one tree, two ROSes."""
+"""Inconsistent underlays: cyclic chains, two paths of one tree, two ROS distributions."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def warning(overlay: Path) -> str:
 @pytest.mark.parametrize("shell", ["bash", "sh", pytest.param("zsh", marks=pytest.mark.needs("zsh"))])
 @pytest.mark.parametrize("tool", ["forge", pytest.param("colcon", marks=pytest.mark.needs("colcon"))])
 def test_an_overlay_never_becomes_an_underlay(shell: str, tool: str, forge: Forge, tmp_path: Path) -> None:
-    """Whoever built it, and in whichever shell it is sourced; the packages of this workspace come first."""
+    """For workspaces of either tool, in any shell; packages of this workspace come first."""
     low, top = workspace(tmp_path / "low", "pa"), workspace(tmp_path / "top", "pb", "<depend>pa</depend>")
     assert forge("build", cwd=low).code == 0
     below = sourced(low / "install/setup.sh")

@@ -1,4 +1,4 @@
-"""The worker process of forge, and the client that sends it commands."""
+"""The worker process and its client."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Text from packages never becomes code: parsers of each language find the same structure without it."""
+"""Text from packages never becomes code: each language's parser finds the same structure."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ from tests.sites import read_page
 from tests.unit.test_injection import everywhere, quick
 
 _UNSEEN = re.compile("[\0-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069]")
-"""What nobody sees, and what turns the rest of a line; none of it belongs into a page."""
+"""Invisible and bidirectional characters, which must not get into pages."""
 
 
 def elements(text: str) -> set[tuple[str, tuple[str, ...]]]:

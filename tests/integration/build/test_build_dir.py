@@ -1,4 +1,4 @@
-"""Build folders between one build and the next, as CMake and ninja really leave them."""
+"""Reuse of build folders as CMake and ninja leave them."""
 
 from __future__ import annotations
 

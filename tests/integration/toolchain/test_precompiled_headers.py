@@ -1,4 +1,4 @@
-"""Generated C++ sources share precompiled headers, and nobody can tell but by the time."""
+"""Generated C++ sources share precompiled headers without a visible difference."""
 
 from __future__ import annotations
 

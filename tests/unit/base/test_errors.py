@@ -1,4 +1,4 @@
-"""Problems of one kind in many packages are one message."""
+"""Problems of one kind in many packages are grouped."""
 
 from __future__ import annotations
 

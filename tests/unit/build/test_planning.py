@@ -1,4 +1,4 @@
-"""From packages, selection and snapshot to a plan."""
+"""Plans of packages: unsupported build types, generators and options."""
 
 from dataclasses import replace
 from pathlib import Path

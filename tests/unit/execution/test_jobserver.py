@@ -1,4 +1,4 @@
-"""The job pool: no token is lost, packages get their jobs, and nothing waits forever."""
+"""The job pool: tokens are never lost, packages get jobs, nothing waits forever."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What may start next, by laws."""
+"""Properties of the scheduler."""
 
 from pathlib import Path
 

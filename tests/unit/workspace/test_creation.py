@@ -1,4 +1,4 @@
-"""New packages: their files, and what is rejected before a file is written."""
+"""Files of created packages, and errors before any file is written."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Missing ROS packages: what cannot be built without them, and what is only warned about."""
+"""Missing ROS packages: errors and warnings."""
 
 from __future__ import annotations
 

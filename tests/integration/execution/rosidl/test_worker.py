@@ -1,4 +1,4 @@
-"""The worker for generators of rosidl and scripts of ament, and its client: callers see no difference."""
+"""The worker for rosidl generators and ament scripts behaves like the commands themselves."""
 
 from __future__ import annotations
 

@@ -214,7 +214,7 @@ def test_zig_compiles_its_library_once(
 def test_a_zig_whose_library_is_another_one_still_compiles(
     tree: Tree, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What is lost then is told; the next build tries again."""
+    """The build reports what it does without; the next one tries again."""
     root = tree({"bin/zig": STAND_IN, **SOURCES, "lib/libcxx/src/bad.cpp": ""})
     monkeypatch.chdir(root)
     cross = prepare(root)
