@@ -19,10 +19,8 @@ import pytest
 
 from forge.base.files import write_if_changed
 from forge.interfaces.loading import load
-from forge.interfaces.python import cdr as serializers
 from forge.interfaces.python import target
 from forge.interfaces.wire.flattening import INLINE_LIMIT
-from tests.conftest import GOLDEN, Golden
 from tests.generated import catalog_of, generate_embedded, importable, probe_catalog
 
 LARGE_TEXT = "\n".join(
@@ -654,16 +652,3 @@ def test_only_immutable_buffers_are_read_lazily(cdr: Any) -> None:
         with pytest.raises(TypeError, match="copy=False needs data that cannot change"):
             cdr.deserialize(kind(data), class_, copy=False)
     assert cdr.deserialize(memoryview(data), class_, copy=False).data == array("B", [7, 8])
-
-
-# The text
-
-
-def test_serializers_match_the_reviewed_code(golden: Golden) -> None:
-    case = "interfaces/python_cdr"
-    definitions = {
-        f"msg/{path.name}": path.read_text(encoding="utf-8") for path in (GOLDEN / case / "msg").glob("*.msg")
-    }
-    make = serializers.interface_files(catalog := catalog_of("golden_msgs", definitions))
-    files = (file for interface in catalog.interfaces.values() for file in make(interface))
-    golden(case, {file.path: file.text for file in files})
