@@ -20,6 +20,7 @@ from forge.execution.jobserver import (
     common_style,
     create_pool,
     join_pool,
+    without_jobserver_notices,
 )
 from forge.execution.makeflags import MakeFlags, read_make_flags
 
@@ -81,6 +82,13 @@ def test_all_tools_of_a_build_share_one_jobserver_style(
     spoken_by: dict[str, frozenset[str]], style: str | None
 ) -> None:
     assert common_style(spoken_by) == style
+
+
+def test_jobserver_notices_of_ninja_are_not_shown() -> None:
+    blurb = b"ninja: Jobserver mode detected:  -j2 --jobserver-auth=3,4\n"
+    warning = b"ninja: warning: Jobserver 'pipe' mode detected, a pool that"
+    error = b"ninja: error: loading 'build.ninja'\n"
+    assert without_jobserver_notices(error + blurb + error + warning) == error + error
 
 
 def test_tokens_not_held_by_packages_are_available_to_tools(tmp_path: Path) -> None:
