@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import filecmp
 import json
 import os
 import re
@@ -247,8 +248,13 @@ class PrefixExchange:
             return
         yield from self.refused()
         copies = {path: self._others / number for number, path, *_ in _listed(self._others)}
+        # Earlier versions did not list what code had installed into a merged prefix.
+        listed = _read_list(self._list, str(self._layout.install))
+        incomplete = self._layout.merged and listed is not None and not listed.workspace
         for path in sorted(set(installed)):
             if path in others and path not in unclaimed and _stats(path) != others[path]:
+                if incomplete and _is_same_file(path, copies[path]):
+                    continue
                 _give_back(path, others[path], copies[path])
                 yield self._problem(path, path)
             elif os.path.isdir(path) and not os.path.islink(path):
@@ -714,6 +720,12 @@ def _leads_out(path: str, base: str) -> bool:
 
 def _is_no_folder(path: str) -> bool:
     return os.path.lexists(path) and not os.path.isdir(path)
+
+
+def _is_same_file(path: str, other: Path) -> bool:
+    if os.path.islink(path) or other.is_symlink():
+        return os.path.islink(path) and other.is_symlink() and os.readlink(path) == os.readlink(other)
+    return os.path.isfile(path) and other.is_file() and filecmp.cmp(path, other, shallow=False)
 
 
 def _give_back(path: str, status: Sequence[int], kept: Path) -> None:
