@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from forge.base.extensions import OWN
+from forge.base.formats import read_toml
 from tests.packages import manifest_text
 
 if TYPE_CHECKING:
@@ -32,7 +34,7 @@ PACKAGES = (
         "execution",
         "testing",
     ),
-    *("output", "doctor", "editor", "cli"),
+    *("output", "doctor", "cli", "plugins"),
 )
 """The packages of forge/; each may import those before it. What lies in none of them starts the command."""
 
@@ -148,15 +150,26 @@ def test_the_interface_compiler_knows_nothing_of_building(module: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "module", [m for m in modules() if not m.startswith(("interfaces", "editor", "cli.commands"))]
+    "module", [m for m in modules() if not m.startswith(("interfaces", "cli.commands", "plugins"))]
 )
 def test_building_does_not_import_the_interface_compiler(module: str) -> None:
     assert not [arrow for arrow in arrows(module) if arrow.target.startswith("interfaces")]
 
 
-def test_only_its_command_imports_the_language_server() -> None:
-    users = {module for module in modules() for arrow in arrows(module) if arrow.target.startswith("editor")}
-    assert {user for user in users if not user.startswith("editor")} == {"cli.commands.lsp"}
+def plugin_of(module: str) -> str | None:
+    """Return the plugin that a module belongs to, None for the core."""
+    return module.split(".")[1] if module.startswith("plugins.") else None
+
+
+@pytest.mark.parametrize("module", modules())
+def test_the_core_imports_no_plugin_and_no_plugin_another(module: str) -> None:
+    foreign = {plugin_of(arrow.target) for arrow in arrows(module)} - {None, plugin_of(module)}
+    assert not foreign
+
+
+def test_pyproject_announces_the_plugins_that_forge_finds() -> None:
+    project = read_toml((ROOT / "pyproject.toml").read_bytes(), ROOT / "pyproject.toml")["project"]
+    assert project["entry-points"] == OWN
 
 
 def test_nothing_imports_what_forge_brings_along() -> None:

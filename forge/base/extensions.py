@@ -1,37 +1,80 @@
-"""Extensions by other distributions, which announce them as entry points.
+"""Plugins: extensions of forge by itself and by other distributions, announced as entry points.
 
-Finding them reads the metadata of all installed distributions. So this is done only if something is requested
-by a name that forge itself does not know, and importlib.metadata is imported only then.
+The core finds a plugin by the group and the name of its entry point and never imports one by module name.
+Finding the entry points of other distributions reads the metadata of all installed ones, which takes longer
+than most builds. So this is done only for a name that neither the core nor `OWN` knows.
+docs/how-to/plugins.md describes the groups.
 """
 
 from __future__ import annotations
 
+from importlib import import_module
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from forge.base.errors import ForgeError, Location, Problem
+from forge.base.errors import HostError, ForgeError, Location, Problem
+from forge.base.layout import PACKAGE
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
     from importlib.metadata import EntryPoint
+
+COMMANDS = "forge.commands"
+TARGETS = "forge.interfaces.targets"
+BUILD_TYPES = "forge.build_types"
+
+OWN: Mapping[str, Mapping[str, str]] = {
+    COMMANDS: {
+        "lsp": "forge.plugins.lsp.command",
+    },
+    TARGETS: {
+        "c": "forge.plugins.c_target.target",
+    },
+}
+"""The plugins in forge/plugins/: modules by group and name, as in the entry points of pyproject.toml."""
+
+_EXTRAS = {"lsp": "lsp"}
+"""The extra with the dependencies of a plugin, if it has any."""
 
 _Result = TypeVar("_Result")
 
 
-def entry_points(group: str) -> dict[str, EntryPoint]:
-    """Return the entry points of a group by name; of several with the same name, the first on sys.path."""
-    from importlib.metadata import entry_points as find
+def find(group: str, name: str, kind: str, functions: tuple[str, ...] = ()) -> Any:
+    """Return the plugin `name` of a group, None if there is none.
 
+    `kind` names it in messages, for example 'build type'. Raises ForgeError if it cannot be loaded or lacks
+    one of `functions`, and if it is one of forge's own that is not installed.
+    """
+    if name not in OWN.get(group, ()):
+        entry = entry_points(group).get(name)
+        return None if entry is None else load(entry, kind, functions)
+    module = OWN[group][name]
+    try:
+        return import_module(module)
+    except ModuleNotFoundError as error:
+        if not f"{module}.".startswith(f"{error.name}."):
+            raise
+        raise HostError(_not_installed(module, kind, name)) from None
+
+
+def is_installed(group: str, name: str) -> bool:
+    """Tell whether one of forge's own plugins is installed, without importing it."""
+    return (PACKAGE / OWN[group][name].partition(".")[2].replace(".", "/")).with_suffix(".py").is_file()
+
+
+def entry_points(group: str) -> dict[str, EntryPoint]:
+    """Return the entry points of other distributions by name; of several, the first on sys.path."""
+    from importlib.metadata import entry_points as search
+
+    own = OWN.get(group, {})
     found: dict[str, EntryPoint] = {}
-    for entry in find(group=group):
-        found.setdefault(entry.name, entry)
+    for entry in search(group=group):
+        if own.get(entry.name) != entry.value:
+            found.setdefault(entry.name, entry)
     return dict(sorted(found.items()))
 
 
 def load(entry: EntryPoint, kind: str, functions: tuple[str, ...]) -> Any:
-    """Return what an entry point refers to; raises ForgeError if it lacks one of `functions`.
-
-    `kind` names it in messages, for example 'build type'.
-    """
+    """Return what an entry point refers to; raises ForgeError if it lacks one of `functions`."""
     try:
         found = entry.load()
     except Exception as error:
@@ -43,7 +86,7 @@ def load(entry: EntryPoint, kind: str, functions: tuple[str, ...]) -> Any:
 
 
 def call(what: str, function: Callable[..., _Result], *arguments: object) -> _Result:
-    """Call a function of an extension; raises ForgeError, with `what` failed and where, if it raises."""
+    """Call a function of a plugin; raises ForgeError, with `what` failed and where, if it raises."""
     try:
         return function(*arguments)
     except ForgeError:
@@ -60,6 +103,15 @@ def call(what: str, function: Callable[..., _Result], *arguments: object) -> _Re
 def distribution_of(entry: EntryPoint) -> str:
     """Return name and version of the distribution that announces an entry point."""
     return f"{entry.dist.name} {entry.dist.version}" if entry.dist else "an unknown distribution"
+
+
+def _not_installed(module: str, kind: str, name: str) -> Problem:
+    from forge.base.own_environment import install_beside_forge
+
+    plugin = module.split(".")[2]
+    requirement = f"ros-forge[{_EXTRAS[plugin]}]" if plugin in _EXTRAS else "ros-forge"
+    message = f"the {kind} '{name}' needs the plugin '{plugin}', which this forge lacks"
+    return Problem(message, hint=f"run: {install_beside_forge(requirement)}")
 
 
 def _unusable(entry: EntryPoint, kind: str, reason: str) -> Problem:

@@ -7,7 +7,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from forge.base.files import replace_file
-from forge.base.layout import templates_folder
+from forge.base.layout import PACKAGE, templates_folder
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def render(template: str, /, **names: object) -> str:
-    """Return the text of `template` (a path below templates/) with the variables `names`.
+    """Return the text of `template` (a path below templates/ or forge/plugins/) with the variables `names`.
 
     Raises jinja2.UndefinedError for undefined variables, which is a bug in forge.
     """
@@ -44,7 +44,7 @@ def environment() -> jinja2.Environment:
 
     return jinja2.Environment(
         bytecode_cache=_bytecode_cache(),
-        loader=jinja2.FileSystemLoader(templates_folder()),
+        loader=jinja2.FileSystemLoader((templates_folder(), PACKAGE / "plugins")),
         undefined=jinja2.StrictUndefined,
         autoescape=jinja2.select_autoescape(_PAGES),
         keep_trailing_newline=True,

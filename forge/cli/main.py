@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import argparse
 import errno
-import importlib
 import os
 import sys
 from functools import partial
+from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from forge import __version__
 from forge.base.errors import (
@@ -24,6 +24,8 @@ from forge.base.errors import (
     problem_from_oserror,
     share_hints,
 )
+from forge.base.extensions import COMMANDS as PLUGINS
+from forge.base.extensions import OWN, call, find
 from forge.base.signals import handle_signals, interrupt, is_writable
 from forge.cli.colcon_options import classified
 from forge.cli.config import GENERAL, configured
@@ -233,11 +235,29 @@ def parser_of(arguments: Sequence[str]) -> argparse.ArgumentParser:
         command = commands.add_parser(word, help=summary, description=summary, fromfile_prefix_chars=None)
         if word == asked:
             # Import only the requested command, so that `forge --help` starts quickly.
-            module = importlib.import_module(f"forge.cli.commands.{word.replace('-', '_')}")
+            in_plugin = word in OWN[PLUGINS]
+            module = find(PLUGINS, word, "command") if in_plugin else _core_command(word)
             module.register(command)
             command.set_defaults(run=module.run)
             command.verb = word if word in _IN_WORKSPACE else None
+    if asked is not None and asked not in COMMANDS:
+        _add_plugin(commands, asked)
     return parser
+
+
+def _core_command(word: str) -> Any:
+    return import_module(f"forge.cli.commands.{word.replace('-', '_')}")
+
+
+def _add_plugin(commands: Any, word: str) -> None:
+    """Add the command `word` of another distribution, if there is one."""
+    module = find(PLUGINS, word, "command", ("register", "run"))
+    if module is not None:
+        summary = (module.__doc__ or "").strip().partition("\n")[0]
+        command = commands.add_parser(word, help=summary, description=summary, fromfile_prefix_chars=None)
+        call(f"the command '{word}'", module.register, command)
+        command.set_defaults(run=module.run)
+        command.verb = None
 
 
 def _print_help(parser: argparse.ArgumentParser) -> int:

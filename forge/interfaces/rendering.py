@@ -7,6 +7,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from forge.base.errors import InterfaceError, raise_if_any
+from forge.base.extensions import OWN
+from forge.base.extensions import TARGETS as PLUGINS
 from forge.base.frozen import frozen
 from forge.interfaces.fingerprints import fingerprint_of_all
 from forge.interfaces.model import File
@@ -21,7 +23,6 @@ if TYPE_CHECKING:
 TARGETS = {
     "python": "forge.interfaces.python.target",
     "cpp": "forge.interfaces.cpp.target",
-    "c": "forge.interfaces.c.target",
     "idl": "forge.interfaces.idl.target",
     "json": "forge.interfaces.type_description",
     "docs": "forge.interfaces.markdown",
@@ -80,7 +81,8 @@ def parts(catalog: Catalog, target: str, digests: Mapping[TypeName, str]) -> Ite
     # Import targets by name, so that only the requested one is loaded.
     module = import_module(TARGETS[target]) if target in TARGETS else find_target(target, TARGETS)
     # The inputs of another distribution's target are unknown.
-    catalog_digest = fingerprint_of_all(catalog, digests) if digests and target in TARGETS else None
+    is_own = target in TARGETS or target in OWN[PLUGINS]
+    catalog_digest = fingerprint_of_all(catalog, digests) if digests and is_own else None
     package_files = getattr(module, "package_files", None)
     interface_files = getattr(module, "interface_files", None)
     yield Part(target, catalog.package, catalog_digest, partial(package_files or module.files, catalog))

@@ -11,15 +11,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Protocol
 
 from forge.base.errors import ForgeError, Problem
-from forge.base.extensions import entry_points, load
+from forge.base.extensions import OWN, TARGETS, entry_points, find
 from forge.base.names import did_you_mean
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from forge.interfaces.model import Catalog, File
-
-GROUP = "forge.interfaces.targets"
 
 
 class Target(Protocol):
@@ -30,16 +28,15 @@ class Target(Protocol):
 
 
 def find_target(name: str, known: Iterable[str]) -> Target:
-    """Load a target of another distribution; `known` are forge's own targets, for the error message.
+    """Load a target of a plugin; `known` are those of the core, for the error message.
 
     Raises ForgeError if it does not exist or cannot be loaded.
     """
-    found = entry_points(GROUP)
-    if name not in found:
-        names = sorted({*known, *found})
+    target: Target | None = find(TARGETS, name, "target", ("files",))
+    if target is None:
+        names = sorted({*known, *OWN[TARGETS], *entry_points(TARGETS)})
         near = did_you_mean(name, names)
         available = f"available targets: {', '.join(names)}"
         hint = f"{near} {available}" if near else available
         raise ForgeError(Problem(f"unknown target '{name}'", hint=hint))
-    target: Target = load(found[name], "target", ("files",))
     return target

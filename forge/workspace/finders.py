@@ -11,7 +11,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, Protocol
 
 from forge.base.errors import Location, Problem, WorkspaceError
-from forge.base.extensions import call, entry_points, load
+from forge.base.extensions import BUILD_TYPES, call, entry_points, load
 from forge.workspace.identity import Identity
 
 if TYPE_CHECKING:
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
     from forge.workspace.identity import Folder
 
-GROUP = "forge.build_types"
 FUNCTIONS = ("identify", "options", "recipe", "tests")
 
 
@@ -73,4 +72,4 @@ def _plugin(name: str, search_path: tuple[str, ...]) -> Any:
 
 @cache
 def _entries(_search_path: tuple[str, ...]) -> dict[str, EntryPoint]:
-    return entry_points(GROUP)
+    return entry_points(BUILD_TYPES)

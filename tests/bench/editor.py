@@ -13,8 +13,8 @@ from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING, Any
 
-from tests.editors import Editor
 from tests.packages import manifest_text
+from tests.plugins.lsp.editors import Editor
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from forge import __version__
 from forge.base.cmake_syntax import quoted
+from forge.base.extensions import TARGETS, is_installed
 from forge.base.frozen import frozen
 from forge.base.names import is_safe_name
 from forge.base.templating import render
@@ -73,6 +74,7 @@ def initial_cache(context: BuildContext, manifest: Path, further: Pairs = ()) ->
         ("FORGE_COMMAND", quoted(*context.generator), "STRING", "The command that runs forge"),
         ("FORGE_VERSION", quoted(__version__), "STRING", "A new version regenerates interfaces"),
         ("FORGE_MANIFEST", quoted(str(manifest)), "FILEPATH", "This package's package.xml as variables"),
+        ("FORGE_INTERFACE_TARGETS", quoted(*_targets()), "STRING", "The languages of generated interfaces"),
         *((name, quoted(value), "STRING", "Set by forge") for name, value in further),
         *((name, quoted(value), "STRING", "The compiler launcher") for name, value in launchers if value),
     )
@@ -81,6 +83,11 @@ def initial_cache(context: BuildContext, manifest: Path, further: Pairs = ()) ->
         entries=[_Entry(name, value, type_, quoted(doc)) for name, value, type_, doc in entries],
         gone=[name for name, value in launchers if not value],
     )
+
+
+def _targets() -> tuple[str, ...]:
+    """Return the interface targets for the embedded rosidl: C needs its plugin."""
+    return ("python", "cpp", *(("c",) if is_installed(TARGETS, "c") else ()), "idl", "json")
 
 
 def manifest_variables(manifest: Manifest) -> str:

@@ -6,14 +6,13 @@ from typing import TYPE_CHECKING
 
 from forge import __version__
 from forge.base.env_vars import EXECUTORS
-from forge.base.extensions import distribution_of, entry_points
-from forge.build.build_types import OWN
+from forge.base.extensions import BUILD_TYPES, COMMANDS, OWN, distribution_of, entry_points, is_installed
+from forge.base.extensions import TARGETS as TARGET_GROUP
+from forge.build.build_types import OWN as CORE_BUILD_TYPES
 from forge.environment.shells import SHELLS
 from forge.execution.options import DASK
 from forge.interfaces.rendering import TARGETS
-from forge.interfaces.targets import GROUP as TARGET_GROUP
 from forge.output.handlers import HANDLERS
-from forge.workspace.finders import GROUP as BUILD_TYPE_GROUP
 
 if TYPE_CHECKING:
     import argparse
@@ -29,7 +28,8 @@ def register(parser: Parser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Print each kind of extension, and below it the extensions with their distributions."""
     handlers = (f"{name}{'+' if on else '-'}" for name, on in HANDLERS.items())
-    _print("build types", OWN, BUILD_TYPE_GROUP)
+    _print("commands", (), COMMANDS)
+    _print("build types", CORE_BUILD_TYPES, BUILD_TYPES)
     _print("interface targets", TARGETS, TARGET_GROUP)
     _print("event handlers", handlers)
     _print("executors", (*EXECUTORS, DASK))
@@ -40,7 +40,8 @@ def run(options: argparse.Namespace) -> int:
 def _print(kind: str, own: Iterable[str], group: str = "") -> None:
     """Print one kind; other distributions extend it by entry points of `group`, if it has one."""
     print(f"{kind} (entry points '{group}'):" if group else f"{kind}:")
-    rows = [(name, f"ros-forge {__version__}") for name in sorted(own)]
+    in_plugins = (name for name in OWN.get(group, ()) if is_installed(group, name))
+    rows = [(name, f"ros-forge {__version__}") for name in sorted({*own, *in_plugins})]
     rows += _of_others(group, {name for name, _ in rows}) if group else ()
     width = max(len(name) for name, _ in rows)
     print(*(f"  {name:<{width}}  {distribution}" for name, distribution in rows), sep="\n")

@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 
 from forge.base.errors import InterfaceError
-from forge.interfaces.c import target as c
 from forge.interfaces.cpp import target as cpp
 from forge.interfaces.hashing import hashes
 from forge.interfaces.model import Catalog, Message, Source, TypeName, messages_of, with_events
@@ -15,6 +14,7 @@ from forge.interfaces.python import target as python
 from forge.interfaces.read.parsing import Parsed, parse_all
 from forge.interfaces.read.sources import Library
 from forge.interfaces.resolve.resolution import resolve
+from forge.plugins.c_target import target as c
 
 MOVE = TypeName("demo", "srv", "Move")
 WALK = TypeName("demo", "action", "Walk")

@@ -7,8 +7,13 @@ function(_rosidl_generate target tuples packages)
   get_property(distribution GLOBAL PROPERTY rosidl_distribution)
   set(words
     --package ${PROJECT_NAME} --rosdistro ${distribution} --output "${output}" --no-runtime
-    --lang python --lang cpp --lang c --lang idl --lang json
     --stamp "${output}/stamp" --depfile "${output}/stamp.d")
+  if(NOT DEFINED FORGE_INTERFACE_TARGETS)
+    set(FORGE_INTERFACE_TARGETS python cpp c idl json)
+  endif()
+  foreach(language IN LISTS FORGE_INTERFACE_TARGETS)
+    list(APPEND words --lang ${language})
+  endforeach()
   foreach(package IN LISTS packages)
     get_filename_component(share "${${package}_DIR}/.." ABSOLUTE)
     list(APPEND words --include "${package}=${share}")

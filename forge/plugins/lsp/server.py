@@ -20,20 +20,20 @@ from pygls.lsp.server import LanguageServer
 
 from forge import __version__
 from forge.base.errors import ForgeError
-from forge.editor.completion import complete
-from forge.editor.diagnostics import diagnose
-from forge.editor.hover import hover
-from forge.editor.index import is_known
-from forge.editor.navigation import definition, references
-from forge.editor.rename import renamable, rename
+from forge.plugins.lsp.completion import complete
+from forge.plugins.lsp.diagnostics import diagnose
+from forge.plugins.lsp.hover import hover
+from forge.plugins.lsp.index import is_known
+from forge.plugins.lsp.navigation import definition, references
+from forge.plugins.lsp.rename import renamable, rename
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from forge.editor.completion import Proposal
-    from forge.editor.index import Index
-    from forge.editor.rename import Renaming
-    from forge.editor.text import Place, Span
+    from forge.plugins.lsp.completion import Proposal
+    from forge.plugins.lsp.index import Index
+    from forge.plugins.lsp.rename import Renaming
+    from forge.plugins.lsp.text import Place, Span
 
     _AtPosition = (
         lsp.HoverParams

@@ -11,8 +11,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from forge.base.errors import InterfaceError
-from forge.interfaces.c import target as c
-from forge.interfaces.c.text import declare, number, units
 from forge.interfaces.cpp.headers import detail_path
 from forge.interfaces.model import (
     Array,
@@ -32,6 +30,8 @@ from forge.interfaces.model import (
 from forge.interfaces.read.parsing import parse_all
 from forge.interfaces.read.sources import Library, read_folder, read_runtime
 from forge.interfaces.resolve.resolution import resolve
+from forge.plugins.c_target import target as c
+from forge.plugins.c_target.text import declare, number, units
 from tests.conftest import GOLDEN, Forge, Golden, Tree
 
 POINT = Named(TypeName("geometry_msgs", "msg", "Point"))

@@ -9,20 +9,21 @@ from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
 from forge.base.templating import render
-from forge.interfaces.c.descriptions import description_views
-from forge.interfaces.c.functions import functions_view
-from forge.interfaces.c.text import declare, fits_int, needs_math, number, spell, units
 from forge.interfaces.cpp.headers import detail_path, guard, handles, main_path, needed, symbol
 from forge.interfaces.cpp.text import comment, quoted
 from forge.interfaces.hashing import Hasher
 from forge.interfaces.model import Array, File, Primitive, Sequence, String, element_of, messages_of
+from forge.plugins.c_target.descriptions import description_views
+from forge.plugins.c_target.functions import functions_view
+from forge.plugins.c_target.text import declare, fits_int, needs_math, number, spell, units
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from forge.interfaces.c.descriptions import DescriptionView
     from forge.interfaces.model import Catalog, Constant, Field, Interface, Message
+    from forge.plugins.c_target.descriptions import DescriptionView
 
+_TEMPLATES = "c_target/templates"
 _PARTS = ("struct", "functions", "type_support")
 _MAX_LITERAL = 4095
 """The length of string literals that C99 compilers must support; they may warn about longer ones."""
@@ -59,7 +60,8 @@ def files(catalog: Catalog) -> Iterator[File]:
 def package_files(catalog: Catalog) -> Iterator[File]:
     """Yield the header that all interfaces of a package share."""
     path = _visibility_path(catalog.package)
-    yield File(path, render("c/visibility_control.h.j2", guard=guard(path), package=catalog.package))
+    text = render(f"{_TEMPLATES}/visibility_control.h.j2", guard=guard(path), package=catalog.package)
+    yield File(path, text)
 
 
 def interface_files(catalog: Catalog) -> Callable[[Interface], Iterator[File]]:
@@ -140,7 +142,8 @@ def _description(interface: Interface, types: tuple[DescriptionView, ...]) -> Fi
 
 
 def _file(interface: Interface, path: str, template: str, **names: object) -> File:
-    return File(path, render(f"c/{template}.h.j2", source=str(interface.name), guard=guard(path), **names))
+    template = f"{_TEMPLATES}/{template}.h.j2"
+    return File(path, render(template, source=str(interface.name), guard=guard(path), **names))
 
 
 def _visibility_path(package: str) -> str:

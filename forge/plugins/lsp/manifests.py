@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from forge.base.errors import Location, WorkspaceError
 from forge.base.frozen import frozen
 from forge.base.xml import parse_xml
-from forge.editor.text import Span, span_at
+from forge.plugins.lsp.text import Span, span_at
 from forge.workspace.discovery import ROS_DEFAULTS
 from forge.workspace.manifest import DEPENDENCY_KINDS, parse_manifest
 

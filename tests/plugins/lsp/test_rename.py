@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 import pytest
 
 from forge.base.errors import InterfaceError
-from forge.editor.diagnostics import diagnose
-from forge.editor.rename import Renaming, renamable, rename
+from forge.plugins.lsp.diagnostics import diagnose
+from forge.plugins.lsp.rename import Renaming, renamable, rename
 
 if TYPE_CHECKING:
-    from tests.unit.editor.conftest import Pointer
+    from tests.plugins.lsp.conftest import Pointer
 
 
 def apply(workspace: Pointer, renaming: Renaming) -> None:

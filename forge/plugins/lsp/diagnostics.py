@@ -7,23 +7,23 @@ from typing import TYPE_CHECKING
 from forge.base.errors import InterfaceError, Location, Problem
 from forge.base.frozen import frozen
 from forge.build.build_types import is_known_type, unknown_type
-from forge.editor.nearby import NearbyTypes
-from forge.editor.text import span_at
 from forge.interfaces.model import Catalog
 from forge.interfaces.read.lint import lint
 from forge.interfaces.read.parsing import Parsed
 from forge.interfaces.resolve.dependencies import undeclared_dependencies
 from forge.interfaces.resolve.resolution import nested_messages, same_output
+from forge.plugins.lsp.nearby import NearbyTypes
+from forge.plugins.lsp.text import span_at
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
     from pathlib import Path
 
     from forge.base.errors import Severity
-    from forge.editor.index import Index
-    from forge.editor.manifests import ManifestReading
-    from forge.editor.text import Span
     from forge.interfaces.read.occurrences import Reading
+    from forge.plugins.lsp.index import Index
+    from forge.plugins.lsp.manifests import ManifestReading
+    from forge.plugins.lsp.text import Span
 
 
 @frozen

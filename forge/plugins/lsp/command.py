@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import argparse
 
     from forge.cli.main import Parser
-    from forge.editor.index import Index
+    from forge.plugins.lsp.index import Index
 
 
 def register(parser: Parser) -> None:
@@ -34,7 +34,7 @@ def register(parser: Parser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Answer requests until the editor ends the session."""
     try:
-        from forge.editor.server import serve
+        from forge.plugins.lsp.server import serve
     except ImportError as error:
         if (error.name or "").partition(".")[0] not in {"pygls", "lsprotocol"}:
             raise
@@ -46,7 +46,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _open(folder: Path, rosdistro: str | None) -> Index:
     """Return the index of the workspace around a folder."""
-    from forge.editor.index import Index
+    from forge.plugins.lsp.index import Index
 
     root = find_root(folder, Path.home())
     install = find_install(root, Path.home())

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import pytest
 
 from forge.base.standard_interfaces import EMBEDDED
-from forge.editor.navigation import definition, references
+from forge.plugins.lsp.navigation import definition, references
 
 if TYPE_CHECKING:
-    from forge.editor.text import Place
-    from tests.unit.editor.conftest import Pointer
+    from forge.plugins.lsp.text import Place
+    from tests.plugins.lsp.conftest import Pointer
 
 
 _IN_BOX = ("shapes/msg/Box.idl:0:21-26", "shapes/msg/Box.idl:7:6-24")

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.editors import index_of
 from tests.packages import manifest_text
+from tests.plugins.lsp.editors import index_of
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from forge.editor.index import Index
+    from forge.plugins.lsp.index import Index
     from tests.conftest import Tree
 
 _BOX = """#include "shapes/msg/Point.idl"

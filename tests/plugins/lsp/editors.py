@@ -8,9 +8,9 @@ import threading
 from contextlib import contextmanager
 from typing import IO, TYPE_CHECKING, Any
 
-from forge.editor.index import Index
-from forge.editor.server import InterfaceServer
 from forge.interfaces.read.sources import Library
+from forge.plugins.lsp.index import Index
+from forge.plugins.lsp.server import InterfaceServer
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

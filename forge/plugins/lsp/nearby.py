@@ -14,9 +14,9 @@ from forge.interfaces.resolve.resolution import MAX_EXPLAINED
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from forge.editor.index import Index
     from forge.interfaces.model import TypeName
     from forge.interfaces.read.occurrences import Reading
+    from forge.plugins.lsp.index import Index
 
 
 class NearbyTypes:

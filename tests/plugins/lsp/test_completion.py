@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 import pytest
 
 from forge.base.standard_interfaces import EMBEDDED
-from forge.editor.completion import MOST, complete
+from forge.plugins.lsp.completion import MOST, complete
 
 if TYPE_CHECKING:
-    from tests.unit.editor.conftest import Pointer
+    from tests.plugins.lsp.conftest import Pointer
 
 
 def proposed(workspace: Pointer, file: str, text: str) -> list[str]:

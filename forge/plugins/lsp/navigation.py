@@ -5,18 +5,18 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from forge.base.standard_interfaces import EMBEDDED
-from forge.editor.manifests import MANIFEST
-from forge.editor.text import Place, Span
 from forge.interfaces.read.occurrences import NameKind
+from forge.plugins.lsp.manifests import MANIFEST
+from forge.plugins.lsp.text import Place, Span
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from forge.editor.index import Index
-    from forge.editor.manifests import PackageMention
     from forge.interfaces.model import TypeName
     from forge.interfaces.read.occurrences import Occurrence, Reading
+    from forge.plugins.lsp.index import Index
+    from forge.plugins.lsp.manifests import PackageMention
 
 IN_FILE = frozenset({NameKind.FIELD, NameKind.CONSTANT, NameKind.TYPEDEF, NameKind.ALIAS})
 """The kinds of names that mean nothing outside of their file."""

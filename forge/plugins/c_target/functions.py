@@ -6,10 +6,10 @@ import re
 from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
-from forge.interfaces.c.text import is_plain, number, numbers, spell, units
 from forge.interfaces.cpp.headers import symbol
 from forge.interfaces.cpp.text import quoted
 from forge.interfaces.model import Array, Named, Primitive, Sequence, String
+from forge.plugins.c_target.text import is_plain, number, numbers, spell, units
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator

@@ -10,14 +10,14 @@ import pytest
 
 from forge.base.errors import ForgeError
 from forge.build.build_types import build_type_of
-from forge.editor.diagnostics import diagnose
+from forge.plugins.lsp.diagnostics import diagnose
 from forge.workspace.manifest import parse_manifest
 from forge.workspace.model import Package
-from tests.editors import index_of
 from tests.packages import manifest_text
+from tests.plugins.lsp.editors import index_of
 
 if TYPE_CHECKING:
-    from forge.editor.index import Index
+    from forge.plugins.lsp.index import Index
     from tests.conftest import Tree
 
 

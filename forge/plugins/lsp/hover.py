@@ -6,22 +6,28 @@ import os
 from typing import TYPE_CHECKING
 
 from forge.base.errors import ForgeError, InterfaceError
-from forge.editor.manifests import read_manifest
-from forge.editor.navigation import declared_in_file, mention_at, occurrence_at, package_manifest, type_at
 from forge.interfaces.model import Field, Message, sections_of
 from forge.interfaces.read.occurrences import NameKind
 from forge.interfaces.read.parsing import Parsed
 from forge.interfaces.resolve.resolution import nested_messages
 from forge.interfaces.site.text import kind_of, type_text, value_text
 from forge.interfaces.wire.sizes import SizeCalculator
+from forge.plugins.lsp.manifests import read_manifest
+from forge.plugins.lsp.navigation import (
+    declared_in_file,
+    mention_at,
+    occurrence_at,
+    package_manifest,
+    type_at,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from forge.editor.index import Index
     from forge.interfaces.model import Constant, TypeName
     from forge.interfaces.read.occurrences import Occurrence, Reading
+    from forge.plugins.lsp.index import Index
 
 _MOST_LINES = 40
 """The maximum number of declarations of a type that are shown."""

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.editor.hover import hover
+from forge.plugins.lsp.hover import hover
 
 if TYPE_CHECKING:
-    from tests.unit.editor.conftest import Pointer
+    from tests.plugins.lsp.conftest import Pointer
 
 _POINT = """**shapes/msg/Point** (message)
 

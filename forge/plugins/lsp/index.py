@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING
 from forge.base.errors import ForgeError, InterfaceError
 from forge.base.files import text_or_nothing
 from forge.base.names import snake_case
-from forge.editor.manifests import MANIFEST, ManifestReading, read_manifest
 from forge.interfaces.model import Message, Source, TypeName
 from forge.interfaces.read.occurrences import Reading, read_leniently
 from forge.interfaces.read.parsing import ENDINGS, Parsed
 from forge.interfaces.read.sources import definition_files
+from forge.plugins.lsp.manifests import MANIFEST, ManifestReading, read_manifest
 from forge.workspace.load import find_packages
 from forge.workspace.selection import SearchPaths
 

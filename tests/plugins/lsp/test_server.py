@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.editors import Editor, editor
 from tests.packages import manifest_text
+from tests.plugins.lsp.editors import Editor, editor
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

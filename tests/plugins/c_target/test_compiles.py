@@ -11,7 +11,6 @@ import pytest
 
 from forge.base.files import write_if_changed
 from forge.base.standard_interfaces import EMBEDDED
-from forge.interfaces.c import target as c
 from forge.interfaces.cpp import target as cpp
 from forge.interfaces.model import (
     Array,
@@ -28,6 +27,7 @@ from forge.interfaces.model import (
 from forge.interfaces.read.parsing import parse_all
 from forge.interfaces.read.sources import Library, read_folder
 from forge.interfaces.resolve.resolution import resolve
+from forge.plugins.c_target import target as c
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -9,20 +9,20 @@ from forge.base import ament_index
 from forge.base.frozen import frozen
 from forge.base.standard_interfaces import EMBEDDED
 from forge.build.build_types import known_types
-from forge.editor.text import Span
 from forge.interfaces.model import element_of, sections_of
 from forge.interfaces.read.declarations import PRIMITIVES, read_declaration
 from forge.interfaces.read.errors import ParseError
 from forge.interfaces.site.text import type_text, value_text
+from forge.plugins.lsp.text import Span
 from forge.workspace.manifest import DEPENDENCY_KINDS, tags_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
     from pathlib import Path
 
-    from forge.editor.index import Index
     from forge.interfaces.model import TypeName
     from forge.interfaces.read.occurrences import Reading
+    from forge.plugins.lsp.index import Index
 
 MOST = 100
 """The maximum number of proposals; with more, the editor asks again after the next character."""

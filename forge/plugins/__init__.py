@@ -1,0 +1,1 @@
+"""The plugins of forge: what a workspace can do without. The core imports none of them."""
