@@ -11,7 +11,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from forge.base.errors import HostError, ForgeError, Location, Problem
+from forge.base.errors import ForgeError, HostError, Location, Problem
 from forge.base.layout import PACKAGE
 
 if TYPE_CHECKING:
