@@ -183,7 +183,9 @@ def test_imports_are_acyclic() -> None:
     graphlib.TopologicalSorter(graph).prepare()
 
 
-@pytest.mark.parametrize("module", [module for module in modules() if not module.startswith(("cli.", "plugins."))])
+@pytest.mark.parametrize(
+    "module", [module for module in modules() if not module.startswith(("cli.", "plugins."))]
+)
 def test_only_the_command_line_knows_argparse(module: str) -> None:
     assert ":argparse" not in {arrow.target for arrow in arrows(module)}
 
