@@ -87,6 +87,11 @@ def test_interface_pages_contain_no_foreign_elements(text: str) -> None:
             assert scripts(found) == scripts(plain[path])
 
 
+@pytest.mark.parametrize("code", [0x07, 0x85, 0x61C, 0x200E, 0x200F, 0x2028, 0x2029, 0x202E, 0x2066])
+def test_interface_pages_contain_no_invisible_characters(code: int) -> None:
+    assert not [path for path, page in site_of(f"x{chr(code)}x").items() if _UNSEEN.search(page)]
+
+
 @everywhere
 def test_interface_pages_show_every_fragment_as_text(fragment: str) -> None:
     said = read_page(site_of(f"x{fragment}x")["demo/msg/Thing.html"]).text

@@ -24,10 +24,11 @@ _LONGEST_SUMMARY = 160
 _REPLACEMENTS = {
     **{code: chr(0x2400 + code) for code in range(0x20) if chr(code) not in "\n\t"},
     **dict.fromkeys(
-        (*range(0x7F, 0xA0), *range(0x202A, 0x202F), *range(0x2066, 0x206A)), "\N{REPLACEMENT CHARACTER}"
+        (*range(0x7F, 0xA0), 0x61C, 0x200E, 0x200F, *range(0x2028, 0x202F), *range(0x2066, 0x206A)),
+        "\N{REPLACEMENT CHARACTER}",
     ),
 }
-"""Visible symbols for control characters, including bidirectional ones."""
+"""Visible symbols for control characters, including line separators and bidirectional ones."""
 
 
 @frozen
