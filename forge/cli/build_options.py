@@ -260,7 +260,7 @@ def read_build_options(namespace: argparse.Namespace) -> BuildOptions:
         cache=read_options(CacheOptions, namespace),
         jobs=read_options(JobOptions, namespace),
         execution=read_options(ExecutorOptions, namespace),
-        report=read_options(ReportOptions, namespace),
+        report=read_options(ReportOptions, namespace, flags=namespace.flags),
         origin=namespace.origin,
     )
 

@@ -11,7 +11,6 @@ from forge.base.env_vars import SEQUENTIAL, compiled_templates, own_cache, witho
 from forge.base.errors import WorkspaceError, print_problem, raise_if_any
 from forge.base.frozen import frozen
 from forge.base.layout import OWN_CACHE_DIR, PROGRAMS_DIR, TEMPLATES_DIR
-from forge.build.cleaning import stale_package_warnings
 from forge.build.compile_commands import merge_compile_commands
 from forge.build.inputs.referenced_inputs import named_by
 from forge.build.recipes.ament_scripts import are_worth_a_worker
@@ -78,7 +77,6 @@ class PreparedBuild:
 
 
 def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
-    _warn_of_packages(plan, build, state)
     if plan.tasks:
         state.begin()
     with _opened(plan, build, state) as opened:
@@ -349,16 +347,15 @@ def _compilers(build: PreparedBuild) -> Pairs:
     return (*build.context.tools, *named.tools, *contents, *relevant_environment(build.variables))
 
 
-def _warn_of_packages(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> None:
-    """Warn about missing dependencies, overridden underlay packages, and packages that left the workspace."""
+def warn_of_packages(plan: BuildPlan, build: PreparedBuild) -> None:
+    """Warn about missing dependencies, overridden underlay packages, and downloads."""
     loaded, layout = build.loaded, build.context.layout
     own = [name for name, task in plan.tasks.items() if not task.embedded]
     whereabouts = Whereabouts(loaded.workspace.root, layout).of
     missing = missing_dependencies(
         loaded.resolution, own, build.options.skip_keys, whereabouts=whereabouts
     ).warnings
-    stale = stale_package_warnings(state.journal.records, loaded.packages, layout, loaded.workspace.root)
-    build.mode.warn((*missing, *overridden(own, layout.install, build.variables), *stale))
+    build.mode.warn((*missing, *overridden(own, layout.install, build.variables)))
     configured = (
         loaded.packages[name]
         for name in own

@@ -8,6 +8,7 @@ mixins are prepended to those of the command line.
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,6 +29,9 @@ GENERAL = ("log_base", "log_level")
 """Destinations of global options, which are also allowed before the command."""
 _BEFORE_FILES = {"rosdistro": VARIABLE}
 """Environment variables that take precedence over files, by the destination of the option."""
+_AGREE_WITH_BUILD = frozenset({"deps", "doctor"})
+"""Commands about the next build: they also read the options that they share with it from its tables."""
+_OF_ONE_COMMAND = frozenset({"json", "mixin", "mixin-files", "profile"})
 _FLAGS = (argparse._StoreTrueAction, argparse._StoreFalseAction)
 
 
@@ -56,6 +60,11 @@ def configured(
         option[2:]: action for action in actions for option in action.option_strings if option[:2] == "--"
     }
     values: dict[str, Any] = {}
+    if verb in _AGREE_WITH_BUILD:
+        shared = known.keys() - _OF_ONE_COMMAND
+        for source in _sources("build", given, root, variables):
+            options = {key: value for key, value in source.options.items() if key in shared}
+            values.update(_checked(replace(source, options=options), known, "build"))
     for source in _sources(verb, given, root, variables):
         values.update(_checked(source, known, verb))
     values = {

@@ -162,6 +162,7 @@ class Parser(argparse.ArgumentParser):
         general = {dest: configured_values.pop(dest) for dest in GENERAL if dest in configured_values}
         defaults = {action.dest: self._default(action) for action in actions}
         values = {**defaults, **given, **configured_values, "given": frozenset(given), "general": general}
+        values["flags"] = frozenset(self._option_string_actions)
         return argparse.Namespace(**values), rest
 
     def format_help(self) -> str:

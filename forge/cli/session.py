@@ -166,6 +166,7 @@ def open_session(
         report.python = python
         report.prefix_of = prefix_of
         report.whereabouts = whereabouts
+        report.flags = options.flags
         report.collapsed = collapsed
         report.displayed = partial(displayed_below, Path.cwd(), origin)
         direct = handlers["console_direct"]

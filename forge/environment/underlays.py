@@ -32,14 +32,20 @@ def lost_underlays(install: Path, variables: Mapping[str, str]) -> tuple[Problem
         )
         for root in recorded
     ]
-    recorded_paths = {str(root) for root in recorded}
+    known = [*map(str, recorded)]
     for variable in _VARIABLES:
-        entries = dict.fromkeys(variables.get(variable, "").split(os.pathsep))
-        missing = [
-            entry for entry in entries if entry and entry not in recorded_paths and not os.path.lexists(entry)
+        entries = dict.fromkeys(filter(None, variables.get(variable, "").split(os.pathsep)))
+        # An isolated workspace has one entry in COLCON_PREFIX_PATH, and one per package in the other.
+        gone = [
+            entry
+            for entry in entries
+            if not os.path.lexists(entry)
+            and not any(f"{entry}/".startswith(f"{root.rstrip('/')}/") for root in known)
         ]
-        if missing:
-            message = f"'{variable}' names {listed(missing)}, which does not exist"
+        known += gone
+        if gone:
+            verb = "does" if len(gone) == 1 else "do"
+            message = f"'{variable}' names {listed(gone)}, which {verb} not exist"
             hint = "if it was removed after sourcing, continue in a new terminal"
             problems.append(Problem(message, hint=hint))
     return tuple(problems)

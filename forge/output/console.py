@@ -125,6 +125,8 @@ class ConsoleReporter:
         """Returns the prefix of an installed package, for hints."""
         self.whereabouts: Callable[[str], str | None] = lambda _: None
         """Returns what to do about a package that is in no prefix, for hints."""
+        self.flags: frozenset[str] = frozenset()
+        """All options of the command, for hints."""
         self.collapsed: frozenset[str] = frozenset()
         """Packages without lines of their own unless they fail; the summary counts them."""
         self.launcher_summaries: tuple[LauncherSummary, ...] = ()
@@ -361,7 +363,7 @@ class ConsoleReporter:
         from forge.output.failure_hints import failure_context, hint_of
 
         context = failure_context(
-            self.packages[task], self.packages, self.python, self.prefix_of, self.whereabouts
+            self.packages[task], self.packages, self.python, self.prefix_of, self.whereabouts, self.flags
         )
         hint = hint_of(text, context)
         self._failed[task] = PackageFailure(error, repeat, hint)

@@ -84,6 +84,8 @@ class FailureContext:
     """The packages that targets of its CMakeLists.txt link."""
     optional: frozenset[str] = frozenset()
     """The packages that its CMakeLists.txt does without: those found without REQUIRED."""
+    flags: frozenset[str] = frozenset()
+    """The options of the command."""
 
     @property
     def manifest(self) -> str:
@@ -116,6 +118,7 @@ def failure_context(
     python: str,
     prefix_of: Callable[[str], Path | None],
     whereabouts: Callable[[str], str | None],
+    flags: frozenset[str] = frozenset(),
 ) -> FailureContext:
     """Return the context of a failed package; unreadable files are left out."""
     folder = str(package.path)
@@ -144,6 +147,7 @@ def failure_context(
         whereabouts,
         linked_packages(text),
         optional,
+        flags,
     )
 
 
@@ -422,6 +426,14 @@ def _installed_headers(package: str, prefix: Path) -> frozenset[str]:
     return frozenset(found)
 
 
+def _unknown_argument(word: str, context: FailureContext) -> str | None:
+    """Return where an option of the command belongs; its value may follow at once, as in `-j4`."""
+    flag = word.partition("=")[0] if word.startswith("--") else word[:2]
+    if flag not in context.flags:
+        return None
+    return f"if '{word}' is meant for forge, put it before '--cmake-args', '--pytest-args' and the like"
+
+
 _REMEDIES: tuple[tuple[re.Pattern[str], str | Callable[[str, FailureContext], str | None]], ...] = (
     (
         re.compile(r"(?i:Killed signal terminated program|virtual memory exhausted|std::bad_alloc)"),
@@ -474,7 +486,7 @@ _REMEDIES: tuple[tuple[re.Pattern[str], str | Callable[[str, FailureContext], st
     (re.compile(r"(?:Does not match the generator used previously|could not load cache)"), _built_in_source),
     (
         re.compile(r"(?:CMake Error: Unknown argument|error: unrecognized arguments:) (-\S+)"),
-        "if '{}' is meant for forge, put it before '--cmake-args', '--pytest-args' and the like",
+        _unknown_argument,
     ),
     (re.compile(r"does not appear to contain CMakeLists\.txt"), _no_cmakelists),
     (

@@ -70,6 +70,8 @@ class ReportOptions:
         metavar="NAME+",
     )
     json: bool = option("print only one JSON object per line for each event", default=False)
+    flags: frozenset[str] = frozenset()
+    """All options of the command, for hints."""
 
     @property
     def handlers(self) -> dict[str, bool]:

@@ -24,10 +24,11 @@ def is_defined(arguments: Sequence[str]) -> bool:
     return any(name == VARIABLE for name, _ in definitions(arguments))
 
 
-def builds_no_tests(package: Package, cmake_args: Sequence[str], ament_cmake_args: Sequence[str]) -> bool:
-    """Tell whether CMake's arguments, for all packages and its own, turn off the tests of a package.
+def builds_tests(package: Package, cmake_args: Sequence[str], ament_cmake_args: Sequence[str]) -> bool | None:
+    """Tell whether CMake's arguments, for all packages and its own, turn the tests of a package on or off.
 
-    Packages that are not built by CMake follow the arguments for all packages.
+    Returns None if they do not set the variable. Packages that are not built by CMake follow the arguments
+    for all packages.
     """
     words = [*cmake_args]
     if package.build_type in CMAKE_TYPES:
@@ -35,7 +36,7 @@ def builds_no_tests(package: Package, cmake_args: Sequence[str], ament_cmake_arg
     if package.build_type == "ament_cmake":
         words += (*ament_cmake_args, *package.option_values("ament-cmake-args"))
     values = [value for name, value in definitions(words) if name == VARIABLE]
-    return bool(values) and _FALSE.fullmatch(values[-1]) is not None
+    return _FALSE.fullmatch(values[-1]) is None if values else None
 
 
 def was_built_without_tests(build_dir: Path) -> bool:

@@ -71,15 +71,15 @@ def load_workspace(
     *,
     embedded: bool = False,
     install: Path | None = None,
-    untested: Callable[[Package], bool] = lambda _: False,
+    tested: Callable[[Package], bool | None] = lambda _: None,
 ) -> LoadedWorkspace:
     """Return the workspace described by the query, with warnings for the caller to print.
 
     `embedded` adds forge's embedded packages; `install` is the workspace's install folder, which is not used
     as an underlay. Commands without it list packages, including several with the same name and with invalid
-    manifests. `untested(package)` tells whether what only its tests need is left out. Raises WorkspaceError
-    for a cycle and, except in a listing, for selected packages with the same name; SelectionError for names
-    that cannot be selected.
+    manifests. `tested(package)` tells whether what only its tests need counts, None if the query decides.
+    Raises WorkspaceError for a cycle and, except in a listing, for selected packages with the same name;
+    SelectionError for names that cannot be selected.
     """
     found = find_packages(root, query.search, variables)
     every = found.packages.keys() | {broken.name for broken in found.broken}
@@ -98,7 +98,9 @@ def load_workspace(
         install or root / "install",
         embedded=embedded,
         untested=frozenset(
-            name for name, each in workspace.packages.items() if query.no_test_dependencies or untested(each)
+            name
+            for name, each in workspace.packages.items()
+            if tested(each) is False or (query.no_test_dependencies and tested(each) is None)
         ),
     )
     resolution, cycle_warnings = break_test_cycles(replace(whole, ignored=hidden))

@@ -245,6 +245,18 @@ def test_a_dry_run_prints_commands_without_running_them(forge: Forge, workspace:
     assert not (workspace / "install/a").exists()
 
 
+def test_a_dry_run_prints_the_warnings_of_a_build(forge: Forge, tree: Tree) -> None:
+    root = tree(
+        {
+            "src/p/package.xml": manifest_text("p", "<depend>ros_thing_msgs</depend>", build_type="cmake"),
+            "src/p/CMakeLists.txt": "cmake_minimum_required(VERSION 3.18)\nproject(p NONE)\n",
+        }
+    )
+    dry, real = (forge("build", *options, cwd=root).err for options in (("--dry-run",), ()))
+    assert "'ros_thing_msgs'" in dry
+    assert dry == real
+
+
 def test_the_log_level_controls_reasons_and_commands(forge: Forge, workspace: Path) -> None:
     assert "a: build, it was" not in forge("build", "--packages-select", "a", cwd=workspace).err
     assert "1 package: up to date\n" in forge("--log-level", "info", "build", cwd=workspace).err

@@ -426,3 +426,25 @@ def test_inconsistent_names_are_reported(forge: Forge, tree: Tree) -> None:
         ),
     ]
     assert "install_scripts=$base/lib/c" in found[2]["hint"]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "packages-ignore-regex = ['b.*']",
+        "packages-ignore = ['b']",
+        "packages-skip = ['b']",
+        "packages-select = ['a']",
+        "base-paths = ['src/a']",
+    ],
+)
+@pytest.mark.parametrize("file", ["build", "profiles.ci.build"])
+def test_packages_that_a_build_leaves_out_are_not_checked(
+    forge: Forge, tree: Tree, text: str, file: str
+) -> None:
+    profile = ("--profile", "ci") if "ci" in file else ()
+    more = {"forge.toml": f"[{file}]\n{text}\nsymlink-install = true\n"}
+    root = tree({**cmake_package("a", ""), **cmake_package("b", ""), **more})
+    ran = forge("doctor", *profile, cwd=root)
+    assert "ok workspace 1 package ok" in " ".join(ran.out.split())
+    assert "forge.toml" not in ran.err

@@ -111,6 +111,20 @@ def test_package_options_take_precedence(
     assert built(forge, workspace, "--packages-up-to", "top", *options) == {"low", "lint", "top"}
 
 
+@pytest.mark.parametrize("way", ["options", "forge.toml"])
+def test_a_package_with_tests_turned_on_keeps_its_test_dependencies(
+    way: str, forge: Forge, tree: Tree, workspace: Path
+) -> None:
+    """`--no-test-dependencies` and -DBUILD_TESTING=ON contradict each other: the tests could not be built."""
+    on = ("--cmake-args", "-DBUILD_TESTING=ON") if way == "options" else ()
+    if way == "forge.toml":
+        tree({"forge.toml": "[packages.top]\ncmake-args = ['-DBUILD_TESTING=ON']\n"})
+    ran = forge("build", "--packages-up-to", "top", *WITHOUT, *on, cwd=workspace)
+    assert ran.code == 0, ran.err
+    assert "Finished <<< lint" in ran.out
+    assert "warning: '--no-test-dependencies' has no effect on 'top': BUILD_TESTING is turned on\n" in ran.err
+
+
 def test_list_graph_and_deps_agree(forge: Forge, tree: Tree, workspace: Path) -> None:
     tree(package("more", "<test_depend>python3-pytest</test_depend>"))
     names = forge("list", "--packages-up-to", "top", "--names-only", *WITHOUT, cwd=workspace).out.split()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from pathlib import Path
 
@@ -27,7 +28,7 @@ def test_missing_prefixes_in_the_environment_are_reported(tmp_path: Path) -> Non
     variables = {"AMENT_PREFIX_PATH": ":".join([str(tmp_path / "there"), "", *gone])}
     (problem,) = lost_underlays(tmp_path, variables)
     listed = ", ".join(f"'{path}'" for path in gone[:3])
-    assert problem.message == f"'AMENT_PREFIX_PATH' names {listed} and 2 more, which does not exist"
+    assert problem.message == f"'AMENT_PREFIX_PATH' names {listed} and 2 more, which do not exist"
 
 
 @pytest.mark.parametrize("merged", [False, True])
@@ -148,3 +149,11 @@ def test_installed_files_of_removed_packages_are_reported(forge: Forge, tree: Tr
     assert forge("clean", "stale", "--yes", cwd=root).code == 0
     (root / "src/a/newest").write_text("")
     assert "no longer" not in forge("build", cwd=root).err
+
+
+def test_an_isolated_underlay_that_is_gone_is_one_line(tmp_path: Path) -> None:
+    root = tmp_path / "gone/install"
+    prefixes = os.pathsep.join(f"{root}/{name}" for name in "abc")
+    variables = {"COLCON_PREFIX_PATH": f"{root}/", "AMENT_PREFIX_PATH": prefixes}
+    (problem,) = lost_underlays(tmp_path / "install", variables)
+    assert problem.message == f"'COLCON_PREFIX_PATH' names '{root}/', which does not exist"

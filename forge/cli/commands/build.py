@@ -6,6 +6,7 @@ import os
 import sys
 import time
 from contextlib import closing
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -36,12 +37,12 @@ from forge.cli.preparation import (
 from forge.environment.install_state import forget_underlays
 from forge.execution.lock import lock_build_dir, lock_install_dir
 from forge.output.console import ConsoleReporter
-from forge.toolchain.untested import builds_no_tests
+from forge.toolchain.untested import builds_tests
 from forge.workspace.load import load_workspace
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from forge.base.layout import Layout
     from forge.build.audit.tracing import Audit
@@ -90,16 +91,19 @@ def build(options: BuildOptions, mode: BuildMode) -> int:
     variables = build_variables(layout, os.environ, options.rosdistro)
     warn_of_underlays(layout, os.environ, variables, mode.warn)
     cmake = options.cmake
+    tested = partial(builds_tests, cmake_args=cmake.cmake_args, ament_cmake_args=cmake.ament_cmake_args)
     loaded = load_workspace(
         root,
         options.query,
         variables,
         embedded=True,
         install=layout.install,
-        untested=lambda package: builds_no_tests(package, cmake.cmake_args, cmake.ament_cmake_args),
+        tested=tested,
     )
     mode.warn(loaded.warnings)
     selected = packages_to_build(loaded, options, mode.warn)
+    if options.query.no_test_dependencies:
+        mode.warn(_still_tested((loaded.packages[name] for name in selected), tested))
     names = check_before_planning(loaded, selected, layout, options, variables)
     loaded = with_packages_of_underlays(loaded, names, layout, variables, mode.warn)
     cross = _cross_build(options, layout, variables)
@@ -121,25 +125,36 @@ def build(options: BuildOptions, mode: BuildMode) -> int:
                 print(line, file=sys.stderr, flush=True)
         if plan.tasks or not mode.silent_if_up_to_date:
             _print_plan(plan, options, loaded.packages)
-        if options.dry_run:
-            return 0
-        state.recover()
-        state.remove_embedded(loaded.resolution.superseded)
+        if not options.dry_run:
+            state.recover()
+            state.remove_embedded(loaded.resolution.superseded)
+        mode.warn(stale_package_warnings(state.journal.records, loaded.packages, layout, root))
         code = 0
         if plan.tasks:
-            if cross:
-                mode.warn(cross.prepare_compilers(task.package for task in plan.tasks.values()))
-            from forge.cli.build_run import PreparedBuild, run_plan
+            from forge.cli.build_run import PreparedBuild, run_plan, warn_of_packages
 
             prepared = PreparedBuild(options, loaded, context, interpreter, variables, mode, audit, began)
+            warn_of_packages(plan, prepared)
+            if options.dry_run:
+                return 0
+            if cross:
+                mode.warn(cross.prepare_compilers(task.package for task in plan.tasks.values()))
             code = run_plan(plan, prepared, state)
-        else:
+        elif not options.dry_run:
             state.finish(plan, variables)
-            mode.warn(stale_package_warnings(state.journal.records, loaded.packages, layout, root))
             _report_up_to_date(plan, options, loaded.packages, mode, time.monotonic() - began)
             if options.query.strict:
                 raise_if_any(state.merged_prefix.conflicts(plan.fresh), WorkspaceError)
         return max(code, report_left_out(selected, names))
+
+
+def _still_tested(packages: Iterable[Package], tested: Callable[[Package], bool | None]) -> Iterator[Problem]:
+    """Yield a warning about packages that --no-test-dependencies does not change."""
+    names = sorted(each.name for each in packages if each.only_tested_with and tested(each))
+    if names:
+        which = f"'{names[0]}'" if len(names) == 1 else f"{len(names)} packages, such as '{names[0]}'"
+        message = f"'--no-test-dependencies' has no effect on {which}: BUILD_TESTING is turned on"
+        yield Problem(message, hint="remove the option, or BUILD_TESTING from the arguments for CMake")
 
 
 def _make_plan(

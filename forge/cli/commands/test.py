@@ -71,7 +71,8 @@ def run(namespace: argparse.Namespace) -> int:
     began = time.monotonic()
     root, options = Path.cwd(), read_options(TestOptions, namespace)
     folders, jobs = read_options(FolderOptions, namespace), read_options(JobOptions, namespace)
-    reports, query = read_options(ReportOptions, namespace), package_options.query_of(namespace)
+    reports = read_options(ReportOptions, namespace, flags=namespace.flags)
+    query = package_options.query_of(namespace)
     layout, warn = folders.layout(root), WarningReporter()
     variables = build_variables(layout, os.environ)
     loaded = load_workspace(
@@ -80,7 +81,7 @@ def run(namespace: argparse.Namespace) -> int:
         variables,
         embedded=True,
         install=layout.install,
-        untested=lambda package: has_no_tests(layout.build_dir(package.name)),
+        tested=lambda package: False if has_no_tests(layout.build_dir(package.name)) else None,
     )
     warn(loaded.warnings)
     names = tested_names(loaded, warn)

@@ -24,6 +24,7 @@ SCENE = FailureContext(
     "/venv/bin/python3",
     ("CMakeCache.txt", "launch/robot/go.launch.py", "msg/Other.msg"),
     ("drive",),
+    flags=frozenset({"--jobs", "-j", "--watch"}),
 )
 
 NOT_EXPORTED = 'The link interface of target "{}" contains:\n\n    {}\n\n  but the target was not found.'
@@ -334,3 +335,9 @@ def test_failures_in_embedded_packages_have_no_hints(tree: Tree) -> None:
     scene = scene_in(tree({}))
     scene = replace(scene, package=replace(scene.package, embedded=True))
     assert hint_of(NO_CONFIG.format("shapes"), scene) is None
+
+
+@pytest.mark.parametrize("word", ["--no-such-option", "-x", "--job", "-jail"])
+def test_only_options_of_the_command_may_be_meant_for_forge(word: str) -> None:
+    hint = hint_of(f"error: unrecognized arguments: {word}\n", SCENE)
+    assert (hint is not None) == word.startswith("-j")
