@@ -27,7 +27,7 @@ class Examples:
 
 def examples(words: str) -> str:
     """Return the end of the help of a command such as 'pkg create', of forge itself for ''."""
-    return EXAMPLES[words].render()
+    return EXAMPLES[words].render() if words in EXAMPLES else ""
 
 
 _PAGE = "reference/commands.md"

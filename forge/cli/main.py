@@ -257,7 +257,7 @@ def _add_plugin(commands: Any, word: str) -> None:
         summary = (module.__doc__ or "").strip().partition("\n")[0]
         command = commands.add_parser(word, help=summary, description=summary, fromfile_prefix_chars=None)
         call(f"the command '{word}'", module.register, command)
-        command.set_defaults(run=module.run)
+        command.set_defaults(run=partial(call, f"the command '{word}'", module.run))
         command.verb = None
 
 

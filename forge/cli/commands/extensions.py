@@ -43,7 +43,7 @@ def _print(kind: str, own: Iterable[str], group: str = "") -> None:
     in_plugins = (name for name in OWN.get(group, ()) if is_installed(group, name))
     rows = [(name, f"ros-forge {__version__}") for name in sorted({*own, *in_plugins})]
     rows += _of_others(group, {name for name, _ in rows}) if group else ()
-    width = max(len(name) for name, _ in rows)
+    width = max((len(name) for name, _ in rows), default=0)
     print(*(f"  {name:<{width}}  {distribution}" for name, distribution in rows), sep="\n")
 
 

@@ -1,0 +1,95 @@
+"""forge works without each of its plugins, and finds the plugins of other distributions."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.conftest import Tree
+from tests.packages import manifest_text
+from tests.snippets import ROOT, blocks
+
+PAGE = (ROOT / "docs/how-to/plugins.md").read_text(encoding="utf-8")
+PLUGINS = sorted(path.parent.name for path in (ROOT / "forge/plugins").glob("*/__init__.py"))
+
+NEEDS = (
+    "<buildtool_depend>rosidl_default_generators</buildtool_depend>"
+    "<member_of_group>rosidl_interface_packages</member_of_group>"
+)
+WORKSPACE = {
+    "ws/src/shapes/package.xml": manifest_text("shapes", NEEDS),
+    "ws/src/shapes/CMakeLists.txt": "cmake_minimum_required(VERSION 3.18)\nproject(shapes CXX)\n"
+    "find_package(ament_cmake REQUIRED)\nfind_package(rosidl_default_generators REQUIRED)\n"
+    "rosidl_generate_interfaces(shapes msg/Point.msg)\nament_package()\n",
+    "ws/src/shapes/msg/Point.msg": "float64 x\n",
+}
+
+
+def run_forge(folder: Path, *words: str, path: Path = ROOT) -> subprocess.CompletedProcess[str]:
+    """Run forge with the modules in the folder `path` first."""
+    environment = {
+        "PYTHONPATH": str(path),
+        "PATH": f"{Path(sys.executable).parent}:/usr/bin:/bin",
+        "HOME": str(folder),
+    }
+    argv = [sys.executable, "-m", "forge", *words]
+    return subprocess.run(argv, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+
+
+@pytest.mark.parametrize("plugin", PLUGINS)
+def test_forge_builds_without_the_plugin(plugin: str, tree: Tree, tmp_path: Path) -> None:
+    copy = tmp_path / "copy"
+    shutil.copytree(ROOT / "forge", copy / "forge", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(ROOT / "templates", copy / "templates")
+    shutil.copy(ROOT / "_ros_forge.py", copy)
+    shutil.rmtree(copy / "forge/plugins" / plugin)
+    root = tree(WORKSPACE) / "ws"
+    for words in (("--help",), ("extensions",), ("list",), ("build",), ("test",)):
+        ran = run_forge(root, *words, path=copy)
+        assert ran.returncode == 0, ran.stdout + ran.stderr
+    assert (root / "install/shapes/share/shapes/msg/Point.msg").is_file()
+
+
+def test_the_command_of_a_missing_plugin_says_how_to_get_it(tmp_path: Path) -> None:
+    shutil.copytree(ROOT / "forge", tmp_path / "forge", ignore=shutil.ignore_patterns("__pycache__", "lsp"))
+    ran = run_forge(tmp_path, "lsp", path=tmp_path)
+    assert ran.returncode == 2
+    assert (
+        "error: the command 'lsp' needs the plugin 'lsp', which this forge lacks\nhint: run: " in ran.stderr
+    )
+    assert "ros-forge[lsp]" in ran.stderr
+
+
+def test_a_command_of_another_distribution_is_installed_from_a_wheel(tmp_path: Path) -> None:
+    for block in blocks(PAGE):
+        if block.mark.startswith("write: "):
+            path = tmp_path / "project" / Path(block.mark.removeprefix("write: ")).name
+            path.parent.mkdir(exist_ok=True)
+            path.write_text(block.text, encoding="utf-8")
+    pip = (sys.executable, "-m", "pip", "install", "--quiet", "--no-build-isolation", "--no-deps", "--target")
+    subprocess.run([*pip, str(tmp_path / "site"), str(tmp_path / "project")], check=True)
+    ran = run_forge(tmp_path, "licenses", "project", path=tmp_path / "site")
+    assert (ran.returncode, ran.stdout, ran.stderr) == (0, "forge-licenses: none\n", "")
+    help_text = run_forge(tmp_path, "licenses", "--help", path=tmp_path / "site").stdout
+    assert "Print the license of each package below a folder." in help_text
+    assert (
+        "  licenses  forge-licenses 1.0\n" in run_forge(tmp_path, "extensions", path=tmp_path / "site").stdout
+    )
+
+
+def test_an_error_in_a_command_of_another_distribution_has_its_place(tree: Tree) -> None:
+    entry = "[forge.commands]\nbroken = broken\n"
+    info = "Metadata-Version: 2.1\nName: broken\nVersion: 1\n"
+    code = "def register(parser): pass\ndef run(options):\n    return 1 / 0\n"
+    root = tree(
+        {"broken.py": code, "broken-1.dist-info/entry_points.txt": entry, "broken-1.dist-info/METADATA": info}
+    )
+    ran = run_forge(root, "broken", path=root)
+    assert ran.returncode == 2
+    assert (
+        "broken.py:3: error: the command 'broken' failed: ZeroDivisionError: division by zero" in ran.stderr
+    )
