@@ -13,7 +13,7 @@ help:
 	@echo "make test    run the tests but the slow ones, on all processors: less than ten minutes on two"
 	@echo "make test-all  run the slow ones, too"
 	@echo "make bare    run both as on a fresh machine with only Python, make and g++"
-	@echo "make quick   run the unit tests, which start no programs, in less than a minute"
+	@echo "make quick   run the unit tests and those of the plugins in about a minute"
 	@echo "make newest-cmake, make oldest-cmake"
 	@echo "             run the tests of CMake code with the newest CMake, or with 3.18 by Ninja and by make"
 	@echo "make cross   build examples_ws for aarch64 with zig and run it under qemu: some minutes the first time"
@@ -41,7 +41,7 @@ bare:
 	$(PYTHON) -m tests.bare_machine $(MAKE) demo test
 
 quick: .venv/.ready
-	$(PYTEST) $(PARALLEL) --hypothesis-profile quick tests/unit
+	$(PYTEST) $(PARALLEL) --hypothesis-profile quick --skip-slow tests/unit tests/plugins
 
 # 'make test' takes the CMake that PATH has; these take the wheels'.
 newest-cmake: .venv/.ready

@@ -12,7 +12,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from forge.base.errors import ForgeError, HostError, Location, Problem
-from forge.base.layout import PACKAGE
+from forge.base.layout import PACKAGE, docs_url
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -106,12 +106,12 @@ def distribution_of(entry: EntryPoint) -> str:
 
 
 def _not_installed(module: str, kind: str, name: str) -> Problem:
-    from forge.base.own_environment import install_beside_forge
-
     plugin = module.split(".")[2]
-    requirement = f"ros-forge[{_EXTRAS[plugin]}]" if plugin in _EXTRAS else "ros-forge"
+    extra = f" with the extra '{_EXTRAS[plugin]}'" if plugin in _EXTRAS else ""
     message = f"the {kind} '{name}' needs the plugin '{plugin}', which this forge lacks"
-    return Problem(message, hint=f"run: {install_beside_forge(requirement)}")
+    # No command: on an index, the name of forge's distribution might belong to somebody else.
+    page = docs_url("how-to/upgrading.md#extras")
+    return Problem(message, hint=f"install forge again{extra}; see {page}")
 
 
 def _unusable(entry: EntryPoint, kind: str, reason: str) -> Problem:

@@ -237,17 +237,14 @@ def parser_of(arguments: Sequence[str]) -> argparse.ArgumentParser:
         if word == asked:
             # Import only the requested command, so that `forge --help` starts quickly.
             in_plugin = word in OWN[PLUGINS]
-            module = find(PLUGINS, word, "command") if in_plugin else _core_command(word)
+            path = f"forge.cli.commands.{word.replace('-', '_')}"
+            module = find(PLUGINS, word, "command") if in_plugin else import_module(path)
             module.register(command)
             command.set_defaults(run=module.run)
             command.verb = word if word in _IN_WORKSPACE else None
     if asked is not None and asked not in COMMANDS:
         _add_plugin(commands, asked)
     return parser
-
-
-def _core_command(word: str) -> Any:
-    return import_module(f"forge.cli.commands.{word.replace('-', '_')}")
 
 
 def _add_plugin(commands: Any, word: str) -> None:
