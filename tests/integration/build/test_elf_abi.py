@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 from pathlib import Path
 
@@ -109,22 +110,35 @@ int main(void) { printf("%p %d", (void *)v, w); return 0; }
 """
 
 
-VARIABLES = [name for name in CHANGES if "function" not in name and "thread" not in name]
+# No linker copies a protected variable into a program.
+VARIABLES = [
+    name for name in CHANGES if not any(word in name for word in ("function", "thread", "protected"))
+]
 
 
-@pytest.mark.parametrize("linker", ["bfd", "gold", "lld"])
+LINKERS = [name for name in ("bfd", "gold", "lld") if shutil.which(f"ld.{name}")]
+
+
 @pytest.mark.parametrize("change", VARIABLES)
-def test_equal_interfaces_give_identical_programs(tmp_path: Path, change: str, linker: str) -> None:
-    """A program that links two libraries differently shows that their interfaces differ."""
-    programs, digests = [], []
+def test_equal_interfaces_give_identical_programs(tmp_path: Path, change: str) -> None:
+    """A program that links two libraries differently shows that their interfaces differ.
+
+    Not every linker accepts every change; one at least does.
+    """
     (tmp_path / "x.c").write_text(PROGRAM)
-    for name, text in zip(("one", "other"), CHANGES[change], strict=True):
-        path = library(tmp_path, name, text)
-        argv = ("gcc", "-no-pie", "-fno-pic", "-o", "x", "../x.c", "libd.so")
-        options = ("-Wl,--unresolved-symbols=ignore-all", f"-fuse-ld={linker}")
-        done = subprocess.run((*argv, *options), cwd=path.parent, capture_output=True, check=False)
-        if done.returncode:
-            pytest.skip(f"{linker} is not installed, or cannot link this")
-        programs.append((path.parent / "x").read_bytes())
-        digests.append(abi_digest(str(path)))
-    assert programs[0] == programs[1] or digests[0] != digests[1]
+    one, other = (
+        library(tmp_path, name, text) for name, text in zip(("one", "other"), CHANGES[change], strict=True)
+    )
+    programs = [(linked(one, linker), linked(other, linker)) for linker in LINKERS]
+    pairs = [pair for pair in programs if None not in pair]
+    assert pairs
+    assert abi_digest(str(one)) != abi_digest(str(other)) or all(first == second for first, second in pairs)
+
+
+def linked(libd: Path, linker: str) -> bytes | None:
+    """Return a program that uses a library, or None where the linker refuses."""
+    argv = ("gcc", "-no-pie", "-fno-pic", "-o", "x", "../x.c", "libd.so", f"-fuse-ld={linker}")
+    done = subprocess.run(
+        (*argv, "-Wl,--unresolved-symbols=ignore-all"), cwd=libd.parent, capture_output=True, check=False
+    )
+    return None if done.returncode else (libd.parent / "x").read_bytes()
