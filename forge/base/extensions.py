@@ -21,6 +21,11 @@ if TYPE_CHECKING:
 COMMANDS = "forge.commands"
 TARGETS = "forge.interfaces.targets"
 BUILD_TYPES = "forge.build_types"
+EXECUTORS = "forge.executors"
+STORES = "forge.stores"
+REPORTERS = "forge.reporters"
+RECIPES = "forge.recipes"
+TOOLCHAINS = "forge.toolchains"
 
 OWN: Mapping[str, Mapping[str, str]] = {
     COMMANDS: {
