@@ -29,6 +29,7 @@ TOOLCHAINS = "forge.toolchains"
 
 OWN: Mapping[str, Mapping[str, str]] = {
     COMMANDS: {
+        "deps": "forge.plugins.system_deps.command",
         "lsp": "forge.plugins.lsp.command",
     },
     TARGETS: {
@@ -37,7 +38,7 @@ OWN: Mapping[str, Mapping[str, str]] = {
 }
 """The plugins in forge/plugins/: modules by group and name, as in the entry points of pyproject.toml."""
 
-_EXTRAS = {"lsp": "lsp"}
+_EXTRAS = {"lsp": "lsp", "system_deps": "rosdep"}
 """The extra with the dependencies of a plugin, if it has any."""
 
 _Result = TypeVar("_Result")

@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from forge.doctor.system_deps.rosdep import resolve
-from forge.doctor.system_deps.system import System
+from forge.plugins.system_deps.rosdep import resolve
+from forge.plugins.system_deps.system import System
 
 SYSTEMS = (
     System("ubuntu", "jammy", "apt"),

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 from forge.base.errors import Problem
 from forge.base.frozen import frozen
 from forge.base.names import did_you_mean
-from forge.doctor.system_deps import rosdep_library
-from forge.doctor.system_deps.rosdep import Resolved, covers, has_ros_packages, known_databases, resolve
+from forge.plugins.system_deps import rosdep_library
+from forge.plugins.system_deps.rosdep import Resolved, covers, has_ros_packages, known_databases, resolve
 from forge.workspace.resolve import resembles_ros_name
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
-    from forge.doctor.system_deps.rosdep import Database
-    from forge.doctor.system_deps.system import System
+    from forge.plugins.system_deps.rosdep import Database
+    from forge.plugins.system_deps.system import System
 
 _SURE = 0.7
 _DISTRIBUTIONS = (

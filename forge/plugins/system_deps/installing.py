@@ -11,7 +11,7 @@ from forge.base.errors import HostError, Problem
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from forge.doctor.system_deps.outstanding import DependencyStatus
+    from forge.plugins.system_deps.outstanding import DependencyStatus
 
 _SUDO = "sudo"
 _COMMANDS: Mapping[str, tuple[str, ...]] = {

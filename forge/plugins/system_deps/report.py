@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from forge.doctor.system_deps.installing import manual_names
+from forge.plugins.system_deps.installing import manual_names
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from forge.doctor.system_deps.outstanding import DependencyStatus
-    from forge.doctor.system_deps.package_names import PackageNames
-    from forge.doctor.system_deps.system import System
+    from forge.plugins.system_deps.outstanding import DependencyStatus
+    from forge.plugins.system_deps.package_names import PackageNames
+    from forge.plugins.system_deps.system import System
 
 
 def satisfied(needs: Iterable[DependencyStatus], missing: list[DependencyStatus]) -> Iterator[str]:

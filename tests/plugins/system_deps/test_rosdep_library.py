@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.doctor.system_deps import rosdep_library
-from forge.doctor.system_deps.rosdep import resolve
-from forge.doctor.system_deps.system import System
+from forge.plugins.system_deps import rosdep_library
+from forge.plugins.system_deps.rosdep import resolve
+from forge.plugins.system_deps.system import System
 
 if TYPE_CHECKING:
-    from forge.doctor.system_deps.rosdep import Database
+    from forge.plugins.system_deps.rosdep import Database
 
 JAMMY = System("ubuntu", "jammy", "apt")
 RULES: tuple[object, ...] = (

@@ -21,13 +21,13 @@ from forge.base.own_environment import extra_command
 from forge.cli import options as shared
 from forge.cli import package_options
 from forge.cli.preparation import build_variables, known_rosdistro, workspace_interpreter
-from forge.doctor.system_deps.installing import install_commands, run_commands
-from forge.doctor.system_deps.outstanding import USUAL_KINDS, is_installed, needs_of
-from forge.doctor.system_deps.package_names import find_package_names, mistyped_distribution
-from forge.doctor.system_deps.report import named, ros_remedy, satisfied, unnamed
-from forge.doctor.system_deps.rosdep import read_databases
-from forge.doctor.system_deps.system import installed_names, system_of
 from forge.environment.prefixes import find_underlays, provider, system_prefixes
+from forge.plugins.system_deps.installing import install_commands, run_commands
+from forge.plugins.system_deps.outstanding import USUAL_KINDS, is_installed, needs_of
+from forge.plugins.system_deps.package_names import find_package_names, mistyped_distribution
+from forge.plugins.system_deps.report import named, ros_remedy, satisfied, unnamed
+from forge.plugins.system_deps.rosdep import read_databases
+from forge.plugins.system_deps.system import installed_names, system_of
 from forge.toolchain.os_release import os_release
 from forge.workspace.discovery import discover_embedded
 from forge.workspace.load import load_workspace, resolve_workspace
@@ -40,9 +40,9 @@ if TYPE_CHECKING:
 
     from forge.base.layout import Layout
     from forge.cli.main import Parser
-    from forge.doctor.system_deps.outstanding import DependencyStatus
-    from forge.doctor.system_deps.package_names import PackageNames
-    from forge.doctor.system_deps.system import System
+    from forge.plugins.system_deps.outstanding import DependencyStatus
+    from forge.plugins.system_deps.package_names import PackageNames
+    from forge.plugins.system_deps.system import System
     from forge.workspace.model import Workspace
 
 

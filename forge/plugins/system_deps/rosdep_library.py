@@ -6,13 +6,13 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 from forge.base.errors import HostError, Problem
-from forge.doctor.system_deps.rosdep import Resolved, usual_manager
+from forge.plugins.system_deps.rosdep import Resolved, usual_manager
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from forge.doctor.system_deps.rosdep import Database
-    from forge.doctor.system_deps.system import System
+    from forge.plugins.system_deps.rosdep import Database
+    from forge.plugins.system_deps.system import System
 
 
 def is_installed() -> bool:

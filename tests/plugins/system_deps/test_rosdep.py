@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from forge.doctor.system_deps.rosdep import Resolved, covers, known_databases, resolve
-from forge.doctor.system_deps.system import System, system_of
+from forge.plugins.system_deps.rosdep import Resolved, covers, known_databases, resolve
+from forge.plugins.system_deps.system import System, system_of
 from forge.toolchain.os_release import os_release
 
 if TYPE_CHECKING:

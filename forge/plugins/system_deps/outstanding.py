@@ -11,7 +11,7 @@ from forge.workspace.resolve import is_ros_name
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
-    from forge.doctor.system_deps.rosdep import Resolved
+    from forge.plugins.system_deps.rosdep import Resolved
     from forge.workspace.model import Package
 
 USUAL_KINDS = frozenset(DependencyKind) - {DependencyKind.DOC}

@@ -22,7 +22,7 @@ from forge.base.frozen import frozen
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-    from forge.doctor.system_deps.system import System
+    from forge.plugins.system_deps.system import System
 
     Database = Mapping[str, Any]
 

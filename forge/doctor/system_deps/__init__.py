@@ -1,1 +1,0 @@
-"""System dependencies of a workspace and their package managers, for `forge deps`."""

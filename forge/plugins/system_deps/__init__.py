@@ -1,0 +1,1 @@
+"""`forge deps`: lists and installs the missing system dependencies of a workspace."""
