@@ -21,7 +21,7 @@ help:
 	@echo "make fuzz-parsers  feed spoilt bytes to every parser; SECONDS=3600 says how long"
 	@echo "make scale   list, order, build 5,000 packages and chains of 3,000, generate 20,000 interfaces: 25 minutes"
 	@echo "make soak    build after long random edits, many kills and faults, compare with clean builds"
-	@echo "make peers   install zig, and colcon, rosdep, rosbags, mcap-ros2-support and EmPy, which tests and bench compare forge with"
+	@echo "make peers   install zig, and colcon, rosbags, mcap-ros2-support and EmPy, which tests and bench compare forge with"
 	@echo "make lint    check style and format"
 	@echo "make types   check types"
 	@echo "make bench   measure forge beside its peers and write docs/benchmarks.md; ONLY=cold one scenario"
@@ -121,7 +121,7 @@ clean:
 # twice, in the versions that ROS distributions use.
 .venv-peers/.ready:
 	$(PYTHON) -m venv .venv-peers
-	.venv-peers/bin/python -m pip install --quiet colcon-common-extensions rosdep rosbags mcap-ros2-support ziglang
+	.venv-peers/bin/python -m pip install --quiet colcon-common-extensions rosbags mcap-ros2-support ziglang
 	.venv-peers/bin/python -m pip install --quiet --target .venv-peers/empy-3 'empy==3.3.4'
 	.venv-peers/bin/python -m pip install --quiet --target .venv-peers/empy-4 'empy==4.2.1'
 	@touch $@

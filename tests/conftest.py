@@ -80,7 +80,6 @@ REMEDIES = {
     "pkg-config": "apt-get install pkg-config",
     "python-zig": "make peers",
     "qemu-aarch64": "apt-get install qemu-user",
-    "rosdep": "make peers",
     "sccache": "apt-get install sccache",
     "shellcheck": "apt-get install shellcheck",
     "strace": "apt-get install strace",

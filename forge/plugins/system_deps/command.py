@@ -22,11 +22,9 @@ from forge.cli import options as shared
 from forge.cli import package_options
 from forge.cli.preparation import build_variables, known_rosdistro, workspace_interpreter
 from forge.environment.prefixes import find_underlays, provider, system_prefixes
+from forge.plugins.system_deps.dependencies import USUAL_KINDS, is_installed, needs_of
 from forge.plugins.system_deps.installing import install_commands, run_commands
-from forge.plugins.system_deps.outstanding import USUAL_KINDS, is_installed, needs_of
-from forge.plugins.system_deps.package_names import find_package_names, mistyped_distribution
-from forge.plugins.system_deps.report import named, ros_remedy, satisfied, unnamed
-from forge.plugins.system_deps.rosdep import read_databases
+from forge.plugins.system_deps.lookup import find_package_names, has_rosdep, mistyped_distribution
 from forge.plugins.system_deps.system import installed_names, system_of
 from forge.toolchain.os_release import os_release
 from forge.workspace.discovery import discover_embedded
@@ -40,8 +38,8 @@ if TYPE_CHECKING:
 
     from forge.base.layout import Layout
     from forge.cli.main import Parser
-    from forge.plugins.system_deps.outstanding import DependencyStatus
-    from forge.plugins.system_deps.package_names import PackageNames
+    from forge.plugins.system_deps.dependencies import DependencyStatus
+    from forge.plugins.system_deps.lookup import PackageNames
     from forge.plugins.system_deps.system import System
     from forge.workspace.model import Workspace
 
@@ -131,7 +129,7 @@ def run(options: argparse.Namespace) -> int:
     if options.no_test_dependencies and not options.dependency_types:
         kinds -= TEST_KINDS
     system = system_of(os_release(), options.os)
-    names = find_package_names(read_databases(options.rosdep_file or ()), system, rosdistro, variables)
+    names = find_package_names(options.rosdep_file or (), system, rosdistro)
     loaded = load_workspace(root, package_options.query_of(options), variables)
     raise_if_any(loaded.workspace.problems, WorkspaceError)
     if not loaded.packages:
@@ -155,21 +153,52 @@ def run(options: argparse.Namespace) -> int:
     if options.install:
         raise_if_any(_unknown(missing))
     elevate = bool(options.os) or os.geteuid() != 0
-    commands = install_commands(missing, have, python, elevate=elevate, ask=not options.yes)
-    if options.all:
-        _print(satisfied(needs, missing))
-    _print(named(missing))
-    # The output may be piped to a shell: names must not contain line breaks.
-    _print(map(shlex.join, commands.values()))
-    _print(unnamed(missing, have, ros_remedy(names, system, rosdistro)))
+    commands, manual = install_commands(missing, have, python, elevate=elevate, ask=not options.yes)
+    satisfied = [need for need in needs if options.all and need not in missing]
+    for line in _script(satisfied, missing, commands, manual, _ros_remedy(names, system, rosdistro)):
+        # The output may be piped to a shell: names must not contain line breaks.
+        print(" ".join(line.split()))
     if options.install:
         _install(commands, ask=not options.yes)
     return 0
 
 
-def _print(lines: Iterable[str]) -> None:
-    for line in lines:
-        print(" ".join(line.split()))
+def _script(
+    satisfied: list[DependencyStatus],
+    missing: list[DependencyStatus],
+    commands: Mapping[str, tuple[str, ...]],
+    manual: Mapping[str, list[str]],
+    ros_remedy: str,
+) -> Iterator[str]:
+    """Yield the lines of a shell script whose comments say what is missing and who needs it."""
+    for need in satisfied:
+        where = need.provider or f"{need.manager}: {' '.join(need.names) or 'nothing to install'}"
+        yield f"# {need.key} ({where}), needed by {', '.join(need.users)}"
+    for need in missing:
+        if need.manager:
+            called = "" if need.names == (need.key,) else f" ({need.manager}: {', '.join(need.names)})"
+            yield f"# {need.key}{called}, needed by {', '.join(need.users)}"
+    yield from map(shlex.join, commands.values())
+    for manager, names in manual.items():
+        yield f"# install manually ({manager}): {' '.join(names)}"
+    for need in missing:
+        if need.ros:
+            yield f"# {need.key}, needed by {', '.join(need.users)}: {ros_remedy}"
+        elif not need.manager:
+            yield f"# {need.key} is unknown, needed by {', '.join(need.users)}"
+    if not missing:
+        yield "# nothing is missing"
+
+
+def _ros_remedy(names: PackageNames, system: System, rosdistro: str) -> str:
+    """Return what to do about a ROS package that no package manager provides."""
+    source = "source an installation that contains it"
+    if not rosdistro:
+        return f"ROS package; {source}, or choose a distribution with --rosdistro"
+    if names.lists_ros_packages:
+        where = f"{system.name}:{system.version}".rstrip(":")
+        return f"not released for {rosdistro} on {where}; {source}, or add its source code to the workspace"
+    return f"ROS package; {source}"
 
 
 def _conflicts(options: argparse.Namespace) -> Iterator[Problem]:
@@ -229,11 +258,16 @@ def _unresolved(
     count = sum(not (need.provider or need.manager or need.ros) for need in needs)
     name = f"{system.name}:{system.version}".rstrip(":")
     keys = f"{count} dependenc{'y' if count == 1 else 'ies'}"
-    if count and not names.has_data:
+    update = "`sudo rosdep init` and `rosdep update`"
+    if count and not has_rosdep():
+        yield Problem(
+            f"cannot look up {keys} for {name}: rosdep is not installed beside forge",
+            hint=f"run `{extra_command('rosdep')}`, {update}",
+        )
+    elif count and not names.has_data:
         yield Problem(
             f"cannot look up {keys} for {name}: this machine has no rosdep database",
-            hint=f"run `{extra_command('rosdep')}`, `sudo rosdep init` and `rosdep update`, "
-            "or give a file with names to '--rosdep-file'",
+            hint=f"run {update}, or give a file with names to '--rosdep-file'",
         )
     elif count and not names.covers_system:
         yield Problem(

@@ -11,7 +11,7 @@ from forge.base.errors import HostError, Problem
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from forge.plugins.system_deps.outstanding import DependencyStatus
+    from forge.plugins.system_deps.dependencies import DependencyStatus
 
 _SUDO = "sudo"
 _COMMANDS: Mapping[str, tuple[str, ...]] = {
@@ -28,7 +28,7 @@ _COMMANDS: Mapping[str, tuple[str, ...]] = {
 }
 """The install command of each package manager."""
 
-_WITHOUT_QUESTIONS = {"apt": "-y", "dnf": "-y", "zypper": "-y", "pacman": "--noconfirm"}
+_WITHOUT_QUESTIONS = {"apt": ("-y",), "dnf": ("-y",), "zypper": ("-y",), "pacman": ("--noconfirm",)}
 _UPDATES = {"apt": "sudo apt-get update", "pacman": "sudo pacman -Sy", "apk": "sudo apk update"}
 """Commands without which a new machine or container finds no packages."""
 
@@ -40,29 +40,25 @@ def install_commands(
     *,
     elevate: bool,
     ask: bool,
-) -> dict[str, tuple[str, ...]]:
-    """Return the install command by package manager; `elevate` adds sudo, `ask=False` prevents questions.
+) -> tuple[dict[str, tuple[str, ...]], dict[str, list[str]]]:
+    """Return, by package manager, the install command, and the names that have to be installed by hand.
 
-    `have` contains (package manager, name) of installed packages.
+    `have` contains (package manager, name) of installed packages; `elevate` adds sudo, `ask=False` prevents
+    questions.
     """
-    commands = {}
-    for manager, wanted in _wanted(needs, have).items():
-        names = [name for name in wanted if _is_fit(manager, name)]
-        if names:
+    commands: dict[str, tuple[str, ...]] = {}
+    manual: dict[str, list[str]] = {}
+    missing = {(need.manager, name) for need in needs for name in need.names if need.manager} - have
+    for manager, name in sorted(missing):
+        # A name that looks like an option would be taken as one.
+        if manager not in _COMMANDS or name.startswith("-"):
+            manual.setdefault(manager, []).append(name)
+            continue
+        if manager not in commands:
             argv = [word.format(python=python) for word in _COMMANDS[manager] if elevate or word != _SUDO]
-            if not ask and manager in _WITHOUT_QUESTIONS:
-                argv.append(_WITHOUT_QUESTIONS[manager])
-            commands[manager] = (*argv, *names)
-    return commands
-
-
-def manual_names(needs: Iterable[DependencyStatus], have: frozenset[tuple[str, str]]) -> dict[str, list[str]]:
-    """Return the names by package manager for which there is no command."""
-    wanted = _wanted(needs, have)
-    others = {
-        manager: [name for name in names if not _is_fit(manager, name)] for manager, names in wanted.items()
-    }
-    return {manager: names for manager, names in others.items() if names}
+            commands[manager] = (*argv, *(() if ask else _WITHOUT_QUESTIONS.get(manager, ())))
+        commands[manager] += (name,)
+    return commands, manual
 
 
 def run_commands(commands: Mapping[str, tuple[str, ...]]) -> None:
@@ -77,17 +73,3 @@ def run_commands(commands: Mapping[str, tuple[str, ...]]) -> None:
             update = _UPDATES.get(manager)
             hint = f"if it found no such packages, update its lists: {update}" if update else None
             raise HostError(Problem(f"'{shlex.join(argv)}' failed with exit code {code}", hint=hint))
-
-
-def _wanted(needs: Iterable[DependencyStatus], have: frozenset[tuple[str, str]]) -> dict[str, list[str]]:
-    """Return the sorted names by package manager that are not installed."""
-    pairs = {(need.manager, name) for need in needs for name in need.names if need.manager} - have
-    wanted: dict[str, list[str]] = {}
-    for manager, name in sorted(pairs):
-        wanted.setdefault(manager, []).append(name)
-    return wanted
-
-
-def _is_fit(manager: str, name: str) -> bool:
-    """Tell whether a command installs the name; one that looks like an option would be taken as such."""
-    return manager in _COMMANDS and not name.startswith("-")

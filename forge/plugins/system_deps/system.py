@@ -1,4 +1,4 @@
-"""The operating system as rosdep names it, its package manager, and the installed packages."""
+"""The operating system as rosdep names it, and its installed packages."""
 
 from __future__ import annotations
 
@@ -17,10 +17,8 @@ if TYPE_CHECKING:
 
 DPKG_STATUS = Path("/var/lib/dpkg/status")
 
-_APT = ("apt", "pip", "gem", "npm", "source")
-_DNF = ("pip", "dnf", "yum", "source")
-_MANAGERS = {"alpine": "apk", "arch": "pacman", "gentoo": "portage", "opensuse": "zypper"}
-"""The package manager of other systems that rosdep knows."""
+_OTHER_FAMILIES = ("alpine", "arch", "gentoo", "opensuse")
+"""Names in rosdep's files that stand for derived systems, too."""
 
 _PARAGRAPH = re.compile(r"^(Package|Status|Provides): (.*)$", re.MULTILINE)
 _PIP = r"""import importlib.metadata as m, re, sys
@@ -32,16 +30,14 @@ print(*(name for name in sys.argv[1:] if plain(name) in have), sep="\n")
 
 @frozen
 class System:
-    """An operating system: its name and version as in rosdep's files, and its package manager."""
+    """An operating system: its name and version as in rosdep's files.
+
+    `manager` is the package manager that ROS distributions publish packages for, empty if there is none.
+    """
 
     name: str
     version: str
     manager: str
-
-    @property
-    def managers(self) -> tuple[str, ...]:
-        """The package managers that rules may use."""
-        return _APT if self.manager == "apt" else _DNF if self.manager == "dnf" else (self.manager, "pip")
 
 
 def system_of(fields: Mapping[str, str], asked: str | None = None) -> System:
@@ -59,9 +55,9 @@ def system_of(fields: Mapping[str, str], asked: str | None = None) -> System:
     elif not RED_HAT.isdisjoint(kin) and name not in {"fedora", "openeuler"}:
         name, version = "rhel", version.partition(".")[0]
     else:
-        name = next((family for family in _MANAGERS if family in kin), name)
+        name = next((family for family in _OTHER_FAMILIES if family in kin), name)
     manager = "apt" if not DEBIAN.isdisjoint(kin) else "dnf" if not RED_HAT.isdisjoint(kin) else ""
-    return System(name, version, manager or _MANAGERS.get(name, name))
+    return System(name, version, manager)
 
 
 def installed_names(manager: str, names: Collection[str], python: str) -> frozenset[str]:

@@ -8,7 +8,6 @@ import json
 import pickle
 import subprocess
 import sys
-from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 import pytest
@@ -37,22 +36,7 @@ nothing:
 """
 
 
-@pytest.fixture(
-    autouse=True,
-    params=[
-        "own",
-        pytest.param(
-            "rosdep",
-            marks=pytest.mark.skipif(find_spec("rosdep2") is None, reason="needs rosdep: pip install rosdep"),
-        ),
-    ],
-)
-def resolver(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
-    """Run each test without the rosdep library, and with it."""
-    name: str = request.param
-    if name == "own":
-        monkeypatch.setitem(sys.modules, "rosdep2", None)
-    return name
+pytest.importorskip("rosdep2", reason="needs rosdep: pip install rosdep")
 
 
 @pytest.fixture
@@ -81,7 +65,7 @@ def root(tree: Tree) -> Path:
 
 def deps(forge: Forge, root: Path, *argv: str, system: str = "ubuntu:jammy") -> Ran:
     """Run it far from this machine's own rosdep."""
-    env = {"ROSDEP_SOURCE_PATH": str(root / "none"), "ROS_HOME": str(root / "none")}
+    env = {"ROS_HOME": str(root / "none")}
     return forge("deps", "--rosdep-file", "keys.yaml", "--os", system, *argv, cwd=root, env=env)
 
 
@@ -170,16 +154,29 @@ def test_an_invalid_database_is_rejected(forge: Forge, root: Path) -> None:
     )
 
 
-def test_without_a_database_keys_are_listed_with_the_way_to_get_one(forge: Forge, root: Path) -> None:
-    env = {"ROSDEP_SOURCE_PATH": str(root / "none"), "ROS_HOME": str(root / "none")}
+def test_without_a_database_keys_are_listed_with_the_way_to_get_one(
+    forge: Forge, root: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    env = {"ROS_HOME": str(root / "none")}
     ran = forge("deps", "--os", "ubuntu:jammy", cwd=root, env=env)
     assert ran.code == 0
     assert "# libfoo-dev is unknown, needed by a, b\n" in ran.out
     assert ran.err == (
         "warning: cannot look up 4 dependencies for ubuntu:jammy: this machine has no rosdep database\n"
-        f"hint: run `{extra_command('rosdep')}`, `sudo rosdep init` and `rosdep update`, "
-        "or give a file with names to '--rosdep-file'\n"
+        "hint: run `sudo rosdep init` and `rosdep update`, or give a file with names to '--rosdep-file'\n"
     )
+    monkeypatch.setitem(sys.modules, "rosdep2", None)
+    ran = forge("deps", "--os", "ubuntu:jammy", "--rosdistro", "humble", cwd=root, env=env)
+    assert ran.code == 0
+    assert "# libfoo-dev is unknown, needed by a, b\n" in ran.out
+    assert "sudo apt-get install ros-humble-nav2-msgs\n" in ran.out
+    assert ran.err == (
+        "warning: cannot look up 4 dependencies for ubuntu:jammy: rosdep is not installed beside forge\n"
+        f"hint: run `{extra_command('rosdep')}`, `sudo rosdep init` and `rosdep update`\n"
+    )
+    ran = deps(forge, root)
+    assert (ran.code, ran.out) == (2, "")
+    assert ran.err == f"error: '--rosdep-file' needs rosdep\nhint: run: {extra_command('rosdep')}\n"
 
 
 def test_a_system_without_names_in_the_database_is_reported(forge: Forge, root: Path) -> None:
@@ -255,7 +252,7 @@ def test_ros_packages_are_named_as_those_of_the_distribution(forge: Forge, root:
     )
     arch = deps(forge, root, "--rosdistro", "jazzy", system="arch").out
     assert "# nav2_msgs, needed by a: ROS package; source an installation that contains it\n" in arch
-    env = {"ROS_DISTRO": "humble", "ROS_HOME": str(root / "none"), "ROSDEP_SOURCE_PATH": str(root / "none")}
+    env = {"ROS_DISTRO": "humble", "ROS_HOME": str(root / "none")}
     argv = ("deps", "--os", "ubuntu:jammy")
     assert " ros-humble-nav2-msgs\n" in forge(*argv, cwd=root, env=env).out
     assert " ros-jazzy-nav2-msgs\n" in forge(*argv, "--rosdistro", "jazzy", cwd=root, env=env).out
@@ -277,7 +274,7 @@ def test_data_of_the_distribution_says_what_was_released(forge: Forge, root: Pat
     released = {"ubuntu": {"jammy": {"apt": {"packages": ["ros-humble-nav2-msgs"]}}}, "_is_ros": True}
     stored = cache / f"{hashlib.sha1(url.encode()).hexdigest()}.pickle"
     stored.write_bytes(pickle.dumps({"nav2_msgs": released}, 2))
-    env = {"ROS_HOME": str(root / "home"), "ROSDEP_SOURCE_PATH": str(root / "none"), "ROS_DISTRO": "humble"}
+    env = {"ROS_HOME": str(root / "home"), "ROS_DISTRO": "humble"}
     jammy = forge("deps", "--os", "ubuntu:jammy", cwd=root, env=env)
     assert "sudo apt-get install ros-humble-nav2-msgs\n" in jammy.out
     noble = forge("deps", "--os", "ubuntu:noble", cwd=root, env=env)
@@ -290,20 +287,17 @@ def test_data_of_the_distribution_says_what_was_released(forge: Forge, root: Pat
     )
 
 
-def test_invalid_rosdep_data_is_reported(forge: Forge, root: Path, resolver: str) -> None:
+def test_invalid_rosdep_data_is_reported(forge: Forge, root: Path) -> None:
     cache = root / "home/rosdep/sources.cache"
     cache.mkdir(parents=True)
     (cache / "index").write_text("yaml https://example.org/x.yaml\n", encoding="utf-8")
     name = hashlib.sha1(b"https://example.org/x.yaml").hexdigest()
     (cache / f"{name}.pickle").write_bytes(b"torn")
-    env = {"ROS_HOME": str(root / "home"), "ROSDEP_SOURCE_PATH": str(root / "none")}
+    env = {"ROS_HOME": str(root / "home")}
     ran = forge("deps", "--rosdep-file", "keys.yaml", "--os", "ubuntu:jammy", cwd=root, env=env)
-    if resolver == "own":
-        assert (ran.code, ran.err) == (0, "")
-    else:
-        assert ran.code == 2
-        assert ran.err.startswith("error: rosdep cannot read its data: ")
-        assert ran.err.endswith("\nhint: run 'rosdep update'\n")
+    assert ran.code == 2
+    assert ran.err.startswith("error: rosdep cannot read its data: ")
+    assert ran.err.endswith("\nhint: run 'rosdep update'\n")
 
 
 @pytest.fixture
@@ -327,7 +321,6 @@ def install(forge: Forge, root: Path, *argv: str, **env: str) -> Ran:
         "PATH": f"{root}/bin:/usr/bin:/bin",
         "LOG": str(root / "log"),
         "ROS_HOME": str(root / "none"),
-        "ROSDEP_SOURCE_PATH": str(root / "none"),
         **env,
     }
     return forge("deps", "--install", "--rosdep-file", "keys.yaml", *argv, cwd=root, env=variables)

@@ -1,4 +1,4 @@
-"""Finds dependencies that are not provided, with their users and system packages."""
+"""Dependencies of the workspace: who needs and who provides them; the lines of `forge deps`."""
 
 from __future__ import annotations
 
@@ -11,11 +11,18 @@ from forge.workspace.resolve import is_ros_name
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
-    from forge.plugins.system_deps.rosdep import Resolved
     from forge.workspace.model import Package
 
 USUAL_KINDS = frozenset(DependencyKind) - {DependencyKind.DOC}
 """The default dependency types, as in rosdep."""
+
+
+@frozen
+class Resolved:
+    """The packages of a key; without names nothing has to be installed."""
+
+    manager: str
+    names: tuple[str, ...]
 
 
 @frozen

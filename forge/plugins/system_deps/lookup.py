@@ -1,0 +1,132 @@
+"""Looks up the system packages of dependencies: with rosdep, else by the names of ROS distributions."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from forge.base.errors import HostError, Location, Problem, WorkspaceError
+from forge.base.formats import read_yaml
+from forge.base.frozen import frozen
+from forge.base.names import did_you_mean
+from forge.base.own_environment import extra_command
+from forge.plugins.system_deps.dependencies import Resolved
+from forge.workspace.resolve import resembles_ros_name
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping, Sequence
+
+    from forge.plugins.system_deps.system import System
+
+    Database = Mapping[str, Any]
+
+_SURE = 0.7
+_DISTRIBUTIONS = (
+    *("ardent", "bouncy", "crystal", "dashing", "eloquent", "foxy", "galactic", "humble", "iron", "jazzy"),
+    *("kilted", "rolling"),
+)
+"""The distributions of ROS 2 (REP 2000); later ones are unknown here."""
+
+
+@frozen
+class PackageNames:
+    """A lookup of the packages of a key, and what is known about the system and the ROS distribution."""
+
+    resolve: Callable[[str], Resolved | None]
+    has_data: bool
+    covers_system: bool
+    lists_ros_packages: bool
+
+
+def has_rosdep() -> bool:
+    """Tell whether rosdep is installed beside forge, which is the extra 'rosdep'."""
+    return find_spec("rosdep2") is not None
+
+
+def mistyped_distribution(name: str) -> Iterator[Problem]:
+    """Yield a warning if a name only resembles that of a distribution of ROS 2."""
+    hint = None if name in _DISTRIBUTIONS else did_you_mean(name, _DISTRIBUTIONS, _SURE)
+    if hint:
+        yield Problem(f"unknown ROS distribution '{name}'", hint=hint)
+
+
+def find_package_names(files: Sequence[str], system: System, rosdistro: str) -> PackageNames:
+    """Return the lookup in the given files, then in what the last `rosdep update` stored.
+
+    Without data of the ROS distribution, packages whose names resemble ROS packages are named like rosdep
+    would: 'ros-humble-nav2-msgs'. Raises HostError if files are given and rosdep is not installed,
+    WorkspaceError for unreadable files.
+    """
+    if files and not has_rosdep():
+        raise HostError(Problem("'--rosdep-file' needs rosdep", hint=f"run: {extra_command('rosdep')}"))
+    databases = [_read(Path(file).expanduser()) for file in files]
+    if has_rosdep():
+        databases += _cached_databases(system, rosdistro)
+    look_up = resolver(databases, system) if databases else lambda _: None
+    every = [rules for database in databases for rules in database.values() if isinstance(rules, dict)]
+    listed = any("_is_ros" in rules for rules in every)
+
+    def find(key: str) -> Resolved | None:
+        found = look_up(key)
+        if found or listed or not rosdistro or not system.manager:
+            return found
+        name = f"ros-{rosdistro}-{key.replace('_', '-')}"
+        return Resolved(system.manager, (name,)) if resembles_ros_name(key) else None
+
+    return PackageNames(find, bool(databases), any(system.name in rules for rules in every), listed)
+
+
+def resolver(databases: Sequence[Database], system: System) -> Callable[[str], Resolved | None]:
+    """Return a function from a key to its packages, None if there are none, with the rules of rosdep.
+
+    The first database with a rule for the key and the system wins.
+    """
+    from rosdep2 import create_default_installer_context
+    from rosdep2.core import InvalidData
+    from rosdep2.lookup import ResolutionError, RosdepDefinition
+
+    context = create_default_installer_context()
+    context.set_os_override(system.name, system.version)
+
+    def resolve(key: str) -> Resolved | None:
+        rules = [rules for database in databases if isinstance(rules := database.get(key), dict)]
+        if not rules:
+            return None
+        definition = RosdepDefinition(key, dict(rules[0]))
+        for more in rules[1:]:
+            definition.reverse_merge(more)
+        try:
+            managers = context.get_os_installer_keys(system.name)
+            default = context.get_default_os_installer_key(system.name)
+            manager, rule = definition.get_rule_for_platform(system.name, system.version, managers, default)
+            # What has to be compiled is not downloaded to find out more about it.
+            names = () if manager == "source" else context.get_installer(manager).resolve(rule)
+            found = tuple(str(name) for name in names if name)
+        # KeyError: a system that rosdep does not know. TypeError: malformed rules.
+        except (InvalidData, KeyError, ResolutionError, TypeError):
+            return None
+        return Resolved("dnf" if manager == "yum" else manager, found)
+
+    return resolve
+
+
+def _cached_databases(system: System, rosdistro: str) -> list[Database]:
+    """Return what the last `rosdep update` stored for a system and a ROS distribution."""
+    from rosdep2.sources_list import DataSourceMatcher, SourcesListLoader
+
+    tags = [tag for tag in (rosdistro, system.name, system.version) if tag]
+    try:
+        loader = SourcesListLoader.create_default(matcher=DataSourceMatcher(tags))
+    except Exception as error:
+        message = f"rosdep cannot read its data: {error}"
+        raise HostError(Problem(message, hint="run 'rosdep update'")) from error
+    return [source.rosdep_data for source in loader.sources]
+
+
+def _read(path: Path) -> Database:
+    try:
+        return read_yaml(path.read_bytes(), path)
+    except OSError as error:
+        message = f"cannot read the rosdep file: {(error.strerror or str(error)).lower()}"
+        raise WorkspaceError(Problem(message, Location(path))) from None
