@@ -35,10 +35,13 @@ OWN: Mapping[str, Mapping[str, str]] = {
     TARGETS: {
         "c": "forge.plugins.c_target.target",
     },
+    TOOLCHAINS: {
+        "cross": "forge.plugins.cross.toolchain",
+    },
 }
 """The plugins in forge/plugins/: modules by group and name, as in the entry points of pyproject.toml."""
 
-_EXTRAS = {"lsp": "lsp", "system_deps": "rosdep"}
+_EXTRAS = {"cross": "cross", "lsp": "lsp", "system_deps": "rosdep"}
 """The extra with the dependencies of a plugin, if it has any."""
 
 _Result = TypeVar("_Result")

@@ -7,7 +7,6 @@ from dataclasses import fields, is_dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from forge.base.distributions import check_distribution, distribution_option
-from forge.base.env_vars import expand_home
 from forge.base.errors import Problem, SelectionError
 from forge.base.frozen import frozen
 from forge.base.options import default_of, option, option_of
@@ -17,11 +16,11 @@ from forge.cli.options import FolderOptions, add_options, read_options
 from forge.execution.options import DASK, ExecutorOptions, JobOptions
 from forge.output.handlers import ReportOptions
 from forge.toolchain.compiler_launchers.choice import LAUNCHERS, NONE, selected_launcher
+from forge.toolchain.targets import CrossOptions
 
 if TYPE_CHECKING:
     import argparse
     from collections.abc import Iterator
-    from pathlib import Path
 
     from forge.cli.main import Parser
     from forge.workspace.selection import Query
@@ -30,19 +29,6 @@ _Options = TypeVar("_Options")
 
 _OUTPUT = "output options"
 _NO_EFFECT = "no effect, for compatibility with colcon"
-
-
-def _absolute(path: str) -> Path:
-    return expand_home(path).absolute()
-
-
-def _python_version(text: str) -> tuple[int, int]:
-    """Return a version; raises ValueError for anything else."""
-    major, _, minor = text.partition(".")
-    if major != "3" or not minor.isdecimal():
-        message = f"expected a version such as '3.10', not '{text}'"
-        raise ValueError(message)
-    return int(major), int(minor)
 
 
 @frozen
@@ -87,36 +73,6 @@ class CMakeOptions:
     )
     catkin_cmake_args: tuple[str, ...] = option(_NO_EFFECT, default=(), metavar="ARG")
     catkin_skip_building_tests: bool = option(_NO_EFFECT, default=False)
-
-
-@frozen
-class CrossOptions:
-    """How to build for the platform of --target."""
-
-    toolchain_file: Path | None = option(
-        "CMake toolchain file with the compilers for --target (default: zig's, from the extra 'cross')",
-        parse=_absolute,
-        metavar="FILE",
-    )
-    sysroot: Path | None = option(
-        "copy of the target's file system with libraries and headers, for --toolchain-file",
-        parse=_absolute,
-        metavar="DIR",
-    )
-    target_python: tuple[int, int] | None = option(
-        "version of Python on the target, such as '3.10' (default: that of the sysroot, else that of this "
-        "machine)",
-        parse=_python_version,
-        metavar="VERSION",
-    )
-
-    def check(self, target: object) -> None:
-        """Raise SelectionError for options that have no effect without --target."""
-        given = (f"--{each.name.replace('_', '-')}" for each in fields(self) if getattr(self, each.name))
-        word = next(given, "")
-        if word and target is None:
-            hint = "add the platform, for example '--target aarch64-linux-gnu'"
-            raise SelectionError(Problem(f"{word} has no effect without --target", hint=hint))
 
 
 @frozen

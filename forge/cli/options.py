@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from forge.base.options import Option
     from forge.cli.main import Parser
-    from forge.toolchain.cross.targets import Target
+    from forge.toolchain.targets import Target
 
 _Options = TypeVar("_Options")
 
@@ -125,9 +125,9 @@ class DistributionOptions:
 
 
 def _target(word: str) -> Target:
-    from forge.toolchain.cross.targets import parse_target
+    from forge.toolchain.targets import find_target
 
-    return parse_target(word)
+    return find_target(word)
 
 
 def _target_option() -> Any:
@@ -167,7 +167,7 @@ class FolderOptions:
     def layout(self, root: Path, *, symlink: bool = False) -> Layout:
         """Return the absolute folders; the null device disables logs."""
         logs = self.log_base or setting("LOG_PATH", os.environ) or "log"
-        target = self.target.triple if self.target else ""
+        target = self.target.name if self.target else ""
         return Layout(
             build=_absolute(self.build_base, root) / target,
             install=_absolute(self.install_base, root) / target,

@@ -59,8 +59,8 @@ if TYPE_CHECKING:
     from forge.base.layout import Layout
     from forge.build.tasks import BuildPlan, Task
     from forge.cli.build_options import BuildOptions
-    from forge.toolchain.cross.toolchain import CrossBuild
     from forge.toolchain.interpreter import Interpreter
+    from forge.toolchain.targets import CrossBuild
     from forge.workspace.load import LoadedWorkspace
     from forge.workspace.model import Package
 
@@ -324,7 +324,7 @@ def prepare(
         rosdistro=distribution_in(variables),
         wheels=(*warm, "-m", "forge.cli.install_wheel"),
         generator=through_worker,
-        tools=identities(tools, interpreter.path, variables, shared_args),
+        tools=identities(tools, interpreter.path, variables, shared_args, cross.programs if cross else ()),
         cmake=tools.cmake if tools else None,
         ninja=tools.ninja if tools else None,
         make=tools.make if tools else None,

@@ -187,9 +187,7 @@ def prepare_context(
 
         lacking |= _lacking(rust, lambda: require_cargo(rust[0], variables))
     if layout.target:
-        from forge.testing.emulation import require_emulator
-
-        lacking |= _lacking(compiled_packages(packages), lambda: require_emulator(packages, layout))
+        lacking |= _lacking(compiled_packages(packages), lambda: _require_emulator(layout))
     recorded, chain = recorded_python(layout.install), find_underlays(variables, layout.install).chain
     interpreter = find_interpreter(options.python, variables, chain, recorded)
     missing = missing_modules(interpreter.path, _TEST_MODULES) if python else ()
@@ -210,6 +208,15 @@ def prepare_context(
     if lacking and len(lacking) == len(names):
         raise HostError(*dict.fromkeys(lacking.values()))
     return context, lacking
+
+
+def _require_emulator(layout: Layout) -> None:
+    from forge.toolchain.targets import find_target
+
+    if not find_target(layout.target).has_emulator(layout):
+        message = f"this machine cannot run the tests of programs for '{layout.target}'"
+        hint = "install qemu-user, for example with `apt install qemu-user`, then build again"
+        raise HostError(Problem(message, hint=hint))
 
 
 def _lacking(packages: Sequence[Package], require: Callable[[], object]) -> dict[str, Problem]:

@@ -166,14 +166,19 @@ def find_ctest(variables: Mapping[str, str]) -> Path:
 
 
 def identities(
-    tools: Tools | None, python: Path, variables: Mapping[str, str], arguments: Sequence[str] = ()
+    tools: Tools | None,
+    python: Path,
+    variables: Mapping[str, str],
+    arguments: Sequence[str] = (),
+    more: Sequence[Path] = (),
 ) -> Pairs:
     """Return the programs whose replacement changes build results, each with its identity.
 
-    `arguments` are CMake's arguments for all packages. Programs that no selected package needs count as well:
-    otherwise, the inputs of a package would depend on those with which it is selected.
+    `arguments` are CMake's arguments for all packages, `more` the programs of a toolchain. Programs that no
+    selected package needs count as well: otherwise, the inputs of a package would depend on those with which
+    it is selected.
     """
-    found = {"python": _identity(python)}
+    found = {"python": _identity(python), **{str(program): _identity(program) for program in more}}
     lookup = ProgramLookup(variables)
     cmake = tools.cmake if tools else find_cmake(variables)
     ninja = tools.ninja if tools else find_ninja(variables)

@@ -62,6 +62,76 @@ def test_the_command_of_a_missing_plugin_says_how_to_get_it(tmp_path: Path) -> N
     assert f"{message}\nhint: install forge again with the extra 'lsp'; see file:///" in ran.stderr
 
 
+def test_a_target_without_its_plugin_says_how_to_get_it(tree: Tree, tmp_path: Path) -> None:
+    shutil.copytree(ROOT / "forge", tmp_path / "forge", ignore=shutil.ignore_patterns("__pycache__", "cross"))
+    ran = run_forge(tree(WORKSPACE) / "ws", "build", "--target", "arm64", path=tmp_path)
+    assert ran.returncode == 2
+    message = "error: the toolchain 'cross' needs the plugin 'cross', which this forge lacks"
+    assert f"{message}\nhint: install forge again with the extra 'cross'; see file:///" in ran.stderr
+    assert ran.stderr.count("error:") == 1
+
+
+TOOLCHAIN = """\
+import shutil
+from pathlib import Path
+from forge.base.layout import TOOLCHAIN_DIR
+from forge.toolchain.targets import CrossBuild
+
+SDK = Path(__file__).parent / "sdk"
+
+def prepare(target, layout, variables, options):
+    file = layout.build / TOOLCHAIN_DIR / "board.cmake"
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_text(f'set(BOARD "{target}")\\nset(CMAKE_CROSSCOMPILING_EMULATOR "{SDK}/run")\\n')
+    return CrossBuild(
+        cmake_args=(f"-DCMAKE_TOOLCHAIN_FILE={file}",),
+        variables={"BOARD_ROOT": str(SDK)},
+        programs=(SDK / "version",),
+        prepare_compilers=lambda packages: print("prepared", *(p.name for p in packages)) or (),
+    )
+
+def has_emulator(layout):
+    return (SDK / "run").exists()
+"""
+BOARD = {
+    "toolchain/board_toolchain.py": TOOLCHAIN,
+    "toolchain/board-1.dist-info/entry_points.txt": "[forge.toolchains]\nboard = board_toolchain\n",
+    "toolchain/board-1.dist-info/METADATA": "Metadata-Version: 2.1\nName: board\nVersion: 1\n",
+    "toolchain/sdk/version": "1\n",
+    "toolchain/sdk/run": "#!/bin/sh\ntouch ran\n",
+    "ws/src/blink/package.xml": manifest_text("blink", build_type="cmake"),
+    "ws/src/blink/CMakeLists.txt": "cmake_minimum_required(VERSION 3.18)\nproject(blink C)\n"
+    "add_executable(blink main.c)\n"
+    'file(WRITE ${CMAKE_CURRENT_BINARY_DIR}/board "${BOARD} $ENV{BOARD_ROOT}")\n'
+    "install(FILES ${CMAKE_CURRENT_BINARY_DIR}/board DESTINATION share/blink)\n"
+    "enable_testing()\nadd_test(NAME blink COMMAND blink)\n",
+    "ws/src/blink/main.c": "int main(void) { return 1; }\n",
+}
+
+
+@pytest.mark.needs("cmake")
+def test_a_toolchain_of_another_distribution_builds_for_its_platform(tree: Tree) -> None:
+    root = tree(BOARD)
+    (root / "toolchain/sdk/run").chmod(0o755)
+
+    def forge(*words: str) -> subprocess.CompletedProcess[str]:
+        return run_forge(root / "ws", *words, path=root / "toolchain")
+
+    assert "\n  board  board 1\n" in forge("extensions").stdout
+    built = forge("build", "--target", "board")
+    assert (built.returncode, "prepared blink\n" in built.stdout) == (0, True), built.stderr
+    installed = root / "ws/install/board/blink/share/blink/board"
+    assert installed.read_text() == f"board {root}/toolchain/sdk"
+    assert "1 package unchanged" in forge("build", "--target", "board").stdout
+    (root / "toolchain/sdk/version").write_text("2.0\n")
+    assert "1 package finished" in forge("build", "--target", "board").stdout
+    tested = forge("test", "--target", "board", "--return-code-on-test-failure")
+    assert tested.returncode == 0, tested.stdout
+    assert (root / "ws/build/board/blink/ran").is_file()
+    (root / "toolchain/sdk/run").unlink()
+    assert "cannot run the tests of programs for 'board'" in forge("test", "--target", "board").stderr
+
+
 def test_a_command_of_another_distribution_is_installed_from_a_wheel(tmp_path: Path) -> None:
     for block in blocks(PAGE):
         if block.mark.startswith("write: "):

@@ -51,7 +51,6 @@ if TYPE_CHECKING:
     from forge.build.tasks import BuildPlan
     from forge.cli.build_options import BuildOptions
     from forge.cli.main import Parser
-    from forge.toolchain.cross.toolchain import CrossBuild
     from forge.workspace.load import LoadedWorkspace
     from forge.workspace.model import Package
 
@@ -106,8 +105,10 @@ def build(options: BuildOptions, mode: BuildMode) -> int:
         mode.warn(_still_tested((loaded.packages[name] for name in selected), tested))
     names = check_before_planning(loaded, selected, layout, options, variables)
     loaded = with_packages_of_underlays(loaded, names, layout, variables, mode.warn)
-    cross = _cross_build(options, layout, variables)
-    variables |= cross.variables if cross else {}
+    target, cross = options.folders.target, None
+    if target:
+        cross = target.prepare(layout, variables, options.cross)
+        variables |= cross.variables
     context, interpreter = prepare(options, loaded, names, layout, variables, mode.warn, cross)
     audit = _audit(options, layout, variables)
     create_output_folders(layout)
@@ -183,23 +184,6 @@ def _make_plan(
     from forge.build.announcing import announcements
 
     return plan, tuple(announcements(plan, snapshot))
-
-
-def _cross_build(options: BuildOptions, layout: Layout, variables: Mapping[str, str]) -> CrossBuild | None:
-    """Return how to build for --target, None for this machine; raises HostError without compilers."""
-    if options.folders.target is None:
-        return None
-    from forge.toolchain.cross.toolchain import prepare_cross_build
-
-    given = options.cross
-    return prepare_cross_build(
-        options.folders.target,
-        layout,
-        variables,
-        toolchain_file=given.toolchain_file,
-        sysroot=given.sysroot,
-        python_version=given.target_python,
-    )
 
 
 def _audit(options: BuildOptions, layout: Layout, variables: Mapping[str, str]) -> Audit | None:

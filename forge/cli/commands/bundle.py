@@ -40,8 +40,8 @@ def run(options: argparse.Namespace) -> int:
     target = read_options(TargetOptions, options).target
     base = Path(options.install_base).absolute()
     check_bases(Path.cwd(), SearchPaths(), {"--install-base": base})
-    install = base / target.triple if target else base
-    name = f"{Path.cwd().name}-{target.triple}" if target else Path.cwd().name
+    install = base / target.name if target else base
+    name = f"{Path.cwd().name}-{target.name}" if target else Path.cwd().name
     output = Path(os.path.abspath(options.output or f"{name}.tar.gz"))  # noqa: PTH100  (no '..' in it)
     files, size = write_bundle(install, output, build_files=options.with_build_files, name=base.name)
     print(f"{output}: {files} files, {_shown(size)}")

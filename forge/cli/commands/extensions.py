@@ -6,7 +6,15 @@ from typing import TYPE_CHECKING
 
 from forge import __version__
 from forge.base.env_vars import EXECUTORS
-from forge.base.extensions import BUILD_TYPES, COMMANDS, OWN, distribution_of, entry_points, is_installed
+from forge.base.extensions import (
+    BUILD_TYPES,
+    COMMANDS,
+    OWN,
+    TOOLCHAINS,
+    distribution_of,
+    entry_points,
+    is_installed,
+)
 from forge.base.extensions import TARGETS as TARGET_GROUP
 from forge.build.build_types import OWN as CORE_BUILD_TYPES
 from forge.environment.shells import SHELLS
@@ -31,6 +39,7 @@ def run(options: argparse.Namespace) -> int:
     _print("commands", (), COMMANDS)
     _print("build types", CORE_BUILD_TYPES, BUILD_TYPES)
     _print("interface targets", TARGETS, TARGET_GROUP)
+    _print("toolchains", (), TOOLCHAINS)
     _print("event handlers", handlers)
     _print("executors", (*EXECUTORS, DASK))
     _print("shells", SHELLS)

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from forge.base.layout import Layout
-    from forge.toolchain.cross.targets import Target
+    from forge.plugins.cross.targets import Target
 
 _TOOLS = {"cc": "cc", "c++": "c++", "ar": "ar", "ranlib": "ranlib"}
 _COMPILERS = frozenset({"cc", "c++"})
@@ -53,7 +53,7 @@ class Zig:
         for name, tool in _TOOLS.items():
             flags = self.flags if tool in _COMPILERS else ()
             text = render(
-                "cross/compiler.sh.j2",
+                "cross/templates/compiler.sh.j2",
                 tool=tool,
                 target=self.target.with_glibc,
                 cache=shlex.quote(str(self.cache)),
@@ -97,7 +97,7 @@ class Zig:
             file=sys.stderr,
             flush=True,
         )
-        from forge.toolchain.cross.cxx_library import compile_cxx_library
+        from forge.plugins.cross.cxx_library import compile_cxx_library
 
         failure = compile_cxx_library(self.program, folder, self.library)
         if not failure:

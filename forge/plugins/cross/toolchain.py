@@ -1,29 +1,32 @@
-"""Prepares the compilers for a target: their CMake toolchain file and the variables of the environment."""
+"""The toolchain of `--target`: a CMake toolchain file and variables, with zig or compilers of the user."""
 
 from __future__ import annotations
 
 import os
 import re
 import shutil
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.cmake_syntax import quoted
 from forge.base.errors import HostError, Problem, raise_if_any
 from forge.base.files import text_or_nothing, write_if_changed
-from forge.base.frozen import frozen
 from forge.base.layout import TOOLCHAIN_DIR
 from forge.base.templating import render
 from forge.environment.prefixes import find_underlays
-from forge.toolchain.cross.targets import TRIPLES, similar_target
-from forge.toolchain.cross.zig import Zig, find_zig
+from forge.plugins.cross.targets import TRIPLES, parse_target, similar_target
+from forge.plugins.cross.zig import find_zig
 from forge.toolchain.languages import any_enables_cxx
+from forge.toolchain.targets import CrossBuild
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
     from forge.base.layout import Layout
-    from forge.toolchain.cross.targets import Target
+    from forge.plugins.cross.targets import Target
+    from forge.plugins.cross.zig import Zig
+    from forge.toolchain.targets import CrossOptions
     from forge.workspace.model import Package
 
 _FILE = "toolchain.cmake"
@@ -33,69 +36,63 @@ _INCLUDE = re.compile(r'\binclude\s*\(\s*"?([^")]+)')
 _VERSIONED = re.compile(r"python(\d+)\.(\d+)")
 
 
-@frozen
-class CrossBuild:
-    """How to build for a target; `zig` is None if a toolchain file of the user names the compilers."""
+def platform(word: str) -> tuple[str, bool]:
+    """Return a platform's name without a version, and whether compilers for it are known.
 
-    target: Target
-    file: Path
-    variables: Mapping[str, str]
-    """Variables for the steps of packages."""
-    zig: Zig | None = None
-    python_version: tuple[int, int] | None = None
-    """The version of Python on the target, None for that of this machine."""
-
-    @property
-    def cmake_args(self) -> tuple[str, ...]:
-        """Return the CMake arguments for all packages."""
-        return (f"-DCMAKE_TOOLCHAIN_FILE={self.file}",)
-
-    def prepare_compilers(self, packages: Iterable[Package]) -> tuple[Problem, ...]:
-        """Compile the C++ library of the compilers if one of the packages needs it; return warnings."""
-        if not self.zig:
-            return ()
-        warnings = self.zig.glibc_warnings()
-        if any_enables_cxx(package for package in packages if not package.embedded):
-            warnings += self.zig.compile_library(self.file.parent)
-        return warnings
+    Raises ValueError for an invalid name.
+    """
+    target = parse_target(word)
+    return target.triple, target.is_known
 
 
-def prepare_cross_build(
-    target: Target,
-    layout: Layout,
-    variables: Mapping[str, str],
-    *,
-    toolchain_file: Path | None = None,
-    sysroot: Path | None = None,
-    python_version: tuple[int, int] | None = None,
-) -> CrossBuild:
+def prepare(word: str, layout: Layout, variables: Mapping[str, str], options: CrossOptions) -> CrossBuild:
     """Write the toolchain file, and scripts for zig's compilers without one of the user's.
 
     Raises HostError without compilers, and for paths that do not exist.
     """
+    target, toolchain_file, sysroot = parse_target(word), options.toolchain_file, options.sysroot
     raise_if_any(_problems(target, toolchain_file, sysroot), HostError)
     folder = layout.build / TOOLCHAIN_DIR
-    file = folder / _FILE
     zig = None if toolchain_file else find_zig(target, layout, variables)
     if zig:
         zig.write_compilers(folder)
     command = emulator(target, sysroot, variables)
-    version = python_version or _python_of(sysroot)
+    version = options.target_python or _python_of(sysroot)
+    # Sourced workspaces that were built for the target.
+    underlays = [
+        root for root in find_underlays(variables, layout.install).chain if root.name == target.triple
+    ]
+    is_multiarch = sysroot is not None and (sysroot / "usr/lib" / target.triple).is_dir()
     text = render(
-        "cross/toolchain.cmake.j2",
+        "cross/templates/toolchain.cmake.j2",
         target=target.with_glibc,
         base=_included(toolchain_file, folder, layout) if toolchain_file else "",
         processor=target.cmake_processor,
         sysroot=quoted(str(sysroot)) if sysroot else "",
-        architecture=_architecture(target, sysroot),
+        architecture=target.triple if is_multiarch else "",
         install=os.path.relpath(layout.install, folder),
-        underlays=[quoted(str(root)) for root in _underlays(target, layout, variables)],
+        underlays=[quoted(str(root)) for root in underlays],
         emulator=quoted(*command) if command else "",
-        soabi=_soabi(target, version) if version else "",
+        # Python's binary interface as Debian and Ubuntu name it (PEP 3149).
+        soabi=f"cpython-{version[0]}{version[1]}-{target.triple}" if version else "",
     )
-    write_if_changed(file, text)
-    found = {**_pkg_config(target, sysroot), **(zig.compilers(folder) if zig else {})}
-    return CrossBuild(target, file, found, zig, version)
+    write_if_changed(folder / _FILE, text)
+    return CrossBuild(
+        cmake_args=(f"-DCMAKE_TOOLCHAIN_FILE={folder / _FILE}",),
+        variables={**_pkg_config(target, sysroot), **(zig.compilers(folder) if zig else {})},
+        python_version=version,
+        prepare_compilers=partial(_prepare_compilers, zig, folder),
+    )
+
+
+def _prepare_compilers(zig: Zig | None, folder: Path, packages: Iterable[Package]) -> tuple[Problem, ...]:
+    """Compile the C++ library of the compilers if one of the packages needs it; return warnings."""
+    if not zig:
+        return ()
+    warnings = zig.glibc_warnings()
+    if any_enables_cxx(package for package in packages if not package.embedded):
+        warnings += zig.compile_library(folder)
+    return warnings
 
 
 def emulator(target: Target, sysroot: Path | None, variables: Mapping[str, str]) -> tuple[str, ...]:
@@ -142,23 +139,6 @@ def _problems(target: Target, toolchain_file: Path | None, sysroot: Path | None)
         yield Problem(message, hint=hint)
     if sysroot and not sysroot.is_dir():
         yield Problem(f"--sysroot: '{sysroot}' is not a folder")
-
-
-def _architecture(target: Target, sysroot: Path | None) -> str:
-    """Return the name of the folder with the libraries of a Debian or Ubuntu, '' for another sysroot."""
-    return target.triple if sysroot and (sysroot / "usr/lib" / target.triple).is_dir() else ""
-
-
-def _soabi(target: Target, version: tuple[int, int]) -> str:
-    """Return the name of Python's binary interface on the target, as Debian and Ubuntu have it (PEP 3149)."""
-    return f"cpython-{version[0]}{version[1]}-{target.triple}"
-
-
-def _underlays(target: Target, layout: Layout, variables: Mapping[str, str]) -> Iterator[Path]:
-    """Yield the sourced workspaces that were built for the target."""
-    for root in find_underlays(variables, layout.install).chain:
-        if root.name == target.triple:
-            yield root
 
 
 def _pkg_config(target: Target, sysroot: Path | None) -> dict[str, str]:

@@ -56,10 +56,10 @@ def test_a_similar_target_is_suggested(tree: Tree, forge: Forge) -> None:
 def test_a_native_build_imports_no_cross_compilation(
     tree: Tree, forge: Forge, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for name in [name for name in sys.modules if name.startswith("forge.toolchain.cross")]:
+    for name in [name for name in sys.modules if name.startswith("forge.plugins.cross")]:
         monkeypatch.delitem(sys.modules, name)
     assert forge("build", "--dry-run", cwd=tree(QUICK)).code == 0
-    assert not [name for name in sys.modules if name.startswith("forge.toolchain.cross")]
+    assert not [name for name in sys.modules if name.startswith("forge.plugins.cross")]
 
 
 def test_compiled_python_modules_are_refused(tree: Tree, forge: Forge) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from forge.toolchain.cross.targets import parse_target, similar_target
+from forge.plugins.cross.targets import parse_target, similar_target
 
 
 @pytest.mark.parametrize(
