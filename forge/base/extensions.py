@@ -31,6 +31,7 @@ OWN: Mapping[str, Mapping[str, str]] = {
     COMMANDS: {
         "deps": "forge.plugins.system_deps.command",
         "lsp": "forge.plugins.lsp.command",
+        "mixin": "forge.plugins.mixins.command",
     },
     TARGETS: {
         "c": "forge.plugins.c_target.target",

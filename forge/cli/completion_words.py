@@ -199,9 +199,12 @@ def _mixins(verb: str, variables: Mapping[str, str]) -> Iterator[str]:
 def _repositories(variables: Mapping[str, str]) -> Iterator[str]:
     _add_site_packages()
     from forge.base.env_vars import home
-    from forge.cli.mixin_repositories import MixinRepositories
+    from forge.base.files import text_or_nothing
+    from forge.base.formats import read_yaml
+    from forge.cli.mixins import REPOSITORIES
 
-    return iter(MixinRepositories(home(variables)).urls)
+    path = home(variables) / REPOSITORIES
+    return map(str, read_yaml(text_or_nothing(path), path))
 
 
 def _profiles(root: Path) -> Iterator[str]:

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 MIXIN_FOLDER = "mixin"
 """The folder of the user's mixins in their settings."""
+REPOSITORIES = "mixin_repositories.yaml"
+"""The file with the URLs of repositories of mixins in the user's settings, by name."""
 
 
 def _flags(flags: str) -> dict[str, Any]:

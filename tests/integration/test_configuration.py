@@ -131,31 +131,6 @@ def test_mixin_files_extend_the_mixins_of_the_user(forge: Forge, root: Path) -> 
     )
 
 
-def test_mixins_can_be_listed_and_shown(forge: Forge, root: Path) -> None:
-    (root / "home/mixin").mkdir()
-    (root / "home/mixin/my.mixin").write_text(
-        "test: {fast: {executor: parallel}}\nbuild: {mold: {jobs: 2}}\n"
-    )
-    env = {"COLCON_HOME": str(root / "home")}
-    listing = forge("mixin", "list", cwd=root, env=env).out
-    assert listing.startswith(
-        "mixin files not associated with a repository\n"
-        f"- {root}/home/mixin/my.mixin\n    build: mold\n    test: fast\nbuilt into forge\n    build: asan, "
-    )
-    shown = forge("mixin", "show", "build", "release", cwd=root).out
-    assert shown == "build:\n- release\n  cmake-args: ['-DCMAKE_BUILD_TYPE=Release']\n"
-    assert "test:\n- coverage-pytest\n" in forge("mixin", "show", cwd=root).out
-    ran = forge("mixin", "show", "build", "releas", cwd=root)
-    assert (ran.code, ran.err) == (
-        2,
-        "error: unknown mixin 'releas' for 'build'\nhint: did you mean 'release'?\n",
-    )
-    assert "did you mean 'test'?" in forge("mixin", "show", "tset", cwd=root).err
-    assert "build:\n- release\n" in forge("mixin", "show", "release", cwd=root).out
-    ran = forge("mixin", "show", "relase", cwd=root)
-    assert ran.err == "error: unknown mixin 'relase'\nhint: did you mean 'release'?\n"
-
-
 def test_an_environment_variable_adds_mixin_folders(forge: Forge, root: Path) -> None:
     for name in ("one", "two"):
         (root / name / "deep").mkdir(parents=True)

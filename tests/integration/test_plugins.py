@@ -48,7 +48,7 @@ def test_forge_builds_without_the_plugin(plugin: str, tree: Tree, tmp_path: Path
     shutil.copy(ROOT / "_ros_forge.py", copy)
     shutil.rmtree(copy / "forge/plugins" / plugin)
     root = tree(WORKSPACE) / "ws"
-    for words in (("--help",), ("extensions",), ("list",), ("build",), ("test",)):
+    for words in (("--help",), ("completion", "bash"), ("extensions",), ("list",), ("build",), ("test",)):
         ran = run_forge(root, *words, path=copy)
         assert ran.returncode == 0, ran.stdout + ran.stderr
     assert (root / "install/shapes/share/shapes/msg/Point.msg").is_file()

@@ -9,6 +9,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from forge.base.extensions import COMMANDS as PLUGINS
+from forge.base.extensions import OWN, is_installed
 from forge.cli import main
 from forge.cli.colcon_options import COLCON_OPTIONS, PASSED_ON
 from forge.cli.completing import (
@@ -63,6 +65,8 @@ def run(options: argparse.Namespace) -> int:
 def _contexts() -> Iterator[CompletionContext]:
     """Yield the completions for each command and verb, derived from the parsers."""
     for word in main.COMMANDS:
+        if word in OWN[PLUGINS] and not is_installed(PLUGINS, word):
+            continue
         whole = main.parser_of([word])
         commands = _verbs(whole)
         if word == next(iter(main.COMMANDS)):

@@ -18,12 +18,11 @@ from forge.base.files import read_file, replace_file
 from forge.base.formats import read_yaml, yaml_text
 from forge.base.frozen import frozen
 from forge.base.names import did_you_mean
-from forge.cli.mixins import MIXIN_FOLDER, mixin_files, parse_mixins
+from forge.cli.mixins import MIXIN_FOLDER, REPOSITORIES, mixin_files, parse_mixins
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-_REPOSITORIES = "mixin_repositories.yaml"
 _NAME = re.compile(r"[^\W_][\w.+-]*")
 _FILE = re.compile(r"[^./\0][^/\0]*\.mixin")
 _OBSOLETE = ".obsolete"
@@ -49,7 +48,7 @@ class MixinRepositories:
 
     def __init__(self, home: Path) -> None:
         """Read the list; raises WorkspaceError if it is malformed."""
-        self._list = home / _REPOSITORIES
+        self._list = home / REPOSITORIES
         self._files = home / MIXIN_FOLDER
         self.urls = _read_list(self._list)
 

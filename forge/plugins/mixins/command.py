@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from forge.base.env_vars import home, without_passwords
 from forge.base.errors import Problem, SelectionError, WorkspaceError, raise_if_any
 from forge.base.names import did_you_mean
-from forge.cli.mixin_repositories import MixinRepositories
 from forge.cli.mixins import mixin_folders, read_mixins
+from forge.plugins.mixins.repositories import MixinRepositories
 
 if TYPE_CHECKING:
     import argparse
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from forge.cli.main import Parser
-    from forge.cli.mixin_repositories import Change
     from forge.cli.mixins import Mixin
+    from forge.plugins.mixins.repositories import Change
 
 _OF_REPOSITORIES = (
     ("add", "add a repository of mixins"),

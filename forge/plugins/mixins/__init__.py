@@ -1,0 +1,1 @@
+"""`forge mixin`: lists and shows mixins, and fetches those of repositories, as colcon-mixin does."""
