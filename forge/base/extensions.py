@@ -8,6 +8,8 @@ docs/how-to/plugins.md describes the groups.
 
 from __future__ import annotations
 
+import sys
+from functools import cache
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -39,8 +41,15 @@ OWN: Mapping[str, Mapping[str, str]] = {
     TOOLCHAINS: {
         "cross": "forge.plugins.cross.toolchain",
     },
+    BUILD_TYPES: {
+        "ament_cargo": "forge.plugins.cargo.build_type",
+        "cargo": "forge.plugins.cargo.build_type",
+    },
 }
 """The plugins in forge/plugins/: modules by group and name, as in the entry points of pyproject.toml."""
+
+PACKAGE_FILES: Mapping[str, str] = {"Cargo.toml": "cargo"}
+"""Files that make a folder a package without package.xml, and the build types of plugins that read them."""
 
 _EXTRAS = {"cross": "cross", "lsp": "lsp", "system_deps": "rosdep"}
 """The extra with the dependencies of a plugin, if it has any."""
@@ -57,13 +66,9 @@ def find(group: str, name: str, kind: str, functions: tuple[str, ...] = ()) -> A
     if name not in OWN.get(group, ()):
         entry = entry_points(group).get(name)
         return None if entry is None else load(entry, kind, functions)
-    module = OWN[group][name]
-    try:
-        return import_module(module)
-    except ModuleNotFoundError as error:
-        if not f"{module}.".startswith(f"{error.name}."):
-            raise
-        raise HostError(_not_installed(module, kind, name)) from None
+    if problem := absent(group, name, kind):
+        raise HostError(problem)
+    return import_module(OWN[group][name])
 
 
 def is_installed(group: str, name: str) -> bool:
@@ -71,8 +76,30 @@ def is_installed(group: str, name: str) -> bool:
     return (PACKAGE / OWN[group][name].partition(".")[2].replace(".", "/")).with_suffix(".py").is_file()
 
 
-def entry_points(group: str) -> dict[str, EntryPoint]:
+def installed(group: str) -> list[str]:
+    """Return the names of forge's own plugins of a group that are installed."""
+    return [name for name in OWN.get(group, ()) if is_installed(group, name)]
+
+
+def absent(group: str, name: str, kind: str) -> Problem | None:
+    """Return what to do if `name` is one of forge's own plugins and not installed."""
+    if name not in OWN.get(group, ()) or is_installed(group, name):
+        return None
+    plugin = OWN[group][name].split(".")[2]
+    extra = f" with the extra '{_EXTRAS[plugin]}'" if plugin in _EXTRAS else ""
+    message = f"the {kind} '{name}' needs the plugin '{plugin}', which this forge lacks"
+    # No command: on an index, the name of forge's distribution might belong to somebody else.
+    page = docs_url("how-to/upgrading.md#extras")
+    return Problem(message, hint=f"install forge again{extra}; see {page}")
+
+
+def entry_points(group: str) -> Mapping[str, EntryPoint]:
     """Return the entry points of other distributions by name; of several, the first on sys.path."""
+    return _entry_points(group, tuple(sys.path))
+
+
+@cache
+def _entry_points(group: str, _search_path: tuple[str, ...]) -> Mapping[str, EntryPoint]:
     from importlib.metadata import entry_points as search
 
     own = OWN.get(group, {})
@@ -113,15 +140,6 @@ def call(what: str, function: Callable[..., _Result], *arguments: object) -> _Re
 def distribution_of(entry: EntryPoint) -> str:
     """Return name and version of the distribution that announces an entry point."""
     return f"{entry.dist.name} {entry.dist.version}" if entry.dist else "an unknown distribution"
-
-
-def _not_installed(module: str, kind: str, name: str) -> Problem:
-    plugin = module.split(".")[2]
-    extra = f" with the extra '{_EXTRAS[plugin]}'" if plugin in _EXTRAS else ""
-    message = f"the {kind} '{name}' needs the plugin '{plugin}', which this forge lacks"
-    # No command: on an index, the name of forge's distribution might belong to somebody else.
-    page = docs_url("how-to/upgrading.md#extras")
-    return Problem(message, hint=f"install forge again{extra}; see {page}")
 
 
 def _unusable(entry: EntryPoint, kind: str, reason: str) -> Problem:

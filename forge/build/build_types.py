@@ -1,100 +1,157 @@
-"""The build types: forge's own, and those of other distributions.
+"""The build types: those of CMake and Python, and those of plugins.
 
-A build type of another distribution is an entry point of the group 'forge.build_types'. It refers to a module
-(or another object) with the functions of BuildType and of forge.workspace.finders.Finder:
+A build type of a plugin is an entry point of the group 'forge.build_types'. It refers to a module (or another
+object) with the fields of BuildType and the function of forge.workspace.finders.Finder:
 
     [project.entry-points."forge.build_types"]
     make = "my_distribution.make"
 
-Entry points are searched only for a build type that is not one of OWN.
+Entry points are searched only for a build type that forge does not know.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields, replace
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, TypeVar
 
+from forge.base.digests import digest
 from forge.base.errors import ForgeError, GroupedProblems, Location, Problem
+from forge.base.extensions import BUILD_TYPES, absent, call, entry_points, installed
 from forge.base.frozen import frozen
 from forge.base.graph import closure
 from forge.base.names import did_you_mean
 from forge.build.recipes import cmake, python
-from forge.build.recipes.context import common_options
+from forge.build.recipes.context import BuildContext, Recipe, common_options
+from forge.build.up_to_date import BUILD_TYPE
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Container, Iterable, Mapping, Sequence
+    from collections.abc import Container, Iterable, Iterator
 
-    from forge.build.recipes.context import BuildContext, Recipe
     from forge.build.tests.recipes import TestContext
     from forge.workspace.model import Manifest, Package
 
-
-class BuildType(Protocol):
-    """What forge asks a build type. The functions return values; they run no programs and write no files."""
-
-    def options(self, package: Package, context: BuildContext, /) -> tuple[str, ...]:
-        """Return the inputs besides sources, dependencies and tools: `common_options` and further ones.
-
-        A package is built again when one of them changes.
-        """
-
-    def recipe(self, package: Package, context: BuildContext, /) -> Recipe:
-        """Return the steps that build the package and install it into its prefix."""
-
-    def tests(self, package: Package, context: TestContext, /) -> Recipe:
-        """Return the steps that test the package, none if it has no tests."""
+_Result = TypeVar("_Result")
 
 
 @frozen
-class _Own:
-    """One of forge's own build types."""
+class BuildType:
+    """What forge asks a build type. Only `toolchain` runs programs, and no function writes files."""
 
     options: Callable[[Package, BuildContext], tuple[str, ...]]
+    """Returns the inputs besides sources, dependencies and tools: `common_options` and further ones.
+
+    A package is built again when one of them changes.
+    """
     recipe: Callable[[Package, BuildContext], Recipe]
+    """Returns the steps that build the package and install it into its prefix."""
     tests: Callable[[Package, TestContext], Recipe]
+    """Returns the steps that test the package, none if it has no tests."""
+    toolchain: (
+        Callable[[Sequence[Package], BuildContext | TestContext, Mapping[str, str]], tuple[str, str]] | None
+    ) = None
+    """Returns the name of the toolchain of some packages, and a text that changes if the toolchain does.
 
-
-class _Rust:
-    """The build types of Rust packages; their recipes are only imported if there are such packages."""
-
-    def options(self, package: Package, context: BuildContext) -> tuple[str, ...]:
-        from forge.build.recipes import cargo
-
-        return cargo.options(package, context)
-
-    def recipe(self, package: Package, context: BuildContext) -> Recipe:
-        from forge.build.recipes import cargo
-
-        return cargo.recipe(package, context)
-
-    def tests(self, package: Package, context: TestContext) -> Recipe:
-        from forge.build.recipes import cargo
-
-        return cargo.tests(package, context)
+    Raises HostError if it is not installed. The last parameter are the variables of the build.
+    """
+    staged: bool = False
+    """Nothing but `install_tree` writes into the prefix, so that forge need not observe the steps."""
+    tests_need_build: bool = True
+    """The tests need the files in the build folder, which a package restored from the cache lacks."""
 
 
 OWN: Mapping[str, BuildType] = {
-    "ament_cmake": _Own(cmake.ament_options, cmake.ament_recipe, cmake.tests),
-    "ament_python": _Own(common_options, python.recipe, python.tests),
-    "ament_cargo": _Rust(),
-    "cargo": _Rust(),
-    "cmake": _Own(cmake.plain_options, cmake.plain_recipe, cmake.tests),
-    "python": _Own(common_options, python.plain_recipe, python.tests),
+    "ament_cmake": BuildType(cmake.ament_options, cmake.ament_recipe, cmake.tests),
+    "ament_python": BuildType(common_options, python.recipe, python.tests, tests_need_build=False),
+    "cmake": BuildType(cmake.plain_options, cmake.plain_recipe, cmake.tests),
+    "python": BuildType(common_options, python.plain_recipe, python.tests, tests_need_build=False),
 }
 
 
 def find_build_type(name: str) -> BuildType | None:
     """Return a build type, None if it is unknown; raises ForgeError for a plugin that cannot be loaded."""
-    return OWN[name] if name in OWN else _plugin(name)
+    if name in OWN:
+        return OWN[name]
+    from forge.workspace.finders import plugin
+
+    module = plugin(name)
+    if module is None:
+        return None
+    names = (field.name for field in fields(BuildType))
+    found = BuildType(**{field: getattr(module, field) for field in names if hasattr(module, field)})
+    return found if name in installed(BUILD_TYPES) else _checked(name, found, module)
+
+
+def _checked(name: str, found: BuildType, module: object) -> BuildType:
+    """Turn exceptions and wrong results of another distribution's build type into ForgeErrors."""
+    what = f"the build type '{name}'"
+
+    def checked(function: Callable[..., _Result], wanted: type[_Result]) -> Callable[..., _Result]:
+        def run(*arguments: object) -> _Result:
+            result = call(what, function, *arguments)
+            if not isinstance(result, wanted):
+                message = f"{what} returned {type(result).__name__} instead of a {wanted.__name__}"
+                raise ForgeError(Problem(message))
+            return result
+
+        return run
+
+    options = checked(found.options, tuple)
+    return replace(
+        found,
+        options=lambda *arguments: (*options(*arguments), f"{BUILD_TYPE}'{name}' {_code_digest(module)}"),
+        recipe=checked(found.recipe, Recipe),
+        tests=checked(found.tests, Recipe),
+        toolchain=found.toolchain and checked(found.toolchain, tuple),
+    )
+
+
+def _code_digest(plugin: object) -> str:
+    """Return a digest of a plugin's code: another version of it may build in another way."""
+    from forge.build.inputs.fingerprints import content_digest, digest_strings, source_files
+
+    module = plugin if isinstance(plugin, ModuleType) else sys.modules[type(plugin).__module__]
+    file = Path(module.__file__ or "")
+    files = source_files(str(file.parent)) if file.name == "__init__.py" else (str(file),)
+    return digest_strings(*(content_digest(path) for path in files if path.endswith(".py")))
+
+
+def by_toolchain(
+    packages: Sequence[Package],
+) -> Iterator[tuple[Callable[..., tuple[str, str]], list[Package]]]:
+    """Yield the `toolchain` functions of the packages' build types, each with its packages."""
+    types: dict[BuildType, set[str]] = {}
+    for name in sorted({package.build_type for package in packages} - OWN.keys()):
+        if (found := find_build_type(name)) and found.toolchain:
+            types.setdefault(found, set()).add(name)
+    for found, names in types.items():
+        if found.toolchain:
+            yield found.toolchain, [package for package in packages if package.build_type in names]
+
+
+def with_toolchains(
+    context: BuildContext, packages: Sequence[Package], variables: Mapping[str, str]
+) -> BuildContext:
+    """Return the context with the toolchains of build types; raises HostError for those not installed."""
+    found = {}
+    for toolchain, of_type in by_toolchain(packages):
+        name, identity = toolchain(of_type, context, variables)
+        option = f"the {name} toolchain {digest(identity)}"
+        found.update(dict.fromkeys((package.build_type for package in of_type), option))
+    return replace(context, toolchains=tuple(found.items()))
 
 
 def known_types() -> tuple[str, ...]:
-    """Return the names of all build types, without loading those of other distributions."""
-    return tuple(sorted({*OWN, *_plugin_names()}))
+    """Return the names of all build types, without loading those of plugins."""
+    return tuple(sorted({*OWN, *installed(BUILD_TYPES), *entry_points(BUILD_TYPES)}))
 
 
 def is_known_type(name: str) -> bool:
     """Tell whether there is a build type of this name, without loading it."""
-    return name in OWN or name in _plugin_names()
+    return name in OWN or name in installed(BUILD_TYPES) or name in entry_points(BUILD_TYPES)
 
 
 def build_type_of(package: Package) -> BuildType:
@@ -148,19 +205,9 @@ def hint_on_type(build_type: str, name: str = "NAME") -> str:
     if build_type == "catkin":
         what = "catkin, the build type of a package.xml that names none, is for ROS 1"
         return f"{what}; check out a branch for ROS 2, add a build type, or pass --packages-skip {name}"
-    near = did_you_mean(build_type, OWN)
-    known = f"{near} Others" if near else f"supported build types: {', '.join(sorted(OWN))}; others"
+    if problem := absent(BUILD_TYPES, build_type, "build type"):
+        return f"{problem.message}; {problem.hint}"
+    names = sorted({*OWN, *installed(BUILD_TYPES)})
+    near = did_you_mean(build_type, names)
+    known = f"{near} Others" if near else f"supported build types: {', '.join(names)}; others"
     return f"{known} need a plugin, see `forge extensions`"
-
-
-def _plugin_names() -> frozenset[str]:
-    from forge.workspace.finders import plugin_names
-
-    return plugin_names()
-
-
-def _plugin(name: str) -> BuildType | None:
-    """Return the build type of another distribution."""
-    from forge.build.plugins import find_plugin
-
-    return find_plugin(name)

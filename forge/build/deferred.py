@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 from forge.base.files import replace_file, text_or_nothing
 from forge.base.frozen import frozen
 from forge.base.layout import DEFERRED_BUILD_FILE, SCRATCH_DIR
+from forge.build.build_types import build_type_of
 from forge.build.tasks import Step, StepKind
-from forge.toolchain.programs import CARGO_TYPES, PYTHON_TYPES
 
 if TYPE_CHECKING:
     from forge.base.frozen import Pairs
@@ -36,8 +36,7 @@ class DeferredBuild:
 
 
 def tests_need_build(package: Package) -> bool:
-    """Return True if tests run programs in the build folder; those of Python and Rust do not."""
-    return not package.embedded and package.build_type not in {*PYTHON_TYPES, *CARGO_TYPES}
+    return not package.embedded and build_type_of(package).tests_need_build
 
 
 def defer_build(task: Task, variables: Pairs, *, has_tests: bool) -> None:

@@ -12,6 +12,7 @@ from forge.base.errors import WorkspaceError, raise_if_any
 from forge.base.files import BYTECODE, read_file, replace_file, tree_below, write_if_changed
 from forge.base.frozen import frozen
 from forge.base.layout import INSTALL_STATE_FILE
+from forge.build.build_types import build_type_of
 from forge.build.inputs.depfiles import written_by_backend
 from forge.build.install_manifests import listed_files
 from forge.build.prefix import PrefixExchange, package_markers
@@ -22,7 +23,7 @@ from forge.environment.install_state import recorded_rosdistro, recorded_underla
 from forge.environment.prefixes import PACKAGES
 from forge.environment.shells import SHELLS
 from forge.environment.sourcing import own_edits, package_edits, packages_in_order
-from forge.toolchain.programs import CARGO_TYPES, CMAKE_TYPES
+from forge.toolchain.programs import CMAKE_TYPES
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
@@ -116,7 +117,7 @@ def installed_files(package: Package, layout: Layout, earlier: Collection[str] =
         raise_if_any(exchange.overwritten(observed), WorkspaceError)
         made_folders = sorted(f"{path}/" for path in made if path not in others)
         return InstalledFiles(tuple(sorted(observed)), tuple(made_folders))
-    knows_all = writes.complete or package.build_type in CARGO_TYPES
+    knows_all = writes.complete or build_type_of(package).staged
     claimed, unclaimed = [path for path in listed if not path.startswith(below) and os.path.lexists(path)], []
     files, folders = tree_below(str(prefix))
     for path, _ in files:

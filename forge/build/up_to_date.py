@@ -281,9 +281,8 @@ _NEGATIVE = {
 
 
 MANIFEST, NAMED_FILE, BUILD_TYPE = "the evaluated package.xml", "the file ", "the build type "
-RUST = "the Rust toolchain"
-_DIGESTED = (MANIFEST, NAMED_FILE, BUILD_TYPE, RUST)
-"""Prefixes of recorded options that end with a digest, RUST after a space."""
+_DIGESTED = "the "
+"""The beginning of recorded options that end with a digest: these, and toolchains of build types."""
 
 
 def relevant_environment(variables: Mapping[str, str]) -> Pairs:

@@ -16,7 +16,6 @@ from forge.base.ament_index import INDEX
 from forge.base.distributions import VARIABLE, distribution_in
 from forge.base.errors import (
     GroupedProblems,
-    HostError,
     Problem,
     WorkspaceError,
     print_problem,
@@ -25,8 +24,7 @@ from forge.base.errors import (
 )
 from forge.base.graph import closure, closures, ordered_names
 from forge.base.layout import NO_CODE, PACKAGE, own_folders
-from forge.base.text import listed
-from forge.build.build_types import leave_out
+from forge.build.build_types import leave_out, with_toolchains
 from forge.build.certain_failures import CMakeSearch
 from forge.build.inputs.fingerprints import digest_strings, source_files, stamp_files
 from forge.build.inputs.referenced_inputs import ReferencedInputs
@@ -34,7 +32,7 @@ from forge.build.planning import GlobalInputs, names_to_build
 from forge.build.preflight import path_problems, variable_length_problems
 from forge.build.recipes.cmake import FLAGS, unfit_generator
 from forge.build.recipes.context import BuildContext
-from forge.build.up_to_date import RUST, relevant_environment
+from forge.build.up_to_date import relevant_environment
 from forge.cli.build_mode import has_many_wheels
 from forge.cli.output_checks import output_problems
 from forge.environment.install_state import recorded_python, recorded_rosdistro, recorded_underlays
@@ -45,7 +43,7 @@ from forge.execution.makeflags import read_make_flags
 from forge.toolchain.cmake_warnings import suspicious_arguments, unset_definitions
 from forge.toolchain.compiler_launchers.choice import selected_launcher
 from forge.toolchain.interpreter import find_interpreter, other_than_recorded, own_command
-from forge.toolchain.programs import CARGO_TYPES, CMAKE_TYPES, PYTHON_TYPES, condensed, find_tools, identities
+from forge.toolchain.programs import CMAKE_TYPES, PYTHON_TYPES, condensed, find_tools, identities
 from forge.workspace.discovery import ROS_DEFAULTS, special_files
 from forge.workspace.missing import missing_dependencies
 from forge.workspace.resolve import INTERFACE_GROUP
@@ -62,7 +60,6 @@ if TYPE_CHECKING:
     from forge.toolchain.interpreter import Interpreter
     from forge.toolchain.targets import CrossBuild
     from forge.workspace.load import LoadedWorkspace
-    from forge.workspace.model import Package
 
 
 def build_variables(
@@ -345,27 +342,9 @@ def prepare(
         path_maps=_path_maps(loaded.workspace.root, layout) if options.cache.wanted else (),
         cargo_args=options.cargo_args,
         no_test_dependencies=options.query.no_test_dependencies,
-        rust=_rust_toolchain(packages, loaded.workspace.root, variables, cross),
         flags=tuple((language, variables.get(variable, "")) for language, variable in FLAGS.items()),
     )
-    return context, interpreter
-
-
-def _rust_toolchain(
-    packages: Iterable[Package], root: Path, variables: Mapping[str, str], cross: CrossBuild | None
-) -> str:
-    """Return the option that stands for the Rust toolchain, '' without Rust packages."""
-    cargo_packages = [package for package in packages if package.build_type in CARGO_TYPES]
-    if not cargo_packages:
-        return ""
-    from forge.toolchain.rust import require_cargo, rust_toolchain
-
-    if cross is not None:
-        names = tuple(package.name for package in cargo_packages)
-        hint = f"build without '--target', or pass --packages-skip {' '.join(names)}"
-        raise HostError(Problem(f"'--target' does not support Rust: {listed(names)}", hint=hint))
-    require_cargo(cargo_packages[0], variables)
-    return f"{RUST} {rust_toolchain(root, variables)}"
+    return with_toolchains(context, packages, variables), interpreter
 
 
 def workspace_interpreter(python: str | None, layout: Layout, root: Path) -> Interpreter:

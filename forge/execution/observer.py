@@ -16,6 +16,7 @@ from shutil import which
 from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
+from forge.build.build_types import build_type_of
 from forge.build.observed_writes import (
     LINKS_VARIABLE,
     LOG_VARIABLE,
@@ -24,7 +25,6 @@ from forge.build.observed_writes import (
     append,
 )
 from forge.build.prefix import guarded_links, written_log
-from forge.toolchain.programs import CARGO_TYPES
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -68,7 +68,7 @@ class Observer:
 
 def is_observed(task: Task) -> bool:
     """Return True unless forge itself installs the files of the package, and thus knows them."""
-    return task.package.build_type not in CARGO_TYPES
+    return not build_type_of(task.package).staged
 
 
 def open_observer(

@@ -10,7 +10,7 @@ from forge.base.errors import GroupedProblems, HostError, Location, Problem, Wor
 from forge.base.graph import closures, ordered_names
 from forge.base.layout import FILE_TABLE, TEST_SCRATCH_DIR
 from forge.base.text import listed
-from forge.build.build_types import build_type_of, unknown_types
+from forge.build.build_types import build_type_of, by_toolchain, unknown_types
 from forge.build.change_texts import changed_sources
 from forge.build.inputs.fingerprints import FileTable, fingerprint_tree
 from forge.build.journal import open_journal
@@ -23,7 +23,7 @@ from forge.execution.job_pool import JobPool
 from forge.execution.jobserver import join_pool
 from forge.execution.makeflags import read_make_flags
 from forge.toolchain.interpreter import find_interpreter
-from forge.toolchain.programs import CARGO_TYPES, CMAKE_TYPES, PYTHON_TYPES, compiled_packages, find_ctest
+from forge.toolchain.programs import CMAKE_TYPES, PYTHON_TYPES, compiled_packages, find_ctest
 from forge.toolchain.python_modules import install_command, missing_modules
 from forge.toolchain.resources import is_overloaded, processors
 from forge.toolchain.untested import was_built_without_tests
@@ -176,16 +176,12 @@ def prepare_context(
     Raises HostError if no package can be tested.
     """
     packages = [loaded.packages[name] for name in names]
-    cmake, rust, python = (
+    cmake, python = (
         [package for package in packages if package.build_type in types]
-        for types in (CMAKE_TYPES, CARGO_TYPES, PYTHON_TYPES)
+        for types in (CMAKE_TYPES, PYTHON_TYPES)
     )
     without_ctest = _lacking(cmake, lambda: find_ctest(os.environ))
     lacking = dict(without_ctest)
-    if rust:
-        from forge.toolchain.rust import require_cargo
-
-        lacking |= _lacking(rust, lambda: require_cargo(rust[0], variables))
     if layout.target:
         lacking |= _lacking(compiled_packages(packages), lambda: _require_emulator(layout))
     recorded, chain = recorded_python(layout.install), find_underlays(variables, layout.install).chain
@@ -199,6 +195,8 @@ def prepare_context(
         modules=frozenset(_TEST_MODULES) - frozenset(missing),
         options=options,
     )
+    for toolchain, of_type in by_toolchain(packages):
+        lacking |= _lacking(of_type, partial(toolchain, of_type, context, variables))
     if "pytest" in missing:
         wanting = tuple(package.name for package in python if _framework(package, context) == "pytest")
         message = f"'{interpreter.path}' has no pytest, which is required by {listed(wanting)}"

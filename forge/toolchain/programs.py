@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
 CMAKE_TYPES = frozenset({"ament_cmake", "cmake"})
 PYTHON_TYPES = frozenset({"ament_python", "python"})
-CARGO_TYPES = frozenset({"ament_cargo", "cargo"})
 
 _COMPILERS = ("c++", "g++", "clang++", "cc", "gcc", "clang")
 _BEFORE_PROJECT = frozenset({"cmake_minimum_required", "cmake_policy", "message", "set"})

@@ -1,21 +1,18 @@
-"""Finds packages without package.xml by the build types of other distributions.
+"""Finds packages without package.xml by the build types of plugins.
 
-Their entry points are searched only for the types in colcon.pkg, *.meta files and forge.toml that forge does
-not know. forge.build.build_types has the other half of what a build type implements.
+forge.build.build_types has the other half of what a build type implements. Entry points of other
+distributions are searched only for types in colcon.pkg, *.meta files and forge.toml that forge does not know.
 """
 
 from __future__ import annotations
 
-import sys
-from functools import cache
 from typing import TYPE_CHECKING, Any, Protocol
 
 from forge.base.errors import Location, Problem, WorkspaceError
-from forge.base.extensions import BUILD_TYPES, call, entry_points, load
+from forge.base.extensions import BUILD_TYPES, OWN, absent, call, find
 from forge.workspace.identity import Identity
 
 if TYPE_CHECKING:
-    from importlib.metadata import EntryPoint
     from pathlib import Path
 
     from forge.workspace.identity import Folder
@@ -24,18 +21,20 @@ FUNCTIONS = ("identify", "options", "recipe", "tests")
 
 
 class Finder(Protocol):
-    """What discovery asks a build type of another distribution."""
+    """What discovery asks a build type of a plugin."""
 
     def identify(self, folder: Folder, /) -> Identity | None:
         """Return the package in a folder without package.xml, None if it is none of this build type."""
 
 
 def plugin(name: str) -> Any:
-    """Return the build type `name` of another distribution, None if there is none.
+    """Return the build type `name` of a plugin, None if there is none.
 
     Raises ForgeError if it cannot be loaded.
     """
-    return _plugin(name, tuple(sys.path))
+    if absent(BUILD_TYPES, name, "build type"):
+        return None
+    return find(BUILD_TYPES, name, "build type", FUNCTIONS)
 
 
 def identify_with(name: str, folder: Folder) -> Identity | None:
@@ -43,6 +42,9 @@ def identify_with(name: str, folder: Folder) -> Identity | None:
     found = plugin(name)
     if found is None:
         return None
+    if name in OWN[BUILD_TYPES]:
+        identity: Identity | None = found.identify(folder)
+        return identity
     identity = call(f"the build type '{name}'", found.identify, folder)
     if not isinstance(identity, Identity | None):
         message = f"the build type '{name}' returned {type(identity).__name__} instead of an Identity"
@@ -57,19 +59,3 @@ def require_plugins(names: tuple[str, ...], file: Path) -> None:
             message = f"no installed distribution provides the build type '{name}'"
             hint = f"install it beside forge, source its workspace, or remove '{name}' from 'build-types'"
             raise WorkspaceError(Problem(message, Location(file), hint))
-
-
-def plugin_names() -> frozenset[str]:
-    """Return the names of the build types of other distributions, without loading them."""
-    return frozenset(_entries(tuple(sys.path)))
-
-
-@cache
-def _plugin(name: str, search_path: tuple[str, ...]) -> Any:
-    entry = _entries(search_path).get(name)
-    return None if entry is None else load(entry, "build type", FUNCTIONS)
-
-
-@cache
-def _entries(_search_path: tuple[str, ...]) -> dict[str, EntryPoint]:
-    return entry_points(BUILD_TYPES)

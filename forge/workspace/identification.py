@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from forge.base.errors import ForeignManifestError, Location, Problem, WorkspaceError
+from forge.base.extensions import PACKAGE_FILES
 from forge.base.files import read_file, text_or_nothing
 from forge.base.layout import IGNORE_MARK
 from forge.base.names import did_you_mean, is_safe_name
@@ -30,9 +31,9 @@ _NAME = re.compile(r"<name>\s*([\w.-]+)\s*</name>")
 _COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
 ROS_IGNORE_FILES = ("AMENT_IGNORE", "CATKIN_IGNORE")
 FOREIGN_INSTALLS = ("_order_isolated_packages.py", "_setup_util.py")
-OWN_TYPES = frozenset({"cargo", "cmake", "python", "ros"})
+OWN_TYPES = frozenset({"cmake", "python", "ros", *PACKAGE_FILES.values()})
 """The types of colcon.pkg and *.meta files that forge knows, besides those that begin with 'ros.'."""
-PLAIN = frozenset({"Cargo.toml", "CMakeLists.txt", "setup.py", "pyproject.toml"})
+PLAIN = frozenset({"CMakeLists.txt", "setup.py", "pyproject.toml", *PACKAGE_FILES})
 MARKER_FILES = (
     frozenset({IGNORE_MARK, *ROS_IGNORE_FILES, *FOREIGN_INSTALLS, COLCON_PKG, "package.xml", "manifest.xml"})
     | PLAIN

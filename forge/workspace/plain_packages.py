@@ -8,15 +8,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.errors import Location, Problem
+from forge.base.extensions import BUILD_TYPES, PACKAGE_FILES, absent
 from forge.base.files import not_regular_reason, text_or_nothing
 from forge.base.formats import read_toml
-from forge.workspace.cargo_metadata import cargo_dependencies, package_of, version_of
 from forge.workspace.cmake_metadata import (
     cmake_dependencies,
     is_catkin_toplevel,
     names_no_literal,
     project_name,
 )
+from forge.workspace.finders import identify_with
 from forge.workspace.identity import Identity
 from forge.workspace.model import Dependency, DependencyKind, Manifest, Package
 from forge.workspace.overrides import COLCON_PKG
@@ -36,11 +37,11 @@ if TYPE_CHECKING:
 
 
 def identify_plain(folder: Folder) -> Identity | None:
-    """Return the identity according to CMake or Python files, or None.
+    """Return the identity according to CMake or Python files, or to those of plugins, or None.
 
     Raises WorkspaceError for a malformed pyproject.toml, OSError for unreadable files.
     """
-    for step in (_ambiguous, cmake_package, python_package, cargo_package):
+    for step in (_ambiguous, cmake_package, python_package, _of_plugin):
         identity = step(folder)
         if identity is not None:
             return identity
@@ -56,18 +57,15 @@ def identify_plain(folder: Folder) -> Identity | None:
     return Identity(descend=True, notes=tuple(notes)) if notes else None
 
 
-def cargo_package(folder: Folder) -> Identity | None:
-    """Read Cargo.toml; members of a Cargo workspace are found in the folders below, like other packages."""
-    if not folder.may_be("cargo") or not folder.has("Cargo.toml"):
-        return None
-    path = folder.display_path / "Cargo.toml"
-    content = read_toml(folder.content("Cargo.toml"), folder.absolute / "Cargo.toml")
-    own = package_of(content).get("name")
-    if not isinstance(own, str):
-        return None
-    package = plain_package(folder, folder.name or own, "cargo", path, cargo_dependencies(content, own))
-    package = replace(package, manifest=replace(package.manifest, version=version_of(content)))
-    return Identity(package, descend="workspace" in content)
+def _of_plugin(folder: Folder) -> Identity | None:
+    """Let one of forge's own plugins read the file that it describes packages with."""
+    for file, name in PACKAGE_FILES.items():
+        if folder.may_be(name) and folder.has(file):
+            if problem := absent(BUILD_TYPES, name, "build type"):
+                note = replace(problem, location=Location(folder.display_path / file))
+                return Identity(notes=(note,), descend=True)
+            return identify_with(name, folder)
+    return None
 
 
 def _ambiguous(folder: Folder) -> Identity | None:

@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
 LISTS = "CMakeLists.txt"
-CARGO_MANIFEST = "Cargo.toml"
 
 _NOBODY: frozenset[str] = frozenset()
 
@@ -24,8 +23,8 @@ _NOBODY: frozenset[str] = frozenset()
 class References:
     """The references of a text.
 
-    `words` are potential programs: bare words and absolute paths. `included` are other CMake files, folders
-    and Rust crates as written; `scripts` are names of scripts that may run. The `exported` variables,
+    `words` are potential programs: bare words and absolute paths. `included` are other build scripts and
+    folders as written; `scripts` are names of scripts that may run. The `exported` variables,
     packages and words also apply to dependents of the package.
     """
 
@@ -64,8 +63,6 @@ def reader_of(name: str, *, top: bool) -> Callable[[str], References] | None:
         return in_shell
     if top and name.endswith(".py"):
         return in_python
-    if name.endswith(".rs") or name == CARGO_MANIFEST:
-        return _OF_CARGO.get(name, in_rust)
     return in_settings if top and name in {"setup.cfg", "pyproject.toml"} else None
 
 
@@ -114,32 +111,6 @@ def in_python(text: str) -> References:
     return References(variables=variables, words=words, scripts=frozenset(_SCRIPT.findall(text)))
 
 
-def in_rust(text: str) -> References:
-    """Return the variables that a Rust source reads while it is compiled.
-
-    Other crates compile them too. A file that prints instructions to cargo is part of a build script.
-    """
-    variables = frozenset(_RUST_ENV.findall(text))
-    return in_rust_script(text) if "cargo:" in text else References(variables=variables, exported=variables)
-
-
-def in_rust_script(text: str) -> References:
-    """Return the variables that a build script of cargo reads."""
-    variables = frozenset(_RUST_ENV.findall(text))
-    if "env" in text:
-        variables |= frozenset(_RUST_RERUN.findall(text)) | frozenset(_RUST_VAR.findall(text))
-        variables |= frozenset(_CAPITALS.findall(text))
-    return References(variables=variables, exported=variables)
-
-
-def in_cargo_manifest(text: str) -> References:
-    """Return the references of a Cargo.toml: the folders of other crates."""
-    return References(included=frozenset(_CRATE.findall(text)))
-
-
-_OF_CARGO = {CARGO_MANIFEST: in_cargo_manifest, "build.rs": in_rust_script}
-
-
 def in_settings(text: str) -> References:
     """Return the references of setup.cfg or pyproject.toml, such as hatch's '{env:NAME}'."""
     return References(variables=frozenset(_CONTEXT.findall(text)), scripts=frozenset(_SCRIPT.findall(text)))
@@ -177,10 +148,6 @@ _CAPITALS = re.compile(r"['\"]([A-Z][A-Z0-9_]+)['\"]")
 """Names looked up through an alias, as after `env = os.environ`."""
 _LITERAL = re.compile(r"(['\"])((?:\\.|(?!\1)[^\\\n])*)\1")
 _STARTS_PROGRAMS = re.compile(r"subprocess|system|popen|spawn|exec|which", re.IGNORECASE)
-_RUST_ENV = re.compile(r"\b(?:option_)?env!\s*[(\[{]\s*\"(\w+)\"")
-_RUST_VAR = re.compile(r"\bvar(?:_os)?\s*\(\s*\"(\w+)\"")
-_RUST_RERUN = re.compile(r"\brerun-if-env-changed=(\w+)")
-_CRATE = re.compile(r"""\bpath\s*=\s*["']([^"'\n]+)["']""")
 _CONTEXT = re.compile(r"\{env:(\w+)")
 _SHELL = re.compile(r"\$[({]?([A-Za-z_]\w*)|\bENV\{([A-Za-z_]\w*)")
 

@@ -128,6 +128,59 @@ def test_another_version_of_a_plugin_builds_its_packages_again(
     assert "greeter: build, the build type 'make' changed\n" in forge("build", "--dry-run", cwd=greeter).out
 
 
+TOOLCHAIN = """
+def toolchain(packages, context, variables):
+    from forge.base.errors import HostError, Problem
+    if "MAKER" not in variables:
+        raise HostError(Problem(f"no maker for {len(packages)} packages"))
+    return "Make", variables["MAKER"]
+"""
+
+
+def test_the_toolchain_of_a_plugin_is_an_input_of_its_packages(
+    forge: Forge, greeter: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    install(monkeypatch, greeter / "plugin", PLUGIN + TOOLCHAIN)
+    ran = forge("build", cwd=greeter)
+    assert (ran.code, "error: no maker for 1 packages\n" in ran.err) == (2, True)
+    assert forge("build", cwd=greeter, env={"MAKER": "1"}).code == 0
+    ran = forge("build", "--dry-run", cwd=greeter, env={"MAKER": "2"})
+    assert "greeter: build, the Make toolchain changed\n" in ran.out
+    ran = forge("test", cwd=greeter)
+    assert (ran.code, "error: no maker for 1 packages\n" in ran.err) == (2, True)
+
+
+READER = """
+def reader_of(path):
+    from forge.workspace.references import References
+    if path.endswith(".rules"):
+        return lambda text: References(variables=frozenset(text.split()))
+"""
+
+
+def test_a_plugin_finds_the_variables_that_its_files_name(
+    forge: Forge, greeter: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    install(monkeypatch, greeter / "plugin", PLUGIN + READER)
+    (greeter / "src/greeter/x.rules").write_text("NOISE\n")
+    assert forge("build", cwd=greeter).code == 0
+    ran = forge("build", "--dry-run", cwd=greeter, env={"NOISE": "loud"})
+    assert "greeter: build, the environment variable 'NOISE' " in ran.out
+    (greeter / "src/greeter/x.rules").write_text("OTHER\n")
+    install(monkeypatch, greeter / "broken", PLUGIN + READER.replace("frozenset", "1 / 0 or "))
+    ran = forge("build", cwd=greeter)
+    assert (ran.code, "the build type 'make' failed: ZeroDivisionError" in ran.err) == (2, True)
+
+
+def test_the_steps_of_a_plugin_that_stages_are_not_observed(
+    forge: Forge, greeter: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    install(monkeypatch, greeter / "plugin", PLUGIN + "staged = True\n")
+    (greeter / "src/greeter/Makefile").write_text(MAKEFILE.replace("echo made", "echo $$LD_PRELOAD"))
+    assert forge("build", cwd=greeter).code == 0
+    assert (greeter / "install/greeter/lib/greeter/greet").read_text() == "\n"
+
+
 @pytest.mark.usefixtures("plugin")
 @pytest.mark.parametrize(
     "named_by", [{"forge.toml": "build-types = ['make']"}, {"src/x/colcon.pkg": "type: make"}]
@@ -230,7 +283,8 @@ def test_required_packages_of_unknown_build_types_are_errors(forge: Forge, tree:
     assert forge("build", "--dry-run", "--packages-skip", "b", cwd=root).code == 0
 
 
-def test_a_build_imports_nothing_for_plugins_and_rust_without_such_packages(tree: Tree) -> None:
+@pytest.mark.parametrize("words", [["build", "--dry-run"], ["list"]])
+def test_nothing_is_imported_for_build_types_without_packages(tree: Tree, words: list[str]) -> None:
     root = tree(
         {
             "src/b/package.xml": manifest_text("b", build_type="ament_python"),
@@ -239,8 +293,8 @@ def test_a_build_imports_nothing_for_plugins_and_rust_without_such_packages(tree
         }
     )
     script = (
-        "import sys\nfrom forge.cli.main import main\ncode = main(['build', '--dry-run'])\n"
-        "unused = {'importlib.metadata', 'forge.build.recipes.cargo'}\n"
+        f"import sys\nfrom forge.cli.main import main\ncode = main({words})\n"
+        "unused = {'importlib.metadata', 'forge.plugins'}\n"
         "print(code, sorted(unused & sys.modules.keys()))"
     )
     ran = subprocess.run(

@@ -40,13 +40,18 @@ def run_forge(folder: Path, *words: str, path: Path = ROOT) -> subprocess.Comple
     return subprocess.run(argv, cwd=folder, env=environment, capture_output=True, text=True, check=False)
 
 
-@pytest.mark.parametrize("plugin", PLUGINS)
-def test_forge_builds_without_the_plugin(plugin: str, tree: Tree, tmp_path: Path) -> None:
-    copy = tmp_path / "copy"
+def copy_without(plugin: str, copy: Path) -> Path:
+    """Copy forge without a plugin; returns the folder for PYTHONPATH."""
     shutil.copytree(ROOT / "forge", copy / "forge", ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copytree(ROOT / "templates", copy / "templates")
     shutil.copy(ROOT / "_ros_forge.py", copy)
     shutil.rmtree(copy / "forge/plugins" / plugin)
+    return copy
+
+
+@pytest.mark.parametrize("plugin", PLUGINS)
+def test_forge_builds_without_the_plugin(plugin: str, tree: Tree, tmp_path: Path) -> None:
+    copy = copy_without(plugin, tmp_path / "copy")
     root = tree(WORKSPACE) / "ws"
     for words in (("--help",), ("completion", "bash"), ("extensions",), ("list",), ("build",), ("test",)):
         ran = run_forge(root, *words, path=copy)
@@ -55,16 +60,15 @@ def test_forge_builds_without_the_plugin(plugin: str, tree: Tree, tmp_path: Path
 
 
 def test_the_command_of_a_missing_plugin_says_how_to_get_it(tmp_path: Path) -> None:
-    shutil.copytree(ROOT / "forge", tmp_path / "forge", ignore=shutil.ignore_patterns("__pycache__", "lsp"))
-    ran = run_forge(tmp_path, "lsp", path=tmp_path)
+    ran = run_forge(tmp_path, "lsp", path=copy_without("lsp", tmp_path / "copy"))
     assert ran.returncode == 2
     message = "error: the command 'lsp' needs the plugin 'lsp', which this forge lacks"
     assert f"{message}\nhint: install forge again with the extra 'lsp'; see file:///" in ran.stderr
 
 
 def test_a_target_without_its_plugin_says_how_to_get_it(tree: Tree, tmp_path: Path) -> None:
-    shutil.copytree(ROOT / "forge", tmp_path / "forge", ignore=shutil.ignore_patterns("__pycache__", "cross"))
-    ran = run_forge(tree(WORKSPACE) / "ws", "build", "--target", "arm64", path=tmp_path)
+    copy = copy_without("cross", tmp_path / "copy")
+    ran = run_forge(tree(WORKSPACE) / "ws", "build", "--target", "arm64", path=copy)
     assert ran.returncode == 2
     message = "error: the toolchain 'cross' needs the plugin 'cross', which this forge lacks"
     assert f"{message}\nhint: install forge again with the extra 'cross'; see file:///" in ran.stderr
@@ -130,6 +134,25 @@ def test_a_toolchain_of_another_distribution_builds_for_its_platform(tree: Tree)
     assert (root / "ws/build/board/blink/ran").is_file()
     (root / "toolchain/sdk/run").unlink()
     assert "cannot run the tests of programs for 'board'" in forge("test", "--target", "board").stderr
+
+
+def test_packages_of_a_missing_build_type_are_skipped_with_its_plugin_named(
+    tree: Tree, tmp_path: Path
+) -> None:
+    copy = copy_without("cargo", tmp_path / "copy")
+    manifest = '[package]\nname = "b"\n'
+    files = {"a/package.xml": manifest_text("a", build_type="ament_cargo"), "b/Cargo.toml": manifest}
+    root = tree({f"ws/src/{name}": text for name, text in files.items()}) / "ws"
+    lacks = "needs the plugin 'cargo', which this forge lacks"
+    ran = run_forge(root, "list", path=copy)
+    assert (ran.returncode, ran.stdout) == (0, "a\tsrc/a\t(ros.ament_cargo)\n")
+    assert f"src/b/Cargo.toml: warning: the build type 'cargo' {lacks}\nhint: install forge" in ran.stderr
+    ran = run_forge(root, "build", path=copy)
+    assert ran.returncode == 0
+    assert "warning: skipping 'a': unknown build type 'ament_cargo'\n" in ran.stderr
+    assert f"hint: the build type 'ament_cargo' {lacks}; install forge again; see file:///" in ran.stderr
+    ran = run_forge(root, "build", "--packages-select", "a", path=copy)
+    assert (ran.returncode, f"'ament_cargo' {lacks}" in ran.stderr) == (2, True)
 
 
 def test_a_command_of_another_distribution_is_installed_from_a_wheel(tmp_path: Path) -> None:

@@ -525,7 +525,7 @@ def test_other_packages_are_tested_without_cargo(
         }
     )
     assert forge("build", "--packages-select", "a", cwd=root).code == 0
-    monkeypatch.setattr("forge.toolchain.rust.find_program", lambda *_: None)
+    monkeypatch.setattr("forge.plugins.cargo.build_type.find_program", lambda *_: None)
     ran = forge("test", cwd=root)
     assert (ran.code, "error: cargo not found; 'r' needs it\n" in ran.err) == (1, True)
     assert "1 package finished" in ran.out

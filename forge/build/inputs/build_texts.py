@@ -7,18 +7,19 @@ from __future__ import annotations
 
 import os
 import time
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from forge.base.extensions import PACKAGE_FILES, call
 from forge.base.files import open_regular
 from forge.build.inputs.fingerprints import RACY_NANOSECONDS, source_files, stamp_files
 from forge.build.inputs.named_entries import VOLATILE, Entry, NamedFiles, Uses, digest_of_text, is_text
 from forge.build.up_to_date import NAMED_FILE, is_relevant
 from forge.toolchain.config_search import ConfigSearch, prefixes_of_path
-from forge.toolchain.programs import cmake_root
+from forge.toolchain.programs import CMAKE_TYPES, PYTHON_TYPES, cmake_root
+from forge.workspace.finders import plugin
 from forge.workspace.references import (
-    CARGO_MANIFEST,
     LISTS,
     References,
     in_find_module,
@@ -28,12 +29,13 @@ from forge.workspace.references import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from forge.toolchain.program_lookup import ProgramLookup
     from forge.workspace.model import Package
 
 _LARGEST = 1 << 19
+_OF_CORE = CMAKE_TYPES | PYTHON_TYPES
 _SKIPPED_MODULES = frozenset({"Python", "Python2", "Python3", "PythonInterp", "PythonLibs", "Threads"})
 """Find modules whose results forge itself sets, or that read no variables."""
 
@@ -56,7 +58,7 @@ class Scanner:
 
     def entry(self, package: Package, sources: str) -> Entry:
         """Read the build scripts of a package and look up the names in them."""
-        named, outside = _read_texts(os.path.normpath(self._root / package.path))
+        named, outside = _read_texts(os.path.normpath(self._root / package.path), package.build_type)
         for name in sorted(named.packages):
             named |= self._find_module(name) | self._config(name)
         return Entry(
@@ -134,28 +136,37 @@ def _stamp(paths: Sequence[str]) -> str:
     return "" if racy or not paths else stamp_files(paths)
 
 
-def _read_texts(source_dir: str) -> tuple[References, list[str]]:
+def _read_texts(source_dir: str, build_type: str) -> tuple[References, list[str]]:
     """Return the names in the build scripts below a folder, and the files that they include elsewhere."""
     files = list(source_files(source_dir))
+    types = {build_type, *(PACKAGE_FILES.get(os.path.basename(path), build_type) for path in files)}
+    of_plugins = [(f"the build type '{name}'", plugin(name)) for name in sorted(types - _OF_CORE)]
+
+    def reader(path: str, *, top: bool = False) -> Callable[[str], References] | None:
+        if found := reader_of(os.path.basename(path), top=top):
+            return found
+        for what, module in of_plugins:
+            if hasattr(module, "reader_of") and (found := call(what, module.reader_of, path)):
+                return partial(call, what, found)
+        return None
+
     named, outside = References(), list[str]()
-    waiting = []
-    for path in files:
-        folder, _, name = path.rpartition("/")
-        if reader := reader_of(name, top=folder == source_dir):
-            waiting.append((path, reader))
+    readers = ((path, reader(path, top=os.path.dirname(path) == source_dir)) for path in files)
+    waiting = [(path, read) for path, read in readers if read]
     seen = {path for path, _ in waiting}
     mentioned = False
     while waiting:
-        path, reader = waiting.pop()
-        found = reader(_text(path))
+        path, read = waiting.pop()
+        found = read(_text(path))
         named |= found
         folder = os.path.dirname(path)
         for word in found.included:
-            for other in _listed(os.path.normpath(os.path.join(folder, _expand(word, folder, source_dir)))):
+            name = os.path.normpath(os.path.join(folder, _expand(word, folder, source_dir)))
+            for other in filter(os.path.isfile, (name, f"{name}/{LISTS}")):
                 if other not in seen and not other.startswith(f"{source_dir}/"):
                     seen.add(other)
                     outside.append(other)
-                    waiting.append((other, reader_of(os.path.basename(other), top=False) or in_module))
+                    waiting.append((other, reader(other) or in_module))
         if not waiting and not mentioned:
             mentioned = True
             for other in files:
@@ -164,14 +175,6 @@ def _read_texts(source_dir: str) -> tuple[References, list[str]]:
                     seen.add(other)
                     waiting.append((other, script))
     return named, outside
-
-
-def _listed(path: str) -> tuple[str, ...]:
-    """Return the files for a path: itself, the CMakeLists.txt in a folder, or the sources of a Rust crate."""
-    names = [name for name in (path, f"{path}/{LISTS}") if os.path.isfile(name)]
-    if os.path.isfile(f"{path}/{CARGO_MANIFEST}"):
-        names += [name for name in source_files(path) if name.endswith((".rs", CARGO_MANIFEST))]
-    return tuple(names)
 
 
 def _expand(word: str, list_dir: str, source_dir: str = "") -> str:

@@ -69,8 +69,8 @@ class BuildContext:
     path_maps: Pairs = ()
     """For each CMake language, the flags that keep workspace paths out of compiled files."""
     cargo_args: tuple[str, ...] = ()
-    rust: str = ""
-    """An option that stands for the Rust toolchain."""
+    toolchains: Pairs = ()
+    """For build types of plugins, an option that stands for their toolchain."""
     no_test_dependencies: bool = False
     """Do not build the tests of packages whose tests have dependencies of their own."""
     flags: Pairs = ()
@@ -175,6 +175,7 @@ def common_options(package: Package, context: BuildContext) -> tuple[str, ...]:
         f"{layout.word}{LINKS if layout.symlink and not package.embedded else ''}",
         str(context.python),
         context.site_packages,
+        *(option for name, option in context.toolchains if name == package.build_type),
         *(() if package.embedded else (f"{MANIFEST} {_manifest(package)}",)),
     )
 

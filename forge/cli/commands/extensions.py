@@ -6,15 +6,7 @@ from typing import TYPE_CHECKING
 
 from forge import __version__
 from forge.base.env_vars import EXECUTORS
-from forge.base.extensions import (
-    BUILD_TYPES,
-    COMMANDS,
-    OWN,
-    TOOLCHAINS,
-    distribution_of,
-    entry_points,
-    is_installed,
-)
+from forge.base.extensions import BUILD_TYPES, COMMANDS, TOOLCHAINS, distribution_of, entry_points, installed
 from forge.base.extensions import TARGETS as TARGET_GROUP
 from forge.build.build_types import OWN as CORE_BUILD_TYPES
 from forge.environment.shells import SHELLS
@@ -49,8 +41,7 @@ def run(options: argparse.Namespace) -> int:
 def _print(kind: str, own: Iterable[str], group: str = "") -> None:
     """Print one kind; other distributions extend it by entry points of `group`, if it has one."""
     print(f"{kind} (entry points '{group}'):" if group else f"{kind}:")
-    in_plugins = (name for name in OWN.get(group, ()) if is_installed(group, name))
-    rows = [(name, f"ros-forge {__version__}") for name in sorted({*own, *in_plugins})]
+    rows = [(name, f"ros-forge {__version__}") for name in sorted({*own, *installed(group)})]
     rows += _of_others(group, {name for name, _ in rows}) if group else ()
     width = max((len(name) for name, _ in rows), default=0)
     print(*(f"  {name:<{width}}  {distribution}" for name, distribution in rows), sep="\n")

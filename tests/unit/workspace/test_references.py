@@ -5,13 +5,10 @@ from __future__ import annotations
 import pytest
 
 from forge.workspace.references import (
-    in_cargo_manifest,
     in_find_module,
     in_lists,
     in_module,
     in_python,
-    in_rust,
-    in_rust_script,
     in_settings,
     in_shell,
     reader_of,
@@ -49,31 +46,6 @@ def test_environment_variables_of_cmake_code_are_found(text: str) -> None:
 )
 def test_environment_variables_of_python_code_are_found(text: str) -> None:
     assert in_python(text).variables == {"FOO"}
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        'const X: &str = env!("FOO");',
-        'let x = option_env!( "FOO" );',
-        'println!("cargo:rerun-if-env-changed=FOO");',
-        'println!("cargo::rerun-if-changed=x"); let x = env::var_os("FOO");',
-        'println!("cargo:x"); for name in ["FOO"] { let x = std::env::var(name); }',
-    ],
-)
-def test_environment_variables_of_rust_builds_are_found(text: str) -> None:
-    assert in_rust(text).variables == in_rust(text).exported == {"FOO"}
-    assert in_rust_script(text) == in_rust(text)
-
-
-def test_runtime_variables_of_rust_programs_are_not_inputs() -> None:
-    text = 'let x = std::env::var("FOO");'
-    assert in_rust(text).variables == frozenset()
-    assert in_rust_script(text).variables == {"FOO"}
-
-
-def test_crates_in_other_folders() -> None:
-    assert in_cargo_manifest('[dependencies]\nx = { path = "../x" }\n').included == {"../x"}
 
 
 def test_environment_variables_of_settings_and_scripts_are_found() -> None:
@@ -135,9 +107,6 @@ def test_scripts_that_a_build_may_run_are_found() -> None:
         "xConfig.cmake.in",
         "Makefile.am",
         "x.mk",
-        "build.rs",
-        "x.rs",
-        "Cargo.toml",
     ]
     assert all(reader_of(name, top=False) for name in always)
     assert all(

@@ -1,7 +1,7 @@
 """Run cargo for one package; a program of its own, without forge.
 
-    python cargo_run.py build NAME SOURCE BUILD WORKSPACE [cargo's command line]
-    python cargo_run.py test NAME SOURCE BUILD RESULT [cargo's command line]
+    python run.py build NAME SOURCE BUILD WORKSPACE [cargo's command line]
+    python run.py test NAME SOURCE BUILD RESULT [cargo's command line]
 
 `build` stages what the package installs in BUILD/staged, and lists for forge the files that rustc read
 outside of SOURCE, from its dep-info files, and the manifests and configuration that cargo read above SOURCE,

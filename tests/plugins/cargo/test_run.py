@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import pytest
 
 from forge.base.xml import parse_xml
-from forge.build.recipes import cargo_run, install_tree
+from forge.build.recipes import install_tree
+from forge.plugins.cargo import run
 from forge.testing.outcomes import Counts, read_junit
 
 if TYPE_CHECKING:
@@ -72,8 +73,8 @@ def test_cargo_output_is_staged_and_inputs_of_rustc_are_listed(
     monkeypatch.setenv("AMENT_PREFIX_PATH", str(root / "prefix"))
     words = (root / "src", root / "build", root, root / "cargo")
     command = ["build", "node", *map(str, words), "build", "-q"]
-    assert cargo_run.main(command) == 0
-    assert cargo_run.main(command) == 0
+    assert run.main(command) == 0
+    assert run.main(command) == 0
     staged = root / "build/staged"
     assert (staged / "bin/node").resolve() == staged / "lib/node/node"
     assert (staged / "share/node/rust/Cargo.toml").is_file()
@@ -101,7 +102,7 @@ def test_cargo_output_is_staged_and_inputs_of_rustc_are_listed(
     ],
 )
 def test_path_dependencies_are_recognized(package_id: str, crate: str) -> None:
-    assert cargo_run._local_crate(package_id) == crate
+    assert run._local_crate(package_id) == crate
 
 
 def artifact(root: Path, folder: str, kind: list[str], file: str, executable: str | None = None) -> object:
@@ -127,13 +128,13 @@ def test_results_of_tests_become_junit(tree: Tree, monkeypatch: pytest.MonkeyPat
     (root / "src/Cargo.lock").write_text("own\n")
     result, command = root / "results/test.xml", command_of_tests(root)
     monkeypatch.setenv("CODE", "101")
-    assert cargo_run.main(command) == cargo_run.TESTS_FAILED
+    assert run.main(command) == run.TESTS_FAILED
     outcome = read_junit(parse_xml(result.read_bytes(), result), str(result), "")
     assert outcome.counts == Counts(tests=3, failures=1, skipped=1)
     assert [case.name for case in outcome.cases] == ["tests::fails"]
     assert "panicked at 'a < b '" in outcome.cases[0].failures[0] + outcome.cases[0].text
     (root / "src/output").write_text("error: could not compile\n")
-    assert cargo_run.main(command) == 101
+    assert run.main(command) == 101
     assert (root / "src/Cargo.lock").exists()
 
 
@@ -143,7 +144,7 @@ def test_a_test_program_that_exits_early_has_failed(tree: Tree, monkeypatch: pyt
         tree, "\nrunning 1 test\ntest a ... ok\n\ntest result: ok. 1 passed;\n\nrunning 2 tests\n"
     )
     monkeypatch.setenv("CODE", "0")
-    assert cargo_run.main(command_of_tests(root)) == cargo_run.TESTS_FAILED
+    assert run.main(command_of_tests(root)) == run.TESTS_FAILED
     result = root / "results/test.xml"
     outcome = read_junit(parse_xml(result.read_bytes(), result), str(result), "")
     assert outcome.counts == Counts(tests=2, failures=1)
@@ -169,7 +170,7 @@ def test_a_test_program_that_exits_early_has_failed(tree: Tree, monkeypatch: pyt
     ],
 )
 def test_the_message_of_a_failed_test_is_its_panic(output: str, message: str) -> None:
-    assert cargo_run._message(output) == message
+    assert run._message(output) == message
 
 
 def test_cargo_status_lines_are_not_errors(
@@ -194,7 +195,7 @@ def test_cargo_status_lines_are_not_errors(
     )
     (root / "src/stderr").write_text(status + rest)
     monkeypatch.setenv("CODE", "101")
-    cargo_run.main(command_of_tests(root))
+    run.main(command_of_tests(root))
     out, err = capfd.readouterr()
     assert err == rest
     assert sorted(out.splitlines()) == sorted((status + TESTED).splitlines())

@@ -1,0 +1,102 @@
+"""The build types `ament_cargo` and `cargo`: `cargo build`, and programs installed to lib/<package>."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge.base.errors import HostError, Problem
+from forge.base.files import text_or_nothing
+from forge.base.text import listed
+from forge.build.recipes.context import Recipe, common_options, install_tree
+from forge.build.tasks import TEST_FAILURES, Step, StepKind
+from forge.build.tests.recipes import missing_result
+from forge.plugins.cargo.manifest import identify
+from forge.plugins.cargo.references import reader_of
+from forge.toolchain.programs import find_program
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from forge.build.recipes.context import BuildContext
+    from forge.build.tests.recipes import TestContext
+    from forge.workspace.model import Package
+
+__all__ = ["identify", "options", "reader_of", "recipe", "staged", "tests", "tests_build", "toolchain"]
+
+staged = True
+tests_build = True
+
+_PROGRAM = (sys.executable, "-S", "-E", str(Path(__file__).with_name("run.py")))
+_KEPT = ("target", "Cargo.lock")
+"""What stays in a build folder: cargo knows what it made from what, the compiler included."""
+_VARIABLES = ("CARGO_BUILD_", "CARGO_PROFILE_", "CARGO_TARGET_", "CARGO_ENCODED_", "RUSTC", "RUSTFLAGS")
+_NAMES = frozenset({"CARGO_HOME", "RUSTUP_HOME", "RUSTUP_TOOLCHAIN"})
+_JOBS = "CARGO_BUILD_JOBS"
+
+
+def options(package: Package, context: BuildContext) -> tuple[str, ...]:
+    """Return the options shared by all build types, and cargo's arguments."""
+    return (*common_options(package, context), *context.cargo_args, *package.option_values("cargo-args"))
+
+
+def recipe(package: Package, context: BuildContext) -> Recipe:
+    """Return the steps that build with cargo and install the programs."""
+    build, source = context.layout.build_dir(package.name), context.source(package)
+    quiet = ("--message-format", "json-render-diagnostics", "--quiet")
+    cargo = (*_cargo("build", source, build), *quiet, *context.cargo_args)
+    argv = (*_PROGRAM, "build", package.name, str(source), str(build), str(context.root), *cargo)
+    compiling = Step(StepKind.BUILD, (*argv, *package.option_values("cargo-args")), build)
+    return Recipe((compiling, install_tree(package, context, build / "staged")), kept=_KEPT)
+
+
+def tests(package: Package, context: TestContext) -> Recipe:
+    """Return the `cargo test` run."""
+    build, source = context.layout.build_dir(package.name), context.source(package)
+    result = context.results_of(package.name) / "test.xml"
+    all_tests = ("--no-fail-fast", "--color", "never")
+    cargo = (*_cargo("test", source, build), *all_tests, *context.options.cargo_args)
+    argv = (*_PROGRAM, "test", package.name, str(source), str(build), str(result), *cargo)
+    argv += package.option_values("cargo-args")
+    step = Step(StepKind.TEST, argv, build, meanings=((1, TEST_FAILURES),))
+    return Recipe((step,), ((result, missing_result(package, "cargo")),))
+
+
+def _cargo(verb: str, source: Path, build: Path) -> tuple[str, ...]:
+    """Return cargo's command line without arguments of the user."""
+    manifest, target = str(source / "Cargo.toml"), str(build / "target")
+    return ("cargo", verb, "--manifest-path", manifest, "--target-dir", target)
+
+
+def toolchain(
+    packages: Sequence[Package], context: BuildContext | TestContext, variables: Mapping[str, str]
+) -> tuple[str, str]:
+    """Return the compiler's version, variables, and cargo's configuration for the workspace.
+
+    Raises HostError if cargo is not installed, and for builds for another platform.
+    """
+    names = tuple(package.name for package in packages)
+    if context.layout.target:
+        hint = f"build without '--target', or pass --packages-skip {' '.join(names)}"
+        raise HostError(Problem(f"'--target' does not support Rust: {listed(names)}", hint=hint))
+    if find_program("cargo", variables) is None:
+        hint = (
+            "install it with `sudo apt install cargo`, or the latest version with rustup: https://rustup.rs"
+        )
+        raise HostError(Problem(f"cargo not found; '{names[0]}' needs it", hint=hint))
+    version = b""
+    if rustc := find_program("rustc", variables):
+        argv = (str(rustc), "-vV")
+        ran = subprocess.run(argv, cwd=context.root, env=dict(variables), capture_output=True, check=False)
+        version = ran.stdout
+    relevant = (
+        f"{name}={variables[name]}"
+        for name in sorted(variables)
+        if (name in _NAMES or name.startswith(_VARIABLES)) and name != _JOBS
+    )
+    home = Path(variables.get("CARGO_HOME") or Path.home() / ".cargo")
+    folders = (home, *(folder / ".cargo" for folder in (context.root, *context.root.parents)))
+    texts = (text_or_nothing(folder / name) for folder in folders for name in ("config", "config.toml"))
+    return "Rust", "\0".join((version.decode(errors="replace"), *relevant, *texts))
