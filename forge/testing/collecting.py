@@ -42,8 +42,8 @@ class Collection:
 def collect(base: Path) -> Collection:
     """Return the results below `base`; paths start as `base` is spelled.
 
-    Hidden folders are skipped, links are not followed. Only the last CTest run counts, which Testing/TAG
-    names. A result that cannot be read counts as an error.
+    Hidden folders are skipped, links are not followed, except those to folders for results of packages. Only
+    the last CTest run counts, which Testing/TAG names. A result that cannot be read counts as an error.
     """
     outcomes: list[Outcome] = []
     files: list[str] = []
@@ -89,21 +89,26 @@ class _Candidate:
 def _candidates(base: Path, denied: list[OSError]) -> Iterator[_Candidate]:
     """Yield what may be a result; append to `denied` why folders cannot be read."""
     homes: list[str] = []
-    for folder, names, files in os.walk(base, onerror=denied.append):
-        names[:] = sorted(name for name in names if not name.startswith("."))
-        home = _home(folder, str(base), homes, "Testing" in names)
-        if os.path.basename(folder) == "Testing" and "TAG" in files:  # noqa: PTH119  (a walk is text)
-            tag = f"{folder}/TAG"
-            result = last_run(tag)
-            if os.path.lexists(result):
-                yield _Candidate(result, home, tag, expected=True)
-        within = Path(folder).relative_to(base).parts
-        expected = _OF_AMENT in within
-        for name in sorted((*files, *names)):
-            if name.endswith(".xml"):
-                is_expected = expected or (name in _OF_PYTHON and len(within) <= 1)
-                if is_expected or name in files:
-                    yield _Candidate(f"{folder}/{name}", home, expected=is_expected)
+    waiting = [str(base)]
+    while waiting:
+        for folder, names, files in os.walk(waiting.pop(), onerror=denied.append):
+            names[:] = sorted(name for name in names if not name.startswith("."))
+            if folder == str(base):
+                links = (path for name in names if (path := base / name).is_symlink())
+                waiting += [str(link) for link in links if is_own_result_dir(link)]
+            home = _home(folder, str(base), homes, "Testing" in names)
+            if os.path.basename(folder) == "Testing" and "TAG" in files:  # noqa: PTH119  (a walk is text)
+                tag = f"{folder}/TAG"
+                result = last_run(tag)
+                if os.path.lexists(result):
+                    yield _Candidate(result, home, tag, expected=True)
+            within = Path(folder).relative_to(base).parts
+            expected = _OF_AMENT in within
+            for name in sorted((*files, *names)):
+                if name.endswith(".xml"):
+                    is_expected = expected or (name in _OF_PYTHON and len(within) <= 1)
+                    if is_expected or name in files:
+                        yield _Candidate(f"{folder}/{name}", home, expected=is_expected)
 
 
 _OF_AMENT, _OF_PYTHON = "test_results", ("pytest.xml", "unittest.xml")
@@ -144,7 +149,9 @@ def _read(found: _Candidate) -> Outcome:
     read = read_ctest if found.tag else read_junit
     try:
         return read(parse_xml(as_utf8(content, path), path), found.path, found.home)
-    except BrokenResultError as error:
+    except (BrokenResultError, NotAResultError) as error:
+        if isinstance(error, NotAResultError) and not (found.expected and path.name in _OF_PYTHON):
+            raise
         raise WorkspaceError(Problem(f"not a test result: {error}", Location(path))) from None
 
 

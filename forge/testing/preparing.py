@@ -41,10 +41,10 @@ if TYPE_CHECKING:
 _TEST_MODULES = ("pytest", "pytest_cov", "pytest_repeat", "pytest_rerunfailures", "coverage")
 
 
-def tested_names(loaded: LoadedWorkspace, warn: WarningReporter) -> tuple[str, ...]:
-    """Return the selected packages with a supported build type, except embedded ones; warn about others.
+def tested_names(loaded: LoadedWorkspace, warn: WarningReporter) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the selected packages, except embedded ones, and those whose build type is not supported.
 
-    Raises WorkspaceError for invalid manifests and duplicate names.
+    Warns about the latter. Raises WorkspaceError for invalid manifests and duplicate names.
     """
     raise_if_any(loaded.workspace.problems, WorkspaceError)
     own = [name for name in loaded.selection.names if not loaded.packages[name].embedded]
@@ -58,7 +58,8 @@ def tested_names(loaded: LoadedWorkspace, warn: WarningReporter) -> tuple[str, .
         for name, kind in kinds.items()
         if name in unknown
     )
-    return tuple(name for name in own if name not in unknown)
+    supported = tuple(name for name in own if name not in unknown)
+    return supported, tuple(name for name in own if name in unknown)
 
 
 def needs_of_tests(names: Sequence[str], loaded: LoadedWorkspace) -> dict[str, tuple[str, ...]]:

@@ -49,6 +49,8 @@ class TestSetup:
     variables: Mapping[str, str]
     before: dict[str, dict[str, object]] = field(default_factory=dict)
     """The result files of earlier runs and their states, by package."""
+    failed: set[str] = field(default_factory=set)
+    """Packages with failed tests, perhaps not in the last repetition."""
     results: dict[str, tuple[Outcome, ...]] = field(default_factory=dict)
 
     def runner(self, job_pool: JobPool) -> ProcessRunner:

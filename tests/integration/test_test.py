@@ -166,6 +166,8 @@ def test_a_test_program_that_exits_with_0_hides_no_failure(
         "import os, signal\ndef test_a(): os.kill(os.getpid(), signal.SIGSEGV)",
         "import atexit, os\natexit.register(os.unlink, '../../build/p/pytest.xml')\ndef test_a(): pass",
         "import atexit, os\natexit.register(os.truncate, '../../build/p/pytest.xml', 60)\ndef test_a(): pass",
+        "import atexit\ndef put(): open('../../build/p/pytest.xml', 'w').write('<html/>')\n"
+        "atexit.register(put)\ndef test_a(): pass",
     ],
 )
 def test_tests_of_python_without_a_readable_result_fail(forge: Forge, tree: Tree, statement: str) -> None:
@@ -404,6 +406,24 @@ def test_tests_are_repeated_until_they_pass_or_fail(
     assert len(count.read_text()) == runs
 
 
+@pytest.mark.parametrize("kind", ["pytest", "ctest"])
+def test_a_repetition_without_tests_hides_no_failure(forge: Forge, tree: Tree, kind: str) -> None:
+    """The tests that failed are gone when they are to be repeated."""
+    if kind == "pytest":
+        root = tree(python_package("p", "def test_a(): assert False", pytest=True))
+        hook = "import pathlib\ndef pytest_collection_modifyitems(items):\n    flag = pathlib.Path('flag')\n"
+        hook += "    items[:] = [] if flag.exists() else items\n    flag.touch()\n"
+        (root / "src/p/conftest.py").write_text(hook)
+    else:
+        test = 'add_test(NAME t COMMAND sh -c "sed -i /add_test/d CTestTestfile.cmake; exit 1")'
+        root = tree(cmake_package("p", test))
+    assert forge("build", cwd=root).code == 0
+    ran = forge("test", "--return-code-on-test-failure", "--retest-until-pass", "2", cwd=root)
+    assert ran.code == 1
+    assert "ran no test when it was repeated" in ran.out
+    assert forge("test-result", cwd=root).code == 1
+
+
 def test_unbuilt_packages_are_reported_and_the_rest_is_tested(forge: Forge, tree: Tree) -> None:
     root = tree({**cmake_package("a", GOOD), **cmake_package("b", GOOD, needs="<depend>a</depend>")})
     ran = forge("test", cwd=root)
@@ -494,6 +514,8 @@ def test_packages_of_unknown_build_types_are_skipped_with_a_warning(forge: Forge
     assert ran.code == 0
     assert "warning: cannot test 'a': unsupported build type 'catkin'" in ran.err
     assert "Summary: 0 packages finished" in ran.out
+    assert "1 package not tested: a" in ran.out
+    assert forge("test", "--return-code-on-test-failure", cwd=root).code == 1
 
 
 def test_only_packages_that_need_pytest_are_not_tested_without_it(

@@ -172,6 +172,27 @@ def test_results_are_read_in_their_encoding(forge: Forge, tree: Tree, encoding: 
     assert "Summary: 1 test, 0 errors, 1 failure" in ran.out
 
 
+def test_results_behind_a_linked_build_folder_of_a_package_count(forge: Forge, tree: Tree) -> None:
+    """Somebody moved it to another disk; links to folders that are not forge's are not followed."""
+    root = tree({"disk/a/.forge/begun.json": "", "disk/a/pytest.xml": BAD, "other/pytest.xml": BAD})
+    (root / "build").mkdir()
+    (root / "build/a").symlink_to("../disk/a")
+    (root / "build/other").symlink_to("../other")
+    ran = forge("test-result", cwd=root)
+    assert (ran.code, ran.out.splitlines()[0]) == (
+        1,
+        "build/a/pytest.xml: 2 tests, 0 errors, 1 failure, 0 skipped",
+    )
+    assert "Summary: 2 tests" in ran.out
+
+
+def test_no_results_are_a_warning(forge: Forge, tree: Tree) -> None:
+    root = tree({"build/a/x": ""})
+    ran = forge("test-result", cwd=root)
+    assert (ran.code, ran.out) == (0, "Summary: 0 tests, 0 errors, 0 failures, 0 skipped\n")
+    assert "warning: no test results in 'build'" in ran.err
+
+
 def test_a_folder_that_cannot_be_read_may_contain_failures(
     tree: Tree, monkeypatch: pytest.MonkeyPatch
 ) -> None:

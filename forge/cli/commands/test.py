@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING
 from forge.base.env_vars import SEQUENTIAL
 from forge.base.errors import WarningReporter, WorkspaceError, print_problem, raise_if_any
 from forge.base.text import counted
-from forge.build.events import Finished
+from forge.build.events import Finished, StepFinished
 from forge.build.markers import create_output_folders
+from forge.build.tasks import TEST_FAILURES
 from forge.build.tests.options import TestOptions
 from forge.cli import package_options
 from forge.cli.options import FolderOptions, add_options, displayed, read_options
@@ -84,7 +85,7 @@ def run(namespace: argparse.Namespace) -> int:
         tested=lambda package: False if has_no_tests(layout.build_dir(package.name)) else None,
     )
     warn(loaded.warnings)
-    names = tested_names(loaded, warn)
+    names, unsupported = tested_names(loaded, warn)
     results = {"--test-result-base": options.test_result_base}
     problems = [*output_problems(loaded, layout, names, results, prefixes=False)]
     if options.test_result_base:
@@ -145,7 +146,7 @@ def run(namespace: argparse.Namespace) -> int:
             for name, problem in absent.items():
                 session.fail_unbuilt(name, problem)
             write_results_of_untested(names, {**absent, **unbuilt}, context)
-            session.report.not_tested = tuple(sorted((*absent, *unbuilt)))
+            session.report.not_tested = tuple(sorted((*absent, *unbuilt, *unsupported)))
             try:
                 session.run(
                     plan,
@@ -177,10 +178,14 @@ def _record(event: Event, task: Task, setup: TestSetup, session: Session) -> Non
     A result may contain failures, or be unreadable, although its program exited with 0, or be valid
     although it failed.
     """
+    if isinstance(event, StepFinished) and event.step.meaning(event.code) == TEST_FAILURES:
+        setup.failed.add(task.name)
     if isinstance(event, Finished):
         fault = f"exited with code {event.code}" if event.code else ""
         if task.name in session.report.failed_tests:
             fault = "reported failed tests, but there is no result of one"
+        elif task.name in setup.failed and not any(one.counts.tests for one in setup.results_of(task)):
+            fault = "reported failed tests, and ran no test when it was repeated"
         if any(outcome.counts.bad for outcome in setup.results_of(task, fault)):
             session.report.note_test_failures(task.name)
     write_result_file(event, task, session.report.failed_tests)

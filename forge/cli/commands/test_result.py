@@ -73,6 +73,9 @@ def run(options: argparse.Namespace) -> int:
     elif options.result_files_only:
         print(*(outcome.path for outcome in shown), sep="\n", end="\n" if shown else "")
     else:
+        if not found.outcomes:
+            hint = "run 'forge test', or name the folder with '--test-result-base'"
+            print_problem(Problem(f"no test results in '{options.test_result_base}'", hint=hint), "warning")
         raw = _sum(counted)
         for outcome in shown:
             print(result_line(outcome))
