@@ -45,13 +45,18 @@ OWN: Mapping[str, Mapping[str, str]] = {
         "ament_cargo": "forge.plugins.cargo.build_type",
         "cargo": "forge.plugins.cargo.build_type",
     },
+    STORES: {
+        "fsspec": "forge.plugins.remote_cache.fsspec_backend",
+        "http": "forge.plugins.remote_cache.http_backend",
+        "https": "forge.plugins.remote_cache.http_backend",
+    },
 }
 """The plugins in forge/plugins/: modules by group and name, as in the entry points of pyproject.toml."""
 
 PACKAGE_FILES: Mapping[str, str] = {"Cargo.toml": "cargo"}
 """Files that make a folder a package without package.xml, and the build types of plugins that read them."""
 
-_EXTRAS = {"cross": "cross", "lsp": "lsp", "system_deps": "rosdep"}
+_EXTRAS = {"cross": "cross", "lsp": "lsp", "remote_cache": "remote", "system_deps": "rosdep"}
 """The extra with the dependencies of a plugin, if it has any."""
 
 _Result = TypeVar("_Result")

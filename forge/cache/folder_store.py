@@ -88,20 +88,6 @@ class FolderStore:
             self._make(path.parent)
             replace_file(path, encode(result), mode=self.rights & 0o666)
 
-    def fetch(self, digest: Digest, target: Path) -> bool:
-        """Copy a verified blob to `target`, sharing its blocks if the file system supports it."""
-        source = self.blob_path(digest.hash)
-        try:
-            with source.open("rb") as stream:
-                if not _matches(digest, stream.fileno()):
-                    self.discard(digest.hash)
-                    return False
-                with _store_faults(), target.open("xb") as copy:
-                    copy_bytes(stream.fileno(), copy.fileno(), digest.size)
-        except FileNotFoundError:
-            return False
-        return True
-
     def put(self, digest: Digest, source: Path) -> None:
         """Store the bytes of `source`."""
         path = self.blob_path(digest.hash)
@@ -115,9 +101,6 @@ class FolderStore:
                 self.adopt(draft, digest)
             finally:
                 draft.unlink(missing_ok=True)
-
-    def close(self) -> None:
-        """Do nothing: no connection is open."""
 
     def open(self, digest: Digest) -> int | None:
         """Return a descriptor of a blob that was just verified, or None. The caller closes it."""

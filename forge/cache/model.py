@@ -1,4 +1,4 @@
-"""The data model of the package cache, and the Store protocol."""
+"""The data model of the package cache, and the protocol of remote stores."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Protocol
 from forge.base.frozen import frozen
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
     from pathlib import Path
 
 RESTORED = "from the cache"
@@ -48,37 +49,52 @@ class StoreError(Exception):
     """
 
 
-class Store(Protocol):
-    """Stores results by key and blobs by digest. Every method may raise StoreError; stores are thread-safe.
-
-    Keys are 64 lower-case hex digits.
-    """
-
-    name: str
-    """The folder, or the URL without passwords, for messages."""
-
-    def result(self, key: str) -> ActionResult | None:
-        """Return the result stored for a key, or None."""
-
-    def put_result(self, key: str, result: ActionResult) -> None:
-        """Store a result, whose blobs must be stored already."""
-
-    def fetch(self, digest: Digest, target: Path) -> bool:
-        """Write a blob to the new file `target`; return False if the store does not have it.
-
-        On True, size and SHA-256 have been verified. On False, `target` does not exist.
-        """
-
-    def put(self, digest: Digest, source: Path) -> None:
-        """Store the bytes of the file `source`; the caller guarantees that `digest` is correct."""
-
-    def close(self) -> None:
-        """Close all connections."""
-
-
 class BlobError(StoreError):
     """One blob or result is corrupt or too large for the store; others are not affected."""
 
 
 class WritingRefused(StoreError):
     """The store rejects writing; it may still be read."""
+
+
+@frozen
+class RemoteOptions:
+    """How to use a remote store.
+
+    Each request may take `seconds`, and one more for each mebibyte. `variables` are those of the environment,
+    which may contain credentials. `warn` shows a message to the user.
+    """
+
+    seconds: float
+    writable: bool
+    variables: Mapping[str, str]
+    warn: Callable[[str], object]
+
+
+class RemoteStore(Protocol):
+    """Stores results by key and blobs by digest on a server; keys are 64 lower-case hex digits.
+
+    Several threads use it. It raises no StoreError but BlobError: after any other fault it warns once, and
+    appears to be empty from then on.
+    """
+
+    name: str
+    """The URL without passwords, for messages."""
+
+    def result(self, key: str) -> ActionResult | None:
+        """Return the result stored for a key, or None."""
+
+    def fetch(self, digest: Digest, target: Path) -> bool:
+        """Write a blob to the new file `target`; return False if the store does not have it.
+
+        On True, size and SHA-256 have been verified. Otherwise `target` does not exist.
+        """
+
+    def upload(self, key: str, result: ActionResult, blobs: Mapping[Digest, Path]) -> None:
+        """Store a result after its blobs, perhaps in the background; do nothing if the store is read-only."""
+
+    def finish(self) -> int:
+        """Wait for the uploads; return how many results were not uploaded."""
+
+    def close(self) -> None:
+        """Abort what is not finished and close all connections."""

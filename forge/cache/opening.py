@@ -5,11 +5,14 @@ from __future__ import annotations
 import os
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
+from urllib.parse import urlsplit
 
 from forge.base.env_vars import cache_home, expand_home
-from forge.base.errors import Problem, SelectionError, raise_if_any
+from forge.base.errors import ForgeError, Problem, SelectionError, raise_if_any
+from forge.base.extensions import STORES, call, find
 from forge.base.frozen import frozen
 from forge.base.options import option
+from forge.cache.model import RemoteOptions
 from forge.toolchain.resources import memory_limit
 
 if TYPE_CHECKING:
@@ -18,7 +21,11 @@ if TYPE_CHECKING:
 
     from forge.build.state import BuildState
     from forge.cache.folder_store import FolderStore
+    from forge.cache.model import RemoteStore
     from forge.cache.package_cache import CacheContext, PackageCache
+
+_MAX_SECONDS = 1e6
+"""The maximum timeout (twelve days), within the range of all system timers."""
 
 
 def _seconds(text: str) -> float:
@@ -28,7 +35,7 @@ def _seconds(text: str) -> float:
         found = 0.0
     if not 0 < found < float("inf"):
         raise ValueError(f"'{text}' is not a positive number of seconds")
-    return found
+    return min(found, _MAX_SECONDS)
 
 
 def byte_count(text: str) -> int:
@@ -81,9 +88,7 @@ class CacheOptions:
         if self.wanted:
             raise_if_any(foreign_store(cache_folder(self.cache, os.environ)), SelectionError)
         if self.remote_cache:
-            from forge.cache.remote import check_url
-
-            check_url(self.remote_cache)
+            _scheme(self.remote_cache)
 
 
 def cache_folder(option: str | None, variables: Mapping[str, str]) -> Path:
@@ -123,23 +128,19 @@ def open_cache(
 
     local = FolderStore(cache_folder(options.cache, variables))
     local.check()
-    remote = uploads = None
+    remote = None
     if options.remote_cache:
-        from forge.cache.remote import open_remote
-        from forge.cache.uploads import Uploads
-
-        remote = open_remote(
-            options.remote_cache,
-            seconds=options.cache_timeout,
-            writable=not options.cache_read_only,
-            variables=variables,
-            report=lambda message: warn([Problem(f"remote cache: {message}")]),
+        remote_options = RemoteOptions(
+            options.cache_timeout,
+            not options.cache_read_only,
+            variables,
+            lambda message: warn([Problem(f"remote cache: {message}")]),
         )
-        uploads = None if options.cache_read_only else Uploads(remote)
-    cache = PackageCache(context, local, remote, uploads, lambda problem: warn([problem]))
+        remote = open_remote(options.remote_cache, remote_options)
+    cache = PackageCache(context, local, remote, lambda problem: warn([problem]))
     try:
         yield cache
-        if uploads and (unsent := uploads.finish(options.cache_timeout)):
+        if remote and (unsent := remote.finish()):
             results = "results were" if unsent > 1 else "result was"
             warn([Problem(f"{unsent} {results} not uploaded to the remote cache")])
     finally:
@@ -147,6 +148,36 @@ def open_cache(
         if remote:
             remote.close()
         _close_store(cache, local, options.cache_size, warn)
+
+
+def open_remote(url: str, options: RemoteOptions) -> RemoteStore:
+    """Return the store for a URL without connecting to it; raises ForgeError for an invalid URL.
+
+    A plugin has the name of the scheme, or else takes all schemes of fsspec.
+    """
+    scheme, what = _scheme(url), "remote cache backend"
+    plugin = find(STORES, scheme, what, ("connect",)) or find(STORES, "fsspec", what)
+    store: RemoteStore = call(f"the {what} '{scheme}'", plugin.connect, url, options)
+    return store
+
+
+def _scheme(url: str) -> str:
+    """Return the scheme of a URL; messages do not quote the URL, since it may contain a password."""
+    try:
+        parts = urlsplit(url)
+        _ = parts.port
+    except ValueError:
+        parts = urlsplit("")
+    if not parts.scheme:
+        hint = "for example: --remote-cache http://HOST:PORT/FOLDER"
+        raise ForgeError(Problem("the remote cache is not a valid URL", hint=hint))
+    if not url.isprintable():
+        raise ForgeError(
+            Problem(
+                "the URL of the remote cache contains invalid characters", hint="escape them, such as %20"
+            )
+        )
+    return parts.scheme
 
 
 def _close_store(

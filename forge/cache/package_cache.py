@@ -37,10 +37,9 @@ if TYPE_CHECKING:
     from forge.build.tasks import Task
     from forge.cache.external_inputs import FileSnapshot
     from forge.cache.folder_store import FolderStore
-    from forge.cache.model import Store
+    from forge.cache.model import RemoteStore
     from forge.cache.relocation import Relocator
     from forge.cache.trees import Tree
-    from forge.cache.uploads import Uploads
 
 INDEX, PACK = "index", "pack"
 """The names of a result's blobs; large files are stored beside them under their own paths."""
@@ -86,15 +85,13 @@ class PackageCache:
         self,
         context: CacheContext,
         local: FolderStore,
-        remote: Store | None = None,
-        uploads: Uploads | None = None,
+        remote: RemoteStore | None = None,
         warn: Callable[[Problem], object] = lambda _: None,
     ) -> None:
-        """Store the collaborators without opening anything. Without `uploads`, the remote is read-only."""
+        """Store the collaborators without opening anything."""
         self._context = context
         self._local = local
         self._remote = remote
-        self._uploads = uploads
         self._warn = warn
         self._dependency_keys = DependencyKeys(
             context.needs, context.records, context.layout, context.relocator
@@ -202,9 +199,9 @@ class PackageCache:
         self._keys[task.name] = key = self._first_key(task)
         if task.name in self._context.forced:
             return None
-        found = self._find_in(self._local, key)
+        found = self._find_in(key, None)
         if found is None and self._remote is not None:
-            found = self._find_in(self._remote, key)
+            found = self._find_in(key, self._remote)
         self.notes[task.name] = RESTORED if found else ""
         self._miss_reasons[task.name] = "" if found else self._miss_reason(key)
         (self.restored if found else self.missed).add(task.name)
@@ -242,50 +239,52 @@ class PackageCache:
         contents = self._external_inputs.look(words.values()).contents
         return [f"{os.path.basename(name)} {contents[word]}" for name, word in sorted(words.items())]  # noqa: PTH119
 
-    def _find_in(self, store: Store, first: str) -> CachedTree | None:
-        """Return the result in a store for one of its lists of inputs; the latest list is tried first."""
+    def _find_in(self, first: str, remote: RemoteStore | None) -> CachedTree | None:
+        """Return the result in a store for one of its lists of inputs; the latest list is tried first.
+
+        Without `remote`, the store is the local folder.
+        """
+        store = remote or self._local
         try:
-            lists = self._lists_in(store, first)
+            known = store.result(first)
+            lists = keys.decode_lists(known.stdout) if known else ()
+            self._lists[first] = tuple(dict.fromkeys((*self._lists.get(first, ()), *lists)))
             for inputs in lists:
                 if not inputs.valid_for(self._context.relocator):
                     continue
                 seen = self._external_inputs.look(inputs.paths)
                 second = keys.result_key(first, inputs, seen.contents, self._context.relocator)
                 result = store.result(second)
-                found = result and self._fetch_result(store, result, seen)
+                found = result and self._fetch_result(remote, result, seen)
                 if result and found:
-                    if store is not self._local:
+                    if remote:
                         self._remember(first, second, inputs, result)
                     return found
         except (StoreError, OSError, ValueError) as fault:
             self._warn_once(fault)
         return None
 
-    def _lists_in(self, store: Store, first: str) -> tuple[keys.ExternalFileList, ...]:
-        result = store.result(first)
-        found = keys.decode_lists(result.stdout) if result else ()
-        self._lists[first] = tuple(dict.fromkeys((*self._lists.get(first, ()), *found)))
-        return found
-
-    def _fetch_result(self, store: Store, result: ActionResult, seen: FileSnapshot) -> CachedTree | None:
+    def _fetch_result(
+        self, remote: RemoteStore | None, result: ActionResult, seen: FileSnapshot
+    ) -> CachedTree | None:
         """Return a result with its verified blobs, copied to the local folder; None if one is missing.
 
         Raises ValueError for a result that forge did not create.
         """
         blobs = {file.path: file.digest for file in result.files}
         if not {INDEX, PACK} <= blobs.keys():
-            raise ValueError(f"{store.name}: invalid result without index and pack")
+            raise ValueError(f"{(remote or self._local).name}: invalid result without index and pack")
         with ExitStack() as opened:
-            index = self._open(store, blobs.pop(INDEX), opened)
+            index = self._open(remote, blobs.pop(INDEX), opened)
             if index is None:
                 return None
             tree = decode_index(_whole(index))
-            pack = self._open(store, tree.pack, opened) if tree.pack else None
+            pack = self._open(remote, tree.pack, opened) if tree.pack else None
             large = {}
             for digest in {
                 Digest(leaf.hash, leaf.size) for leaf in tree.leaves if leaf.offset < 0 and leaf.hash
             }:
-                large[digest.hash] = self._open(store, digest, opened)
+                large[digest.hash] = self._open(remote, digest, opened)
             descriptors = {name: number for name, number in large.items() if number is not None}
             if pack is None or len(descriptors) < len(large):
                 return None
@@ -293,12 +292,12 @@ class PackageCache:
         os.close(index)
         return CachedTree(tree, Contents(pack, descriptors), *seen.record)
 
-    def _open(self, store: Store, digest: Digest, opened: ExitStack) -> int | None:
-        """Open a verified blob of the local folder; fetch it from `store` if it is missing."""
+    def _open(self, remote: RemoteStore | None, digest: Digest, opened: ExitStack) -> int | None:
+        """Open a verified blob of the local folder; fetch it from `remote` if it is missing."""
         descriptor = self._local.open(digest)
-        if descriptor is None and store is not self._local:
+        if descriptor is None and remote:
             draft = self._local.draft()
-            if store.fetch(digest, draft):
+            if remote.fetch(digest, draft):
                 self._local.adopt(draft, digest)
                 descriptor = self._local.open(digest)
         if descriptor is not None:
@@ -339,12 +338,11 @@ class PackageCache:
         contents = self._external_inputs.look(pending.inputs.paths).contents
         second = keys.result_key(pending.first, pending.inputs, contents, self._context.relocator)
         self._remember(pending.first, second, pending.inputs, pending.result)
-        if self._uploads is not None:
+        if self._remote is not None:
             paths = {file.digest: self._local.blob_path(file.digest.hash) for file in pending.result.files}
-            self._uploads.add(second, pending.result, paths)
-            self._uploads.add(
-                pending.first, ActionResult(stdout=keys.encode_lists(self._lists[pending.first])), {}
-            )
+            self._remote.upload(second, pending.result, paths)
+            lists = ActionResult(stdout=keys.encode_lists(self._lists[pending.first]))
+            self._remote.upload(pending.first, lists, {})
 
     def _put_blobs(self, prefix: Path, tree: Tree, pack: Path) -> dict[str, Digest]:
         """Store index, pack and large files of a tree in the local folder; return their digests by name."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import subprocess
 import sys
@@ -153,6 +154,40 @@ def test_packages_of_a_missing_build_type_are_skipped_with_its_plugin_named(
     assert f"hint: the build type 'ament_cargo' {lacks}; install forge again; see file:///" in ran.stderr
     ran = run_forge(root, "build", "--packages-select", "a", path=copy)
     assert (ran.returncode, f"'ament_cargo' {lacks}" in ran.stderr) == (2, True)
+
+
+@pytest.mark.parametrize("url", ["http://127.0.0.1:1", "s3://bucket/folder"])
+def test_a_remote_cache_without_its_plugin_is_refused_before_anything_is_built(
+    url: str, tree: Tree, tmp_path: Path
+) -> None:
+    copy = copy_without("remote_cache", tmp_path / "copy")
+    root = tree(WORKSPACE) / "ws"
+    ran = run_forge(root, "build", "--remote-cache", url, path=copy)
+    assert (ran.returncode, ran.stdout) == (2, "")
+    assert re.fullmatch(
+        r"error: the remote cache backend '(http|fsspec)' needs the plugin 'remote_cache', which this forge "
+        r"lacks\nhint: install forge again with the extra 'remote'; see file:///.*\n",
+        ran.stderr,
+    )
+    assert not (root / "build/shapes").exists()
+
+
+def test_a_remote_cache_of_another_distribution_stores_and_restores(tree: Tree) -> None:
+    code = next(block.text for block in blocks(PAGE) if "def connect" in block.text)
+    files = {
+        "site/shelf.py": code,
+        "site/shelf-1.dist-info/entry_points.txt": "[forge.stores]\nshelf = shelf\n",
+        "site/shelf-1.dist-info/METADATA": "Metadata-Version: 2.1\nName: shelf\nVersion: 1\n",
+    }
+    root = tree(WORKSPACE | files)
+    for cache, last_line in (("one", "embedded packages finished\n"), ("two", "came from the cache\n")):
+        words = ("build", "--cache", f"{root}/{cache}", "--remote-cache", f"shelf://{root}/shelf")
+        ran = run_forge(root / "ws", *words, path=root / "site")
+        assert (ran.returncode, ran.stderr) == (0, "")
+        assert ran.stdout.endswith(last_line)
+        for folder in ("build", "install"):
+            shutil.rmtree(root / "ws" / folder)
+    assert "  shelf   shelf 1\n" in run_forge(root, "extensions", path=root / "site").stdout
 
 
 def test_a_command_of_another_distribution_is_installed_from_a_wheel(tmp_path: Path) -> None:

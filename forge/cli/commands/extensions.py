@@ -6,7 +6,15 @@ from typing import TYPE_CHECKING
 
 from forge import __version__
 from forge.base.env_vars import EXECUTORS
-from forge.base.extensions import BUILD_TYPES, COMMANDS, TOOLCHAINS, distribution_of, entry_points, installed
+from forge.base.extensions import (
+    BUILD_TYPES,
+    COMMANDS,
+    STORES,
+    TOOLCHAINS,
+    distribution_of,
+    entry_points,
+    installed,
+)
 from forge.base.extensions import TARGETS as TARGET_GROUP
 from forge.build.build_types import OWN as CORE_BUILD_TYPES
 from forge.environment.shells import SHELLS
@@ -32,6 +40,7 @@ def run(options: argparse.Namespace) -> int:
     _print("build types", CORE_BUILD_TYPES, BUILD_TYPES)
     _print("interface targets", TARGETS, TARGET_GROUP)
     _print("toolchains", (), TOOLCHAINS)
+    _print("remote cache backends", (), STORES)
     _print("event handlers", handlers)
     _print("executors", (*EXECUTORS, DASK))
     _print("shells", SHELLS)
@@ -44,7 +53,8 @@ def _print(kind: str, own: Iterable[str], group: str = "") -> None:
     rows = [(name, f"ros-forge {__version__}") for name in sorted({*own, *installed(group)})]
     rows += _of_others(group, {name for name, _ in rows}) if group else ()
     width = max((len(name) for name, _ in rows), default=0)
-    print(*(f"  {name:<{width}}  {distribution}" for name, distribution in rows), sep="\n")
+    for name, distribution in rows:
+        print(f"  {name:<{width}}  {distribution}")
 
 
 def _of_others(group: str, own: set[str]) -> Iterator[tuple[str, str]]:

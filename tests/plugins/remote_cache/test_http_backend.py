@@ -12,11 +12,14 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.cache import action_result, deadline
+from forge.base.errors import ForgeError
 from forge.cache.action_result import encode
-from forge.cache.http_store import HttpStore
 from forge.cache.model import ActionResult, BlobError, Digest, OutputFile, StoreError, WritingRefused
-from forge.cache.remote import open_remote
+from forge.plugins.remote_cache import deadline
+from forge.plugins.remote_cache import store as stores
+from forge.plugins.remote_cache.http_backend import HttpBackend
+from forge.plugins.remote_cache.store import Store
+from tests.plugins.remote_cache.opening import opened
 from tests.rude import Shelf, reply, rude
 
 if TYPE_CHECKING:
@@ -97,10 +100,10 @@ SPOILT = {
     "other bytes": (lambda _: reply(200, bytes(len(BYTES))), "corrupt: its content does not match"),
     "too few": (lambda _: reply(200, BYTES[:-1]), "has 199999 bytes instead of 200000"),
     "none": (lambda _: reply(200), "has 0 bytes instead"),
-    "too many": (lambda _: reply(200, BYTES + b"x"), "has 200001 bytes instead"),
+    "too many": (lambda _: reply(200, BYTES + b"x"), "has more than 200000 bytes"),
     "an announcement of far too many": (
-        raw(b"HTTP/1.1 200 OK\r\nContent-Length: 1%s\r\n\r\n" % (b"0" * 15)),
-        "10000",
+        raw(b"HTTP/1.1 200 OK\r\nContent-Length: 1%s\r\n\r\n" % (b"0" * 15) + BYTES * 2, 60.0),
+        "has more than 200000 bytes",
     ),
     "too few in chunks": (raw(CHUNKED + b"3\r\nabc\r\n0\r\n\r\n"), "has 3 bytes instead"),
     "bytes for ever": (endless(b"HTTP/1.1 200 OK\r\n\r\n", b"x" * 1000, 0), "has more than 200000"),
@@ -117,11 +120,10 @@ def target(tmp_path: Path) -> Iterator[Path]:
 
 
 @contextmanager
-def asking(
-    url: str, seconds: float = AMPLE, variables: Mapping[str, str] | None = None
-) -> Iterator[HttpStore]:
+def asking(url: str, seconds: float = AMPLE, variables: Mapping[str, str] | None = None) -> Iterator[Store]:
     """Open a store, and close it."""
-    with closing(HttpStore(url, seconds, {"HOME": "/nowhere", **(variables or {})})) as store:
+    backend = HttpBackend(url, seconds, {"HOME": "/nowhere", **(variables or {})})
+    with closing(Store(backend, url, seconds)) as store:
         yield store
 
 
@@ -218,7 +220,7 @@ def test_an_invalid_result_is_reported_separately(data: bytes) -> None:
 
 
 def test_the_size_of_results_is_limited(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(action_result, "MAX_SIZE", 100_000)
+    monkeypatch.setattr(stores, "MAX_SIZE", 100_000)
     with (
         rude(endless(b"HTTP/1.1 200 OK\r\n\r\n", b"x" * 1000, 0)) as server,
         asking(server.url) as store,
@@ -397,7 +399,7 @@ def test_messages_contain_no_passwords() -> None:
         pass
     said: list[str] = []
     url = server.url.replace("//", "//me:secret@")
-    store = open_remote(url, seconds=1, writable=True, variables={}, report=said.append)
+    store = opened(url, said, seconds=1)
     assert store.result(KEY) is None
     assert [("secret" in line, "me:" in line) for line in (*said, store.name)] == [(False, False)] * 2
     store.close()
@@ -418,3 +420,9 @@ def test_requests_follow_the_protocol_of_bazel_remote(source: Path) -> None:
         if request.method == "PUT":
             assert int(request.headers["content-length"]) == len(request.body)
             assert request.headers["content-type"] == "application/octet-stream"
+
+
+@pytest.mark.parametrize("token", ["a b", "a\r\nX-Evil: 1", "\N{SNOWMAN}"])
+def test_a_token_contains_no_whitespace(token: str) -> None:
+    with pytest.raises(ForgeError, match="FORGE_CACHE_TOKEN contains a blank"):
+        HttpBackend("http://127.0.0.1", 1, {"FORGE_CACHE_TOKEN": token})

@@ -13,9 +13,11 @@ import fsspec
 import pytest
 from fsspec.registry import _registry
 
-from forge.cache import action_result
 from forge.cache.model import BlobError, Digest
-from forge.cache.remote import Remote, open_remote
+from forge.plugins.remote_cache import store as stores
+from forge.plugins.remote_cache.fsspec_backend import FsspecBackend
+from forge.plugins.remote_cache.store import Store
+from tests.plugins.remote_cache.opening import opened
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -26,16 +28,16 @@ BYTES = os.urandom(300_000)
 DIGEST = Digest(hashlib.sha256(BYTES).hexdigest(), len(BYTES))
 
 
-def opened(url: str, *, seconds: float = 10, writable: bool = True, **variables: str) -> Remote:
-    """Open a store of which no fault is expected."""
-    return open_remote(url, seconds=seconds, writable=writable, variables=variables, report=pytest.fail)
+def opened_store(url: str) -> Store:
+    """Open a store without uploads in the background."""
+    return Store(FsspecBackend(url), url, seconds=10)
 
 
 def test_files_of_a_folder_store_appear_complete(tmp_path: Path) -> None:
     """What is written lies under another name until it is whole, and nothing is left of what failed."""
     source = tmp_path / "source"
     source.write_bytes(BYTES)
-    store = opened(f"file://{tmp_path}/store")
+    store = opened_store(f"file://{tmp_path}/store")
     source.write_bytes(BYTES[:-1])
     with pytest.raises(BlobError, match="truncated during the upload"):
         store.put(DIGEST, source)
@@ -49,7 +51,7 @@ def test_a_hanging_library_is_abandoned(scheme: str, tmp_path: Path, monkeypatch
     monkeypatch.setattr(fsspec.get_filesystem_class(scheme), "open", lambda *_, **__: over.wait(60))
     said: list[str] = []
     url = f"{scheme}://me:secret@{tmp_path}"
-    store = open_remote(url, seconds=0.3, writable=True, variables={}, report=said.append)
+    store = opened(url, said, seconds=0.3)
     begun = time.monotonic()
     assert store.result(KEY) is None
     assert time.monotonic() - begun < 2
@@ -66,7 +68,7 @@ def test_library_errors_are_reported_without_passwords(
     monkeypatch.setattr(fsspec.get_filesystem_class("memory"), "open", fail)
     said: list[str] = []
     url = "memory://me:sec@ret@host/x"
-    store = open_remote(url, seconds=5, writable=True, variables={}, report=said.append)
+    store = opened(url, said)
     assert not store.fetch(DIGEST, tmp_path / "target")
     assert said == ["memory://host/x: RuntimeError: cannot reach sftp://host/x; disabled for this build"]
 
@@ -77,7 +79,7 @@ def test_library_errors_are_reported_without_passwords(
 def test_an_invalid_result_is_reported(
     data: bytes, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(action_result, "MAX_SIZE", 1000)
+    monkeypatch.setattr(stores, "MAX_SIZE", 1000)
     (tmp_path / "ac").mkdir()
     (tmp_path / "ac" / KEY).write_bytes(data)
     store = opened(f"file://{tmp_path}")
@@ -88,13 +90,13 @@ def test_an_invalid_result_is_reported(
 
 def test_objects_in_buckets_are_not_renamed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Files appear whole there, folders are none, and moving would be copying."""
-    monkeypatch.setattr("forge.cache.fsspec_store._BUCKETS", frozenset({"memory"}))
+    monkeypatch.setattr("forge.plugins.remote_cache.fsspec_backend._BUCKETS", frozenset({"memory"}))
     kind = fsspec.get_filesystem_class("memory")
     for name in ("mv", "makedirs"):
         monkeypatch.setattr(kind, name, lambda *_, **__: pytest.fail("moved"))
     source = tmp_path / "source"
     source.write_bytes(BYTES)
-    store = opened(f"memory://{uuid.uuid4().hex}")
+    store = opened_store(f"memory://{uuid.uuid4().hex}")
     store.put(DIGEST, source)
     assert store.fetch(DIGEST, tmp_path / "target")
     store.close()
