@@ -50,13 +50,16 @@ OWN: Mapping[str, Mapping[str, str]] = {
         "http": "forge.plugins.remote_cache.http_backend",
         "https": "forge.plugins.remote_cache.http_backend",
     },
+    EXECUTORS: {
+        "dask": "forge.plugins.dask.executor",
+    },
 }
 """The plugins in forge/plugins/: modules by group and name, as in the entry points of pyproject.toml."""
 
 PACKAGE_FILES: Mapping[str, str] = {"Cargo.toml": "cargo"}
 """Files that make a folder a package without package.xml, and the build types of plugins that read them."""
 
-_EXTRAS = {"cross": "cross", "lsp": "lsp", "remote_cache": "remote", "system_deps": "rosdep"}
+_EXTRAS = {"cross": "cross", "dask": "dask", "lsp": "lsp", "remote_cache": "remote", "system_deps": "rosdep"}
 """The extra with the dependencies of a plugin, if it has any."""
 
 _Result = TypeVar("_Result")

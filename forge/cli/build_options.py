@@ -13,7 +13,8 @@ from forge.base.options import default_of, option, option_of
 from forge.cache.opening import CacheOptions
 from forge.cli import package_options
 from forge.cli.options import FolderOptions, add_options, read_options
-from forge.execution.options import DASK, ExecutorOptions, JobOptions
+from forge.execution.executor import ExecutorOptions
+from forge.execution.options import JobOptions
 from forge.output.handlers import ReportOptions
 from forge.toolchain.compiler_launchers.choice import LAUNCHERS, NONE, selected_launcher
 from forge.toolchain.targets import CrossOptions
@@ -168,9 +169,10 @@ class BuildOptions:
         self.execution.check()
         self.cache.check()
         self.cross.check(self.folders.target)
-        if self.folders.target and self.execution.executor == DASK:
-            hint = "remove '--executor dask' or '--target'"
-            message = "--target cannot be combined with '--executor dask': its compilers are on this machine"
+        if self.folders.target and not self.execution.is_local:
+            word = f"'--executor {self.execution.executor}'"
+            hint = f"remove {word} or '--target'"
+            message = f"--target cannot be combined with {word}: its compilers are on this machine"
             raise SelectionError(Problem(message, hint=hint))
         if self.audit and (others := list(self._prevent_audit())):
             words = ", ".join(others)
@@ -185,8 +187,8 @@ class BuildOptions:
     def _prevent_audit(self) -> Iterator[str]:
         if self.watch:
             yield "--watch"
-        if self.execution.executor == DASK:
-            yield f"--executor {DASK}"
+        if not self.execution.is_local:
+            yield f"--executor {self.execution.executor}"
         if self.cache.wanted:
             yield "a package cache (--cache, --remote-cache)"
         if selected_launcher(self.cmake.compiler_launcher):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from contextlib import ExitStack, closing, contextmanager, nullcontext
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from forge.base.env_vars import SEQUENTIAL, compiled_templates, own_cache, without_secrets
@@ -22,11 +23,13 @@ from forge.cli.options import displayed
 from forge.cli.session import open_session
 from forge.environment.prefixes import find_underlays, provider
 from forge.environment.underlays import overridden
+from forge.execution.executor import ExecutorContext
 from forge.execution.job_pool import without_job_variables
 from forge.execution.observer import open_observer
 from forge.execution.opening import open_job_pool
-from forge.execution.options import DASK
+from forge.execution.runner import LocalExecutor, TaskRunner, unwrapped
 from forge.execution.scheduler import Scheduler
+from forge.execution.started import StartedProcesses
 from forge.execution.task_setup import TaskSetup
 from forge.output.charts.sampling import sample_usage
 from forge.toolchain.cmake_warnings import defined
@@ -35,7 +38,7 @@ from forge.toolchain.compiler_probe import Toolchain
 from forge.toolchain.gcc_heap import gcc_heap
 from forge.toolchain.languages import any_enables_cxx
 from forge.toolchain.precompiled_headers import LIBRARY_PATH_BELOW, prepare_precompiled_headers
-from forge.toolchain.programs import CMAKE_TYPES, ninja_first
+from forge.toolchain.programs import CMAKE_TYPES, ninja_first, program_of
 from forge.toolchain.resources import memory
 from forge.workspace.downloads import announced_downloads
 from forge.workspace.missing import missing_dependencies
@@ -55,8 +58,7 @@ if TYPE_CHECKING:
     from forge.cli.build_mode import BuildMode
     from forge.cli.build_options import BuildOptions
     from forge.cli.session import Session
-    from forge.execution.dask.connection import Connection
-    from forge.execution.runner import Runner
+    from forge.execution.executor import Executor
     from forge.output.charts.sampling import NoSampler
     from forge.toolchain.interpreter import Interpreter
     from forge.workspace.load import LoadedWorkspace
@@ -123,7 +125,7 @@ class _Opened:
     """The resources of a running build."""
 
     session: Session
-    runner: Runner
+    runner: TaskRunner
     recorder: PackageRecorder
     scheduler: Scheduler
     launcher_stats: LauncherStats
@@ -134,10 +136,10 @@ class _Opened:
 @contextmanager
 def _opened(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> Iterator[_Opened]:
     """Yield the resources of a build, and close them afterwards in reverse order."""
-    options, context, mode, audit = build.options, build.context, build.mode, build.audit
+    options, context, audit = build.options, build.context, build.audit
     launcher_stats = _launcher_stats(plan, build)
     with (
-        _connection(build) as connection,
+        options.execution.connected(_executor_context(build)) as remote,
         _workers(plan, build) as worker_variables,
         closing(
             open_job_pool(
@@ -158,11 +160,11 @@ def _opened(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> Iterato
             **without_job_variables(build.variables),
             **launcher_stats.variables,
             **worker_variables,
-            **({} if audit else _for_compilers(plan, build, 0 if connection else job_pool.local)),
+            **({} if audit else _for_compilers(plan, build, 0 if remote else job_pool.local)),
         }
         environment |= ninja_first(context.ninja, context.layout.build / PROGRAMS_DIR, build.variables)
         recorder = PackageRecorder(state)
-        setup = TaskSetup(
+        lifecycle = TaskSetup(
             build.loaded.resolution,
             context.layout,
             build.interpreter,
@@ -170,20 +172,20 @@ def _opened(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> Iterato
             state,
             recorder,
             cache,
+            _toolchain(plan, build),
             audit,
         )
-        toolchain = _toolchain(plan, build)
         own = own_cache(build.variables) or context.layout.build / OWN_CACHE_DIR
-        observer = open_observer(plan.tasks.values(), context.layout, own, build.variables)
-        runner: Runner = setup.runner(job_pool, toolchain, observer)
-        # Each started package holds a job. Slots of remote hosts do not count: they only run compilers.
-        slots = min(options.jobs.parallel_workers or job_pool.local, job_pool.jobs)
-        if connection:
-            from forge.execution.dask.dask_runner import DaskRunner
-
-            mode.warn(connection.cluster.remarks)
-            runner = DaskRunner(connection, setup.lifecycle(toolchain))
-            slots = options.jobs.parallel_workers or connection.cluster.slots
+        executor: Executor = remote or LocalExecutor(
+            job_pool,
+            StartedProcesses(context.layout.build),
+            audit.launch if audit else unwrapped,
+            open_observer(plan.tasks.values(), context.layout, own, build.variables),
+        )
+        # Each package that is built on this machine holds a job.
+        slots = options.jobs.parallel_workers or executor.slots
+        slots = slots if remote else min(slots, job_pool.jobs)
+        runner = TaskRunner(lifecycle, executor, None if remote else job_pool)
         session.json_events.announce(seconds=state.seconds())
         alone = build.options.execution.executor == SEQUENTIAL
         scheduler = Scheduler(
@@ -233,17 +235,11 @@ def _for_compilers(plan: BuildPlan, build: PreparedBuild, jobs: int) -> dict[str
     return found
 
 
-def _connection(build: PreparedBuild) -> AbstractContextManager[Connection | None]:
-    """Return the connection to the Dask cluster as a context, None with another executor."""
-    options = build.options.execution
-    if options.executor != DASK:
-        return nullcontext(None)
-    from forge.execution.dask.connection import connected
-    from forge.execution.dask.messages import WorkerLimits
-
-    jobs, context = build.options.jobs, build.context
-    limits = WorkerLimits(jobs.jobs, jobs.memory_limit, context.load_limit, options.worker_resources)
-    return connected(options.scheduler or "", context, limits)
+def _executor_context(build: PreparedBuild) -> ExecutorContext:
+    options, context = build.options, build.context
+    jobs = replace(options.jobs, load_limit=context.load_limit)
+    programs = {name: program_of(identity) for name, identity in context.tools}
+    return ExecutorContext(options.execution, jobs, context.layout.build, programs, build.mode.warn)
 
 
 def _session(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> AbstractContextManager[Session]:

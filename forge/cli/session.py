@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from forge.base.layout import Layout
     from forge.build.events import Event
     from forge.build.tasks import BuildPlan, Task
-    from forge.execution.runner import Runner
+    from forge.execution.runner import TaskRunner
     from forge.execution.scheduler import Scheduler
     from forge.output.handlers import ReportOptions
     from forge.output.live import View
@@ -69,7 +69,7 @@ class Session:
     def run(
         self,
         plan: BuildPlan,
-        runner: Runner,
+        runner: TaskRunner,
         scheduler: Scheduler,
         resolve: Callable[[Task], Task | None],
         record: Callable[[Event], object],

@@ -8,14 +8,14 @@ import threading
 from typing import TYPE_CHECKING
 
 from forge.base.signals import handle_signals
-from forge.build.events import Aborted, Finished, Fresh, Output, Started
+from forge.build.events import Aborted, Finished, Fresh, Output, Skipped, Started
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Generator, Iterator
+    from collections.abc import Callable, Generator
 
     from forge.build.events import Event
     from forge.build.tasks import BuildPlan, Task
-    from forge.execution.runner import Runner
+    from forge.execution.runner import TaskRunner
     from forge.execution.scheduler import Scheduler
 
 _MAX_PENDING_OUTPUT = 200
@@ -46,7 +46,7 @@ class Inbox:
 
 
 def execute(
-    plan: BuildPlan, runner: Runner, scheduler: Scheduler, resolve: Callable[[Task], Task | None]
+    plan: BuildPlan, runner: TaskRunner, scheduler: Scheduler, resolve: Callable[[Task], Task | None]
 ) -> Generator[Event]:
     """Run the plan and yield each event in the caller's thread.
 
@@ -60,33 +60,46 @@ def execute(
     crash: BaseException | None = None
     interrupts = 0
     active: set[str] = set()
-
-    def submit(task: Task) -> None:
-        active.add(task.name)
-        # The scheduler limits their number; importing concurrent.futures would cost 10 ms.
-        threading.Thread(target=_run_in_thread, args=(runner, task, inbox.put), name=task.name).start()
-
     with handle_signals(lambda number: inbox.put(KeyboardInterrupt(number))):
         try:
             while True:
-                yield from _start(plan, scheduler, resolve, submit)
+                # A task that is up to date makes its dependents ready at once.
+                while events := scheduler.advance():
+                    for event in events:
+                        if isinstance(event, Skipped):
+                            yield event
+                        elif task := resolve(plan.tasks[event.task]):
+                            # The journal must record this before any file is touched.
+                            yield Started(task.name, task.inputs)
+                            active.add(task.name)
+                            # The scheduler limits them; importing concurrent.futures would cost 10 ms.
+                            worker = threading.Thread(
+                                target=runner.run, args=(task, inbox.put), name=task.name
+                            )
+                            worker.start()
+                        else:
+                            fresh = Fresh(event.task)
+                            scheduler.note(fresh)
+                            yield fresh
                 if not scheduler.running:
                     break
                 message = inbox.get()
                 if isinstance(message, KeyboardInterrupt):
                     interrupts += 1
                     scheduler.stop("interrupted")
-                    runner.interrupt(kill=_should_kill(message, interrupts))
+                    # A closed terminal sends SIGHUP more than once by itself.
+                    kill = interrupts > 1 and message.args != (signal.SIGHUP,)
+                    runner.executor.interrupt(kill=kill)
                 elif isinstance(message, BaseException):
                     crash = crash or message
                     scheduler.stop("an internal error")
-                    runner.finish_steps()
+                    runner.executor.finish_steps()
                 else:
                     if isinstance(message, Finished | Aborted):
                         active.discard(message.task)
                     scheduler.note(message)
                     if scheduler.stopped and isinstance(message, Finished):
-                        runner.finish_steps()
+                        runner.executor.finish_steps()
                     yield message
         finally:
             _finish_active(inbox, runner, active)
@@ -96,49 +109,13 @@ def execute(
         raise KeyboardInterrupt
 
 
-def _should_kill(message: KeyboardInterrupt, count: int) -> bool:
-    """Return True for a repeated interrupt; a closed terminal sends SIGHUP more than once by itself."""
-    return count > 1 and message.args != (signal.SIGHUP,)
-
-
-def _finish_active(inbox: Inbox, runner: Runner, active: set[str]) -> None:
+def _finish_active(inbox: Inbox, runner: TaskRunner, active: set[str]) -> None:
     """Terminate the active tasks; there are some only if the loop was left by an error of the caller."""
     if active:
-        runner.interrupt(kill=False)
+        runner.executor.interrupt(kill=False)
     while active:
         message = inbox.get()
         if isinstance(message, KeyboardInterrupt):
-            runner.interrupt(kill=True)
+            runner.executor.interrupt(kill=True)
         elif isinstance(message, Finished | Aborted):
             active.discard(message.task)
-
-
-def _start(
-    plan: BuildPlan,
-    scheduler: Scheduler,
-    resolve: Callable[[Task], Task | None],
-    submit: Callable[[Task], object],
-) -> Iterator[Event]:
-    """Yield the events of starting ready tasks; an up-to-date task makes its dependents ready at once."""
-    while events := scheduler.advance():
-        for event in events:
-            task = resolve(plan.tasks[event.task]) if isinstance(event, Started) else None
-            if task is not None:
-                # The journal must record this before any file is touched.
-                yield Started(task.name, task.inputs)
-                submit(task)
-            elif isinstance(event, Started):
-                fresh = Fresh(event.task)
-                scheduler.note(fresh)
-                yield fresh
-            else:
-                yield event
-
-
-def _run_in_thread(runner: Runner, task: Task, put: Callable[[Event | BaseException], None]) -> None:
-    """Run one task in a worker thread; pass any exception to the loop and end the task in any case."""
-    try:
-        runner.run(task, put)
-    except BaseException as error:
-        put(error)
-        put(Aborted(task.name, 0.0))

@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
 from typing import TYPE_CHECKING
 
-from forge.base.env_vars import EXECUTORS, default_executor
-from forge.base.errors import Problem, SelectionError
 from forge.base.frozen import frozen
 from forge.base.options import option
 from forge.execution.makeflags import read_make_flags
@@ -17,9 +13,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from forge.toolchain.resources import MemoryLimit
-
-DASK = "dask"
-"""The executor that builds packages on the workers of a Dask cluster."""
 
 
 def _positive(text: str) -> int:
@@ -39,14 +32,6 @@ def _memory_limit(text: str) -> MemoryLimit:
         return memory_limit(text)
     except ValueError:
         raise ValueError(f"'{text}' is neither a size nor a percentage of memory") from None
-
-
-def _resource(text: str) -> tuple[str, float]:
-    name, equals, number = text.partition("=")
-    with contextlib.suppress(ValueError):
-        if name and equals:
-            return name, float(number)
-    raise ValueError(f"'{text}' is not of the form NAME=NUMBER, such as memory=4e9")
 
 
 @frozen
@@ -81,36 +66,3 @@ class JobOptions:
         level = variables.get("CMAKE_BUILD_PARALLEL_LEVEL", "")
         flags = read_make_flags(variables.get("MAKEFLAGS", ""))
         return self.jobs or flags.jobs or (int(level) if level.isdigit() else 0)
-
-
-@frozen
-class ExecutorOptions:
-    """The options that choose where packages are built: here, or on a Dask cluster."""
-
-    executor: str = option(
-        "how to build packages: in parallel, one at a time in topological order (sequential), or on a "
-        "Dask cluster (dask, requires --scheduler) (default: parallel)",
-        default_factory=lambda: default_executor((*EXECUTORS, DASK)),
-        choices=(*EXECUTORS, DASK),
-    )
-    scheduler: str | None = option(
-        "address of the Dask scheduler, such as tcp://HOST:8786; --jobs then applies per worker, "
-        "--parallel-workers to all workers together (default: one package per worker thread)",
-        default_factory=lambda: os.environ.get("FORGE_SCHEDULER"),
-        metavar="ADDRESS",
-    )
-    worker_resources: tuple[tuple[str, float], ...] = option(
-        "resources of Dask workers that each package requires, such as memory=4e9",
-        default=(),
-        parse=_resource,
-        metavar="NAME=N",
-    )
-
-    def check(self) -> None:
-        """Raise SelectionError if --executor dask lacks --scheduler.
-
-        The reverse is allowed: option files may name a scheduler.
-        """
-        if self.executor == DASK and not self.scheduler:
-            hint = "start a scheduler with `dask scheduler` and use the address it prints"
-            raise SelectionError(Problem("'--executor dask' needs '--scheduler ADDRESS'", hint=hint))

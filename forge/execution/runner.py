@@ -1,4 +1,4 @@
-"""Run the steps of a task: the Runner protocol, and the runner that starts processes."""
+"""Run tasks: what happens before and after their steps, and the executor that starts processes."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
-from forge.base.files import has_text, write_if_changed
-from forge.base.frozen import frozen
-from forge.base.layout import LAST_COMMAND
+from forge.base.files import has_text, remove_folder, write_if_changed
+from forge.base.layout import LAST_COMMAND, SCRATCH_DIR
 from forge.build.events import Aborted, Finished, Output, StepFinished, StepStarted
+from forge.build.model import BuildInputs, BuildRecord
 from forge.build.tasks import TEST_FAILURES, StepCondition, StepKind, environment_file, step_line
 from forge.execution.jobserver import without_jobserver_notices
 from forge.execution.worker_client import ROSIDL_WORKER_VARIABLE, WORKER_VARIABLE
@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     from contextlib import AbstractContextManager
 
     from forge.build.events import Event
-    from forge.build.model import BuildRecord
     from forge.build.tasks import Step, Task
+    from forge.execution.executor import Executor
     from forge.execution.job_pool import JobPool
     from forge.execution.observer import Observer
     from forge.execution.started import StartedProcesses
@@ -48,28 +48,6 @@ _LONGEST_LINE = 65536
 _NOT_STARTED = 127
 
 
-class Runner(Protocol):
-    """Runs one task at a time per calling thread."""
-
-    def run(self, task: Task, put: Callable[[Event], None]) -> None:
-        """Run the steps of `task` and put every event; the last is Finished or Aborted."""
-
-    def finish_steps(self) -> None:
-        """Let running steps finish and start no further step."""
-
-    def interrupt(self, *, kill: bool) -> None:
-        """Terminate all running programs; with `kill`, immediately."""
-
-
-class RunSteps(Protocol):
-    """A function that runs the steps of a task."""
-
-    def __call__(
-        self, task: Task, environment: Mapping[str, str], put: Callable[[Event], None], started: float, /
-    ) -> Event | None:
-        """Run them until one fails or the build is stopped; return Finished or Aborted in these cases."""
-
-
 _OF_THIS_BUILD = frozenset(
     {
         *(WORKER_VARIABLE, ROSIDL_WORKER_VARIABLE),
@@ -79,29 +57,83 @@ _OF_THIS_BUILD = frozenset(
 """Variables for processes and files that this build has started or checked; others do without."""
 
 
-@frozen
 class TaskLifecycle:
-    """The callbacks before and after the steps of a task, locally or on a cluster.
+    """What happens before and after the steps of a task: locally, wherever the steps run."""
 
-    `restore(task)` is called first: if it returns a record, no step runs. `environment(task)` returns the
-    environment of the steps. `begin(task, environment)` is called before the first step and `install(task)`
-    after the last; it returns the record. `undo(task)` is called instead if a step failed or the build was
-    stopped. `remark(task)` returns the package cache's remark at the end. `check(task)` raises ForgeError if
-    forge made a step fail.
-    """
+    __slots__ = ()
 
-    environment: Callable[[Task], Mapping[str, str]]
-    begin: Callable[[Task, Mapping[str, str]], None]
-    install: Callable[[Task], BuildRecord]
-    undo: Callable[[Task], None] = lambda _: None
-    restore: Callable[[Task], BuildRecord | None] = lambda _: None
-    remark: Callable[[Task], str] = lambda _: ""
-    check: Callable[[Task], None] = lambda _: None
+    def restore(self, _task: Task) -> BuildRecord | None:
+        """Return the record of a task that needs no step, because its result was stored; called first."""
+        return None
 
-    def open(self, task: Task) -> Mapping[str, str]:
+    def environment(self, task: Task) -> Mapping[str, str]:
+        """Return the environment of the steps."""
+        raise NotImplementedError
+
+    def begin(self, task: Task, environment: Mapping[str, str]) -> None:
+        """Prepare the first step."""
+
+    def install(self, _task: Task) -> BuildRecord:
+        """Install the results after the last step, and return the record."""
+        return BuildRecord(BuildInputs())
+
+    def undo(self, task: Task) -> None:
+        """Restore the previous state, because a step failed or the build was stopped."""
+
+    def remark(self, _task: Task) -> str:
+        """Return the remark of the package cache at the end."""
+        return ""
+
+    def check(self, task: Task) -> None:
+        """Raise ForgeError if forge made a step fail."""
+
+
+class TaskRunner:
+    """Runs one task at a time per calling thread."""
+
+    def __init__(self, lifecycle: TaskLifecycle, executor: Executor, job_pool: JobPool | None = None) -> None:
+        """Store them; with a `job_pool`, a task holds a job from beginning to end."""
+        self.executor = executor
+        self._lifecycle = lifecycle
+        self._job_pool = job_pool
+
+    def run(self, task: Task, put: Callable[[Event | BaseException], None]) -> None:
+        """Restore the result of `task`, or run its steps and install it; put every event.
+
+        The last one is Finished or Aborted. An exception is put before it.
+        """
+        lifecycle = self._lifecycle
+        try:
+            with self._job_pool.package() if self._job_pool else nullcontext(enter_result=True) as begun:
+                if not begun:
+                    put(Aborted(task.name, 0.0))
+                    return
+                started = time.monotonic()
+                record = lifecycle.restore(task)
+                if record is None:
+                    environment = self._open(task)
+                    failure = self.executor.run(task, environment, put, lambda: self._restart(task))
+                    if failure is not None:
+                        failure = replace(failure, seconds=time.monotonic() - started)
+                        lifecycle.check(task)
+                        lifecycle.undo(task)
+                        put(failure)
+                        return
+                    record = lifecycle.install(task)
+                    record = replace(record, seconds=time.monotonic() - started)
+                seconds = time.monotonic() - started
+                put(Finished(task.name, 0, seconds, record=record, cache=lifecycle.remark(task)))
+        except BaseException as error:
+            # For example a full disk: partially installed files must not look complete.
+            with contextlib.suppress(Exception):
+                lifecycle.undo(task)
+            put(error)
+            put(Aborted(task.name, 0.0))
+
+    def _open(self, task: Task) -> Mapping[str, str]:
         """Prepare the first step; return the environment of the steps."""
-        environment = self.environment(task)
-        self.begin(task, environment)
+        environment = self._lifecycle.environment(task)
+        self._lifecycle.begin(task, environment)
         task.build_dir.mkdir(parents=True, exist_ok=True)
         for path, text in task.files:
             write_if_changed(path, text)
@@ -109,31 +141,12 @@ class TaskLifecycle:
         write_if_changed(environment_file(task), "\n".join(exports) + "\n", mode=0o600)
         return environment
 
-    def run_build(self, task: Task, put: Callable[[Event], None], steps: RunSteps) -> None:
-        """Run `task` with its lifecycle callbacks; `steps` runs its steps. Put every event."""
-        try:
-            put(self._run_task(task, put, steps))
-        except BaseException:
-            # For example a full disk: partially installed files must not look complete. Keep the first error.
-            with contextlib.suppress(OSError):
-                self.undo(task)
-            raise
-
-    def _run_task(self, task: Task, put: Callable[[Event], None], steps: RunSteps) -> Event:
-        started = time.monotonic()
-        record = self.restore(task)
-        if record is not None:
-            return Finished(task.name, 0, time.monotonic() - started, record=record, cache=self.remark(task))
-        environment = self.open(task)
-        failure = steps(task, environment, put, started)
-        if failure is not None:
-            self.check(task)
-            self.undo(task)
-            return failure
-        record = self.install(task)
-        seconds = time.monotonic() - started
-        record = replace(record, seconds=seconds)
-        return Finished(task.name, 0, seconds, record=record, cache=self.remark(task))
+    def _restart(self, task: Task) -> Mapping[str, str]:
+        """Remove the partial results of an earlier attempt; return the environment of the steps."""
+        self._lifecycle.undo(task)
+        with contextlib.suppress(OSError):
+            remove_folder(str(task.build_dir), last=SCRATCH_DIR)
+        return self._open(task)
 
 
 class Launch(Protocol):
@@ -148,19 +161,18 @@ def unwrapped(_: Task, step: Step) -> AbstractContextManager[Sequence[str]]:
     return nullcontext(step.argv)
 
 
-class ProcessRunner:
-    """Runs each step as a process group of its own."""
+class LocalExecutor:
+    """Runs each step as a process group of its own on this machine."""
 
     def __init__(
         self,
-        lifecycle: TaskLifecycle,
         job_pool: JobPool | None = None,
         started: StartedProcesses | None = None,
         launch: Launch = unwrapped,
         observer: Observer | None = None,
     ) -> None:
-        """Store the lifecycle of tasks, the job pool, the record of started processes, and the observer."""
-        self._lifecycle = lifecycle
+        """Store the job pool, the record of started processes, and the observer."""
+        self.slots = job_pool.local if job_pool else 1
         self._job_pool = job_pool
         self._started = started
         self._launch = launch
@@ -170,29 +182,25 @@ class ProcessRunner:
         self._lock = threading.Lock()
         self._last_signal: signal.Signals | None = None
 
-    def run(self, task: Task, put: Callable[[Event], None]) -> None:
-        """Run the steps of `task` in order, until one fails or the build is stopped."""
-        with self._job_pool.package() if self._job_pool else nullcontext(enter_result=True) as begun:
-            if begun:
-                self._lifecycle.run_build(task, put, self.run_steps)
-            else:
-                put(Aborted(task.name, 0.0))
-
-    def run_steps(
-        self, task: Task, environment: Mapping[str, str], put: Callable[[Event], None], started: float
-    ) -> Event | None:
-        """Run the steps until one fails or the build is stopped, which returns Finished or Aborted."""
+    def run(
+        self,
+        task: Task,
+        environment: Mapping[str, str],
+        put: Callable[[Event], None],
+        _restart: Callable[[], Mapping[str, str]] | None = None,
+    ) -> Finished | Aborted | None:
+        """Run the steps of `task` in order, until one fails or the build is stopped; see Executor."""
         tests = StepCondition.TESTS_PASSED
         for step in task.steps:
             if step.condition not in {StepCondition.ALWAYS, tests}:
                 continue
             if self._stopping.is_set():
-                return Aborted(task.name, time.monotonic() - started)
+                return Aborted(task.name, 0.0)
             code = self._run_step(task, step, environment, put)
             if code and self._stopping.is_set() and code < 0:
-                return Aborted(task.name, time.monotonic() - started)
+                return Aborted(task.name, 0.0)
             if code and step.meaning(code) is None:
-                return Finished(task.name, code, time.monotonic() - started, step)
+                return Finished(task.name, code, 0.0, step)
             failed = step.meaning(code) == TEST_FAILURES
             tests = StepCondition.TESTS_FAILED if failed else StepCondition.TESTS_PASSED
         return None
@@ -243,11 +251,43 @@ class ProcessRunner:
             Path(path).unlink()
         line = step_line(step, environment_file(task))
         write_if_changed(task.build_dir / task.scratch_dir / LAST_COMMAND, line + "\n")
-        variables = {**environment, **dict(step.env)}
+        variables: Mapping[str, str] = {**environment, **dict(step.env)}
         put(StepStarted(task.name, step, changed_variables(variables)))
         tools = self._job_pool.tools(step, variables) if self._job_pool else nullcontext((variables, ()))
-        with tools as tool_context, self._launch(task, step) as argv:
-            code = self._start(task, replace(step, argv=tuple(argv)), tool_context, put)
+        with tools as (variables, descriptors), self._launch(task, step) as argv:
+            if self._observer:
+                variables = self._observer.variables(task, variables)
+            try:
+                process = subprocess.Popen(
+                    argv,
+                    cwd=step.cwd,
+                    env=variables,
+                    pass_fds=descriptors,
+                    stdin=subprocess.DEVNULL,
+                    stdout=subprocess.PIPE,
+                    stderr=subprocess.PIPE,
+                    start_new_session=True,
+                )
+            except OSError as error:
+                missing = (
+                    "its working directory no longer exists" if not step.cwd.is_dir() else error.strerror
+                )
+                message = f"forge: cannot start '{argv[0]}': {missing}\n"
+                put(Output(task.name, message.encode(), stderr=True))
+                code = _NOT_STARTED
+            else:
+                self._register_group(process.pid)
+                if self._observer:
+                    self._observer.note_process(variables, process.pid)
+                try:
+                    with process:  # which closes both pipes in the end
+                        _read_lines(
+                            process, lambda lines, stderr: put(Output(task.name, lines, stderr=stderr))
+                        )
+                    code = process.returncode
+                finally:
+                    with self._lock:
+                        self._groups.discard(process.pid)
         if step.record and code == 0:
             if step.kind is StepKind.CONFIGURE:
                 from forge.build.build_dir import restore_outputs
@@ -256,43 +296,6 @@ class ProcessRunner:
             write_if_changed(*step.record)
         put(StepFinished(task.name, step, code))
         return code
-
-    def _start(
-        self,
-        task: Task,
-        step: Step,
-        tool_context: tuple[Mapping[str, str], Sequence[int]],
-        put: Callable[[Event], None],
-    ) -> int:
-        variables, descriptors = tool_context
-        if self._observer:
-            variables = self._observer.variables(task, variables)
-        try:
-            process = subprocess.Popen(
-                step.argv,
-                cwd=step.cwd,
-                env=variables,
-                pass_fds=descriptors,
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.PIPE,
-                start_new_session=True,
-            )
-        except OSError as error:
-            missing = "its working directory no longer exists" if not step.cwd.is_dir() else error.strerror
-            message = f"forge: cannot start '{step.argv[0]}': {missing}\n"
-            put(Output(task.name, message.encode(), stderr=True))
-            return _NOT_STARTED
-        self._register_group(process.pid)
-        if self._observer:
-            self._observer.note_process(variables, process.pid)
-        try:
-            with process:  # which closes both pipes in the end
-                _read_lines(process, lambda lines, stderr: put(Output(task.name, lines, stderr=stderr)))
-            return process.returncode
-        finally:
-            with self._lock:
-                self._groups.discard(process.pid)
 
 
 def _signal_group(group: int, number: signal.Signals) -> None:

@@ -17,8 +17,8 @@ from forge.build.prefix import PrefixExchange
 from forge.build.up_to_date import FOR_COMPILERS
 from forge.environment.config_folders import config_folders, config_variables
 from forge.environment.sourcing import build_environment, package_edits
-from forge.execution.runner import ProcessRunner, TaskLifecycle, changed_variables, unwrapped
-from forge.execution.started import BUILD_FOLDER_VARIABLE, StartedProcesses
+from forge.execution.runner import TaskLifecycle, changed_variables
+from forge.execution.started import BUILD_FOLDER_VARIABLE
 from forge.toolchain.interpreter import own_command
 from forge.toolchain.programs import CMAKE_TYPES
 from forge.workspace.model import RUN_KINDS
@@ -36,15 +36,13 @@ if TYPE_CHECKING:
     from forge.build.tasks import Task
     from forge.cache.package_cache import PackageCache
     from forge.environment.dsv import Edit, Script
-    from forge.execution.job_pool import JobPool
-    from forge.execution.observer import Observer
     from forge.toolchain.compiler_probe import Toolchain
     from forge.toolchain.interpreter import Interpreter
     from forge.workspace.resolve import DependencyResolution
 
 
 @frozen
-class TaskSetup:
+class TaskSetup(TaskLifecycle):
     """The state shared by all tasks of a build; `variables` is the environment below their dependencies'."""
 
     resolution: DependencyResolution
@@ -54,6 +52,8 @@ class TaskSetup:
     state: BuildState
     recorder: PackageRecorder
     cache: PackageCache | None = None
+    toolchain: Toolchain | None = None
+    """Lets new build folders skip CMake's compiler checks."""
     audit: Audit | None = None
     """Traces the file accesses of steps; then each package starts in an empty build folder."""
     edits: Callable[[str, Path], tuple[Edit | Script, ...]] = field(
@@ -62,31 +62,7 @@ class TaskSetup:
     """Returns an installed package's changes of the environment; cached, as only dependents request it."""
     _configs: dict[str, Pairs] = field(default_factory=dict)
 
-    def runner(self, job_pool: JobPool, toolchain: Toolchain | None, observer: Observer) -> ProcessRunner:
-        """Return a runner that starts programs on this machine."""
-        launch = self.audit.launch if self.audit is not None else unwrapped
-        started = StartedProcesses(self.layout.build)
-        return ProcessRunner(self.lifecycle(toolchain), job_pool, started, launch, observer)
-
-    def lifecycle(self, toolchain: Toolchain | None) -> TaskLifecycle:
-        """Return the lifecycle of tasks; `toolchain` lets new build folders skip CMake's compiler checks."""
-
-        def begin(task: Task, environment: Mapping[str, str]) -> None:
-            self._begin(task, environment)
-            # The package's own arguments and the hooks of its dependencies may select another compiler.
-            arguments = (
-                *task.package.option_values("cmake-args"),
-                *task.package.option_values("ament-cmake-args"),
-            )
-            same_compilers = not arguments and _for_compilers(environment) == _for_compilers(self.variables)
-            if toolchain is not None and same_compilers and task.package.build_type in CMAKE_TYPES:
-                toolchain.seed(self.state.source(task), task.build_dir, self.variables)
-
-        return TaskLifecycle(
-            self._environment, begin, self._install, self._undo, self._restore, self._remark, self._check
-        )
-
-    def _environment(self, task: Task) -> Mapping[str, str]:
+    def environment(self, task: Task) -> Mapping[str, str]:
         below = ((need, self.layout.prefix(need)) for need in task.needs)
         found = build_environment(below, self.variables, self.edits)
         found[BUILD_FOLDER_VARIABLE] = str(self.layout.build)
@@ -109,11 +85,17 @@ class TaskSetup:
             self._configs[need] = config_folders(record.files) if record else ()
         return self._configs[need]
 
-    def _begin(self, task: Task, environment: Mapping[str, str]) -> None:
+    def begin(self, task: Task, environment: Mapping[str, str]) -> None:
         self._back_up(task)
         self.recorder.prepare(
             task, self._set_by_needs(task, environment), from_empty=task.from_empty or self.audit is not None
         )
+        # The package's own arguments and the hooks of its dependencies may select another compiler.
+        package = task.package
+        arguments = (*package.option_values("cmake-args"), *package.option_values("ament-cmake-args"))
+        same_compilers = not arguments and _for_compilers(environment) == _for_compilers(self.variables)
+        if self.toolchain is not None and same_compilers and package.build_type in CMAKE_TYPES:
+            self.toolchain.seed(self.state.source(task), task.build_dir, self.variables)
 
     def _set_by_needs(self, task: Task, environment: Mapping[str, str]) -> Pairs:
         """Return the variables that hooks of dependencies set, without path lists."""
@@ -129,7 +111,7 @@ class TaskSetup:
         shared = self.state.merged_prefix.shared_files(task)
         PrefixExchange(task.name, self.layout).begin(task.earlier, shared)
 
-    def _restore(self, task: Task) -> BuildRecord | None:
+    def restore(self, task: Task) -> BuildRecord | None:
         """Install the cached result of a task; return None and change nothing if there is none."""
         found = self.cache.find(task) if self.cache else None
         if found is None or self.cache is None:
@@ -144,7 +126,7 @@ class TaskSetup:
             record = self.recorder.restored_record(task, found.build, files, empty)
             if tests_need_build(task.package):
                 has_tests = found.build.has_tests
-                variables = changed_variables(self._environment(task)) if has_tests else ()
+                variables = changed_variables(self.environment(task)) if has_tests else ()
                 defer_build(task, variables, has_tests=has_tests)
         self._commit(task)
         return record
@@ -152,10 +134,10 @@ class TaskSetup:
     def _commit(self, task: Task) -> None:
         self.recorder.kept += PrefixExchange(task.name, self.layout).commit()
 
-    def _remark(self, task: Task) -> str:
+    def remark(self, task: Task) -> str:
         return self.cache.remark(task.name) if self.cache else ""
 
-    def _install(self, task: Task) -> BuildRecord:
+    def install(self, task: Task) -> BuildRecord:
         needs = set(task.package.manifest.names(RUN_KINDS))
         # A dependency that an embedded package provides under another name is recorded by the package's name.
         packages = self.resolution.packages
@@ -168,10 +150,10 @@ class TaskSetup:
         self._commit(task)
         return self.cache.keep(task, record) if self.cache else record
 
-    def _check(self, task: Task) -> None:
+    def check(self, task: Task) -> None:
         raise_if_any(PrefixExchange(task.name, self.layout).refused(), WorkspaceError)
 
-    def _undo(self, task: Task) -> None:
+    def undo(self, task: Task) -> None:
         try:
             PrefixExchange(task.name, self.layout).roll_back()
         except OSError:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.errors import GroupedProblems, Problem
 from forge.base.files import text_or_nothing
+from forge.base.frozen import frozen
 from forge.base.layout import BUILD_RESULT
 from forge.build.build_dir import empty_build_dir
 from forge.build.deferred import read_deferred, tests_need_build, write_deferred
@@ -50,23 +51,24 @@ def plan_restored(names: Sequence[str], loaded: LoadedWorkspace, layout: Layout)
     return BuildPlan(tasks)
 
 
-def restored_lifecycle(variables: Mapping[str, str]) -> TaskLifecycle:
-    """Return the lifecycle of these builds: they begin in an empty build folder, and install nothing."""
+@frozen
+class RestoredSetup(TaskLifecycle):
+    """The lifecycle of these builds: they begin in an empty build folder, and install nothing."""
 
-    def environment(task: Task) -> Mapping[str, str]:
+    variables: Mapping[str, str]
+
+    def environment(self, task: Task) -> Mapping[str, str]:
         deferred = read_deferred(task.build_dir)
-        return {**variables, **dict(deferred.variables if deferred else ())}
+        return {**self.variables, **dict(deferred.variables if deferred else ())}
 
-    def begin(task: Task, _: Mapping[str, str]) -> None:
+    def begin(self, task: Task, _: Mapping[str, str]) -> None:
         empty_build_dir(task.build_dir)
 
-    def finish(task: Task) -> BuildRecord:
+    def install(self, task: Task) -> BuildRecord:
         deferred = read_deferred(task.build_dir)
         if deferred is not None:
             write_deferred(task.build_dir, replace(deferred, done=True))
         return BuildRecord(BuildInputs())
-
-    return TaskLifecycle(environment, begin, finish)
 
 
 def not_runnable(

@@ -18,12 +18,11 @@ from forge.build.model import BuildInputs, BuildRecord
 from forge.build.tasks import TEST_FAILURES, StepKind, environment_file, short_step_line, step_line
 from forge.build.tests.recipes import error_result
 from forge.environment.sourcing import build_environment
-from forge.execution.runner import ProcessRunner, TaskLifecycle
-from forge.execution.started import BUILD_FOLDER_VARIABLE, StartedProcesses
+from forge.execution.runner import TaskLifecycle
+from forge.execution.started import BUILD_FOLDER_VARIABLE
 from forge.testing.collecting import collect, last_run
 from forge.testing.failures import Failure, first_lines, last_lines
 from forge.testing.outcomes import Counts, counted_once, find_junit
-from forge.testing.restored import restored_lifecycle
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -32,14 +31,13 @@ if TYPE_CHECKING:
     from forge.build.events import Event
     from forge.build.tasks import Step, Task
     from forge.build.tests.recipes import TestContext
-    from forge.execution.job_pool import JobPool
     from forge.testing.outcomes import Case, Outcome
 
 RESULT = "colcon_test.rc"
 
 
 @frozen
-class TestSetup:
+class TestSetup(TaskLifecycle):
     """The setup of a test run; `needs` are the packages in each package's environment, lowest first."""
 
     __test__ = False  # pytest collects classes with this prefix
@@ -52,15 +50,6 @@ class TestSetup:
     failed: set[str] = field(default_factory=set)
     """Packages with failed tests, perhaps not in the last repetition."""
     results: dict[str, tuple[Outcome, ...]] = field(default_factory=dict)
-
-    def runner(self, job_pool: JobPool) -> ProcessRunner:
-        lifecycle = TaskLifecycle(self._environment, self._begin, self._finish)
-        return ProcessRunner(lifecycle, job_pool, StartedProcesses(self.context.layout.build))
-
-    def builder(self, job_pool: JobPool) -> ProcessRunner:
-        """Return the runner that builds what the tests of packages from the cache need."""
-        started = StartedProcesses(self.context.layout.build)
-        return ProcessRunner(restored_lifecycle(self.variables), job_pool, started)
 
     def results_of(self, task: Task, fault: str = "") -> tuple[Outcome, ...]:
         """Return the results of a package's tests in this run.
@@ -107,7 +96,7 @@ class TestSetup:
             if one.path in own or (runs_ctest and before.get(one.path) != _state(one.path))
         )
 
-    def _begin(self, task: Task, _: Mapping[str, str]) -> None:
+    def begin(self, task: Task, _: Mapping[str, str]) -> None:
         if self.context.options.test_result_base is not None:
             mark_result_dir(self.context.results_of(task.name))
         clean_paths(task)
@@ -116,14 +105,14 @@ class TestSetup:
         files = (path for folder in folders for path in folder.rglob("*.xml"))
         self.before[task.name] = {str(path): _state(path) for path in files}
 
-    def _environment(self, task: Task) -> Mapping[str, str]:
+    def environment(self, task: Task) -> Mapping[str, str]:
         layout = self.context.layout
         below = [(need, layout.prefix(need)) for need in self.needs[task.name]]
         found = build_environment(below, self.variables)
         # Do not create __pycache__ in the source folder.
         return {"PYTHONDONTWRITEBYTECODE": "1", **found, BUILD_FOLDER_VARIABLE: str(layout.build)}
 
-    def _finish(self, task: Task) -> BuildRecord:
+    def install(self, task: Task) -> BuildRecord:
         if self.context.options.test_result_base is not None:
             result, target = _result_of_ctest(task), self.context.results_of(task.name) / "Testing"
             is_there = result.name == "Test.xml" and result.is_file()

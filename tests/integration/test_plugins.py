@@ -60,11 +60,20 @@ def test_forge_builds_without_the_plugin(plugin: str, tree: Tree, tmp_path: Path
     assert (root / "install/shapes/share/shapes/msg/Point.msg").is_file()
 
 
-def test_the_command_of_a_missing_plugin_says_how_to_get_it(tmp_path: Path) -> None:
-    ran = run_forge(tmp_path, "lsp", path=copy_without("lsp", tmp_path / "copy"))
+@pytest.mark.parametrize(
+    ("kind", "plugin", "words"),
+    [
+        ("command", "lsp", ("lsp",)),
+        ("executor", "dask", ("build", "--executor", "dask", "--scheduler", "tcp://127.0.0.1:1")),
+    ],
+)
+def test_a_missing_plugin_is_named_with_its_extra(
+    tmp_path: Path, kind: str, plugin: str, words: tuple[str, ...]
+) -> None:
+    ran = run_forge(tmp_path, *words, path=copy_without(plugin, tmp_path / "copy"))
     assert ran.returncode == 2
-    message = "error: the command 'lsp' needs the plugin 'lsp', which this forge lacks"
-    assert f"{message}\nhint: install forge again with the extra 'lsp'; see file:///" in ran.stderr
+    message = f"error: the {kind} '{plugin}' needs the plugin '{plugin}', which this forge lacks"
+    assert f"{message}\nhint: install forge again with the extra '{plugin}'; see file:///" in ran.stderr
 
 
 def test_a_target_without_its_plugin_says_how_to_get_it(tree: Tree, tmp_path: Path) -> None:
@@ -219,3 +228,41 @@ def test_an_error_in_a_command_of_another_distribution_has_its_place(tree: Tree)
     assert (
         "broken.py:3: error: the command 'broken' failed: ZeroDivisionError: division by zero" in ran.stderr
     )
+
+
+@pytest.fixture
+def with_executor(tree: Tree) -> Path:
+    """Return a workspace with two distributions beside it: the executor of the page, and a broken one."""
+    nice = next(block.text for block in blocks(PAGE) if "class NiceExecutor" in block.text)
+    files = {"nice.py": nice, "broken.py": nice.replace("steps = tuple(", "steps = 1 / 0, tuple(")}
+    for name in ("nice", "broken"):
+        files[f"{name}-1.dist-info/entry_points.txt"] = f"[forge.executors]\n{name} = {name}\n"
+        files[f"{name}-1.dist-info/METADATA"] = f"Metadata-Version: 2.1\nName: {name}\nVersion: 1\n"
+    body = "cmake_minimum_required(VERSION 3.18)\nproject(low NONE)\n"
+    body += 'install(CODE "execute_process(COMMAND nice)")\n'
+    return tree(
+        {
+            **files,
+            "ws/src/low/package.xml": manifest_text("low", build_type="cmake"),
+            "ws/src/low/CMakeLists.txt": body,
+        }
+    )
+
+
+def test_the_executor_of_another_distribution_runs_the_steps(with_executor: Path) -> None:
+    ran = run_forge(with_executor / "ws", "build", "--executor", "nice", path=with_executor)
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+    assert "Summary: 1 package finished" in ran.stdout
+    log = (with_executor / "ws/log/latest_build/low/stdout_stderr.log").read_text(encoding="utf-8")
+    assert "\n10\n" in log
+    assert "  nice        nice 1\n" in run_forge(with_executor, "extensions", path=with_executor).stdout
+
+
+def test_an_error_in_an_executor_of_another_distribution_has_its_place(with_executor: Path) -> None:
+    ran = run_forge(with_executor / "ws", "build", "--executor", "broken", path=with_executor)
+    assert ran.returncode == 2
+    message = "broken.py:11: error: the executor 'broken' failed: ZeroDivisionError: division by zero"
+    assert message in ran.stderr
+    unknown = run_forge(with_executor / "ws", "build", "--executor", "none", path=with_executor)
+    assert unknown.returncode == 2
+    assert "invalid choice: 'none' (choose from " in unknown.stderr

@@ -15,10 +15,10 @@ from forge.base.extensions import (
     entry_points,
     installed,
 )
+from forge.base.extensions import EXECUTORS as EXECUTOR_GROUP
 from forge.base.extensions import TARGETS as TARGET_GROUP
 from forge.build.build_types import OWN as CORE_BUILD_TYPES
 from forge.environment.shells import SHELLS
-from forge.execution.options import DASK
 from forge.interfaces.rendering import TARGETS
 from forge.output.handlers import HANDLERS
 
@@ -42,7 +42,7 @@ def run(options: argparse.Namespace) -> int:
     _print("toolchains", (), TOOLCHAINS)
     _print("remote cache backends", (), STORES)
     _print("event handlers", handlers)
-    _print("executors", (*EXECUTORS, DASK))
+    _print("executors", EXECUTORS, EXECUTOR_GROUP)
     _print("shells", SHELLS)
     return 0
 

@@ -23,7 +23,9 @@ from forge.cli.preparation import build_variables, require_packages
 from forge.cli.session import open_session
 from forge.execution.lock import lock_build_dir
 from forge.execution.options import JobOptions
+from forge.execution.runner import LocalExecutor, TaskRunner
 from forge.execution.scheduler import Scheduler
+from forge.execution.started import StartedProcesses
 from forge.output.handlers import ReportOptions
 from forge.testing.collecting import result_folder_problems
 from forge.testing.coverage import coverage_lines, plan_coverage, write_reports
@@ -38,7 +40,7 @@ from forge.testing.preparing import (
     prepare_context,
     tested_names,
 )
-from forge.testing.restored import has_no_tests, not_runnable, plan_restored
+from forge.testing.restored import RestoredSetup, has_no_tests, not_runnable, plan_restored
 from forge.testing.running import (
     TestSetup,
     failures_of,
@@ -119,6 +121,7 @@ def run(namespace: argparse.Namespace) -> int:
         lock_build_dir(layout.build, wait=not folders.no_wait) as waited,
         closing(open_test_job_pool(jobs, variables)) as job_pool,
     ):
+        executor = LocalExecutor(job_pool, StartedProcesses(layout.build))
         restored = plan_restored(built, loaded, layout)
         failed = False
         if restored.tasks:
@@ -128,7 +131,7 @@ def run(namespace: argparse.Namespace) -> int:
                 session.json_events.announce()
                 session.run(
                     restored,
-                    setup.builder(job_pool),
+                    TaskRunner(RestoredSetup(variables), executor, job_pool),
                     _scheduler(restored, options, jobs, job_pool),
                     lambda task: task,
                     lambda _: None,
@@ -150,7 +153,7 @@ def run(namespace: argparse.Namespace) -> int:
             try:
                 session.run(
                     plan,
-                    setup.runner(job_pool),
+                    TaskRunner(setup, executor, job_pool),
                     _scheduler(plan, options, jobs, job_pool),
                     lambda task: task,
                     lambda event: _record(event, plan.tasks[event.task], setup, session),

@@ -11,13 +11,13 @@ from pathlib import Path
 
 import pytest
 
-from forge.build.model import BuildInputs, BuildRecord
 from forge.build.tasks import BuildPlan, Step, StepKind, Task
 from forge.execution.job_pool import JobPool
 from forge.execution.jobserver import FIFO, PIPE, supported_styles
 from forge.execution.loop import execute
-from forge.execution.runner import ProcessRunner, TaskLifecycle
+from forge.execution.runner import LocalExecutor, TaskRunner
 from forge.execution.scheduler import Scheduler
+from tests.integration.execution.test_loop import Lifecycle
 from tests.packages import package
 from tests.unit.execution.test_jobserver import BOTH, NONE, ONLY_PIPE
 
@@ -95,11 +95,6 @@ def _end_of_the_one_that_waits(tmp_path: Path) -> list[str]:
     }
     plan = BuildPlan(tasks)
     with closing(JobPool(1)) as budget:
-        runner = ProcessRunner(
-            TaskLifecycle(
-                lambda _: os.environ, lambda _task, _variables: None, lambda _: BuildRecord(BuildInputs())
-            ),
-            budget,
-        )
+        runner = TaskRunner(Lifecycle(), LocalExecutor(budget), budget)
         events = list(execute(plan, runner, Scheduler(plan, 2), lambda task: task))
     return [type(event).__name__ for event in events if event.task == "late"]

@@ -7,7 +7,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,10 +21,10 @@ from forge.build.events import (
     Skipped,
     StepStarted,
 )
-from forge.build.model import BuildInputs, BuildRecord
+from forge.build.model import BuildRecord
 from forge.build.tasks import BuildPlan, Step, StepKind, Task
 from forge.execution.loop import execute
-from forge.execution.runner import ProcessRunner, TaskLifecycle
+from forge.execution.runner import LocalExecutor, TaskLifecycle, TaskRunner
 from forge.execution.scheduler import Scheduler
 from tests.packages import package
 
@@ -40,19 +40,20 @@ def plan_of(*tasks: Task) -> BuildPlan:
     return BuildPlan({t.name: t for t in tasks})
 
 
-def real_runner(done: list[str] | None = None) -> ProcessRunner:
-    """Return a runner in this process's environment; `done` takes the names of installed tasks."""
+class Lifecycle(TaskLifecycle):
+    """Tasks in this process's environment."""
 
-    def install(done_task: Task) -> BuildRecord:
-        if done is not None:
-            done.append(done_task.name)
-        return BuildRecord(BuildInputs())
+    def environment(self, _task: Task) -> Mapping[str, str]:
+        return os.environ
 
-    return ProcessRunner(TaskLifecycle(lambda _: os.environ, lambda _task, _variables: None, install))
+
+def real_runner() -> TaskRunner:
+    """Return a runner that starts programs."""
+    return TaskRunner(Lifecycle(), LocalExecutor())
 
 
 def run(
-    plan: BuildPlan, runner: ProcessRunner | None = None, *, limit: int = 0, go_on: bool = False
+    plan: BuildPlan, runner: TaskRunner | None = None, *, limit: int = 0, go_on: bool = False
 ) -> list[Event]:
     """Execute and return all events."""
     scheduler = Scheduler(plan, limit, continue_on_error=go_on)
@@ -84,10 +85,11 @@ def test_a_program_that_cannot_start_is_a_failure_with_a_reason(tmp_path: Path) 
 
 
 def test_an_exception_in_a_worker_is_raised_in_the_loop(tmp_path: Path) -> None:
-    def install(_task: Task) -> BuildRecord:
-        raise OSError("disk full")
+    class Full(Lifecycle):
+        def install(self, _task: Task) -> BuildRecord:
+            raise OSError("disk full")
 
-    runner = ProcessRunner(TaskLifecycle(lambda _: os.environ, lambda _task, _variables: None, install))
+    runner = TaskRunner(Full(), LocalExecutor())
     with pytest.raises(OSError, match="disk full"):
         run(plan_of(task(tmp_path, "a", "print()"), task(tmp_path, "b", "print()")), runner, limit=1)
 

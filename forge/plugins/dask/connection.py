@@ -5,31 +5,42 @@ from __future__ import annotations
 import contextlib
 import pickle
 import threading
+import time
 import uuid
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from forge.base.errors import HostError, Problem
-from forge.build.events import Aborted, Finished, Output
-from forge.execution.dask.cluster import connected_cluster
-from forge.execution.dask.messages import ACK_INTERVAL, FINISH, INTERRUPT, KILL, Router, TaskRequest
-from forge.execution.dask.worker import (
+from forge.build.events import Aborted, Finished, Output, StepStarted
+from forge.execution.runner import GRACE_SECONDS, changed_variables
+from forge.plugins.dask.messages import (
+    ACK_INTERVAL,
+    FINISH,
+    INTERRUPT,
+    KILL,
+    RemoteTask,
+    Router,
+    TaskRequest,
+)
+from forge.plugins.dask.step_runner import try_lock
+from forge.plugins.dask.worker import (
     acknowledge,
     deliver_task,
     forget,
     run_remote_task,
     send_command,
 )
-from forge.execution.runner import GRACE_SECONDS
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Mapping
+    from pathlib import Path
 
     from distributed import Future
 
     from forge.build.events import Event
-    from forge.build.recipes.context import BuildContext
-    from forge.execution.dask.cluster import Cluster
-    from forge.execution.dask.messages import Mailbox, RemoteTask, WorkerLimits
+    from forge.build.tasks import Task
+    from forge.plugins.dask.cluster import Cluster
+    from forge.plugins.dask.messages import Mailbox, WorkerLimits
 
 _GIVE_UP, _ENDED, _LOST = "give up", "ended", "lost"
 """The client's own messages: a worker did not stop in time; Dask has ended the task; its result was lost."""
@@ -37,25 +48,17 @@ _GIVE_UP, _ENDED, _LOST = "give up", "ended", "lost"
 _RETRIES = 1
 """How often Dask retries a task after an internal error; after the death of a worker it always does."""
 _MESSAGE_SECONDS = 10.0
-
-
-@contextlib.contextmanager
-def connected(address: str, context: BuildContext, limits: WorkerLimits) -> Iterator[Connection]:
-    """Yield a connection to the workers of a scheduler; raises HostError."""
-    programs = {name: identity.rsplit(" ", 2)[0] for name, identity in context.tools}
-    with (
-        connected_cluster(address, context.layout.build, programs) as cluster,
-        contextlib.closing(Connection(cluster, limits)) as connection,
-    ):
-        yield connection
+_RELEASE_SECONDS = 15.0
+"""The time for the programs of a lost worker to end."""
 
 
 class Connection:
-    """The connection of the runners to the workers; thread-safe. Close it when all tasks have ended."""
+    """The executor on the workers; thread-safe. Close it when all tasks have ended."""
 
     def __init__(self, cluster: Cluster, limits: WorkerLimits) -> None:
         """Subscribe to the messages of workers; nothing is submitted yet."""
         self.cluster = cluster
+        self.slots = cluster.slots
         self.limits = limits
         self.topic = f"forge-{uuid.uuid4().hex}"
         self.command = ""
@@ -64,19 +67,41 @@ class Connection:
         self._router = Router()
         self._client.subscribe_topic(self.topic, self._router.deliver)
 
-    def events(self, name: str, remote_task: Callable[[int], RemoteTask]) -> Iterator[Event]:
-        """Run a task on some worker and yield its events; the last is Finished or Aborted.
+    def run(
+        self,
+        task: Task,
+        environment: Mapping[str, str],
+        put: Callable[[Event], None],
+        restart: Callable[[], Mapping[str, str]],
+    ) -> Finished | Aborted | None:
+        """Run the steps of a task on some worker, and again on another one if it dies."""
+        lock = self.cluster.folder / f"{task.name}.lock"
+        key = f"{self.topic}-{task.name}"
 
-        `remote_task` is called when a worker requests the task, with the number of earlier attempts: a task
-        is attempted again if its worker died.
-        """
-        key = f"{self.topic}-{name}"
+        def remote_task(attempts: int) -> RemoteTask:
+            nonlocal environment
+            if attempts:
+                _await_release(lock)
+                environment = restart()
+            return RemoteTask(task, environment, self.limits, lock)
+
         mailbox = self._router.open(key)
-        call = Call(self, name, remote_task, mailbox, self._submit(key, mailbox))
+        call = Call(self, task.name, remote_task, mailbox, self._submit(key, mailbox))
         if self.command:
             mailbox.note(self.command)
         try:
-            yield from call.events()
+            for event in call.events():
+                match event:
+                    case StepStarted(_, step):
+                        # Unlike the worker's, relative to the environment of this machine.
+                        put(replace(event, environment=changed_variables({**environment, **dict(step.env)})))
+                    case Finished(code=0):
+                        return None
+                    case Finished() | Aborted():
+                        return event
+                    case _:
+                        put(event)
+            return None
         finally:
             self._router.close(key)
             call.close()
@@ -236,3 +261,14 @@ def _later(seconds: float, do: Callable[[], object]) -> None:
     timer = threading.Timer(seconds, do)
     timer.daemon = True
     timer.start()
+
+
+def _await_release(lock: Path) -> None:
+    """Wait until no program of an earlier attempt runs; raise HostError if this takes too long."""
+    until = time.monotonic() + _RELEASE_SECONDS
+    with lock.open("a") as stream:
+        while not try_lock(stream.fileno()):
+            if time.monotonic() > until:
+                hint = "end the processes that still run on the lost worker, then build again"
+                raise HostError(Problem(f"'{lock}' is still locked by a lost worker", hint=hint))
+            time.sleep(0.05)

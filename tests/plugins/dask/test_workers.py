@@ -15,10 +15,10 @@ from distributed import LocalCluster
 
 from forge.build.events import Aborted, Event, Finished, Output, StepFinished, StepStarted
 from forge.build.tasks import Step, StepKind, Task
-from forge.execution.dask import worker
-from forge.execution.dask.messages import FINISH, RemoteTask, WorkerLimits
-from forge.execution.dask.step_runner import COMMANDS_THREAD, read_message, run_task, with_length
-from forge.execution.dask.worker_jobs import WorkerJobs
+from forge.plugins.dask import worker
+from forge.plugins.dask.messages import FINISH, RemoteTask, WorkerLimits
+from forge.plugins.dask.step_runner import COMMANDS_THREAD, read_message, run_task, with_length
+from forge.plugins.dask.worker_jobs import WorkerJobs
 from tests.packages import manifest_text, package
 
 if TYPE_CHECKING:

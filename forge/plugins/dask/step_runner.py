@@ -19,19 +19,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
 from forge.build.events import Aborted, Finished
-from forge.build.model import BuildInputs, BuildRecord
-from forge.execution.dask.messages import FINISH, INTERRUPT
 from forge.execution.job_pool import JobPool
 from forge.execution.jobserver import join_pool
-from forge.execution.runner import ProcessRunner, TaskLifecycle
+from forge.execution.runner import LocalExecutor
 from forge.execution.started import BUILD_FOLDER_VARIABLE, StartedProcesses
+from forge.plugins.dask.messages import FINISH, INTERRUPT
 from forge.toolchain.resources import is_overloaded
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from forge.build.events import Event
-    from forge.execution.dask.messages import RemoteTask
+    from forge.plugins.dask.messages import RemoteTask
 
 LENGTH = 4
 """The size in bytes of the length in front of each message."""
@@ -56,21 +55,14 @@ def run_task(argv: list[str], source: BinaryIO, target: BinaryIO) -> None:
     pool = join_pool(auth) if auth else None
     overloaded = partial(is_overloaded, remote_task.limits.memory, remote_task.limits.load)
     job_pool = JobPool(int(jobs), pool, frozenset(jobserver_tools), is_overloaded=overloaded)
-    # The client performs the rest of the task's lifecycle.
-    lifecycle = TaskLifecycle(
-        lambda _: remote_task.environment,
-        lambda _task, _variables: None,
-        lambda _: BuildRecord(BuildInputs()),
-    )
     folder = remote_task.environment.get(BUILD_FOLDER_VARIABLE)
-    runner = ProcessRunner(lifecycle, job_pool, StartedProcesses(Path(folder)) if folder else None)
-    threading.Thread(target=_listen, args=(source, runner), name=COMMANDS_THREAD, daemon=True).start()
+    executor = LocalExecutor(job_pool, StartedProcesses(Path(folder)) if folder else None)
+    threading.Thread(target=_listen, args=(source, executor), name=COMMANDS_THREAD, daemon=True).start()
     put = partial(_write, target, threading.Lock())
-    name, begun = remote_task.task.name, time.monotonic()
     with contextlib.closing(job_pool), _locked(remote_task.lock), job_pool.package() as has_begun:
-        stopped = None if has_begun else Aborted(name, 0.0)
-        failure = stopped or runner.run_steps(remote_task.task, remote_task.environment, put, begun)
-        put(failure or Finished(name, 0, time.monotonic() - begun))
+        task = remote_task.task
+        stopped = None if has_begun else Aborted(task.name, 0.0)
+        put(stopped or executor.run(task, remote_task.environment, put) or Finished(task.name, 0, 0.0))
 
 
 def with_length(content: bytes) -> bytes:
@@ -112,15 +104,15 @@ def _write(target: BinaryIO, lock: threading.Lock, event: Event) -> None:
         target.flush()
 
 
-def _listen(source: BinaryIO, runner: ProcessRunner) -> None:
+def _listen(source: BinaryIO, executor: LocalExecutor) -> None:
     """Execute the commands in `source`; kill the steps at its end."""
     for line in source:
         command = line.decode().strip()
         if command == FINISH:
-            runner.finish_steps()
+            executor.finish_steps()
         else:
-            runner.interrupt(kill=command != INTERRUPT)
-    runner.interrupt(kill=True)
+            executor.interrupt(kill=command != INTERRUPT)
+    executor.interrupt(kill=True)
 
 
 @contextlib.contextmanager

@@ -12,8 +12,8 @@ import pytest
 from forge.base.errors import HostError
 from forge.build.events import Aborted, Event, Finished, Output
 from forge.build.tasks import Step, StepKind, Task
-from forge.execution.dask.connection import Call
-from forge.execution.dask.messages import Mailbox, RemoteTask, Router, TaskRequest, WorkerLimits
+from forge.plugins.dask.connection import Call
+from forge.plugins.dask.messages import Mailbox, RemoteTask, Router, TaskRequest, WorkerLimits
 from tests.packages import package
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from distributed import Future
 
-    from forge.execution.dask.connection import Connection
+    from forge.plugins.dask.connection import Connection
 
 
 def task(folder: Path, *programs: str) -> Task:

@@ -14,16 +14,16 @@ import sys
 import uuid
 from typing import TYPE_CHECKING, Any
 
-from forge.execution.dask.cluster import host_name
-from forge.execution.dask.messages import ACK_INTERVAL, INTERRUPT, TaskRequest
-from forge.execution.dask.step_runner import LENGTH, with_length
-from forge.execution.dask.worker_jobs import WorkerJobs
+from forge.plugins.dask.cluster import host_name
+from forge.plugins.dask.messages import ACK_INTERVAL, INTERRUPT, TaskRequest
+from forge.plugins.dask.step_runner import LENGTH, with_length
+from forge.plugins.dask.worker_jobs import WorkerJobs
 from forge.toolchain.interpreter import own_command
 
 if TYPE_CHECKING:
     from distributed import Scheduler, Worker
 
-    from forge.execution.dask.messages import RemoteTask
+    from forge.plugins.dask.messages import RemoteTask
 
 _POLL_SECONDS = 0.5
 """How often a task checks whether its result is still needed."""
@@ -139,7 +139,7 @@ async def _run(attempt: Attempt, remote_task: RemoteTask, worker: Worker) -> Non
     jobs = _jobs.setdefault(attempt.topic, WorkerJobs(remote_task.limits.jobs, worker.state.nthreads))
     styles = await asyncio.to_thread(jobs.prepare, remote_task.environment)
     with jobs.slot() as pool:
-        argv = own_command("-m", "forge.execution.dask.step_runner", *pool.arguments, *styles)
+        argv = own_command("-m", "forge.plugins.dask.step_runner", *pool.arguments, *styles)
         process = await asyncio.create_subprocess_exec(
             *argv,
             stdin=asyncio.subprocess.PIPE,
