@@ -4,8 +4,8 @@
     class JobOptions:
         jobs: int = option("maximum number of jobs", default=0, parse=positive_number, metavar="N")
 
-forge.cli.options adds an argument for each such field, named like the field, and fills the dataclass. All
-other packages see only the dataclass.
+forge.cli.options adds an argument for each such field, and fills the dataclass. Other packages see only
+the dataclass.
 """
 
 from __future__ import annotations
@@ -28,7 +28,9 @@ class Option:
 
     help: str | None
     """None hides the option."""
-    metavar: str | None = None
+    flag: str = ""
+    """The option, if it is not called like the field."""
+    metavar: str | tuple[str, ...] | None = None
     short: str = ""
     """A spelling with one dash, such as '-j'."""
     nargs: str | None = None
@@ -37,6 +39,8 @@ class Option:
     choices: tuple[str, ...] | None = None
     parse: Callable[[str], object] | None = None
     """Converts a value; raises ValueError with the message for users."""
+    combine: Callable[[Sequence[Any]], object] = tuple
+    """Converts the list of values."""
     group: str = ""
     """The title of the group in the help, if it is not that of the other fields."""
     conflicts: str = ""

@@ -41,17 +41,17 @@ def add_options(parser: Parser, title: str, *classes: type) -> None:
         if each.conflicts:
             group = exclusive.setdefault(each.conflicts, None) or group.add_mutually_exclusive_group()
             exclusive[each.conflicts] = group
-        group.add_argument(*filter(None, (each.short, _flag(declared))), **_argument(declared, each))
+        group.add_argument(*filter(None, (each.short, _flag(declared, each))), **_argument(declared, each))
 
 
 def read_options(cls: Callable[..., _Options], namespace: argparse.Namespace, **more: object) -> _Options:
     """Return the dataclass with the values of the parser's arguments; `more` are its other fields."""
-    values = {declared.name: _value(declared, namespace) for declared, _ in declared_options(cls)}
+    values = {declared.name: _value(declared, each, namespace) for declared, each in declared_options(cls)}
     return cls(**values, **more)
 
 
-def _flag(declared: Field[Any]) -> str:
-    return f"--{declared.name.replace('_', '-')}"
+def _flag(declared: Field[Any], each: Option) -> str:
+    return each.flag or f"--{declared.name.replace('_', '-')}"
 
 
 def _argument(declared: Field[Any], each: Option) -> Mapping[str, Any]:
@@ -60,10 +60,12 @@ def _argument(declared: Field[Any], each: Option) -> Mapping[str, Any]:
     if default is False:
         return {"action": "store_true", "help": shown}
     listed = isinstance(default, tuple)
+    if isinstance(default, tuple):
+        default = list(default) if each.combine is tuple else []
     found = {
-        "default": list(default) if isinstance(default, tuple) else default,
+        "default": default,
         "action": Accumulate if each.accumulates else None,
-        "nargs": "*" if listed else each.nargs,
+        "nargs": each.nargs or ("*" if listed else None),
         "const": each.const,
         "choices": each.choices,
         "type": argument_type(each.parse) if each.parse else None,
@@ -72,12 +74,13 @@ def _argument(declared: Field[Any], each: Option) -> Mapping[str, Any]:
     return {"help": shown, **{name: value for name, value in found.items() if value is not None}}
 
 
-def _value(declared: Field[Any], namespace: argparse.Namespace) -> object:
-    value = getattr(namespace, declared.name)
+def _value(declared: Field[Any], each: Option, namespace: argparse.Namespace) -> object:
+    flag = _flag(declared, each)
+    value = getattr(namespace, flag[2:].replace("-", "_"))
     if not isinstance(value, list):
         return value
     # A leading space shields what starts with a dash.
-    return tuple(word.lstrip() if _flag(declared) in PASSED_ON else word for word in value)
+    return each.combine([word.lstrip() for word in value] if flag in PASSED_ON else value)
 
 
 class Accumulate(argparse.Action):

@@ -15,23 +15,23 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from forge.workspace.model import Package
-    from forge.workspace.selection import FilterResult, Graph, PackageFilters
+    from forge.workspace.selection import FilterResult, Graph, Query
 
 
 def apply_filters(
-    filters: PackageFilters, root: Path, packages: Mapping[str, Package], needs: Graph
+    query: Query, root: Path, packages: Mapping[str, Package], needs: Graph
 ) -> tuple[tuple[FilterResult, ...], tuple[Problem, ...]]:
     """Return the packages that each filter keeps, with the reason why others are left out, and warnings.
 
     Raises SelectionError if git cannot determine changes.
     """
     warnings: tuple[Problem, ...] = ()
-    limits = list(_by_results(filters, root / filters.build_base, packages))
-    if filters.select_changed or filters.above_changed:
-        changed, warnings = changed_packages(root, packages, filters.since)
-        if filters.above_changed:
+    limits = list(_by_results(query, root / query.build_base, packages))
+    if query.select_changed or query.above_changed:
+        changed, warnings = changed_packages(root, packages, query.since)
+        if query.above_changed:
             changed = closure(reverse(needs), changed)
-        limits.append((f"not changed since {filters.since}", changed))
+        limits.append((f"not changed since {query.since}", changed))
     return tuple(limits), warnings
 
 
@@ -96,17 +96,17 @@ def _doubts(
         )
 
 
-def _by_results(filters: PackageFilters, build: Path, names: Iterable[str]) -> Iterator[FilterResult]:
-    if filters.select_build_failed:
+def _by_results(query: Query, build: Path, names: Iterable[str]) -> Iterator[FilterResult]:
+    if query.select_build_failed:
         yield "did not fail to build", _ended(build, BUILD_RESULT, names, failed=True)
-    if filters.skip_build_finished:
+    if query.skip_build_finished:
         yield (
             "already built successfully",
             frozenset(names) - _ended(build, BUILD_RESULT, names, failed=False),
         )
-    if filters.select_test_failures:
+    if query.select_test_failures:
         yield "had no test failures", _ended(build, TEST_RESULT, names, failed=True)
-    if filters.skip_test_passed:
+    if query.skip_test_passed:
         yield "passed its tests before", frozenset(names) - _ended(build, TEST_RESULT, names, failed=False)
 
 

@@ -111,7 +111,7 @@ def load_workspace(
         **{duplicate_node(other.name, other.path): other for other in duplicates},
     }
     needs = _needs(resolution, duplicates, tested=not query.no_test_dependencies)
-    limits, unsure = apply_filters(query.filters, root, {**workspace.packages, **broken}, resolution.needs)
+    limits, unsure = apply_filters(query, root, {**workspace.packages, **broken}, resolution.needs)
     ordered = ordered_names(needs)
     selection, notes = select(query, ordered, needs, limits, every)
     if not listing:
@@ -185,7 +185,7 @@ def _drop(nodes: Mapping[str, Node], names: Collection[str]) -> dict[str, Node]:
 
 def find_packages(root: Path, search: SearchPaths, variables: Mapping[str, str]) -> Workspace:
     """Return all packages below the search paths; raises WorkspaceError for invalid package options."""
-    overrides = read_overrides(root, search.metas, home(variables) if search.user_metas else None)
+    overrides = read_overrides(root, search.metas, None if search.ignore_user_meta else home(variables))
     found = discover(root, search.base_paths, variables, paths=search.paths, overrides=overrides)
     if found.packages:
         return found

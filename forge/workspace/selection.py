@@ -7,12 +7,13 @@ character and the folder. Options apply to all of them.
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from forge.base.errors import Problem, SelectionError, raise_if_any
 from forge.base.frozen import frozen
 from forge.base.graph import closure, closures, reverse
 from forge.base.names import did_you_mean
+from forge.base.options import option
 from forge.workspace.model import Selection
 
 if TYPE_CHECKING:
@@ -24,56 +25,160 @@ FilterResult = tuple[str, frozenset[str]]
 """The reason why other packages are left out, and the names that are kept."""
 
 
+def _flag(flag: str, help: str, **more: Any) -> Any:
+    return option(help, flag=flag, default=False, **more)
+
+
+# A space shields names that start with a dash.
+_NAME: Mapping[str, Any] = {"parse": str.lstrip, "metavar": "PKG"}
+
+
+def _names(flag: str, help: str, *, default: tuple[str, ...] | None = (), **more: Any) -> Any:
+    return option(help, flag=flag, default=default, nargs="*", **_NAME, **more)
+
+
+def _pattern(text: str) -> str:
+    """Return a regular expression; raises ValueError if it is invalid."""
+    try:
+        re.compile(text)
+    except re.error as error:
+        raise ValueError(f"'{text}' is not a valid regular expression: {error}") from None
+    return text
+
+
+def _patterns(flag: str, help: str, *, default: tuple[str, ...] | None = (), **more: Any) -> Any:
+    return option(help, flag=flag, default=default, nargs="*", parse=_pattern, metavar="REGEX", **more)
+
+
+def _depth(words: Sequence[str]) -> tuple[int, tuple[str, ...]]:
+    """Return the values of --packages-above-depth: a depth and names; raises SelectionError."""
+    if not words:
+        return 0, ()
+    first, *names = words
+    if not first.isdecimal():
+        message = f"--packages-above-depth expects a number first, not '{first}'"
+        raise SelectionError(Problem(message, hint="for example '--packages-above-depth 1 my_package'"))
+    return int(first), tuple(names)
+
+
+DISCOVERY = "package discovery"
+
+
 @frozen
 class SearchPaths:
     """Paths for package discovery, relative to the root, and metadata files."""
 
-    base_paths: tuple[str, ...] = (".",)
-    """Folders to search recursively."""
-    paths: tuple[str, ...] = ()
-    """Package folders or wildcards."""
-    metas: tuple[str, ...] = ()
-    user_metas: bool = True
-
-
-@frozen
-class PackageFilters:
-    """The selection options that depend on earlier results below `build_base`, or on git."""
-
-    build_base: str = "build"
-    select_build_failed: bool = False
-    skip_build_finished: bool = False
-    select_test_failures: bool = False
-    skip_test_passed: bool = False
-    select_changed: bool = False
-    above_changed: bool = False
-    since: str = "HEAD"
+    base_paths: tuple[str, ...] = option(
+        "search these folders recursively for packages (default: .)", default=(".",), metavar="PATH"
+    )
+    paths: tuple[str, ...] = option(
+        "use these package folders without searching below them; wildcards such as 'src/*' are allowed",
+        default=(),
+        metavar="PATH",
+    )
+    metas: tuple[str, ...] = option(
+        "files or folders with options for single packages (default: colcon.meta)",
+        default=("colcon.meta",),
+        metavar="PATH",
+    )
+    ignore_user_meta: bool = option("ignore metadata files in ~/.colcon/metadata", default=False)
 
 
 @frozen
 class Query:
     """The package options of a command line; None and () for options that were not given."""
 
-    select: tuple[str, ...] | None = None
-    skip: tuple[str, ...] = ()
-    select_regex: tuple[str, ...] | None = None
-    skip_regex: tuple[str, ...] = ()
-    up_to: tuple[str, ...] = ()
-    up_to_regex: tuple[str, ...] = ()
-    above: tuple[str, ...] = ()
-    above_and_dependencies: tuple[str, ...] = ()
-    above_depth: tuple[int, tuple[str, ...]] = (0, ())
-    select_by_dep: tuple[str, ...] = ()
-    skip_by_dep: tuple[str, ...] = ()
-    skip_up_to: tuple[str, ...] = ()
-    start: str | None = None
-    end: str | None = None
-    ignore: tuple[str, ...] = ()
-    ignore_regex: tuple[str, ...] = ()
-    strict: bool = False
-    no_test_dependencies: bool = False
+    ignore: tuple[str, ...] = _names(
+        "--packages-ignore", "ignore these packages, as if they did not exist", group=DISCOVERY
+    )
+    ignore_regex: tuple[str, ...] = _patterns(
+        "--packages-ignore-regex", "ignore packages whose name matches one of these patterns", group=DISCOVERY
+    )
+    no_test_dependencies: bool = _flag(
+        "--no-test-dependencies",
+        "ignore dependencies that only tests need; for build, do not build the tests that need them",
+        group=DISCOVERY,
+    )
+    select: tuple[str, ...] | None = _names("--packages-select", "process only these packages", default=None)
+    select_regex: tuple[str, ...] | None = _patterns(
+        "--packages-select-regex",
+        "process only packages whose name matches one of these patterns (from the beginning of the name)",
+        default=None,
+    )
+    skip: tuple[str, ...] = _names("--packages-skip", "skip these packages")
+    skip_regex: tuple[str, ...] = _patterns(
+        "--packages-skip-regex", "skip packages whose name matches one of these patterns"
+    )
+    up_to: tuple[str, ...] = _names(
+        "--packages-up-to", "process these packages and their recursive dependencies"
+    )
+    up_to_regex: tuple[str, ...] = _patterns(
+        "--packages-up-to-regex",
+        "process packages whose name matches one of these patterns, and their recursive dependencies",
+    )
+    above: tuple[str, ...] = _names(
+        "--packages-above", "process these packages and all packages that depend on them, recursively"
+    )
+    above_and_dependencies: tuple[str, ...] = _names(
+        "--packages-above-and-dependencies",
+        "process these packages, their recursive dependents, and their dependencies",
+    )
+    select_by_dep: tuple[str, ...] = _names(
+        "--packages-select-by-dep",
+        "process only packages that depend on one of these, directly or indirectly",
+    )
+    skip_by_dep: tuple[str, ...] = _names(
+        "--packages-skip-by-dep", "skip packages that depend on one of these, directly or indirectly"
+    )
+    skip_up_to: tuple[str, ...] = _names(
+        "--packages-skip-up-to", "skip these packages and their recursive dependencies"
+    )
+    above_depth: tuple[int, tuple[str, ...]] = option(
+        "process these packages and their dependents, up to N levels",
+        default=(0, ()),
+        flag="--packages-above-depth",
+        nargs="+",
+        combine=_depth,
+        **{**_NAME, "metavar": ("N", "PKG")},
+    )
+    start: str | None = option(
+        "skip packages before this one in topological order", flag="--packages-start", **_NAME
+    )
+    end: str | None = option(
+        "skip packages after this one in topological order", flag="--packages-end", **_NAME
+    )
+    select_build_failed: bool = _flag(
+        "--packages-select-build-failed", "process only packages whose last build failed", conflicts="results"
+    )
+    skip_build_finished: bool = _flag(
+        "--packages-skip-build-finished", "skip packages whose last build succeeded", conflicts="results"
+    )
+    select_test_failures: bool = _flag(
+        "--packages-select-test-failures",
+        "process only packages with failures in their last test run",
+        conflicts="results",
+    )
+    skip_test_passed: bool = _flag(
+        "--packages-skip-test-passed", "skip packages whose last test run passed", conflicts="results"
+    )
+    select_changed: bool = _flag(
+        "--packages-select-changed",
+        "process only packages with files changed since --since, including untracked files",
+    )
+    above_changed: bool = _flag(
+        "--packages-above-changed", "process changed packages and all packages that depend on them"
+    )
+    since: str = option(
+        "git revision to compare with (default: HEAD)", default="HEAD", flag="--since", metavar="REV"
+    )
+    strict: bool = _flag(
+        "--strict",
+        "treat unknown package names as errors; for build, also files that two packages install with "
+        "different contents",
+    )
+    build_base: str = "build"
+    """The folder with the results of earlier builds and tests."""
     search: SearchPaths = SearchPaths()
-    filters: PackageFilters = PackageFilters()
 
     @property
     def named(self) -> frozenset[str]:
