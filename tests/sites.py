@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from html.parser import HTMLParser
 from typing import TYPE_CHECKING
@@ -9,6 +10,9 @@ from urllib.parse import unquote, urlsplit
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+UNSEEN = re.compile("[\0-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069]")
+"""Invisible and bidirectional characters, which must not get into pages."""
 
 _EMPTY = frozenset({"br", "hr", "img", "input", "link", "meta"})
 
@@ -93,3 +97,19 @@ def faults_of(site: Path) -> list[str]:
             if outside or not file.is_file() or anchor:
                 found.append(f"{path}: '{target}' leads nowhere")
     return found
+
+
+def elements(text: str) -> set[tuple[str, tuple[str, ...]]]:
+    """Return what kinds of elements a page has, each with the names of its attributes; all are closed."""
+    contents = read_page(text)
+    assert contents.faults == []
+    assert contents.open == []
+    assert not UNSEEN.search(text), text
+    return {(tag, tuple(sorted(attributes))) for tag, attributes in contents.tags}
+
+
+def scripts(text: str) -> tuple[list[str], list[str]]:
+    """Return the scripts of a page, and its blocks of JSON."""
+    found = re.findall(r"<script(?: ([^>]*))?>(.*?)</script", text, re.DOTALL)
+    blocks = [body for attributes, body in found if "application/json" in attributes]
+    return [body for attributes, body in found if "application/json" not in attributes], blocks

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 COMMANDS = "forge.commands"
 TARGETS = "forge.interfaces.targets"
+VERBS = "forge.interfaces.verbs"
 BUILD_TYPES = "forge.build_types"
 EXECUTORS = "forge.executors"
 STORES = "forge.stores"
@@ -37,6 +38,10 @@ OWN: Mapping[str, Mapping[str, str]] = {
     },
     TARGETS: {
         "c": "forge.plugins.c_target.target",
+        "docs": "forge.plugins.interface_pages.markdown",
+    },
+    VERBS: {
+        "docs": "forge.plugins.interface_pages.command",
     },
     TOOLCHAINS: {
         "cross": "forge.plugins.cross.toolchain",

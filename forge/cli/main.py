@@ -13,7 +13,7 @@ import sys
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn, Protocol
 
 from forge import __version__
 from forge.base.errors import (
@@ -97,7 +97,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _run(arguments: Sequence[str]) -> int:
     """Run the command, at the root of the workspace if it is one of `_IN_WORKSPACE`."""
     origin = Path.cwd()
-    command = _requested(arguments)
+    command = next(iter(_from_command(arguments)), None)
     root = find_root(origin, Path.home()) if command in _IN_WORKSPACE else origin
     if root != origin:
         arguments = rebase_paths(classified(command, arguments), origin, root)
@@ -133,6 +133,8 @@ class Parser(argparse.ArgumentParser):
 
     verb: str | None = None
     """The command whose options may also be set in option files, None if they may not."""
+    words: Sequence[str] = ()
+    """The arguments after the command."""
 
     def parse_known_args(  # type: ignore[override]  # (argparse has two overloads of the same meaning)
         self, args: Sequence[str] | None = None, namespace: argparse.Namespace | None = None
@@ -231,7 +233,8 @@ def parser_of(arguments: Sequence[str]) -> argparse.ArgumentParser:
     )
     parser.set_defaults(run=lambda _: _print_help(parser))
     commands = parser.add_subparsers(metavar="COMMAND", parser_class=Parser)
-    asked = _requested(arguments)
+    requested = _from_command(arguments)
+    asked = next(iter(requested), None)
     for word, summary in COMMANDS.items():
         command = commands.add_parser(word, help=summary, description=summary, fromfile_prefix_chars=None)
         if word == asked:
@@ -239,23 +242,38 @@ def parser_of(arguments: Sequence[str]) -> argparse.ArgumentParser:
             in_plugin = word in OWN[PLUGINS]
             path = f"forge.cli.commands.{word.replace('-', '_')}"
             module = find(PLUGINS, word, "command") if in_plugin else import_module(path)
+            command.words = requested[1:]
             module.register(command)
             command.set_defaults(run=module.run)
             command.verb = word if word in _IN_WORKSPACE else None
     if asked is not None and asked not in COMMANDS:
-        _add_plugin(commands, asked)
+        add_plugin(commands, PLUGINS, asked, "command")
     return parser
 
 
-def _add_plugin(commands: Any, word: str) -> None:
-    """Add the command `word` of another distribution, if there is one."""
-    module = find(PLUGINS, word, "command", ("register", "run"))
-    if module is not None:
-        summary = (module.__doc__ or "").strip().partition("\n")[0]
-        command = commands.add_parser(word, help=summary, description=summary, fromfile_prefix_chars=None)
-        call(f"the command '{word}'", module.register, command)
-        command.set_defaults(run=partial(call, f"the command '{word}'", module.run))
-        command.verb = None
+class Command(Protocol):
+    """The module of a command, and of a verb of `forge interface`. Its docstring begins with the summary."""
+
+    def register(self, parser: Parser) -> None:
+        """Add the arguments."""
+
+    def run(self, options: argparse.Namespace) -> int:
+        """Run the command and return the exit code."""
+
+
+def add_plugin(commands: Any, group: str, word: str, kind: str) -> None:
+    """Add the command or verb `word` of a plugin, if there is one; `kind` names it in messages."""
+    module: Command | None = find(group, word, kind, ("register", "run"))
+    if module is None:
+        return
+    summary = (module.__doc__ or "").strip().partition("\n")[0]
+    command = commands.add_parser(word, help=summary, description=summary, fromfile_prefix_chars=None)
+    if word in OWN[group]:
+        module.register(command)
+        command.set_defaults(run=module.run)
+    else:
+        call(f"the {kind} '{word}'", module.register, command)
+        command.set_defaults(run=partial(call, f"the {kind} '{word}'", module.run))
 
 
 def _print_help(parser: argparse.ArgumentParser) -> int:
@@ -263,15 +281,15 @@ def _print_help(parser: argparse.ArgumentParser) -> int:
     return 0
 
 
-def _requested(arguments: Sequence[str]) -> str | None:
-    """Return the first argument that is neither a global option nor the value of one."""
+def _from_command(arguments: Sequence[str]) -> list[str]:
+    """Return the arguments without the global options before the command, and without their values."""
     words = iter(arguments)
     for word in words:
         if not word.startswith("-"):
-            return word
+            return [word, *words]
         if word in _VALUED:
             next(words, None)
-    return None
+    return []
 
 
 def _folder(arguments: Sequence[str]) -> Path:

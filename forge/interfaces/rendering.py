@@ -25,7 +25,6 @@ TARGETS = {
     "cpp": "forge.interfaces.cpp.target",
     "idl": "forge.interfaces.idl.target",
     "json": "forge.interfaces.type_description",
-    "docs": "forge.interfaces.markdown",
 }
 """The module of each target; it defines `files(catalog) -> Iterator[File]`, with paths relative to a folder.
 

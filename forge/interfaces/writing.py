@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
-from pathlib import PurePosixPath
 from typing import TYPE_CHECKING
 
 from forge.base.errors import HostError, Location, Problem
@@ -15,11 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
     from pathlib import Path
 
-    from forge.interfaces.model import File
     from forge.interfaces.rendering import Part
-
-_LISTING = ".forge_site"
-"""The file in the folder of a site that lists all others."""
 
 
 @frozen
@@ -61,46 +55,12 @@ def write(parts: Iterable[Part], out: Path, package: str, state: OutputState | N
             (out / path).unlink(missing_ok=True)
         write_state(out, package, new)
     except OSError as error:
-        raise _unwritable(error, out) from error
+        raise unwritable(error, out) from error
     return Written(tuple(changed), total)
 
 
-def write_site(files: Iterable[File], out: Path, first_page: str) -> Written:
-    """Write the files of a site below `out`, and remove obsolete files of an earlier run.
-
-    Raises HostError if the folder is not writable, or contains a first page of another origin.
-    """
-    listing = out / _LISTING
-    try:
-        if not listing.is_file() and (out / first_page).exists():
-            hint = "choose another folder with --output, or remove the file"
-            problem = Problem(f"'{first_page}' exists, but forge did not write it", Location(out), hint)
-            raise HostError(problem)
-        before = _listed(listing)
-        written = {file.path: write_if_changed(out / file.path, file.text) for file in files}
-        # Keep all existing files listed, even if the next steps fail.
-        write_if_changed(listing, "".join(f"{path}\n" for path in sorted(before | written.keys())))
-        for path in sorted(before - written.keys()):
-            (out / path).unlink(missing_ok=True)
-            for folder in PurePosixPath(path).parents[:-1]:
-                with suppress(OSError):
-                    (out / folder).rmdir()
-        write_if_changed(listing, "".join(f"{path}\n" for path in sorted(written)))
-    except OSError as error:
-        raise _unwritable(error, out) from error
-    return Written(tuple(out / path for path, changed in written.items() if changed), len(written))
-
-
-def _listed(listing: Path) -> set[str]:
-    """Return the paths listed by an earlier run, without those outside of the folder."""
-    if not listing.is_file():
-        return set()
-    lines = listing.read_text(encoding="utf-8").splitlines()
-    paths = [PurePosixPath(line) for line in lines if line]
-    return {str(path) for path in paths if not path.is_absolute() and ".." not in path.parts}
-
-
-def _unwritable(error: OSError, out: Path) -> HostError:
+def unwritable(error: OSError, out: Path) -> HostError:
+    """Return the error for a file below `out` that could not be written."""
     reason = (error.strerror or str(error)).lower()
     return HostError(Problem(f"cannot write: {reason}", Location(error.filename or out)))
 

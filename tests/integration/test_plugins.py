@@ -199,6 +199,33 @@ def test_a_remote_cache_of_another_distribution_stores_and_restores(tree: Tree) 
     assert "  shelf   shelf 1\n" in run_forge(root, "extensions", path=root / "site").stdout
 
 
+def test_a_verb_of_a_missing_plugin_says_how_to_get_it(tmp_path: Path) -> None:
+    copy = copy_without("interface_pages", tmp_path / "copy")
+    (tmp_path / "msg").mkdir()
+    (tmp_path / "msg/X.msg").write_text("int8 a\n", encoding="utf-8")
+    generate = ("interface", "generate", "--package", "p", "--output", "out", "--lang", "docs", ".")
+    for words in (("interface", "docs", "-o", "out"), generate):
+        ran = run_forge(tmp_path, *words, path=copy)
+        assert (ran.returncode, ran.stdout) == (2, "")
+        assert "'docs' needs the plugin 'interface_pages', which this forge lacks\nhint: " in ran.stderr
+
+
+def test_a_verb_of_another_distribution_is_found(tree: Tree) -> None:
+    entry = "[forge.interfaces.verbs]\ncount = count_interfaces\n"
+    info = "Metadata-Version: 2.1\nName: counting\nVersion: 1\n"
+    code = '"""Count interfaces."""\ndef register(parser): parser.add_argument("-x", type=int)\n'
+    root = tree(
+        {
+            "count_interfaces.py": code + "def run(options):\n    return options.x\n",
+            "counting-1.dist-info/entry_points.txt": entry,
+            "counting-1.dist-info/METADATA": info,
+        }
+    )
+    assert run_forge(root, "interface", "count", "-x", "7", path=root).returncode == 7
+    assert "Count interfaces." in run_forge(root, "interface", "count", "--help", path=root).stdout
+    assert "  count  counting 1\n" in run_forge(root, "extensions", path=root).stdout
+
+
 def test_a_command_of_another_distribution_is_installed_from_a_wheel(tmp_path: Path) -> None:
     for block in blocks(PAGE):
         if block.mark.startswith("write: "):

@@ -13,8 +13,6 @@ import pytest
 from hypothesis import example, given
 
 from forge.base.templating import render
-from forge.interfaces.model import Catalog, Constant, Field, Message, Primitive, Source, String, TypeName
-from forge.interfaces.site.generator import PackageInfo, site
 from forge.output.charts.drawing import drawn, facts
 from forge.output.charts.graph_formats import PackageGraph, drawn_graph, mermaid, printable
 from forge.output.charts.pages import trace
@@ -22,29 +20,10 @@ from forge.output.charts.timing_views import STEP_KINDS, page
 from forge.output.charts.timing_views import facts as timing_facts
 from forge.output.charts.timings import read_build
 from tests.conftest import Forge, Tree
-from tests.hostile import FRAGMENTS, hostile
+from tests.hostile import hostile
 from tests.packages import manifest_text, package
-from tests.sites import read_page
-from tests.unit.test_injection import everywhere, quick
-
-_UNSEEN = re.compile("[\0-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069]")
-"""Invisible and bidirectional characters, which must not get into pages."""
-
-
-def elements(text: str) -> set[tuple[str, tuple[str, ...]]]:
-    """Return what kinds of elements a page has, each with the names of its attributes; all are closed."""
-    contents = read_page(text)
-    assert contents.faults == []
-    assert contents.open == []
-    assert not _UNSEEN.search(text), text
-    return {(tag, tuple(sorted(attributes))) for tag, attributes in contents.tags}
-
-
-def scripts(text: str) -> tuple[list[str], list[str]]:
-    """Return the scripts of a page, and its blocks of JSON."""
-    found = re.findall(r"<script(?: ([^>]*))?>(.*?)</script", text, re.DOTALL)
-    blocks = [body for attributes, body in found if "application/json" in attributes]
-    return [body for attributes, body in found if "application/json" not in attributes], blocks
+from tests.sites import UNSEEN, elements, read_page, scripts
+from tests.unit.test_injection import quick
 
 
 def texts(value: object) -> set[str]:
@@ -54,49 +33,6 @@ def texts(value: object) -> set[str]:
     if isinstance(value, list):
         return {found for each in value for found in texts(each)}
     return {value} if isinstance(value, str) else set()
-
-
-# --- Pages about interfaces ---------------------------------------------------------------------------------
-
-
-def site_of(text: str) -> dict[str, str]:
-    """Return the pages about a message of which everybody says the same wherever anything may be said."""
-    name, doc = TypeName("demo", "msg", "Thing"), tuple(text.split("\n"))
-    number = Field("a", Primitive("int8"), 5, doc, text)
-    message = Message(
-        name, (number, Field("text", String(), text, doc)), (Constant("A", String(), text, doc),), doc
-    )
-    source = Source(
-        "demo", "msg/Thing.msg", Path("Thing.msg"), f"# {text}\nint8 a # {text}\nstring b '{text}'\n"
-    )
-    catalog = Catalog("demo", {name: message}, {name: message}, {name: source})
-    files = site([catalog], {"demo": PackageInfo(text, text, text)}, f"About {text}")
-    return {file.path: file.text for file in files if file.path.endswith((".html", ".js"))}
-
-
-@quick
-@given(hostile("\r"))
-def test_interface_pages_contain_no_foreign_elements(text: str) -> None:
-    # A comment may make paragraphs and drawings, and there may be nothing to be seen of it.
-    plain = site_of("x\n\n  a   b\n")
-    for path, found in site_of(text).items():
-        if path.endswith(".js"):
-            assert found == plain[path]
-        else:
-            assert elements(found) <= elements(plain[path]), path
-            assert scripts(found) == scripts(plain[path])
-
-
-@pytest.mark.parametrize("code", [0x07, 0x85, 0x61C, 0x200E, 0x200F, 0x2028, 0x2029, 0x202E, 0x2066])
-def test_interface_pages_contain_no_invisible_characters(code: int) -> None:
-    assert not [path for path, page in site_of(f"x{chr(code)}x").items() if _UNSEEN.search(page)]
-
-
-@everywhere
-def test_interface_pages_show_every_fragment_as_text(fragment: str) -> None:
-    said = read_page(site_of(f"x{fragment}x")["demo/msg/Thing.html"]).text
-    letters = "".join(char for char in fragment if char.isascii() and char.isprintable() and char != " ")
-    assert letters in re.sub(r"\s", "", said)
 
 
 # --- Pictures of the graph ----------------------------------------------------------------------------------
@@ -157,7 +93,7 @@ def test_the_workspace_path_is_shown_as_text(form: str, forge: Forge, tree: Tree
     root = tree({f"{folder}/src/demo/package.xml": manifest_text("demo")}) / folder
     found = forge("graph", form, cwd=root)
     assert (found.code, found.err) == (0, "")
-    assert not _UNSEEN.search(found.out)
+    assert not UNSEEN.search(found.out)
     assert "b" not in {tag for tag, _ in read_page(found.out).tags}
     assert printable(folder) in read_page(found.out).text
 
@@ -213,10 +149,3 @@ def test_build_pages_contain_no_foreign_elements(text: str, name: str) -> None:
     assert printable(f"fresh {name}") in words
     assert printable(f"skipped {name}") in words
     assert {text, name} <= texts(json.loads(json.dumps(trace(read_build(events_of(text, name))))))
-
-
-def test_there_are_fragments_that_would_show() -> None:
-    """A page that did not escape would fail: the fragments hold the ends of elements, attributes, scripts."""
-    assert {"<script>", "</script>", "<img src=x>", "'>", '"', "<!--"} <= set(FRAGMENTS)
-    broken = site_of("x")["demo/msg/Thing.html"].replace("About x", "About <img src=x>")
-    assert not elements(broken) <= elements(site_of("x")["demo/msg/Thing.html"])

@@ -11,6 +11,7 @@ from forge.base.extensions import (
     COMMANDS,
     STORES,
     TOOLCHAINS,
+    VERBS,
     distribution_of,
     entry_points,
     installed,
@@ -39,6 +40,7 @@ def run(options: argparse.Namespace) -> int:
     _print("commands", (), COMMANDS)
     _print("build types", CORE_BUILD_TYPES, BUILD_TYPES)
     _print("interface targets", TARGETS, TARGET_GROUP)
+    _print("interface verbs", (), VERBS)
     _print("toolchains", (), TOOLCHAINS)
     _print("remote cache backends", (), STORES)
     _print("event handlers", handlers)

@@ -10,9 +10,9 @@ from forge.base.frozen import frozen
 from forge.base.standard_interfaces import EMBEDDED
 from forge.build.build_types import known_types
 from forge.interfaces.model import element_of, sections_of
+from forge.interfaces.notation import type_text, value_text
 from forge.interfaces.read.declarations import PRIMITIVES, read_declaration
 from forge.interfaces.read.errors import ParseError
-from forge.interfaces.site.text import type_text, value_text
 from forge.plugins.lsp.text import Span
 from forge.workspace.manifest import DEPENDENCY_KINDS, tags_of
 

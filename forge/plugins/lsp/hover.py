@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 from forge.base.errors import ForgeError, InterfaceError
 from forge.interfaces.model import Field, Message, sections_of
+from forge.interfaces.notation import kind_of, type_text, value_text
 from forge.interfaces.read.occurrences import NameKind
 from forge.interfaces.read.parsing import Parsed
 from forge.interfaces.resolve.resolution import nested_messages
-from forge.interfaces.site.text import kind_of, type_text, value_text
 from forge.interfaces.wire.sizes import SizeCalculator
 from forge.plugins.lsp.manifests import read_manifest
 from forge.plugins.lsp.navigation import (

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from forge.cli.commands.interface import asking, compiling, describing, documenting
+from forge.base.extensions import VERBS, installed
+from forge.cli.commands.interface import asking, compiling, describing
+from forge.cli.main import add_plugin
 
 if TYPE_CHECKING:
     import argparse
@@ -17,7 +19,11 @@ def register(parser: Parser) -> None:
     asking.register(verbs)
     compiling.register(verbs)
     describing.register(verbs)
-    documenting.register(verbs)
+    asked = next((word for word in parser.words if not word.startswith("-")), None)
+    # Builds wait for 'generate': it imports no plugins.
+    if asked not in verbs.choices:
+        for word in sorted({*installed(VERBS), *((asked,) if asked else ())}):
+            add_plugin(verbs, VERBS, word, "verb")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -1,4 +1,4 @@
-"""The verb docs of `forge interface`: generate HTML documentation of interfaces."""
+"""generate HTML documentation of the interfaces of the workspace"""
 
 from __future__ import annotations
 
@@ -11,36 +11,37 @@ from forge.cli.commands.interface.inputs import add_includes
 if TYPE_CHECKING:
     import argparse
 
-    from forge.cli.commands.interface.inputs import Verbs
+    from forge.cli.main import Parser
 
 _OUTPUT = Path("build") / INTERFACE_PAGES_DIR
 
 
-def register(verbs: Verbs) -> None:
-    summary = "generate HTML documentation of the interfaces of the workspace"
-    more = "Types that the interfaces refer to are documented, too, so that all links work."
-    docs = verbs.add_parser("docs", help=summary, description=summary, epilog=more)
-    docs.add_argument(
+def register(parser: Parser) -> None:
+    """Add the options of `forge interface docs`."""
+    parser.epilog = "Types that the interfaces refer to are documented, too, so that all links work."
+    parser.add_argument(
         "packages",
         metavar="PKG",
         nargs="*",
         help="document only these packages, which may be outside of the workspace",
     )
-    docs.add_argument("-o", "--output", metavar="DIR", type=Path, help=f"output folder (default: {_OUTPUT})")
-    docs.add_argument(
+    parser.add_argument(
+        "-o", "--output", metavar="DIR", type=Path, help=f"output folder (default: {_OUTPUT})"
+    )
+    parser.add_argument(
         "--underlays", action="store_true", help="also document all interfaces in sourced prefixes"
     )
-    docs.add_argument(
+    parser.add_argument(
         "--embedded", action="store_true", help="also document all interfaces embedded in forge"
     )
-    docs.add_argument(
+    parser.add_argument(
         "--title", metavar="TEXT", default="Interfaces", help="title of the site (default: %(default)s)"
     )
-    add_includes(docs)
-    docs.set_defaults(verb=_docs)
+    add_includes(parser)
 
 
-def _docs(options: argparse.Namespace) -> int:
-    from forge.cli.commands.interface.pages import make_site
+def run(options: argparse.Namespace) -> int:
+    """Write the pages."""
+    from forge.plugins.interface_pages.documenting import make_site
 
     return make_site(options, _OUTPUT)

@@ -3,12 +3,21 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
+from contextlib import suppress
+from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
 from forge.base.ament_index import prefixes
-from forge.base.errors import ForgeError, InterfaceError, Location, Problem, print_warnings, raise_if_any
-from forge.base.files import read_file
+from forge.base.errors import (
+    ForgeError,
+    HostError,
+    InterfaceError,
+    Location,
+    Problem,
+    print_warnings,
+    raise_if_any,
+)
+from forge.base.files import read_file, write_if_changed
 from forge.base.names import did_you_mean
 from forge.base.standard_interfaces import EMBEDDED
 from forge.build.markers import mark_build_base
@@ -20,21 +29,24 @@ from forge.interfaces.read.parsing import parse_all
 from forge.interfaces.read.sources import Library, names_in, read_folder
 from forge.interfaces.resolve.dependencies import dependency_catalogs
 from forge.interfaces.resolve.resolution import resolve
-from forge.interfaces.site.generator import PackageInfo, site
-from forge.interfaces.writing import write_site
+from forge.interfaces.writing import Written, unwritable
+from forge.plugins.interface_pages.site import PackageInfo, site
 from forge.workspace.discovery import ROS_DEFAULTS, discover
 from forge.workspace.manifest import parse_manifest
 from forge.workspace.root import find_install, find_root
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
 
+    from forge.interfaces.model import File
     from forge.workspace.model import Manifest, Package
 
 _GROUP = "rosidl_interface_packages"
 _GENERATORS = "rosidl_default_generators"
 _FIRST_PAGE = "index.html"
+_LISTING = ".forge_site"
+"""The file in the folder of a site that lists all others."""
 
 
 def make_site(options: argparse.Namespace, default: Path) -> int:
@@ -84,7 +96,7 @@ def make_site(options: argparse.Namespace, default: Path) -> int:
     }
     if options.output is None and not out.parent.exists():
         mark_build_base(out.parent)
-    written = write_site(site(catalogs, abouts, options.title), out, _FIRST_PAGE)
+    written = write_site(site(catalogs, abouts, options.title), out)
     count = f"{len(written.changed)} of {written.total} files"
     print(f"{count} written, start page: '{out / _FIRST_PAGE}'")
     return 0
@@ -137,3 +149,38 @@ def _manifest(path: Path) -> Manifest | None:
         return parse_manifest(read_file(path), path, {**ROS_DEFAULTS, **os.environ})
     except (OSError, ForgeError):
         return None
+
+
+def write_site(files: Iterable[File], out: Path) -> Written:
+    """Write the files of a site below `out`, and remove obsolete files of an earlier run.
+
+    Raises HostError if the folder is not writable, or contains a first page of another origin.
+    """
+    listing = out / _LISTING
+    try:
+        if not listing.is_file() and (out / _FIRST_PAGE).exists():
+            hint = "choose another folder with --output, or remove the file"
+            problem = Problem(f"'{_FIRST_PAGE}' exists, but forge did not write it", Location(out), hint)
+            raise HostError(problem)
+        before = _listed(listing)
+        written = {file.path: write_if_changed(out / file.path, file.text) for file in files}
+        # Keep all existing files listed, even if the next steps fail.
+        write_if_changed(listing, "".join(f"{path}\n" for path in sorted(before | written.keys())))
+        for path in sorted(before - written.keys()):
+            (out / path).unlink(missing_ok=True)
+            for folder in PurePosixPath(path).parents[:-1]:
+                with suppress(OSError):
+                    (out / folder).rmdir()
+        write_if_changed(listing, "".join(f"{path}\n" for path in sorted(written)))
+    except OSError as error:
+        raise unwritable(error, out) from error
+    return Written(tuple(out / path for path, changed in written.items() if changed), len(written))
+
+
+def _listed(listing: Path) -> set[str]:
+    """Return the paths listed by an earlier run, without those outside of the folder."""
+    if not listing.is_file():
+        return set()
+    lines = listing.read_text(encoding="utf-8").splitlines()
+    paths = [PurePosixPath(line) for line in lines if line]
+    return {str(path) for path in paths if not path.is_absolute() and ".." not in path.parts}

@@ -1,26 +1,20 @@
-"""Types, values and comments as text for HTML pages; the templates escape it."""
+"""Types, values and kinds of interfaces as text, in the notation of definitions."""
 
 from __future__ import annotations
 
 import json
-import re
 from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
 from forge.interfaces.model import Array, Named, Primitive, Sequence, String, TypeName
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
-
     from forge.interfaces.model import Element, Type, Value
 
 KINDS = {"msg": ("message", "messages"), "srv": ("service", "services"), "action": ("action", "actions")}
 """The singular and plural name of each kind of interface."""
 
 _IN_FILES = {"boolean": "bool", "octet": "byte", "float": "float32", "double": "float64"}
-_PREFORMATTED = re.compile(r"^\s|\S {2,}\S|\t", re.MULTILINE)
-_SENTENCE = re.compile(r"(.+?[.!?])(?:\s|$)")
-_LONGEST_SUMMARY = 160
 _REPLACEMENTS = {
     **{code: chr(0x2400 + code) for code in range(0x20) if chr(code) not in "\n\t"},
     **dict.fromkeys(
@@ -38,14 +32,6 @@ class TypeText:
     word: str
     name: TypeName | None = None
     suffix: str = ""
-
-
-@frozen
-class Paragraph:
-    """A paragraph of a comment; white space in preformatted ones is kept."""
-
-    text: str
-    preformatted: bool = False
 
 
 def kind_of(name: TypeName) -> str:
@@ -69,36 +55,9 @@ def value_text(value: Value | None) -> str:
     return "" if value is None else visible(json.dumps(value, ensure_ascii=False))
 
 
-def paragraphs(doc: Iterable[str]) -> tuple[Paragraph, ...]:
-    """Split a comment at blank lines."""
-    blocks = re.split(r"\n(?:[ \t]*\n)+", visible("\n".join(doc)).strip("\n"))
-    return tuple(
-        Paragraph(block, preformatted=bool(_PREFORMATTED.search(block))) for block in blocks if block.strip()
-    )
-
-
-def summary(doc: Iterable[str]) -> str:
-    """Return the first sentence of a comment on one line; an empty text if there is no comment."""
-    first = " ".join(" ".join(_first_block(doc)).split())
-    sentence = _SENTENCE.match(first)
-    text = sentence[1] if sentence else first
-    return visible(text if len(text) <= _LONGEST_SUMMARY else f"{text[:_LONGEST_SUMMARY].rstrip()} …")
-
-
 def visible(text: str) -> str:
     """Replace control characters by visible symbols, so that they cannot hide or reorder text."""
     return text if text.isascii() and text.isprintable() else text.translate(_REPLACEMENTS)
-
-
-def _first_block(doc: Iterable[str]) -> Iterator[str]:
-    """Yield the lines of the first paragraph."""
-    started = False
-    for line in doc:
-        if line.strip():
-            started = True
-            yield line
-        elif started:
-            return
 
 
 def _spell(of: Element, package: str, suffix: str) -> TypeText:

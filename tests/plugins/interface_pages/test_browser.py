@@ -12,8 +12,8 @@ from forge.interfaces.read.parsing import parse_all
 from forge.interfaces.read.sources import Library, read_folder
 from forge.interfaces.resolve.dependencies import dependency_catalogs
 from forge.interfaces.resolve.resolution import resolve
-from forge.interfaces.site.generator import site
-from forge.interfaces.writing import write_site
+from forge.plugins.interface_pages.documenting import write_site
+from forge.plugins.interface_pages.site import site
 from tests.browser import Keys
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> Path:
     library = Library()
     catalog = resolve("nav_msgs", parse_all(read_folder("nav_msgs", EMBEDDED / "nav_msgs")), library)
     out = tmp_path_factory.mktemp("site")
-    write_site(site([catalog, *dependency_catalogs(catalog, library)], {}, "Interfaces"), out, "index.html")
+    write_site(site([catalog, *dependency_catalogs(catalog, library)], {}, "Interfaces"), out)
     return out
 
 

@@ -15,13 +15,16 @@ from typing import TYPE_CHECKING
 from forge.base.frozen import frozen
 from forge.base.templating import render
 from forge.interfaces.model import Catalog, File, sections_of
-from forge.interfaces.site.pages import Pages, path_of
-from forge.interfaces.site.text import KINDS, Paragraph, kind_of, paragraphs, summary, visible
+from forge.interfaces.notation import KINDS, kind_of, visible
+from forge.plugins.interface_pages.pages import Pages, path_of
+from forge.plugins.interface_pages.text import Paragraph, paragraphs, summary
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
     from forge.interfaces.model import Interface, Message, Source, TypeName
+
+_TEMPLATES = "interface_pages/templates"
 
 
 @frozen
@@ -77,16 +80,16 @@ def site(catalogs: Iterable[Catalog], infos: Mapping[str, PackageInfo], title: s
     pages = Pages(catalog)
     for name in catalog.interfaces:
         page = pages.page(name)
-        text = render("html/interfaces/interface.html.j2", title=title, root=page.root, page=page)
+        text = render(f"{_TEMPLATES}/interface.html.j2", title=title, root=page.root, page=page)
         yield File(path_of(name), text)
     for package in packages:
-        text = render("html/interfaces/package.html.j2", title=title, root="../", package=package)
+        text = render(f"{_TEMPLATES}/package.html.j2", title=title, root="../", package=package)
         yield File(f"{package.name}/index.html", text)
-    yield File("style.css", render("html/interfaces/style.css.j2"))
+    yield File("style.css", render(f"{_TEMPLATES}/style.css.j2"))
     yield File("COLCON_IGNORE", "")
-    yield File("search.js", render("html/interfaces/search.js.j2"))
+    yield File("search.js", render(f"{_TEMPLATES}/search.js.j2"))
     counts = f"{_plural(len(catalog.interfaces), 'interface')} in {_plural(len(packages), 'package')}"
-    text = render("html/interfaces/index.html.j2", title=title, root="", packages=packages, counts=counts)
+    text = render(f"{_TEMPLATES}/index.html.j2", title=title, root="", packages=packages, counts=counts)
     yield File("index.html", text)
 
 

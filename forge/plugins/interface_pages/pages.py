@@ -7,18 +7,17 @@ from typing import TYPE_CHECKING
 from forge.base.frozen import frozen
 from forge.interfaces.hashing import Hasher, structures_of
 from forge.interfaces.model import Action, Named, element_of, sections_of
+from forge.interfaces.notation import kind_of, type_text, value_text, visible
 from forge.interfaces.resolve.dependencies import ACTION_DEPENDENCIES
-from forge.interfaces.site.snippets import Snippets, snippets
-from forge.interfaces.site.text import Paragraph, kind_of, paragraphs, type_text, value_text, visible
 from forge.interfaces.wire.sizes import SizeCalculator
+from forge.plugins.interface_pages.snippets import Snippets, snippets
+from forge.plugins.interface_pages.text import TITLES, Paragraph, paragraphs
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping
 
     from forge.interfaces.model import Catalog, Constant, Field, Interface, Message, Source, Type, TypeName
     from forge.interfaces.wire.sizes import MemberSize, MessageSize
-
-_TITLES = {1: ("",), 2: ("Request", "Response"), 3: ("Goal", "Result", "Feedback")}
 
 
 @frozen
@@ -114,7 +113,7 @@ class Pages:
             links.root,
             tuple(
                 self._section(title, message, links)
-                for title, message in zip(_TITLES[len(messages)], messages, strict=True)
+                for title, message in zip(TITLES[len(messages)], messages, strict=True)
             ),
             source.relative if source else "",
             tuple(_lines(source)) if source else (),

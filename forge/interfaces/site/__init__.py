@@ -1,1 +1,0 @@
-"""HTML documentation: one page per interface, an index per package, and a search."""

@@ -1,0 +1,1 @@
+"""Interfaces as pages: HTML by `forge interface docs`, Markdown by `forge interface generate --lang docs`."""
