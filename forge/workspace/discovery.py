@@ -61,7 +61,7 @@ def discover_embedded(rosdistro: str = OLDEST) -> Mapping[str, Package]:
     """Return the packages that forge has for a ROS distribution; an invalid one is a bug in forge."""
     folders = sorted(path.parent for path in EMBEDDED.glob("*/package.xml"))
     folders = [path for path in folders if not (path / SINCE).is_dir() or has_definitions(path, rosdistro)]
-    packages = (read_package(EMBEDDED, folder, {**ROS_DEFAULTS, VARIABLE: rosdistro}) for folder in folders)
+    packages = (read_package(folder, folder, {**ROS_DEFAULTS, VARIABLE: rosdistro}) for folder in folders)
     found = {}
     for package in packages:
         # A package may have services only in newer distributions.

@@ -15,12 +15,13 @@ from typing import TYPE_CHECKING, Any
 from forge.base.errors import ForeignManifestError, Location, Problem, WorkspaceError
 from forge.base.extensions import PACKAGE_FILES
 from forge.base.files import read_file, text_or_nothing
+from forge.base.formats import read_yaml
 from forge.base.layout import IGNORE_MARK
 from forge.base.names import did_you_mean, is_safe_name
 from forge.workspace.identity import IGNORED, NOT_A_PACKAGE, Folder, Identity
 from forge.workspace.manifest import parse_manifest
 from forge.workspace.model import Package
-from forge.workspace.overrides import COLCON_PKG, read_colcon_pkg, with_overrides
+from forge.workspace.overrides import COLCON_PKG, with_overrides
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping
@@ -52,9 +53,9 @@ def identify(
         return IGNORED
     folder = Folder(path, root / path, entries)
     try:
-        there = COLCON_PKG in folder.entries and (folder.absolute / COLCON_PKG).exists()
-        own = read_colcon_pkg(folder.absolute) if there else {}
-        said = overrides.placed(folder.absolute)
+        own, said = {}, overrides.placed(folder.absolute)
+        if COLCON_PKG in entries and (folder.absolute / COLCON_PKG).exists():
+            own = read_yaml(folder.content(COLCON_PKG), path / COLCON_PKG)
         conflicts = _assign_type_and_name(folder, own, said, overrides)
         identity = _identify(folder, variables, overrides.build_types)
         package = identity.package
@@ -67,7 +68,7 @@ def identify(
             sources = (own, overrides.named(package.name), said)
             identity = replace(identity, package=with_overrides(package, sources))
     except WorkspaceError as error:
-        return Identity(problems=_relative(error.problems, folder), name=_likely_name(folder))
+        return Identity(problems=error.problems, name=_likely_name(folder))
     except OSError as error:
         file = os.path.relpath(error.filename, folder.absolute) if error.filename else "package.xml"
         what = "the manifest" if file == "package.xml" else "the file"
@@ -83,20 +84,18 @@ def _likely_name(folder: Folder) -> str:
     return folder.name or (named[1] if named else "")
 
 
-def read_package(root: Path, folder: Path, variables: Mapping[str, str]) -> Package:
-    """Return the package whose package.xml is in `folder`; raises WorkspaceError."""
-    path = folder / "package.xml"
-    try:
-        content = read_file(root / path)
-    except OSError as error:
-        raise WorkspaceError(Problem(f"cannot read the manifest: {error.strerror}", Location(path))) from None
-    manifest = parse_manifest(content, path, variables)
+def read_package(folder: Path, displayed: Path, variables: Mapping[str, str]) -> Package:
+    """Return the package whose package.xml is in `folder`, with paths that begin with `displayed`.
+
+    Raises WorkspaceError for an invalid package.xml, OSError for an unreadable one.
+    """
+    manifest = parse_manifest(read_file(folder / "package.xml"), displayed / "package.xml", variables)
     has_actions, has_services = (
-        (root / folder / kind).is_dir()
-        and any(path.suffix in {f".{kind}", ".idl"} for path in (root / folder / kind).iterdir())
+        (folder / kind).is_dir()
+        and any(path.suffix in {f".{kind}", ".idl"} for path in (folder / kind).iterdir())
         for kind in ("action", "srv")
     )
-    return Package(folder, manifest, has_actions=has_actions, has_services=has_services)
+    return Package(displayed, manifest, has_actions=has_actions, has_services=has_services)
 
 
 def _assign_type_and_name(
@@ -124,7 +123,7 @@ def _identify(folder: Folder, variables: Mapping[str, str], build_types: tuple[s
     try:
         identity = _as_ros(folder, variables)
     except ForeignManifestError as error:
-        identity, foreign = None, _relative(error.problems, folder)
+        identity, foreign = None, error.problems
     if identity is None and not PLAIN.isdisjoint(folder.entries):
         # Imported lazily, because few workspaces have plain packages.
         from forge.workspace.plain_packages import identify_plain
@@ -168,14 +167,13 @@ def _as_ros(folder: Folder, variables: Mapping[str, str]) -> Identity | None:
         (folder.absolute / mark).exists() for mark in ROS_IGNORE_FILES if mark in folder.entries
     )
     if not hidden and "package.xml" in folder.entries:
-        package = read_package(folder.absolute, Path(), variables)
-        warnings = _relative(package.manifest.warnings, folder)
-        manifest = replace(package.manifest, path=folder.display_path / "package.xml", warnings=warnings)
+        package = read_package(folder.absolute, folder.display_path, variables)
         if folder.name:
-            manifest = replace(manifest, name=folder.name)
-        if folder.type and folder.type != "ros":
-            manifest = replace(manifest, build_type=folder.type.removeprefix("ros."))
-        return Identity(replace(package, path=folder.display_path, manifest=manifest))
+            package = replace(package, manifest=replace(package.manifest, name=folder.name))
+        if not whole:
+            manifest = replace(package.manifest, build_type=str(folder.type).removeprefix("ros."))
+            package = replace(package, manifest=manifest)
+        return Identity(package)
     if hidden or "manifest.xml" in folder.entries:
         # The latter is a rosbuild package, whose CMakeLists.txt is incompatible.
         return IGNORED
@@ -190,16 +188,3 @@ def _incomplete(folder: Folder, why: str, hint: str | None = None) -> Identity:
         hint,
     )
     return Identity(descend=True, notes=(note,))
-
-
-def _relative(problems: tuple[Problem, ...], folder: Folder) -> tuple[Problem, ...]:
-    """Return the problems with paths spelled like the folder."""
-    return tuple(
-        replace(
-            problem,
-            location=replace(problem.location, path=folder.display_path / Path(problem.location.path).name),
-        )
-        if problem.location
-        else problem
-        for problem in problems
-    )

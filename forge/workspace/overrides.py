@@ -71,12 +71,6 @@ def read_overrides(root: Path, metas: Iterable[str], home: Path | None) -> Overr
     return Overrides(by_name, by_path, plugin_types(content, root))
 
 
-def read_colcon_pkg(folder: Path) -> dict[str, Any]:
-    """Return the contents of a folder's colcon.pkg; raises WorkspaceError if it is malformed."""
-    path = folder / COLCON_PKG
-    return read_yaml(read_file(path), path)
-
-
 def merge(target: dict[str, Any], values: Mapping[str, Any]) -> None:
     """Extend lists and mappings of the same key, replace other values."""
     for key, value in values.items():

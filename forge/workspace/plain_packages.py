@@ -161,7 +161,7 @@ def _cfg_facts(folder: Folder) -> PythonMetadata:
 def _toml_facts(folder: Folder) -> PythonMetadata | None:
     if not folder.has("pyproject.toml"):
         return None
-    return read_pyproject(read_toml(folder.content("pyproject.toml"), folder.absolute / "pyproject.toml"))
+    return read_pyproject(read_toml(folder.content("pyproject.toml"), folder.display_path / "pyproject.toml"))
 
 
 def plain_package(

@@ -27,12 +27,13 @@ def identify(folder: Folder) -> Identity | None:
     """Read Cargo.toml; members of a Cargo workspace are found in the folders below, like other packages."""
     if not folder.may_be("cargo") or not folder.has("Cargo.toml"):
         return None
-    content = read_toml(folder.content("Cargo.toml"), folder.absolute / "Cargo.toml")
+    path = folder.display_path / "Cargo.toml"
+    content = read_toml(folder.content("Cargo.toml"), path)
     own = _table(content, "package")
     name, version = own.get("name"), own.get("version", "")
     if not isinstance(name, str):
         return None
-    path, needs = folder.display_path / "Cargo.toml", _dependencies(content, name)
+    needs = _dependencies(content, name)
     package = plain_package(folder, folder.name or name, "cargo", path, needs)
     # The version may be inherited from a Cargo workspace.
     manifest = replace(package.manifest, version=version if isinstance(version, str) else "")
