@@ -1,7 +1,7 @@
 """The build types: those of CMake and Python, and those of plugins.
 
 A build type of a plugin is an entry point of the group 'forge.build_types'. It refers to a module (or another
-object) with the fields of BuildType and the function of forge.workspace.finders.Finder:
+object) with the fields of BuildType as attributes:
 
     [project.entry-points."forge.build_types"]
     make = "my_distribution.make"
@@ -32,14 +32,19 @@ if TYPE_CHECKING:
     from collections.abc import Container, Iterable, Iterator
 
     from forge.build.tests.recipes import TestContext
+    from forge.workspace.identity import Folder, Identity
     from forge.workspace.model import Manifest, Package
+    from forge.workspace.references import References
 
 _Result = TypeVar("_Result")
 
 
 @frozen
 class BuildType:
-    """What forge asks a build type. Only `toolchain` runs programs, and no function writes files."""
+    """What forge asks a build type. Only `toolchain` runs programs, and no function writes files.
+
+    The fields without a default and `identify` are required of plugins.
+    """
 
     options: Callable[[Package, BuildContext], tuple[str, ...]]
     """Returns the inputs besides sources, dependencies and tools: `common_options` and further ones.
@@ -50,6 +55,8 @@ class BuildType:
     """Returns the steps that build the package and install it into its prefix."""
     tests: Callable[[Package, TestContext], Recipe]
     """Returns the steps that test the package, none if it has no tests."""
+    identify: Callable[[Folder], Identity | None] | None = None
+    """Returns the package in a folder without package.xml, None if it is none of this build type."""
     toolchain: (
         Callable[[Sequence[Package], BuildContext | TestContext, Mapping[str, str]], tuple[str, str]] | None
     ) = None
@@ -61,6 +68,8 @@ class BuildType:
     """Nothing but `install_tree` writes into the prefix, so that forge need not observe the steps."""
     tests_need_build: bool = True
     """The tests need the files in the build folder, which a package restored from the cache lacks."""
+    reader_of: Callable[[str], Callable[[str], References] | None] | None = None
+    """Returns the function that finds what the text of a source file refers to, None for most paths."""
 
 
 OWN: Mapping[str, BuildType] = {
@@ -123,13 +132,10 @@ def by_toolchain(
     packages: Sequence[Package],
 ) -> Iterator[tuple[Callable[..., tuple[str, str]], list[Package]]]:
     """Yield the `toolchain` functions of the packages' build types, each with its packages."""
-    types: dict[BuildType, set[str]] = {}
-    for name in sorted({package.build_type for package in packages} - OWN.keys()):
-        if (found := find_build_type(name)) and found.toolchain:
-            types.setdefault(found, set()).add(name)
-    for found, names in types.items():
-        if found.toolchain:
-            yield found.toolchain, [package for package in packages if package.build_type in names]
+    types = {name: find_build_type(name) for name in sorted({each.build_type for each in packages})}
+    functions = {name: found.toolchain for name, found in types.items() if found and found.toolchain}
+    for function in dict.fromkeys(functions.values()):
+        yield function, [package for package in packages if functions.get(package.build_type) is function]
 
 
 def with_toolchains(
@@ -183,15 +189,15 @@ def leave_out(
         return tuple(names), ()
     built = [name for name in names if name not in unknown or name in requested]
     left_out = unknown - closure(needs, built)
-    problems = (_left_out(packages[name]) for name in names if name in left_out)
+    problems = []
+    for package in (packages[name] for name in names if name in left_out):
+        kind, hint = package.build_type, hint_on_type(package.build_type, package.name)
+        group = GroupedProblems(
+            f"skipping {{}}: unknown build type '{kind}'", package.name, hint_on_type(kind)
+        )
+        message = f"skipping '{package.name}': unknown build type '{kind}'"
+        problems.append(Problem(message, Location(package.manifest.path), hint, group))
     return tuple(name for name in names if name not in left_out), tuple(problems)
-
-
-def _left_out(package: Package) -> Problem:
-    kind, hint = package.build_type, hint_on_type(package.build_type, package.name)
-    group = GroupedProblems(f"skipping {{}}: unknown build type '{kind}'", package.name, hint_on_type(kind))
-    location = Location(package.manifest.path)
-    return Problem(f"skipping '{package.name}': unknown build type '{kind}'", location, hint, group)
 
 
 def unknown_type(manifest: Manifest) -> Problem:

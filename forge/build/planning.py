@@ -66,10 +66,9 @@ def make_plan(
         wanted = frozenset(names)
         names = tuple(name for name in ordered_names(observed) if name in wanted)
     closed = closures(resolution.needs, ordered)
-    raise_if_any(
-        (*_of_unknown_type(names, resolution), *_not_installed(names, resolution, closed, snapshot)),
-        WorkspaceError,
-    )
+    unknown = unknown_types(resolution.packages[name] for name in names)
+    problems = (unknown_type(resolution.packages[name].manifest) for name in names if name in unknown)
+    raise_if_any((*problems, *_not_installed(names, resolution, closed, snapshot)), WorkspaceError)
     hashes = DependencyHashes(
         resolution.needs, {name: fingerprint.digest for name, fingerprint in snapshot.installed.items()}
     )
@@ -240,11 +239,6 @@ def _task(
 def _replacing(earlier: tuple[str, ...], steps: tuple[Step, ...]) -> tuple[Step, ...]:
     """Return the steps with the earlier installed files added to the installation."""
     return tuple(replace(step, replaces=earlier) if step.kind is StepKind.INSTALL else step for step in steps)
-
-
-def _of_unknown_type(names: Sequence[str], resolution: DependencyResolution) -> Iterable[Problem]:
-    unknown = unknown_types(resolution.packages[name] for name in names)
-    return (unknown_type(resolution.packages[name].manifest) for name in names if name in unknown)
 
 
 def _not_installed(

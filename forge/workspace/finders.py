@@ -1,12 +1,12 @@
 """Finds packages without package.xml by the build types of plugins.
 
-forge.build.build_types has the other half of what a build type implements. Entry points of other
-distributions are searched only for types in colcon.pkg, *.meta files and forge.toml that forge does not know.
+forge.build.build_types.BuildType is what a build type implements. Entry points of other distributions are
+searched only for types in colcon.pkg, *.meta files and forge.toml that forge does not know.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from forge.base.errors import Location, Problem, WorkspaceError
 from forge.base.extensions import BUILD_TYPES, OWN, absent, call, find
@@ -18,13 +18,6 @@ if TYPE_CHECKING:
     from forge.workspace.identity import Folder
 
 FUNCTIONS = ("identify", "options", "recipe", "tests")
-
-
-class Finder(Protocol):
-    """What discovery asks a build type of a plugin."""
-
-    def identify(self, folder: Folder, /) -> Identity | None:
-        """Return the package in a folder without package.xml, None if it is none of this build type."""
 
 
 def plugin(name: str) -> Any:
