@@ -58,6 +58,9 @@ OWN: Mapping[str, Mapping[str, str]] = {
     EXECUTORS: {
         "dask": "forge.plugins.dask.executor",
     },
+    RECIPES: {
+        "fast_rosidl": "forge.plugins.fast_rosidl.recipe",
+    },
 }
 """The plugins in forge/plugins/: modules by group and name, as in the entry points of pyproject.toml."""
 
@@ -148,6 +151,19 @@ def call(what: str, function: Callable[..., _Result], *arguments: object) -> _Re
         message = f"{what} failed: {type(error).__name__}: {error}"
         hint = "this is an error in the extension: report it to its authors"
         raise ForgeError(Problem(message, Location(frame.filename, frame.lineno), hint)) from error
+
+
+def checked(what: str, function: Callable[..., _Result], wanted: type[_Result]) -> Callable[..., _Result]:
+    """Return a function of a plugin that raises ForgeError for exceptions and results of other types."""
+
+    def run(*arguments: object) -> _Result:
+        result = call(what, function, *arguments)
+        if not isinstance(result, wanted):
+            message = f"{what} returned {type(result).__name__} instead of a {wanted.__name__}"
+            raise ForgeError(Problem(message))
+        return result
+
+    return run
 
 
 def distribution_of(entry: EntryPoint) -> str:

@@ -11,16 +11,13 @@ Entry points are searched only for a build type that forge does not know.
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
-from pathlib import Path
-from types import ModuleType
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 from forge.base.digests import digest
 from forge.base.errors import ForgeError, GroupedProblems, Location, Problem
-from forge.base.extensions import BUILD_TYPES, absent, call, entry_points, installed
+from forge.base.extensions import BUILD_TYPES, absent, checked, entry_points, installed
 from forge.base.frozen import frozen
 from forge.base.graph import closure
 from forge.base.names import did_you_mean
@@ -35,8 +32,6 @@ if TYPE_CHECKING:
     from forge.workspace.identity import Folder, Identity
     from forge.workspace.model import Manifest, Package
     from forge.workspace.references import References
-
-_Result = TypeVar("_Result")
 
 
 @frozen
@@ -98,34 +93,16 @@ def _checked(name: str, found: BuildType, module: object) -> BuildType:
     """Turn exceptions and wrong results of another distribution's build type into ForgeErrors."""
     what = f"the build type '{name}'"
 
-    def checked(function: Callable[..., _Result], wanted: type[_Result]) -> Callable[..., _Result]:
-        def run(*arguments: object) -> _Result:
-            result = call(what, function, *arguments)
-            if not isinstance(result, wanted):
-                message = f"{what} returned {type(result).__name__} instead of a {wanted.__name__}"
-                raise ForgeError(Problem(message))
-            return result
+    from forge.build.inputs.fingerprints import code_digest
 
-        return run
-
-    options = checked(found.options, tuple)
+    options = checked(what, found.options, tuple)
     return replace(
         found,
-        options=lambda *arguments: (*options(*arguments), f"{BUILD_TYPE}'{name}' {_code_digest(module)}"),
-        recipe=checked(found.recipe, Recipe),
-        tests=checked(found.tests, Recipe),
-        toolchain=found.toolchain and checked(found.toolchain, tuple),
+        options=lambda *arguments: (*options(*arguments), f"{BUILD_TYPE}'{name}' {code_digest(module)}"),
+        recipe=checked(what, found.recipe, Recipe),
+        tests=checked(what, found.tests, Recipe),
+        toolchain=found.toolchain and checked(what, found.toolchain, tuple),
     )
-
-
-def _code_digest(plugin: object) -> str:
-    """Return a digest of a plugin's code: another version of it may build in another way."""
-    from forge.build.inputs.fingerprints import content_digest, digest_strings, source_files
-
-    module = plugin if isinstance(plugin, ModuleType) else sys.modules[type(plugin).__module__]
-    file = Path(module.__file__ or "")
-    files = source_files(str(file.parent)) if file.name == "__init__.py" else (str(file),)
-    return digest_strings(*(content_digest(path) for path in files if path.endswith(".py")))
 
 
 def by_toolchain(

@@ -281,6 +281,7 @@ _NEGATIVE = {
 
 
 MANIFEST, NAMED_FILE, BUILD_TYPE = "the evaluated package.xml", "the file ", "the build type "
+RECIPE = "the recipe "
 _DIGESTED = "the "
 """The beginning of recorded options that end with a digest: these, and toolchains of build types."""
 

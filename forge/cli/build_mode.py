@@ -42,7 +42,7 @@ class BuildMode:
     def worker(self, plan: BuildPlan, *, has_rosidl: bool) -> AbstractContextManager[dict[str, str]]:
         """Return a context that yields the environment variables for the worker of short commands.
 
-        With `has_rosidl`, ROS's own generators compile the interfaces.
+        With `has_rosidl`, the generators of a distribution compile the interfaces.
         """
         packages = [task.package for task in plan.tasks.values()]
         compiles = not has_rosidl and any(INTERFACE_GROUP in each.manifest.groups for each in packages)

@@ -72,6 +72,11 @@ class CMakeOptions:
         "generated source on its own",
         default=False,
     )
+    recipes: tuple[str, ...] = option(
+        "extend the steps of CMake packages by these plugins",
+        default=(),
+        metavar="NAME",
+    )
     catkin_cmake_args: tuple[str, ...] = option(_NO_EFFECT, default=(), metavar="ARG")
     catkin_skip_building_tests: bool = option(_NO_EFFECT, default=False)
 

@@ -8,15 +8,14 @@ from contextlib import ExitStack, closing, contextmanager, nullcontext
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from forge.base.env_vars import SEQUENTIAL, compiled_templates, own_cache, without_secrets
+from forge.base.env_vars import SEQUENTIAL, own_cache, without_secrets
 from forge.base.errors import WorkspaceError, print_problem, raise_if_any
 from forge.base.frozen import frozen
-from forge.base.layout import OWN_CACHE_DIR, PROGRAMS_DIR, TEMPLATES_DIR
+from forge.base.layout import OWN_CACHE_DIR, PROGRAMS_DIR
 from forge.build.compile_commands import merge_compile_commands
 from forge.build.inputs.referenced_inputs import named_by
-from forge.build.recipes.ament_scripts import are_worth_a_worker
 from forge.build.recipes.cmake import common_arguments
-from forge.build.recipes.fast_rosidl import is_accelerated
+from forge.build.recipes.extensions import active_extensions
 from forge.build.recording import PackageRecorder
 from forge.build.up_to_date import relevant_environment
 from forge.cli.options import displayed
@@ -35,13 +34,13 @@ from forge.output.charts.sampling import sample_usage
 from forge.toolchain.cmake_warnings import defined
 from forge.toolchain.compiler_launchers.launcher_stats import LauncherStats, open_launcher_stats
 from forge.toolchain.compiler_probe import Toolchain
-from forge.toolchain.gcc_heap import gcc_heap
+from forge.toolchain.gcc_heap import LIBRARY_PATH_BELOW, gcc_heap
 from forge.toolchain.languages import any_enables_cxx
-from forge.toolchain.precompiled_headers import LIBRARY_PATH_BELOW, prepare_precompiled_headers
 from forge.toolchain.programs import CMAKE_TYPES, ninja_first, program_of
 from forge.toolchain.resources import memory
 from forge.workspace.downloads import announced_downloads
 from forge.workspace.missing import missing_dependencies
+from forge.workspace.resolve import GENERATORS
 from forge.workspace.whereabouts import Whereabouts
 
 if TYPE_CHECKING:
@@ -205,17 +204,15 @@ def _workers(plan: BuildPlan, build: PreparedBuild) -> Iterator[dict[str, str]]:
         # Reads of a worker would belong to no step.
         yield {}
         return
-    context, variables = build.context, build.variables
-    has_rosidl = any(is_accelerated(task.package, context) for task in plan.tasks.values())
+    context = build.context
     with ExitStack() as stack:
+        has_rosidl = GENERATORS not in context.embedded
         found = dict(stack.enter_context(build.mode.worker(plan, has_rosidl=has_rosidl)))
-        packages = (task.package for task in plan.tasks.values())
-        if has_rosidl or are_worth_a_worker(packages, context):
-            from forge.execution.rosidl.start import rosidl_worker
-
-            cache = compiled_templates(variables, context.layout.build / TEMPLATES_DIR)[0]
-            started = rosidl_worker(context.python, cache, without_secrets(variables))
-            found |= stack.enter_context(started)
+        if context.recipes and _compiles(plan):
+            packages = [task.package for task in plan.tasks.values()]
+            variables, compilers = without_secrets(build.variables), _compilers(build)
+            for extension in active_extensions(context):
+                found |= stack.enter_context(extension.running(packages, context, variables, compilers))
         yield found
 
 
@@ -224,15 +221,10 @@ def _for_compilers(plan: BuildPlan, build: PreparedBuild, jobs: int) -> dict[str
 
     `jobs` is the number of compilers that share the memory of this machine, 0 if they run on others.
     """
-    context = build.context
-    if context.launcher:
+    if build.context.launcher:
         return {}
-    found = {LIBRARY_PATH_BELOW: build.variables.get("LD_LIBRARY_PATH", "")}
-    if jobs and _compiles(plan):
-        found |= gcc_heap(memory(), jobs)
-    if any(is_accelerated(task.package, context) for task in plan.tasks.values()):
-        found |= prepare_precompiled_headers(context.layout.build, _compilers(build))
-    return found
+    heap = gcc_heap(memory(), jobs) if jobs and _compiles(plan) else {}
+    return {LIBRARY_PATH_BELOW: build.variables.get("LD_LIBRARY_PATH", ""), **heap}
 
 
 def _executor_context(build: PreparedBuild) -> ExecutorContext:

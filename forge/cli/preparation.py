@@ -22,6 +22,7 @@ from forge.base.errors import (
     raise_if_any,
     share_hints,
 )
+from forge.base.extensions import RECIPES, installed
 from forge.base.graph import closure, closures, ordered_names
 from forge.base.layout import NO_CODE, PACKAGE, own_folders
 from forge.build.build_types import leave_out, with_toolchains
@@ -310,7 +311,7 @@ def prepare(
         interpreter = replace(interpreter, version=cross.python_version)
     shared_args = (*(cross.cmake_args if cross else ()), *cmake.cmake_args)
     through_worker = (sys.executable, "-S", "-E", str(PACKAGE / "execution/worker_client.py"))
-    generator = () if cmake.no_fast_rosidl else (*through_worker, "--generator")
+    own_recipes = () if cmake.no_fast_rosidl else installed(RECIPES)
     # Without a worker, its client would only start forge in a second step.
     warm = through_worker if options.is_rebuild or has_many_wheels(packages) else own_command()
     context = BuildContext(
@@ -330,8 +331,8 @@ def prepare(
         cmake_args=shared_args,
         ament_cmake_args=cmake.ament_cmake_args,
         launcher=tools.launcher if tools else None,
-        generator_launcher=generator if _is_original("rosidl_default_generators", loaded) else (),
-        script_launcher=generator if _is_original("ament_cmake", loaded) else (),
+        recipes=(*own_recipes, *cmake.recipes),
+        embedded=frozenset(name for name, each in loaded.resolution.packages.items() if each.embedded),
         test_results=Path(options.test_result_base).absolute() if options.test_result_base else None,
         force_configure=cmake.cmake_force_configure,
         clean_cache=cmake.cmake_clean_cache,
@@ -376,12 +377,6 @@ def _recorded_rosdistro(underlays: Sequence[Path], install: Path) -> str | None:
     The highest underlay's generators are used. `underlays` is in order, lowest first.
     """
     return next(filter(None, map(recorded_rosdistro, (*reversed(underlays), install))), None)
-
-
-def _is_original(name: str, loaded: LoadedWorkspace) -> bool:
-    """Tell whether a package of this name would be that of a distribution, not the embedded one."""
-    package = loaded.resolution.packages.get(name)
-    return package is None or not package.embedded
 
 
 def _path_maps(root: Path, layout: Layout) -> Pairs:

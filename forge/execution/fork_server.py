@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
 from forge.execution.started import BUILD_FOLDER_VARIABLE, StartedProcesses
-from forge.execution.worker_client import receive_exactly
+from forge.execution.worker_client import DECLINED, receive_exactly
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -72,12 +72,12 @@ def serve(
     descriptor: int,
     run: Callable[[Call], int],
     load: Callable[[], object] = lambda: None,
-    prepare: Callable[[Call], object] = lambda _: None,
+    prepare: Callable[[Call], bool] = lambda _: True,
 ) -> int:
     """Serve calls from a listening socket until stdin is closed.
 
     `run` runs a call in a fork and returns its exit code; `load` is called once, and `prepare` before each
-    fork, in this process.
+    fork, in this process: it returns False for a call that is left to the client.
     """
     with socket.socket(fileno=descriptor) as listener:
         load()
@@ -89,11 +89,13 @@ def serve(
             connection, _ = listener.accept()
             with connection, contextlib.suppress(OSError, ValueError):
                 call, descriptors = _receive(connection)
-                prepare(call)
-                gc.freeze()  # or each child would copy what its garbage collector visits
-                if os.fork() == 0:
-                    listener.close()
-                    os._exit(_answer(connection, call, descriptors, run))
+                if prepare(call):
+                    gc.freeze()  # or each child would copy what its garbage collector visits
+                    if os.fork() == 0:
+                        listener.close()
+                        os._exit(_answer(connection, call, descriptors, run))
+                else:
+                    connection.sendall(bytes([DECLINED]))
                 for received in descriptors:
                     os.close(received)
 

@@ -21,9 +21,7 @@ from forge.build.events import Aborted, Finished, Output, StepFinished, StepStar
 from forge.build.model import BuildInputs, BuildRecord
 from forge.build.tasks import TEST_FAILURES, StepCondition, StepKind, environment_file, step_line
 from forge.execution.jobserver import without_jobserver_notices
-from forge.execution.worker_client import ROSIDL_WORKER_VARIABLE, WORKER_VARIABLE
-from forge.toolchain.gcc_heap import CXX_LAUNCHER, HEAP_VARIABLE
-from forge.toolchain.precompiled_headers import HEADERS_VARIABLE, LIBRARY_PATH_BELOW
+from forge.execution.started import BUILD_FOLDER_VARIABLE
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -48,13 +46,9 @@ _LONGEST_LINE = 65536
 _NOT_STARTED = 127
 
 
-_OF_THIS_BUILD = frozenset(
-    {
-        *(WORKER_VARIABLE, ROSIDL_WORKER_VARIABLE),
-        *(HEADERS_VARIABLE, LIBRARY_PATH_BELOW, CXX_LAUNCHER, HEAP_VARIABLE),
-    }
-)
-"""Variables for processes and files that this build has started or checked; others do without."""
+_OWN_PREFIX = "FORGE_"
+_VALID_LATER = frozenset({"FORGE_COMMAND", BUILD_FOLDER_VARIABLE})
+"""forge's variables but those for processes and files that this build has started or checked."""
 
 
 class TaskLifecycle:
@@ -367,6 +361,6 @@ def changed_variables(variables: Mapping[str, str]) -> tuple[tuple[str, str], ..
         sorted(
             (name, value)
             for name, value in variables.items()
-            if os.environ.get(name) != value and name not in _OF_THIS_BUILD
+            if os.environ.get(name) != value and (not name.startswith(_OWN_PREFIX) or name in _VALID_LATER)
         )
     )

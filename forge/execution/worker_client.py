@@ -1,8 +1,8 @@
 """Run forge, or with '-m' one of its modules, in the worker named by FORGE_WORKER, else in this process.
 
-After '--generator', run the command line of any program: in the worker named by FORGE_ROSIDL_WORKER if it is
-one of rosidl's generators or one of the scripts below, else in this process. This file is a program started
-without site-packages; it imports as little as possible.
+After '--in VARIABLE', run the command line of any program: in the worker named by that variable if it accepts
+the program, else in this process. This file is a program started without site-packages; it imports as little
+as possible.
 """
 
 import _socket  # socket itself, which imports selectors and enum, would double the start-up time
@@ -10,14 +10,6 @@ import os
 import sys
 
 WORKER_VARIABLE = "FORGE_WORKER"
-ROSIDL_WORKER_VARIABLE = "FORGE_ROSIDL_WORKER"
-
-ARGUMENTS_OPTION = "--generator-arguments-file"
-"""What every generator of rosidl is called with, followed by a JSON file."""
-SETUP = ["setup.py", "egg_info"]
-"""The program by which ament_cmake_python describes a package."""
-SCRIPTS = {"package_xml_2_cmake.py": "catkin_pkg.package", "templates_2_cmake.py": "ament_package.templates"}
-"""Scripts of ament_cmake_core that CMake runs while it configures a package, and what they import."""
 
 DECLINED = 255
 """The exit code of a command that the worker leaves to its client."""
@@ -27,8 +19,8 @@ DECLINED_PREFIX = "forge: runs "
 
 def main(argv: "list[str]") -> int:
     """Run the arguments in the worker and return the exit code; without a worker, execute forge."""
-    if argv[:1] == ["--generator"]:
-        return _generate(argv[1:])
+    if argv[:1] == ["--in"]:
+        return _run_in(argv[1], argv[2:])
     address = os.environ.get(WORKER_VARIABLE)
     if address:
         try:
@@ -52,12 +44,10 @@ def receive_exactly(connection: _socket.socket, size: int) -> bytes:
     return received
 
 
-def _generate(argv: "list[str]") -> int:
-    """Run a generator or script in its worker if possible, and any other program in this process."""
-    address = os.environ.get(ROSIDL_WORKER_VARIABLE)
-    if address and (
-        ARGUMENTS_OPTION in argv[:-1] or argv[1:] == SETUP or "".join(argv[1:2]).rpartition("/")[2] in SCRIPTS
-    ):
+def _run_in(variable: str, argv: "list[str]") -> int:
+    """Run a program in a worker if possible, else in this process."""
+    address = os.environ.get(variable)
+    if address:
         try:
             code = _ask(address, argv)
         except OSError:

@@ -18,6 +18,8 @@ CXX_LAUNCHER = "FORGE_CXX"
 """What precedes the command lines of C++ compilers, in the environment of builds."""
 HEAP_VARIABLE = "FORGE_GCC_HEAP"
 """The heap size in kB."""
+LIBRARY_PATH_BELOW = "FORGE_LIBRARY_PATH_BELOW"
+"""What LD_LIBRARY_PATH is without the packages of the workspace."""
 
 _DEFAULT = 128 << 20
 _LARGEST = 512 << 20

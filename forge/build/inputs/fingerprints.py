@@ -12,7 +12,9 @@ import hashlib
 import json
 import os
 import stat
+import sys
 import time
+from types import ModuleType
 from typing import TYPE_CHECKING
 
 from forge.base.files import replace_file
@@ -188,6 +190,14 @@ def digest_of(paths: Iterable[str], contents: Mapping[str, str]) -> str:
 def digest_strings(*strings: str) -> str:
     """Return one digest of the strings in this order."""
     return _digest("\0".join(strings).encode(errors="surrogateescape"))
+
+
+def code_digest(plugin: object) -> str:
+    """Return a digest of a plugin's code: another version of it may build in another way."""
+    module = plugin if isinstance(plugin, ModuleType) else sys.modules[type(plugin).__module__]
+    file = module.__file__ or ""
+    files = source_files(os.path.dirname(file)) if file.endswith("/__init__.py") else (file,)
+    return digest_strings(*(content_digest(path) for path in files if path.endswith(".py")))
 
 
 def source_files(root: str, excluded: Collection[str] = ()) -> Iterator[str]:

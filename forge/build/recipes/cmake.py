@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import hashlib
 import re
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from forge.base.cmake_syntax import quoted
 from forge.base.errors import Problem
 from forge.base.layout import CONFIGURED_FILE, SCRATCH_DIR
-from forge.build.recipes import ament_scripts, component_nodes, fast_rosidl
 from forge.build.recipes.context import Recipe, common_options
+from forge.build.recipes.extensions import active_extensions
 from forge.build.tasks import Step, StepKind
-from forge.build.up_to_date import FAST_ROSIDL, PATH_MAPS, ROSDISTRO
+from forge.build.up_to_date import PATH_MAPS, ROSDISTRO
 from forge.workspace.resolve import GENERATORS
 
 if TYPE_CHECKING:
@@ -32,7 +32,8 @@ def plain_options(package: Package, context: BuildContext) -> tuple[str, ...]:
     """Return the options that require a configure run when they change."""
     # Not the maps themselves: they follow from the paths among the common options.
     mapped = (PATH_MAPS,) if context.path_maps else ()
-    return (*common_options(package, context), *context.cmake_args, *mapped)
+    extended = (option for each in active_extensions(context) for option in each.options(package, context))
+    return (*common_options(package, context), *context.cmake_args, *mapped, *extended)
 
 
 def ament_recipe(package: Package, context: BuildContext) -> Recipe:
@@ -40,30 +41,14 @@ def ament_recipe(package: Package, context: BuildContext) -> Recipe:
     links = ("AMENT_CMAKE_SYMLINK_INSTALL", "1" if _links(package, context) else "0")
     arguments = (*context.cmake_args, *context.ament_cmake_args)
     entries = (links, *_test_results(context), *_distribution(package, context))
-    folder = scratch_folder(context.layout.build_dir(package.name))
-    parts = ament_scripts.files(folder, context)
-    if component_nodes.is_accelerated(package, context):
-        parts += component_nodes.files(folder)
-    has_interfaces = fast_rosidl.is_accelerated(package, context)
-    if has_interfaces:
-        parts += fast_rosidl.files(folder, context)
-    recipe = _recipe(package, context, arguments, entries, parts)
-    steps = (
-        replace(step, argv=fast_rosidl.build_argv(folder, step.argv))
-        if has_interfaces and step.kind is StepKind.BUILD
-        else step
-        for step in recipe.steps
-    )
-    return replace(recipe, steps=tuple(steps))
+    return _recipe(package, context, arguments, entries)
 
 
 def ament_options(package: Package, context: BuildContext) -> tuple[str, ...]:
     """Return the options that require a configure run when they change."""
     test_results = (f"--test-result-base={value}" for _, value in _test_results(context))
-    is_accelerated = any(part.is_accelerated(package, context) for part in (fast_rosidl, component_nodes))
-    fast = (FAST_ROSIDL,) if is_accelerated else ()
     distribution = (f"{ROSDISTRO}{value}" for _, value in _distribution(package, context))
-    return (*plain_options(package, context), *test_results, *distribution, *context.ament_cmake_args, *fast)
+    return (*plain_options(package, context), *test_results, *distribution, *context.ament_cmake_args)
 
 
 def tests(package: Package, context: TestContext) -> Recipe:
@@ -85,23 +70,19 @@ def scratch_folder(build_dir: Path) -> Path:
     return build_dir / SCRATCH_DIR
 
 
-def _recipe(
-    package: Package,
-    context: BuildContext,
-    arguments: tuple[str, ...],
-    ament: Pairs = (),
-    parts: tuple[tuple[Path, str], ...] = (),
-) -> Recipe:
-    """Return the steps; `ament` are CMake variables, and `parts` files of which CMake includes some."""
+def _recipe(package: Package, context: BuildContext, arguments: tuple[str, ...], ament: Pairs = ()) -> Recipe:
+    """Return the steps; `ament` are CMake variables."""
     from forge.base.templating import render
     from forge.build.recipes import initial_cache
 
     build = context.layout.build_dir(package.name)
     folder = scratch_folder(build)
     manifest = folder / "manifest.cmake"
+    additions = [each.addition(package, context) for each in active_extensions(context)]
+    parts = tuple(file for addition in additions for file in addition.files)
     # CMake includes this file at the end of project().
     include = folder / "project.cmake"
-    included = [path.name for path, _ in parts if path.suffix == ".cmake"]
+    included = [quoted(str(path)) for path, _ in parts if path.suffix == ".cmake"]
     entries = (*ament, ("CMAKE_PROJECT_INCLUDE", str(include)))
     files = (
         (folder / "initial_cache.cmake", initial_cache.initial_cache(context, manifest, entries)),
@@ -112,7 +93,9 @@ def _recipe(
     configure = _configure(package, context, arguments, (files[0][1], *(text for _, text in parts)))
     cmake = str(context.cmake)
     first = ("--clean-first",) if context.clean_first else ()
-    build_step = Step(StepKind.BUILD, (cmake, "--build", str(build), *first, *_jobs(context)), build)
+    launchers = (word for addition in reversed(additions) for word in addition.build_launcher)
+    build_argv = (*launchers, cmake, "--build", str(build), *first, *_jobs(context))
+    build_step = Step(StepKind.BUILD, build_argv, build)
     install = (cmake, "--install", str(build))
     # CMake skips a file whose time differs by less than a second from the installed one, even if its content
     # differs: a second build within a second would not be installed.

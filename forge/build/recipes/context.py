@@ -53,10 +53,10 @@ class BuildContext:
     ament_cmake_args: tuple[str, ...] = ()
     launcher: Path | None = None
     """The compiler launcher, for example ccache."""
-    generator_launcher: tuple[str, ...] = ()
-    """The argv prefix for the generators of a distribution's rosidl; empty to run them as they are."""
-    script_launcher: tuple[str, ...] = ()
-    """The argv prefix for the scripts that a distribution's ament runs at configure time, likewise."""
+    recipes: tuple[str, ...] = ()
+    """The names of the extensions of recipes: see forge.build.recipes.extensions."""
+    embedded: frozenset[str] = frozenset()
+    """The names that embedded packages have in this workspace, instead of those of a distribution."""
     test_results: Path | None = None
     """The folder for the results of ament tests, instead of the build folders."""
     force_configure: bool = False
@@ -128,6 +128,19 @@ class Recipe:
     clean: tuple[Path, ...] = ()
     kept: tuple[str, ...] = ()
     """Names in the build folder that later builds find: the build tool knows what they were made from."""
+
+
+@frozen
+class Addition:
+    """What an extension of recipes adds to the recipe of a package."""
+
+    files: tuple[tuple[Path, str], ...] = ()
+    """Files that forge writes before the first step, usually into `scratch_folder`.
+
+    CMake includes those named *.cmake at the end of project(), and runs again if one of them changes.
+    """
+    build_launcher: tuple[str, ...] = ()
+    """The argv prefix of the step that builds."""
 
 
 def install_tree(package: Package, context: BuildContext, staged: Path) -> Step:

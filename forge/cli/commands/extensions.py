@@ -9,6 +9,7 @@ from forge.base.env_vars import EXECUTORS
 from forge.base.extensions import (
     BUILD_TYPES,
     COMMANDS,
+    RECIPES,
     STORES,
     TOOLCHAINS,
     VERBS,
@@ -39,6 +40,7 @@ def run(options: argparse.Namespace) -> int:
     handlers = (f"{name}{'+' if on else '-'}" for name, on in HANDLERS.items())
     _print("commands", (), COMMANDS)
     _print("build types", CORE_BUILD_TYPES, BUILD_TYPES)
+    _print("recipes", (), RECIPES)
     _print("interface targets", TARGETS, TARGET_GROUP)
     _print("interface verbs", (), VERBS)
     _print("toolchains", (), TOOLCHAINS)

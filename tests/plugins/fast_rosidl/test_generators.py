@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import pytest
 
 import forge
-from forge.execution.rosidl import generators
-from forge.execution.rosidl.generators import DeclinedError, Generators
+from forge.plugins.fast_rosidl import generators
+from forge.plugins.fast_rosidl.generators import DeclinedError, Generators
 from tests.rosidl import EMPY, MODULES, imported_anew
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ import json
 import sys
 from typing import Any
 
-from forge.execution.rosidl.templates import CompiledTemplates, install
+from forge.plugins.fast_rosidl.empy import CompiledTemplates, install
 
 VALUES: dict[str, Any] = {
     "one": 1,

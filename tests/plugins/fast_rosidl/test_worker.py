@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 import pytest
 
 from forge.execution import worker_client
-from forge.execution.rosidl.start import rosidl_worker
+from forge.plugins.fast_rosidl.generators import SCRIPTS
+from forge.plugins.fast_rosidl.recipe import WORKER_VARIABLE, rosidl_worker
 from tests.rosidl import MODULES, underlay
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.needs(str(MODULES / "rosidl_parser"))
 
-CLIENT = (sys.executable, "-S", "-E", worker_client.__file__, "--generator")
+CLIENT = (sys.executable, "-S", "-E", worker_client.__file__, "--in", WORKER_VARIABLE)
 REPORT = "import os, sys\nprint(os.getppid(), sys.argv[1:], os.getcwd(), os.environ['GREETING'])\n"
 """A program that tells who has started it: the worker, or this process."""
 
@@ -63,7 +64,7 @@ def test_a_generator_runs_in_the_worker_with_its_own_surroundings(
     )
 
 
-@pytest.mark.parametrize("script", sorted(worker_client.SCRIPTS))
+@pytest.mark.parametrize("script", sorted(SCRIPTS))
 def test_scripts_of_ament_run_in_the_worker(tmp_path: Path, variables: dict[str, str], script: str) -> None:
     (tmp_path / script).write_text(REPORT)
     for _ in range(3):  # from the second on, the worker has imported what they need
@@ -71,7 +72,7 @@ def test_scripts_of_ament_run_in_the_worker(tmp_path: Path, variables: dict[str,
         assert (done.returncode, done.stderr) == (0, "")
         assert in_worker(done)
         assert done.stdout.split(maxsplit=1)[1] == f"['package.xml'] {tmp_path} hello\n"
-    module = worker_client.SCRIPTS[script].replace(".", "/")
+    module = SCRIPTS[script].replace(".", "/")
     other = tmp_path / "other" / f"{module}.py"
     other.parent.mkdir(parents=True)
     (other.parent / "__init__.py").touch()
@@ -101,7 +102,7 @@ def test_other_commands_run_unchanged(
 
 def test_commands_run_without_a_worker(tmp_path: Path, variables: dict[str, str]) -> None:
     for address in ("", str(tmp_path / "gone")):
-        done = ask(tmp_path, {**variables, worker_client.ROSIDL_WORKER_VARIABLE: address})
+        done = ask(tmp_path, {**variables, WORKER_VARIABLE: address})
         assert (done.returncode, done.stderr) == (0, "")
         assert not in_worker(done)
 

@@ -11,11 +11,8 @@ from typing import TYPE_CHECKING
 import pytest
 
 from forge.base.templating import render
-from forge.toolchain.precompiled_headers import (
-    HEADERS_VARIABLE,
-    LIBRARY_PATH_BELOW,
-    prepare_precompiled_headers,
-)
+from forge.plugins.fast_rosidl.precompiled_headers import HEADERS_VARIABLE, prepare_precompiled_headers
+from forge.toolchain.gcc_heap import LIBRARY_PATH_BELOW
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -38,7 +35,7 @@ def folder(tmp_path: Path) -> Path:
 @pytest.fixture
 def compile_source(tmp_path: Path, folder: Path) -> Compile:
     """Return a function that starts to compile a source by the script, with some options."""
-    (tmp_path / "compile.sh").write_text(render("cmake/compile_generated.sh.j2"))
+    (tmp_path / "compile.sh").write_text(render("fast_rosidl/templates/compile_generated.sh.j2"))
     (tmp_path / "x.cpp").write_text(SOURCE)
 
     def start(

@@ -26,8 +26,8 @@ if __name__ == "__main__":
     sys.modules["forge"] = module_from_spec(spec)
 
 from forge.execution.fork_server import Call, serve
-from forge.execution.rosidl.generators import DeclinedError, Generators
-from forge.execution.worker_client import DECLINED, DECLINED_PREFIX, SCRIPTS
+from forge.execution.worker_client import DECLINED, DECLINED_PREFIX
+from forge.plugins.fast_rosidl.generators import SCRIPTS, DeclinedError, Generators
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 import forge
-from forge.execution.rosidl import generators
-from forge.execution.rosidl.generators import described
-from forge.execution.rosidl.idl_trees import IdlTrees, UnsupportedIdlError
+from forge.plugins.fast_rosidl import generators
+from forge.plugins.fast_rosidl.generators import described
+from forge.plugins.fast_rosidl.idl_trees import IdlTrees, UnsupportedIdlError
 from tests.rosidl import MODULES, imported_anew
 
 if TYPE_CHECKING:

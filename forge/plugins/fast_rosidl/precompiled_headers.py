@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 
 HEADERS_VARIABLE = "FORGE_PRECOMPILED_HEADERS"
 """The folder, in the environment of builds."""
-LIBRARY_PATH_BELOW = "FORGE_LIBRARY_PATH_BELOW"
-"""What LD_LIBRARY_PATH is without the packages of the workspace."""
 
 CXX_HEADERS = "standard_headers.hpp"
 PYTHON_HEADERS = "python_headers.h"

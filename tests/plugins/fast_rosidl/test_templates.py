@@ -14,8 +14,8 @@ import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
-from forge.execution.rosidl.templates import CompiledTemplates, install
-from tests.integration.execution.rosidl.expand import expanded
+from forge.plugins.fast_rosidl.empy import CompiledTemplates, install
+from tests.plugins.fast_rosidl.expand import expanded
 from tests.rosidl import DEBIAN, EMPY, RESOURCES
 
 pytestmark = pytest.mark.needs(*map(str, EMPY.values()))
@@ -216,7 +216,7 @@ def test_all_templates_of_rosidl_are_compiled(version: str) -> None:
     assert len(templates) > 30
     code = (
         "import importlib.util, json, sys\n"
-        "from forge.execution.rosidl.templates import compile_template\n"
+        "from forge.plugins.fast_rosidl.empy import compile_template\n"
         "sys.path.insert(0, sys.argv[1])\n"
         "import em\n"
         "print(len([compile_template(em, text) for text in json.load(sys.stdin)]))\n"

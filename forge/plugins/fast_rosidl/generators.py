@@ -17,13 +17,18 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from forge.execution.worker_client import ARGUMENTS_OPTION, SCRIPTS, SETUP
-
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from types import ModuleType
 
-    from forge.execution.rosidl.idl_trees import IdlTrees
+    from forge.plugins.fast_rosidl.idl_trees import IdlTrees
+
+_ARGUMENTS_OPTION = "--generator-arguments-file"
+"""What every generator of rosidl is called with, followed by a JSON file."""
+_SETUP = ["setup.py", "egg_info"]
+"""The program by which ament_cmake_python describes a package."""
+SCRIPTS = {"package_xml_2_cmake.py": "catkin_pkg.package", "templates_2_cmake.py": "ament_package.templates"}
+"""Scripts of ament_cmake_core that CMake runs while it configures a package, and what they import."""
 
 _LIBRARIES = ("em", "lark", "rosidl_parser.definition", "rosidl_parser.parser")
 _HELPERS = ("rosidl_pycommon", "rosidl_cmake")
@@ -51,29 +56,33 @@ class Generators:
         self._arguments_file = ""
         self._contents: dict[str, tuple[tuple[int, int], Any]] = {}
 
-    def prepare(self, argv: list[str], environment: dict[str, str]) -> None:
+    def prepare(self, argv: list[str], environment: dict[str, str]) -> bool:
         """Before the fork: import what is shared, and parse the .idl files of a generator's arguments.
 
-        Whatever fails here is left to the fork, where it fails again.
+        Return False for other programs, which gain nothing here. Whatever fails is left to the fork, where it
+        fails again.
         """
+        if not (_ARGUMENTS_OPTION in argv[:-1] or _library_of_script(argv)):
+            return False
         with contextlib.suppress(Exception), self._search_path(environment):
             if library := _library_of_script(argv):
                 # The fork of the first package imports it: a single package does without 10 MB more here.
                 if library in self._called:
                     self._import(library)
                 self._called.add(library)
-                return
+                return True
             if not self._accelerated:
                 self._import(*_LIBRARIES)
                 self._accelerate()
                 self._import(_HELPERS[0])
                 if _HELPERS[0] not in self._modules:
                     self._import(_HELPERS[1])
-            arguments_file = argv[argv.index(ARGUMENTS_OPTION) + 1]
+            arguments_file = argv[argv.index(_ARGUMENTS_OPTION) + 1]
             if Path(arguments_file).parent != Path(self._arguments_file).parent:
                 self._contents.clear()
             self._arguments_file = arguments_file
             self._parse(arguments_file)
+        return True
 
     def run(self, argv: list[str], environment: dict[str, str]) -> None:
         """In the fork: run `python PROGRAM ...`; raises DeclinedError unless it succeeds."""
@@ -91,8 +100,8 @@ class Generators:
 
     def _accelerate(self) -> None:
         """Make EmPy and rosidl_parser faster, once in this process."""
-        from forge.execution.rosidl.idl_trees import IdlTrees
-        from forge.execution.rosidl.templates import CompiledTemplates, install
+        from forge.plugins.fast_rosidl.empy import CompiledTemplates, install
+        from forge.plugins.fast_rosidl.idl_trees import IdlTrees
 
         self._accelerated = True
         em, parser = self._modules["em"], self._modules["rosidl_parser.parser"]
@@ -182,9 +191,9 @@ class Generators:
 
 def _library_of_script(argv: list[str]) -> str | None:
     """Return the module for which a script spends its time, None for generators."""
-    if argv[1:] == SETUP:
+    if argv[1:] == _SETUP:
         return "setuptools"
-    return SCRIPTS.get(Path(argv[1]).name)
+    return SCRIPTS.get(Path("".join(argv[1:2])).name)
 
 
 def _agrees(trees: IdlTrees, parser: Any, text: str) -> bool:
