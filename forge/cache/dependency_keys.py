@@ -42,22 +42,19 @@ class DependencyKeys:
         """Return the keys of direct dependencies; `below` are the transitive ones in topological order."""
         for other in below:
             if other not in self._keys:
-                parts = (self._tree(other), *(self._keys[need] for need in sorted(self._needs[other])))
+                tree = self._records[other].tree or self._compute_tree(other)
+                parts = (tree, *(self._keys[need] for need in sorted(self._needs[other])))
                 self._keys[other] = hashlib.sha256("\0".join(parts).encode()).hexdigest()
         return tuple((need, self._keys[need]) for need in sorted(self._needs[name]))
 
-    def _tree(self, name: str) -> str:
+    def _compute_tree(self, name: str) -> str:
         record = self._records[name]
-        if not record.tree:
-            self.computed_trees[name] = record_tree = self._compute_tree(name, record)
-            return record_tree
-        return record.tree
-
-    def _compute_tree(self, name: str, record: BuildRecord) -> str:
         try:
-            return scan_tree(name, self._layout, record, self._relocator).digest
+            tree = scan_tree(name, self._layout, record, self._relocator).digest
         except (Uncacheable, OSError):
-            return uncacheable_tree(record)
+            tree = uncacheable_tree(record)
+        self.computed_trees[name] = tree
+        return tree
 
 
 def uncacheable_tree(record: BuildRecord) -> str:

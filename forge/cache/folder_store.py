@@ -103,19 +103,21 @@ class FolderStore:
                 draft.unlink(missing_ok=True)
 
     def open(self, digest: Digest) -> int | None:
-        """Return a descriptor of a blob that was just verified, or None. The caller closes it."""
+        """Return a descriptor of a blob that was just verified, or None; a corrupt blob is removed."""
         try:
             descriptor = os.open(self._path("cas", digest.hash), os.O_RDONLY)
         except FileNotFoundError:
             return None
+        is_valid = False
         try:
-            if _matches(digest, descriptor):
-                return descriptor
-        except OSError:
-            os.close(descriptor)
-            raise
-        os.close(descriptor)
-        self.discard(digest.hash)
+            is_valid = os.fstat(descriptor).st_size == digest.size and sha256_of(descriptor) == digest.hash
+        finally:
+            if not is_valid:
+                os.close(descriptor)
+        if is_valid:
+            return descriptor
+        with contextlib.suppress(OSError):
+            self.blob_path(digest.hash).unlink()
         return None
 
     def adopt(self, draft: Path, digest: Digest) -> None:
@@ -130,11 +132,6 @@ class FolderStore:
         folder = self.folder / "cas"
         self._make(folder)
         return folder / f".{os.urandom(8).hex()}.forge-draft"
-
-    def discard(self, sha256: str) -> None:
-        """Remove a corrupt blob."""
-        with contextlib.suppress(OSError):
-            self.blob_path(sha256).unlink()
 
     def result_path(self, key: str) -> Path:
         """Return the path of the result for a key."""
@@ -191,7 +188,8 @@ class FolderStore:
             # Earlier versions created them world-readable. The store's root may serve other purposes, too.
             if folder not in self._checked and folder != self.folder and self.rights == PRIVATE:
                 self._checked.add(folder)
-                _close_to_others(folder)
+                if stat.S_IMODE(folder.stat().st_mode) & 0o077:
+                    _set_rights(folder, PRIVATE)
         except FileNotFoundError:
             if folder == self.folder:
                 folder.parent.mkdir(parents=True, exist_ok=True)
@@ -206,26 +204,20 @@ class FolderStore:
         return f"{self.folder}/{kind}/{name[:2]}/{name}"
 
 
-def _close_to_others(folder: Path) -> None:
-    if stat.S_IMODE(folder.stat().st_mode) & 0o077:
-        _set_rights(folder, PRIVATE)
-
-
 def _set_rights(path: Path, rights: int) -> None:
     """Set permissions if possible: the owner may differ, or the file system may not support them."""
     with contextlib.suppress(PermissionError):
         path.chmod(rights)
 
 
-def _matches(digest: Digest, descriptor: int) -> bool:
-    if os.fstat(descriptor).st_size != digest.size:
-        return False
+def sha256_of(descriptor: int) -> str:
+    """Return the SHA-256 of an open file."""
     found = hashlib.sha256()
     offset = 0
     while chunk := os.pread(descriptor, _CHUNK, offset):
         found.update(chunk)
         offset += len(chunk)
-    return found.hexdigest() == digest.hash
+    return found.hexdigest()
 
 
 def copy_bytes(source: int, target: int, size: int) -> None:

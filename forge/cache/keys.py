@@ -13,10 +13,11 @@ import hashlib
 import json
 import os
 import platform
-from pathlib import Path
+import re
 from typing import TYPE_CHECKING, Any
 
 from forge import __version__
+from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
 from forge.base.layout import NO_CODE, PACKAGE, own_folders
 from forge.build.inputs.fingerprints import contents_of, digest_of, source_files
@@ -154,9 +155,8 @@ def _system() -> tuple[str, ...]:
 
 def _umask() -> int:
     """Return the umask; /proc provides it without changing it temporarily."""
-    with contextlib.suppress(OSError, ValueError, StopIteration):
-        lines = Path("/proc/self/status").read_text(encoding="utf-8", errors="replace").splitlines()
-        return int(next(line for line in lines if line.startswith("Umask:")).split()[1], 8)
+    if found := re.search(r"^Umask:\s*([0-7]+)$", text_or_nothing("/proc/self/status"), re.MULTILINE):
+        return int(found[1], 8)
     mask = os.umask(0o077)
     os.umask(mask)
     return mask

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
-import hashlib
 import json
 import os
 import re
@@ -16,7 +15,7 @@ from typing import TYPE_CHECKING
 from forge.base.files import replace_file
 from forge.base.frozen import frozen
 from forge.cache.action_result import decode
-from forge.cache.folder_store import DRAFT
+from forge.cache.folder_store import DRAFT, sha256_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -124,25 +123,18 @@ class VerifyResult:
 def verify(store: FolderStore) -> VerifyResult:
     """Read every file of a store; remove corrupt blobs, unreadable results and results with missing blobs."""
     contents = scan_store(store)
-    corrupt = list(_corrupt_blobs(contents))
+    corrupt: list[tuple[Path, str]] = []
+    for name, file in contents.blobs.items():
+        # Drafts belong to a running or killed build; pruning removes them by age.
+        with contextlib.suppress(FileNotFoundError), file.path.open("rb") as stream:
+            if not DRAFT.fullmatch(name) and sha256_of(stream.fileno()) != name:
+                corrupt.append((file.path, "its content does not match its SHA-256"))
     blobs = contents.blobs.keys() - {path.name for path, _ in corrupt}
     faults = ((file.path, _fault_of_result(file.path, blobs)) for file in contents.results)
     corrupt += [(path, why) for path, why in faults if why]
     for path, _ in corrupt:
         path.unlink(missing_ok=True)
     return VerifyResult(len(contents.results) + len(contents.blobs), contents.size, tuple(corrupt))
-
-
-def _corrupt_blobs(contents: StoreContents) -> Iterator[tuple[Path, str]]:
-    for name, file in contents.blobs.items():
-        if DRAFT.fullmatch(name):
-            continue  # of a running or killed build; pruning removes it by age
-        with contextlib.suppress(FileNotFoundError), file.path.open("rb") as stream:
-            found = hashlib.sha256()
-            while chunk := stream.read(1 << 20):
-                found.update(chunk)
-            if found.hexdigest() != name:
-                yield file.path, "its content does not match its SHA-256"
 
 
 def _fault_of_result(path: Path, blobs: set[str]) -> str:

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from forge.build.state import BuildState
-    from forge.cache.folder_store import FolderStore
     from forge.cache.model import RemoteStore
     from forge.cache.package_cache import CacheContext, PackageCache
 
@@ -124,6 +123,7 @@ def open_cache(
     Raises ForgeError for an invalid URL, and for a cache folder that other users can write to.
     """
     from forge.cache.folder_store import FolderStore
+    from forge.cache.maintenance import DEFAULT_SIZE, Counts, add_counts, prune
     from forge.cache.package_cache import PackageCache
 
     local = FolderStore(cache_folder(options.cache, variables))
@@ -147,7 +147,13 @@ def open_cache(
         state.record_trees(cache.computed_trees)
         if remote:
             remote.close()
-        _close_store(cache, local, options.cache_size, warn)
+        try:
+            add_counts(local.folder, Counts(len(cache.restored), len(cache.missed)), local.rights)
+            if cache.has_grown:
+                prune(local, DEFAULT_SIZE if options.cache_size is None else options.cache_size)
+        except OSError as error:
+            path = os.fspath(error.filename or local.folder)
+            warn([Problem(f"package cache: {path}: {error.strerror}")])
 
 
 def open_remote(url: str, options: RemoteOptions) -> RemoteStore:
@@ -178,21 +184,3 @@ def _scheme(url: str) -> str:
             )
         )
     return parts.scheme
-
-
-def _close_store(
-    cache: PackageCache,
-    local: FolderStore,
-    size: int | None,
-    warn: Callable[[Iterable[Problem]], object],
-) -> None:
-    """Update the cache statistics, and prune the folder if it has grown."""
-    from forge.cache.maintenance import DEFAULT_SIZE, Counts, add_counts, prune
-
-    try:
-        add_counts(local.folder, Counts(len(cache.restored), len(cache.missed)), local.rights)
-        if cache.has_grown:
-            prune(local, DEFAULT_SIZE if size is None else size)
-    except OSError as error:
-        path = os.fspath(error.filename or local.folder)
-        warn([Problem(f"package cache: {path}: {error.strerror}")])

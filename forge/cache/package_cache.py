@@ -147,7 +147,9 @@ class PackageCache:
         key = self._keys.get(task.name)
         if key is None:
             return record
-        problem = _uncacheable_reason(record)
+        problem = "" if record.from_empty else "its build folder was not empty"
+        if record.saved:
+            problem = f"'{record.saved[0]}' was modified during the build"
         if problem:
             self.notes[task.name] = f"not cached: {problem}"
             return record
@@ -160,9 +162,8 @@ class PackageCache:
             self.notes[task.name] = f"not cached: {fault}"
             self._warn_once(fault)
             return record
-        self.notes[task.name] = (
-            f"cached for this path only: {tree.absolute_path_reason}" if tree.absolute_path_reason else KEPT
-        )
+        bound = tree.absolute_path_reason
+        self.notes[task.name] = f"cached for this path only: {bound}" if bound else "cached"
         return replace(record, tree=tree.digest)
 
     def finish(self) -> None:
@@ -194,7 +195,12 @@ class PackageCache:
         return "; ".join(filter(None, (self._miss_reasons.get(name), self.notes.get(name))))
 
     def _look_up(self, task: Task) -> CachedTree | None:
-        if not self._is_cacheable(task):
+        if self._context.layout.symlink and not task.embedded:
+            self.notes[task.name] = "not cached: installed with symbolic links"
+            return None
+        unknown = next((need for need in task.needs if need not in self._context.records), None)
+        if unknown:
+            self.notes[task.name] = f"not looked up: there is no build record of its dependency '{unknown}'"
             return None
         self._keys[task.name] = key = self._first_key(task)
         if task.name in self._context.forced:
@@ -209,16 +215,6 @@ class PackageCache:
             # Another machine may have built it since the miss.
             self.missed.discard(task.name)
         return found
-
-    def _is_cacheable(self, task: Task) -> bool:
-        """Return True if the result of a task can be cached; note the reason if not."""
-        if self._context.layout.symlink and not task.embedded:
-            self.notes[task.name] = "not cached: installed with symbolic links"
-            return False
-        unknown = next((need for need in task.needs if need not in self._context.records), None)
-        if unknown:
-            self.notes[task.name] = f"not looked up: there is no build record of its dependency '{unknown}'"
-        return unknown is None
 
     def _first_key(self, task: Task) -> str:
         with self._lock:  # several packages start at the same time
@@ -278,7 +274,7 @@ class PackageCache:
             index = self._open(remote, blobs.pop(INDEX), opened)
             if index is None:
                 return None
-            tree = decode_index(_whole(index))
+            tree = decode_index(os.pread(index, os.fstat(index).st_size, 0))
             pack = self._open(remote, tree.pack, opened) if tree.pack else None
             large = {}
             for digest in {
@@ -376,7 +372,7 @@ class PackageCache:
             return "not in the cache for this path: cached results do not quote paths with blanks"
         if lists and all(WORD in inputs.paths for inputs in lists):
             return "not in the cache: a file outside the workspace or the processor differs"
-        return "not in the cache: a file outside the workspace differs" if lists else MISSED
+        return f"not in the cache{': a file outside the workspace differs' if lists else ''}"
 
     def _warn_once(self, fault: Exception) -> None:
         """Warn once that the cache is unusable or contains invalid data."""
@@ -384,18 +380,3 @@ class PackageCache:
             self._warned = True
             hint = "packages are built instead; run 'forge cache verify' to find corrupt files"
             self._warn(Problem(f"the cache: {fault}", hint=hint))
-
-
-KEPT, MISSED = "cached", "not in the cache"
-
-
-def _whole(descriptor: int) -> bytes:
-    size = os.fstat(descriptor).st_size
-    return os.pread(descriptor, size, 0)
-
-
-def _uncacheable_reason(record: BuildRecord) -> str:
-    """Return why the result of a build must not be shared, or '' if it is reproducible."""
-    if record.saved:
-        return f"'{record.saved[0]}' was modified during the build"
-    return "" if record.from_empty else "its build folder was not empty"

@@ -151,10 +151,7 @@ def encode_index(tree: Tree) -> bytes:
     """Return the index: the tree as JSON."""
     value = {"forge_tree": _VERSION, **asdict(tree)}
     value["bound"] = value.pop("absolute_path_reason")
-    value["leaves"] = [
-        [leaf.path, leaf.mode, leaf.size, leaf.hash, leaf.offset, leaf.relocatable, leaf.target]
-        for leaf in tree.leaves
-    ]
+    value["leaves"] = [list(leaf.values()) for leaf in value["leaves"]]
     return json.dumps(value).encode()
 
 

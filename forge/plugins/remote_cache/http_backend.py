@@ -28,12 +28,6 @@ if TYPE_CHECKING:
 _BLOCK: Final = 1 << 16
 """Bytes to read at a time."""
 
-_DIGITS: Final = 19
-"""The limit of digits in Content-Length; Python rejects integers of thousands of digits."""
-
-_CONNECTIONS: Final = 8
-"""The size of the connection pool."""
-
 _TOO_MUCH: Final = frozenset({HTTPStatus.BAD_REQUEST, HTTPStatus.REQUEST_ENTITY_TOO_LARGE})
 _UNWRITABLE: Final = frozenset(
     {
@@ -87,7 +81,7 @@ class HttpBackend:
         self._path = "".join(f"/{part}" for part in parts.path.split("/") if part)
         self._pool = connection_from_url(
             f"{parts.scheme}://{parts.netloc.rpartition('@')[2]}",
-            maxsize=_CONNECTIONS,
+            maxsize=8,
             timeout=Timeout(connect=seconds, read=seconds),
             headers={
                 "User-Agent": f"ros-forge/{__version__}",
@@ -183,9 +177,7 @@ class HttpBackend:
 def _length(response: BaseHTTPResponse) -> int | None:
     """Return the Content-Length of a response, or None."""
     announced = response.headers.get("Content-Length", "")
-    return (
-        int(announced) if announced.isascii() and announced.isdigit() and len(announced) < _DIGITS else None
-    )
+    return int(announced) if re.fullmatch(r"[0-9]{1,18}", announced) else None
 
 
 def _skip_rest(response: BaseHTTPResponse) -> None:
