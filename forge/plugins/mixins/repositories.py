@@ -87,13 +87,14 @@ class MixinRepositories:
         index = self.urls[name]
         kept = set()
         for entry in _entries(index):
-            change = _fetch_entry(index, entry, self._files / name)
-            if isinstance(change, Change):
+            try:
+                change = _fetch(index, entry, self._files / name)
+            except (SelectionError, WorkspaceError) as error:
+                kept.add(entry.rpartition("/")[2])
+                yield from error.problems
+            else:
                 kept.add(change.path.name)
                 yield change
-            else:
-                kept.add(entry.rpartition("/")[2])
-                yield from change
         yield from (_rename(path) for path in self.files(name) if path.name not in kept)
 
     def _require(self, name: str) -> None:
@@ -142,43 +143,27 @@ def _entries(index: str) -> list[str]:
     return entries
 
 
-def _fetch_entry(index: str, entry: str, folder: Path) -> Change | tuple[Problem, ...]:
-    """Return what a file of an index changed, or why it cannot be used."""
-    try:
-        return _fetch(_entry_url(index, entry), folder)
-    except (SelectionError, WorkspaceError) as error:
-        return error.problems
+def _fetch(index: str, entry: str, folder: Path) -> Change:
+    """Write a file of an index below the folder if it is well-formed; return the change.
 
-
-def _entry_url(index: str, entry: str) -> str:
-    """Return the URL of a file in an index; an index on a server cannot name files of this machine."""
-    from urllib.parse import quote, urljoin, urlsplit
+    An index on a server cannot name files of this machine.
+    """
+    from urllib.parse import quote, unquote, urljoin, urlsplit
 
     try:
         url = urljoin(index, quote(entry, safe=_LEGAL))
-        scheme = urlsplit(url).scheme
+        parts = urlsplit(url)
     except ValueError:
         raise SelectionError(Problem(f"the index names '{entry}', which is no URL")) from None
-    if scheme not in _SCHEMES or (scheme == "file" and urlsplit(index).scheme != "file"):
+    if parts.scheme not in _SCHEMES or (parts.scheme == "file" and urlsplit(index).scheme != "file"):
         raise SelectionError(Problem(f"the index names '{entry}', which is not on a server"))
-    return url
-
-
-def _file_name(url: str) -> str:
-    from urllib.parse import unquote, urlsplit
-
-    return unquote(PurePosixPath(urlsplit(url).path).name)
-
-
-def _fetch(url: str, folder: Path) -> Change:
-    """Write a mixin file below the folder if it is well-formed; return the change."""
-    name = _file_name(url)
+    shown = without_passwords(url)
+    name = unquote(PurePosixPath(parts.path).name)
     if not _FILE.fullmatch(name):
-        raise SelectionError(Problem(f"the index names '{without_passwords(url)}', which is no '*.mixin'"))
+        raise SelectionError(Problem(f"the index names '{shown}', which is no '*.mixin'"))
     content = _content(url)
-    list(parse_mixins(content, Path(without_passwords(url))))
-    path = folder / name
-    before = None
+    list(parse_mixins(content, Path(shown)))
+    path, before = folder / name, None
     with suppress(FileNotFoundError):
         before = read_file(path)
     if before == content:
