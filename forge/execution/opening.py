@@ -42,7 +42,8 @@ def open_job_pool(
     supported styles are detected by trial.
     """
     flags = read_make_flags(variables.get("MAKEFLAGS", ""))
-    jobs = options.requested(variables)
+    level = variables.get("CMAKE_BUILD_PARALLEL_LEVEL", "")
+    jobs = options.jobs or flags.jobs or (int(level) if level.isdigit() else 0)
     local = jobs or processors()
     jobs = jobs or local + (0 if flags.auth else remote_slots)
     pool = join_pool(flags.auth) if flags.auth and not options.jobs else None

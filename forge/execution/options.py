@@ -6,12 +6,9 @@ from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
 from forge.base.options import option
-from forge.execution.makeflags import read_make_flags
 from forge.toolchain.resources import memory_limit
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from forge.toolchain.resources import MemoryLimit
 
 
@@ -60,9 +57,3 @@ class JobOptions:
     load_limit: float | None = option(
         "start no new jobs while the load average is above this limit", parse=float, metavar="X"
     )
-
-    def requested(self, variables: Mapping[str, str]) -> int:
-        """Return the number of jobs from the options, a parent make or variables; 0 if none is set."""
-        level = variables.get("CMAKE_BUILD_PARALLEL_LEVEL", "")
-        flags = read_make_flags(variables.get("MAKEFLAGS", ""))
-        return self.jobs or flags.jobs or (int(level) if level.isdigit() else 0)

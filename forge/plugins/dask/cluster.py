@@ -182,7 +182,7 @@ def survey(probe: str, content: str, programs: Pairs, dask_worker: Worker) -> Wo
     """Return the properties of this worker; the client calls this on every worker."""
     return WorkerInfo(
         dask_worker.address,
-        host_name(),
+        socket.gethostname(),
         traits_of(programs),
         _contains(probe, content),
         dask_worker.state.nthreads,
@@ -194,11 +194,6 @@ def traits_of(programs: Pairs = ()) -> Traits:
     version = ".".join(platform.python_version_tuple()[:2])
     identities = tuple((name, _program_identity(path)) for name, path in programs)
     return Traits(f"{__version__} ({_own_digest()})", version, identities)
-
-
-def host_name() -> str:
-    """Return the host name of this machine."""
-    return socket.gethostname()
 
 
 def _contains(probe: str, content: str) -> bool:

@@ -8,6 +8,7 @@ import threading
 import time
 import uuid
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from forge.base.errors import HostError, Problem
@@ -128,7 +129,7 @@ class Connection:
         self._broadcast(KILL if kill else INTERRUPT)
         # After an interrupt, the runner escalates twice.
         timeout = GRACE_SECONDS if kill else 4 * GRACE_SECONDS
-        _later(timeout, lambda: self._router.for_each(lambda mailbox: mailbox.note(_GIVE_UP)))
+        _later(timeout, partial(self._router.note, _GIVE_UP))
 
     def close(self) -> None:
         """Unsubscribe and remove the messages from the scheduler."""
@@ -152,7 +153,7 @@ class Connection:
 
     def _broadcast(self, command: str) -> None:
         self.command = command
-        self._router.for_each(lambda mailbox: mailbox.note(command))
+        self._router.note(command)
         # Not in the loop's thread, since the scheduler may respond slowly.
         threading.Thread(target=self._send_command, args=(command,), daemon=True).start()
 
@@ -240,7 +241,7 @@ class Call:
         """Return the events after Dask has ended the task: none while its last message is in transit."""
         status = self._future.status
         if status == "finished":
-            _later(_MESSAGE_SECONDS, lambda: self._mailbox.note(_LOST))
+            _later(_MESSAGE_SECONDS, partial(self._mailbox.note, _LOST))
             return ()
         if status != "error":
             hint = "check that it is still running, and that the task was not cancelled there"

@@ -11,7 +11,7 @@ from forge.base.errors import HostError, Problem
 from forge.base.frozen import frozen
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Mapping
     from pathlib import Path
 
     from forge.build.events import Event
@@ -135,8 +135,8 @@ class Router:
             if attempt in self._attempts:
                 self._attempts[attempt].put(attempt, number, content)
 
-    def for_each(self, do: Callable[[Mailbox], object]) -> None:
-        """Call a function with every mailbox."""
+    def note(self, command: str) -> None:
+        """Add a message from the client to every mailbox."""
         with self._lock:
             for mailbox in self._mailboxes.values():
-                do(mailbox)
+                mailbox.note(command)

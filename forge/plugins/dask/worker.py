@@ -10,11 +10,11 @@ import asyncio
 import contextlib
 import os
 import pickle
+import socket
 import sys
 import uuid
 from typing import TYPE_CHECKING, Any
 
-from forge.plugins.dask.cluster import host_name
 from forge.plugins.dask.messages import ACK_INTERVAL, INTERRUPT, TaskRequest
 from forge.plugins.dask.step_runner import LENGTH, with_length
 from forge.plugins.dask.worker_jobs import WorkerJobs
@@ -81,7 +81,7 @@ async def run_remote_task(topic: str, key: str) -> None:
     _attempts[attempt.name] = attempt
     watch = asyncio.ensure_future(_watch(attempt))
     try:
-        request = TaskRequest(attempt.name, worker.address, host_name())
+        request = TaskRequest(attempt.name, worker.address, socket.gethostname())
         attempt.send(pickle.dumps((key, request)))
         waiting: set[asyncio.Future[Any]] = {attempt.remote_task, watch}
         await asyncio.wait(waiting, return_when=asyncio.FIRST_COMPLETED)
@@ -159,7 +159,7 @@ async def _run(attempt: Attempt, remote_task: RemoteTask, worker: Worker) -> Non
             with contextlib.suppress(asyncio.TimeoutError):
                 await asyncio.wait_for(process.wait(), _END_SECONDS)
     if process.returncode:
-        raise RuntimeError(f"the step runner on {host_name()} exited with code {process.returncode}")
+        raise RuntimeError(f"the step runner on {socket.gethostname()} exited with code {process.returncode}")
 
 
 async def _forward_commands(attempt: Attempt, stdin: asyncio.StreamWriter) -> None:
