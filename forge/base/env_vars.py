@@ -34,7 +34,7 @@ def setting(name: str, variables: Mapping[str, str]) -> str | None:
 def default_executor(executors: tuple[str, ...]) -> str:
     """Return the executor that the environment selects if it is one of these, else the first."""
     name = setting("DEFAULT_EXECUTOR", os.environ)
-    return name if name in executors else executors[0]
+    return name if name and name in executors else executors[0]
 
 
 def home(variables: Mapping[str, str]) -> Path:
