@@ -126,9 +126,10 @@ def test_every_key_for_single_packages_is_told() -> None:
 
 
 def test_every_event_is_told_with_all_that_it_has() -> None:
-    """json_events.py says them; the page has a row for each, and in it each key."""
+    """json_events.py and reporters say them; the page has a row for each, and in it each key."""
     rows = dict(re.findall(r"^\| `([A-Z]\w+)` \|.*?\|(.*)\|$", _page("events"), re.MULTILINE))
-    said = _events()
+    of_reporters = {"Coverage": {"lines", "covered", "report"}, "Usage": {"processors", "memory", "samples"}}
+    said = _events() | of_reporters
     assert said.keys() >= {each.__name__ for each in Event.__args__}
     assert rows.keys() == said.keys()
     for event, keys in said.items():

@@ -33,6 +33,7 @@ TOOLCHAINS = "forge.toolchains"
 OWN: Mapping[str, Mapping[str, str]] = {
     COMMANDS: {
         "deps": "forge.plugins.system_deps.command",
+        "graph": "forge.plugins.charts.command",
         "lsp": "forge.plugins.lsp.command",
         "mixin": "forge.plugins.mixins.command",
     },
@@ -60,6 +61,10 @@ OWN: Mapping[str, Mapping[str, str]] = {
     },
     RECIPES: {
         "fast_rosidl": "forge.plugins.fast_rosidl.recipe",
+    },
+    REPORTERS: {
+        "coverage": "forge.plugins.coverage.reporter",
+        "timings": "forge.plugins.charts.reporter",
     },
 }
 """The plugins in forge/plugins/: modules by group and name, as in the entry points of pyproject.toml."""

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from forge.cli.main import Parser
+    from forge.output.reporters import Start
     from forge.workspace.selection import Query
 
 _Options = TypeVar("_Options")
@@ -152,6 +153,11 @@ class BuildOptions:
     print_command: str | None = option(
         "print a command line that repeats the last step of a package", metavar="PKG", group=_OUTPUT
     )
+
+    @property
+    def reporters(self) -> dict[str, Start]:
+        """Return the reporters of this build; raises ForgeError if one is missing."""
+        return self.report.reporters(*(("timings",) if self.timings else ()))
 
     @property
     def forced_by(self) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from contextlib import ExitStack, closing, contextmanager, nullcontext
 from dataclasses import replace
@@ -18,7 +17,6 @@ from forge.build.recipes.cmake import common_arguments
 from forge.build.recipes.extensions import active_extensions
 from forge.build.recording import PackageRecorder
 from forge.build.up_to_date import relevant_environment
-from forge.cli.options import displayed
 from forge.cli.session import open_session
 from forge.environment.prefixes import find_underlays, provider
 from forge.environment.underlays import overridden
@@ -30,7 +28,6 @@ from forge.execution.runner import LocalExecutor, TaskRunner, unwrapped
 from forge.execution.scheduler import Scheduler
 from forge.execution.started import StartedProcesses
 from forge.execution.task_setup import TaskSetup
-from forge.output.charts.sampling import sample_usage
 from forge.toolchain.cmake_warnings import defined
 from forge.toolchain.compiler_launchers.launcher_stats import LauncherStats, open_launcher_stats
 from forge.toolchain.compiler_probe import Toolchain
@@ -58,7 +55,6 @@ if TYPE_CHECKING:
     from forge.cli.build_options import BuildOptions
     from forge.cli.session import Session
     from forge.execution.executor import Executor
-    from forge.output.charts.sampling import NoSampler
     from forge.toolchain.interpreter import Interpreter
     from forge.workspace.load import LoadedWorkspace
 
@@ -102,16 +98,9 @@ def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
                 if options.explain and not options.report.json:
                     session.write("".join(f"{name}: {cache.remark(name)}\n" for name in sorted(cache.notes)))
             seconds = session.seconds
+            session.collect_reports()
             build.mode.conclude(plan, session.report, seconds)
-            if usage := opened.sampler.usage():
-                session.json_events.report_usage(usage)
-            session.json_events.conclude(session.report, seconds)
-            if options.timings and session.log_folder is not None:
-                from forge.output.charts.pages import PAGE, write_timings
-
-                write_timings(session.log_folder)
-                page = os.path.relpath(session.log_folder.parent / "latest_build" / PAGE)
-                session.write(f"timings: {displayed(page, options.origin)}\n", stderr=options.report.json)
+            session.conclude(seconds)
     if build.options.query.strict:
         raise_if_any(state.merged_prefix.conflicts((*plan.tasks, *plan.fresh)), WorkspaceError)
     build.mode.warn(state.merged_prefix.conflicts(plan.tasks))
@@ -128,7 +117,6 @@ class _Opened:
     recorder: PackageRecorder
     scheduler: Scheduler
     launcher_stats: LauncherStats
-    sampler: NoSampler
     cache: PackageCache | None
 
 
@@ -151,7 +139,6 @@ def _opened(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> Iterato
             )
         ) as job_pool,
         _session(plan, build, state) as session,
-        sample_usage(wanted=options.timings) as sampler,
         _package_cache(build, state) as cache,
         closing(audit) if audit else nullcontext(),
     ):
@@ -185,6 +172,9 @@ def _opened(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> Iterato
         slots = options.jobs.parallel_workers or executor.slots
         slots = slots if remote else min(slots, job_pool.jobs)
         runner = TaskRunner(lifecycle, executor, None if remote else job_pool)
+        session.start_reporters(
+            options.reporters, plan, build.variables, build.interpreter.path, job_pool.jobs, build.mode.warn
+        )
         session.json_events.announce(seconds=state.seconds())
         alone = build.options.execution.executor == SEQUENTIAL
         scheduler = Scheduler(
@@ -194,7 +184,7 @@ def _opened(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> Iterato
             continue_on_error=build.options.continue_on_error,
             in_order=alone,
         )
-        yield _Opened(session, runner, recorder, scheduler, launcher_stats, sampler, cache)
+        yield _Opened(session, runner, recorder, scheduler, launcher_stats, cache)
 
 
 @contextmanager

@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import sys
 import time
-from contextlib import closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,11 +22,12 @@ from forge.output.handlers import without_text_output
 from forge.output.json_events import JsonEvents
 from forge.output.live import is_wanted, live_view
 from forge.output.logs import open_log
+from forge.output.reporters import Run, ask
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator, Mapping
 
-    from forge.base.errors import Problem
+    from forge.base.errors import Problem, WarningReporter
     from forge.base.layout import Layout
     from forge.build.events import Event
     from forge.build.tasks import BuildPlan, Task
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     from forge.output.handlers import ReportOptions
     from forge.output.live import View
     from forge.output.logs import LogWriter
+    from forge.output.reporters import Reporter, Start
     from forge.workspace.model import Package
     from forge.workspace.selection import Query
 
@@ -47,19 +49,70 @@ class Session:
     """The reporters of one run and its loop; used by the main thread only."""
 
     def __init__(
-        self, began: float, log: LogWriter, view: View, report: ConsoleReporter, json_events: JsonEvents
+        self,
+        command: str,
+        began: float,
+        log: LogWriter,
+        view: View,
+        report: ConsoleReporter,
+        json_events: JsonEvents,
     ) -> None:
         """Start at the monotonic time `began`, when the command did."""
+        self._command = command
         self._began = began
         self._log = log
         self._view = view
+        self._reporters: dict[str, Reporter] = {}
+        self._complete = False
+        self._opened = ExitStack()
         self.report = report
         self.json_events = json_events
 
-    @property
-    def log_folder(self) -> Path | None:
-        """The log folder of this run, None if logs are disabled."""
-        return self._log.folder
+    def close(self) -> None:
+        """Close the reporters of plugins."""
+        self._opened.close()
+
+    def start_reporters(
+        self,
+        reporters: Mapping[str, Start],
+        plan: BuildPlan,
+        variables: Mapping[str, str],
+        python: Path,
+        jobs: int,
+        warn: WarningReporter,
+    ) -> None:
+        """Start reporters of plugins; raises ForgeError."""
+        run = Run(
+            command=self._command,
+            plan=plan,
+            root=Path.cwd(),
+            variables=variables,
+            python=python,
+            jobs=jobs,
+            warn=warn,
+            log_folder=self._log.folder,
+            clock=self.json_events.begun,
+            displayed=self.report.displayed,
+        )
+        for name, start in reporters.items():
+            self._reporters[name] = reporter = ask(name, start, run)
+            self._opened.callback(ask, name, reporter.close)
+
+    def collect_reports(self) -> None:
+        """Print and log what the reporters of plugins observed, before the summary."""
+        for name, reporter in self._reporters.items():
+            report = ask(name, partial(reporter.conclude, complete=self._complete))
+            if report.lines:
+                self.report.show_report(report.lines)
+            for event in report.events:
+                self.json_events.note(*event)
+
+    def conclude(self, seconds: float, code: int | None = None) -> None:
+        """Log the results and let reporters write files; `code` overrides the exit code of the report."""
+        self.json_events.conclude(self.report, seconds, code)
+        for name, reporter in self._reporters.items():
+            for line in ask(name, reporter.write):
+                self.write(f"{line}\n", stderr=self.json_events.printed)
 
     @property
     def seconds(self) -> float:
@@ -89,6 +142,7 @@ class Session:
                     steps = "step" if len(scheduler.running) == 1 else "steps"
                     names = listed(sorted(scheduler.running))
                     self.write(f"waiting for the running {steps} of {names}\n", stderr=True)
+        self._complete = True
 
     def notify(self, event: Event) -> None:
         """Pass on an event, first to the log, which must be complete if a later reporter fails."""
@@ -174,7 +228,8 @@ def open_session(
         # colcon lists other packages only when it builds.
         others = packages if command == "build" else {}
         _announce(log, plan, others, layout, needs)
-        yield Session(began, log, view, report, json_events)
+        with closing(Session(command, began, log, view, report, json_events)) as session:
+            yield session
 
 
 def _announce(

@@ -1,4 +1,4 @@
-"""Output of a build: console, status lines, logs, JSON events, charts.
+"""Output of a build: console, status lines, logs, JSON events.
 
 All reporters listen to the events in `build.events`.
 """

@@ -234,8 +234,8 @@ class ConsoleReporter:
             case StepStarted():
                 pass
 
-    def show_coverage(self, lines: Iterable[str]) -> None:
-        """Print the coverage of the tests, as part of the summary."""
+    def show_report(self, lines: Iterable[str]) -> None:
+        """Print the lines of a reporter, as part of the summary."""
         if self._on["summary"]:
             self._out("\n" + "\n".join(lines))
 

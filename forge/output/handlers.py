@@ -5,12 +5,16 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem, SelectionError, raise_if_any
+from forge.base.extensions import OWN, REPORTERS
 from forge.base.frozen import frozen
 from forge.base.names import nearest
 from forge.base.options import option
+from forge.output.reporters import find_reporter
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
+
+    from forge.output.reporters import Start
 
 HANDLERS = {
     "console_start_end": True,
@@ -38,9 +42,14 @@ _PROSE = ("console_start_end", "console_cohesion", "console_direct", "console_pa
 
 def handlers_of(words: Sequence[str]) -> dict[str, bool]:
     """Return the state of each event handler; raises SelectionError for unknown ones."""
-    unknown = [word for word in words if word.rstrip("+-") not in HANDLERS or word[-1] not in "+-"]
+    unknown = [word for word in words if not (word.endswith(("+", "-")) and _is_known(word[:-1]))]
     raise_if_any(map(_problem, unknown), SelectionError)
     return {**HANDLERS, **{word[:-1]: word.endswith("+") for word in words}}
+
+
+def _is_known(name: str) -> bool:
+    # forge's own reporters have options.
+    return name in HANDLERS or (name not in OWN[REPORTERS] and find_reporter(name) is not None)
 
 
 def _problem(word: str) -> Problem:
@@ -77,3 +86,9 @@ class ReportOptions:
     def handlers(self) -> dict[str, bool]:
         """Return the state of each event handler; raises SelectionError for unknown ones."""
         return handlers_of(self.event_handlers)
+
+    def reporters(self, *names: str) -> dict[str, Start]:
+        """Return these reporters and those of --event-handlers; raises ForgeError if one is missing."""
+        others = (name for name, is_on in self.handlers.items() if is_on and name not in HANDLERS)
+        found = {name: find_reporter(name) for name in (*names, *others)}
+        return {name: start for name, start in found.items() if start}

@@ -23,9 +23,7 @@ if TYPE_CHECKING:
     from forge.base.errors import Problem
     from forge.build.events import Event
     from forge.build.tasks import BuildPlan, Step
-    from forge.output.charts.sampling import Usage
     from forge.output.console import ConsoleReporter
-    from forge.testing.coverage import CoveredLines
     from forge.testing.failures import Failure
     from forge.workspace.model import Package
 
@@ -46,9 +44,9 @@ class JsonEvents:
         self._plan = plan
         self._packages = packages
         self._log = log
-        self._printed = printed
+        self.printed = printed
         self._output = output
-        self._begun = time.monotonic()
+        self.begun = time.monotonic()
 
     def announce(self, *, steps: bool = False, seconds: Mapping[str, float] | None = None) -> None:
         """Write the plan, with the commands of each package if `steps`.
@@ -77,7 +75,7 @@ class JsonEvents:
             case StepFinished(name, step, code):
                 self._emit("StepFinished", name, step=step.label, code=code)
             case Output(name, lines, stderr):
-                for line in split_lines(lines) if self._printed and self._output else ():
+                for line in split_lines(lines) if self.printed and self._output else ():
                     text = line.decode(errors="replace")
                     self._print(self._line("Output", name, line=text, stderr=stderr))
             case Finished():
@@ -98,15 +96,9 @@ class JsonEvents:
                 repeat=failure.repeat,
             )
 
-    def report_coverage(self, coverage: Iterable[CoveredLines]) -> None:
-        """Write a line for each package whose coverage was measured."""
-        for one in coverage:
-            self._emit("Coverage", one.package, lines=one.lines, covered=one.covered, report=str(one.pages))
-
-    def report_usage(self, usage: Usage) -> None:
-        """Write the use of processors and memory during the run."""
-        samples = [[round(time - self._begun, 3), round(busy, 2), used] for time, busy, used in usage.samples]
-        self._emit("Usage", None, processors=usage.processors, memory=usage.memory, samples=samples)
+    def note(self, event: str, package: str | None, members: Mapping[str, object]) -> None:
+        """Write an event of a reporter."""
+        self._emit(event, package, **members)
 
     def conclude(self, report: ConsoleReporter, seconds: float, code: int | None = None) -> None:
         """Write the results, ending with a Summary; `code` overrides the exit code of the report."""
@@ -146,11 +138,11 @@ class JsonEvents:
         line = self._line(event, name, **values)
         if self._log:
             self._log(line)
-        if self._printed:
+        if self.printed:
             self._print(line)
 
     def _line(self, event: str, name: str | None, **values: object) -> bytes:
-        whole: dict[str, object] = {"event": event, "time": round(time.monotonic() - self._begun, 6)}
+        whole: dict[str, object] = {"event": event, "time": round(time.monotonic() - self.begun, 6)}
         if name is not None:
             whole |= {"package": name, "embedded": self._packages[name].embedded}
         return json.dumps({**whole, **values}).encode() + b"\n"

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from forge.workspace.load import LoadedWorkspace
     from forge.workspace.model import Package
 
-_TEST_MODULES = ("pytest", "pytest_cov", "pytest_repeat", "pytest_rerunfailures", "coverage")
+_TEST_MODULES = ("pytest", "pytest_cov", "pytest_repeat", "pytest_rerunfailures")
 
 
 def tested_names(loaded: LoadedWorkspace, warn: WarningReporter) -> tuple[tuple[str, ...], tuple[str, ...]]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.output.charts.pages import write_timings
+from forge.plugins.charts.reporter import write_timings
 from tests.browser import Keys
 from tests.packages import manifest_text
 

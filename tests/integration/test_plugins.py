@@ -61,19 +61,29 @@ def test_forge_builds_without_the_plugin(plugin: str, tree: Tree, tmp_path: Path
 
 
 @pytest.mark.parametrize(
-    ("kind", "plugin", "words"),
+    ("words", "what", "plugin", "extra"),
     [
-        ("command", "lsp", ("lsp",)),
-        ("executor", "dask", ("build", "--executor", "dask", "--scheduler", "tcp://127.0.0.1:1")),
+        ("lsp", "command 'lsp'", "lsp", " with the extra 'lsp'"),
+        (
+            "build --executor dask --scheduler tcp://127.0.0.1:1",
+            *("executor 'dask'", "dask", " with the extra 'dask'"),
+        ),
+        ("graph", "command 'graph'", "charts", ""),
+        ("list -g", "command 'graph'", "charts", ""),
+        ("build --timings", "reporter 'timings'", "charts", ""),
+        ("test --coverage", "reporter 'coverage'", "coverage", ""),
     ],
 )
-def test_a_missing_plugin_is_named_with_its_extra(
-    tmp_path: Path, kind: str, plugin: str, words: tuple[str, ...]
+def test_use_of_a_missing_plugin_says_how_to_get_it(
+    words: str, what: str, plugin: str, extra: str, tmp_path: Path, tree: Tree
 ) -> None:
-    ran = run_forge(tmp_path, *words, path=copy_without(plugin, tmp_path / "copy"))
+    root = tree({"ws/src/a/package.xml": manifest_text("a")}) / "ws"
+    ran = run_forge(root, *words.split(), path=copy_without(plugin, tmp_path / "copy"))
     assert ran.returncode == 2
-    message = f"error: the {kind} '{plugin}' needs the plugin '{plugin}', which this forge lacks"
-    assert f"{message}\nhint: install forge again with the extra '{plugin}'; see file:///" in ran.stderr
+    message = f"error: the {what} needs the plugin '{plugin}', which this forge lacks"
+    assert ran.stderr.startswith(f"{message}\nhint: install forge again{extra}; see file:///")
+    assert ran.stderr.count("\n") == 2
+    assert [path.name for path in root.iterdir()] == ["src"]
 
 
 def test_a_target_without_its_plugin_says_how_to_get_it(tree: Tree, tmp_path: Path) -> None:
@@ -228,7 +238,7 @@ def test_a_verb_of_another_distribution_is_found(tree: Tree) -> None:
 
 def test_a_command_of_another_distribution_is_installed_from_a_wheel(tmp_path: Path) -> None:
     for block in blocks(PAGE):
-        if block.mark.startswith("write: "):
+        if block.mark.startswith("write: plugin_ws/"):
             path = tmp_path / "project" / Path(block.mark.removeprefix("write: ")).name
             path.parent.mkdir(exist_ok=True)
             path.write_text(block.text, encoding="utf-8")
@@ -241,6 +251,48 @@ def test_a_command_of_another_distribution_is_installed_from_a_wheel(tmp_path: P
     assert (
         "  licenses  forge-licenses 1.0\n" in run_forge(tmp_path, "extensions", path=tmp_path / "site").stdout
     )
+
+
+def write_reporter(root: Path, code: str) -> None:
+    """Write a distribution with the reporter 'slowest'."""
+    info = root / "slowest-1.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: slowest\nVersion: 1\n")
+    (info / "entry_points.txt").write_text("[forge.reporters]\nslowest = forge_slowest\n")
+    (root / "forge_slowest.py").write_text(code)
+
+
+def test_a_reporter_of_another_distribution_is_an_event_handler(tree: Tree) -> None:
+    root = tree(WORKSPACE)
+    (code,) = (block.text for block in blocks(PAGE) if block.mark == "write: forge_slowest.py")
+    write_reporter(root, code)
+    ran = run_forge(root / "ws", "build", "--event-handlers", "slowest+", path=root)
+    assert ran.returncode == 0, ran.stderr
+    assert ran.stdout.endswith("slowest: shapes\n")
+    ran = run_forge(root / "ws", "build", "--force", "--event-handlers", "slowest-", path=root)
+    assert (ran.returncode, "slowest: " in ran.stdout) == (0, False)
+    assert "  slowest   slowest 1\n" in run_forge(root, "extensions", path=root).stdout
+
+
+@pytest.mark.parametrize(
+    ("code", "message"),
+    [
+        (
+            "start = 1",
+            "cannot be loaded from 'forge_slowest': it has no function 'start'",
+        ),
+        ("def start(run):\n    1 / 0", "failed: ZeroDivisionError: division by zero"),
+    ],
+)
+def test_an_error_in_a_reporter_of_another_distribution_has_its_place(
+    code: str, message: str, tree: Tree
+) -> None:
+    root = tree(WORKSPACE)
+    write_reporter(root, code)
+    ran = run_forge(root / "ws", "build", "--event-handlers", "slowest+", path=root)
+    assert ran.returncode == 2
+    assert f"error: the reporter 'slowest' {message}\n" in ran.stderr
+    assert "Traceback" not in ran.stderr
 
 
 def test_an_error_in_a_command_of_another_distribution_has_its_place(tree: Tree) -> None:

@@ -75,7 +75,7 @@ def build(options: BuildOptions, mode: BuildMode) -> int:
     began = time.monotonic()
     root = Path.cwd()
     layout = options.folders.layout(root, symlink=options.symlink_install)
-    _ = options.report.handlers, options.folders.level  # raises SelectionError for invalid values
+    _ = options.reporters, options.folders.level  # raises ForgeError for invalid values
     if options.timings and layout.logs is None:
         hint = "remove '--timings', or choose a log folder with '--log-base'"
         message = "--timings needs a log folder, but logs are disabled"

@@ -10,6 +10,7 @@ from forge.base.extensions import (
     BUILD_TYPES,
     COMMANDS,
     RECIPES,
+    REPORTERS,
     STORES,
     TOOLCHAINS,
     VERBS,
@@ -46,6 +47,7 @@ def run(options: argparse.Namespace) -> int:
     _print("toolchains", (), TOOLCHAINS)
     _print("remote cache backends", (), STORES)
     _print("event handlers", handlers)
+    _print("reporters", (), REPORTERS)
     _print("executors", EXECUTORS, EXECUTOR_GROUP)
     _print("shells", SHELLS)
     return 0

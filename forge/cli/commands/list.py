@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem, SelectionError, print_warnings
+from forge.base.extensions import COMMANDS, find
 from forge.cli import options as shared
 from forge.cli import package_options
 from forge.workspace.load import load_workspace
@@ -45,8 +46,6 @@ def register(parser: Parser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Print a line for each selected package, in alphabetical or topological order."""
     if any(getattr(options, name) for name in _GRAPH):
-        from forge.cli.commands import graph
-
         options.dot = options.topological_graph_dot
         if not (options.dot or options.topological_graph):
             hint = "add '--topological-graph' or '--topological-graph-dot', or use 'forge graph'"
@@ -59,7 +58,8 @@ def run(options: argparse.Namespace) -> int:
         options.legend = options.topological_graph_legend
         options.dot_cluster = options.topological_graph_dot_cluster
         options.dot_include_skipped = options.topological_graph_dot_include_skipped
-        return graph.run(options)
+        code: int = find(COMMANDS, "graph", "command").run(options)
+        return code
     loaded = load_workspace(
         Path.cwd(), package_options.query_of(options), os.environ, embedded=options.embedded
     )

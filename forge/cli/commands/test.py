@@ -17,7 +17,7 @@ from forge.build.markers import create_output_folders
 from forge.build.tasks import TEST_FAILURES
 from forge.build.tests.options import TestOptions
 from forge.cli import package_options
-from forge.cli.options import FolderOptions, add_options, displayed, read_options
+from forge.cli.options import FolderOptions, add_options, read_options
 from forge.cli.output_checks import output_problems
 from forge.cli.preparation import build_variables, require_packages
 from forge.cli.session import open_session
@@ -28,7 +28,6 @@ from forge.execution.scheduler import Scheduler
 from forge.execution.started import StartedProcesses
 from forge.output.handlers import ReportOptions
 from forge.testing.collecting import result_folder_problems
-from forge.testing.coverage import coverage_lines, plan_coverage, write_reports
 from forge.testing.failures import table
 from forge.testing.preparing import (
     absent_problems,
@@ -75,6 +74,7 @@ def run(namespace: argparse.Namespace) -> int:
     root, options = Path.cwd(), read_options(TestOptions, namespace)
     folders, jobs = read_options(FolderOptions, namespace), read_options(JobOptions, namespace)
     reports = read_options(ReportOptions, namespace, flags=namespace.flags)
+    reporters = reports.reporters(*(("coverage",) if options.coverage else ()))
     query = package_options.query_of(namespace)
     layout, warn = folders.layout(root), WarningReporter()
     variables = build_variables(layout, os.environ)
@@ -141,7 +141,7 @@ def run(namespace: argparse.Namespace) -> int:
         warn((*unbuilt.values(), *built_without_tests(built, loaded, layout)))
         plan = make_test_plan([name for name in built if name not in unbuilt], loaded, context, warn)
         with session_of(plan) as session:
-            coverage = plan_coverage(plan, context, variables, warn) if options.coverage else ()
+            session.start_reporters(reporters, plan, variables, context.python, job_pool.jobs, warn)
             session.json_events.announce()
             # They count as failed; the others are still tested.
             for problem in dict.fromkeys(absent.values()):
@@ -158,12 +158,6 @@ def run(namespace: argparse.Namespace) -> int:
                     lambda task: task,
                     lambda event: _record(event, plan.tasks[event.task], setup, session),
                 )
-                if options.coverage:
-                    covered, problems = write_reports(coverage, job_pool.jobs, variables)
-                    warn(problems)
-                    paths = (displayed(os.path.relpath(one.pages), namespace.origin) for one in covered)
-                    session.report.show_coverage(coverage_lines(covered, paths))
-                    session.json_events.report_coverage(covered)
             finally:
                 code = _report_results(plan, setup, session, json=reports.json, failed=failed)
     return code
@@ -196,6 +190,7 @@ def _record(event: Event, task: Task, setup: TestSetup, session: Session) -> Non
 
 def _report_results(plan: BuildPlan, setup: TestSetup, session: Session, *, json: bool, failed: bool) -> int:
     """Print the summary and a table of the failed tests; return the exit code."""
+    session.collect_reports()
     report, seconds = session.report, session.seconds
     ended = {*report.tally.finished, *report.tally.failed} & plan.tasks.keys()
     report.test_counts = total_counts((plan.tasks[name] for name in ended), setup)
@@ -213,5 +208,5 @@ def _report_results(plan: BuildPlan, setup: TestSetup, session: Session, *, json
     options = setup.context.options
     has_failed = options.return_code_on_test_failure and bool(report.failed_tests or report.not_tested)
     code = report.exit_code or int(failed or has_failed or (options.fail_if_no_tests and report.no_test_ran))
-    session.json_events.conclude(report, seconds, code)
+    session.conclude(seconds, code)
     return code

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 from forge.base.frozen import frozen
 from forge.base.text import counted, duration
 from forge.cache.model import RESTORED
-from forge.output.charts.graph_formats import printable
-from forge.output.charts.timings import (
+from forge.plugins.charts.graph_formats import printable
+from forge.plugins.charts.timings import (
     ABORTED,
     FAILED,
     FINISHED,
@@ -21,7 +21,7 @@ from forge.output.charts.timings import (
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-    from forge.output.charts.timings import Build, MachineUse, PackageRun, StepRun
+    from forge.plugins.charts.timings import Build, MachineUse, PackageRun, StepRun
 
 _KINDS = {"cmake": "configure", "install": "install"}
 STEP_KINDS = {"configure": "configure", "build": "build", "install": "install", "waiting": "begin and end"}

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 from forge.base.errors import print_warnings
 from forge.cli import package_options
-from forge.output.charts import graph_formats
-from forge.output.charts.graph_formats import PackageGraph
+from forge.plugins.charts import graph_formats
+from forge.plugins.charts.graph_formats import PackageGraph
 from forge.workspace.load import load_workspace
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ def _text(chart: PackageGraph, options: argparse.Namespace, root: Path) -> str:
     if options.html or options.svg:
         from forge.base.templating import render
         from forge.build.journal import open_journal
-        from forge.output.charts.drawing import drawn, facts
+        from forge.plugins.charts.drawing import drawn, facts
 
         records = open_journal(root / options.build_base).records
         seconds = {name: record.seconds for name, record in records.items() if record.seconds}
@@ -72,8 +72,9 @@ def _text(chart: PackageGraph, options: argparse.Namespace, root: Path) -> str:
         picture = drawn(chart, graph, seconds)
         title = f"{graph_formats.printable(root.name)}: {len(picture.nodes)} packages"
         if options.svg:
-            return render("html/graph.svg.j2", title=title, picture=picture)
-        return render("html/graph.html.j2", title=title, picture=picture, facts=facts(chart, graph, seconds))
+            return render("charts/templates/graph.svg.j2", title=title, picture=picture)
+        details = facts(chart, graph, seconds)
+        return render("charts/templates/graph.html.j2", title=title, picture=picture, facts=details)
     if options.mermaid:
         return _joined(graph_formats.mermaid(chart))
     if options.dot:

@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import os
-import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 
 from forge.base.errors import HostError, WarningReporter
-from forge.base.layout import Layout
 from forge.build.tasks import BuildPlan, Step, StepKind, Task
-from forge.build.tests.recipes import TestContext
-from forge.testing.coverage import CoveredLines, coverage_lines, plan_coverage, write_reports
+from forge.output.reporters import Report, Run
+from forge.plugins.coverage.reporter import Coverage, CoveredLines, gcov_of, summary_lines
 from forge.toolchain.python_modules import install_command
 from tests.packages import package
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
 
 HALF = """int half(int number)
 {
@@ -37,10 +39,27 @@ def task(root: Path, name: str, build_type: str, *, tests: bool = True) -> Task:
     return Task(name, package(name, build_type=build_type), root, build, (), steps, "it is selected")
 
 
-def context(root: Path) -> TestContext:
-    layout = Layout(root / "build", root / "install", None)
-    modules = frozenset({"coverage"})
-    return TestContext(root, layout, python=Path(sys.executable), modules=modules)
+def run(
+    root: Path, *tasks: Task, variables: Mapping[str, str] = os.environ, python: str = sys.executable
+) -> Run:
+    """Return a run of these tests."""
+    return Run(
+        command="test",
+        plan=BuildPlan({task.name: task for task in tasks}),
+        root=root,
+        variables=variables,
+        python=Path(python),
+        jobs=1,
+        warn=WarningReporter(),
+        log_folder=None,
+        clock=0.0,
+        displayed=str,
+    )
+
+
+def counts(report: Report) -> list[tuple[object, object]]:
+    """Return the lines of each package, and how many of them were executed."""
+    return [(members["lines"], members["covered"]) for _, _, members in report.events]
 
 
 def source(root: Path, name: str) -> Path:
@@ -62,14 +81,13 @@ def test_executed_lines_of_c_are_counted_and_those_of_earlier_runs_are_not(tmp_p
     assert list(one.build_dir.glob("*.gcda"))
     (one.build_dir / "CMakeCache.txt").write_text("CMAKE_C_COMPILER:FILEPATH=/usr/bin/gcc\n")
 
-    plan = BuildPlan({"half": one})
-    reports = plan_coverage(plan, context(tmp_path), os.environ, WarningReporter())
+    coverage = Coverage(run(tmp_path, one))
     assert not list(one.build_dir.glob("*.gcda"))
     subprocess.run(["./program"], cwd=one.build_dir, check=True)
-    found, problems = write_reports(reports, 1, os.environ)
-    assert problems == []
     pages = one.build_dir / "coverage.html/index.html"
-    assert found == [CoveredLines("half", 4, 3, pages)]
+    report = coverage.conclude(complete=True)
+    assert report.events == (("Coverage", "half", {"lines": 4, "covered": 3, "report": str(pages)}),)
+    assert report.lines == ("Coverage: 75.0% of 4 lines", f"  half   75.0% of 4 lines: {pages}")
     assert pages.is_file()
 
 
@@ -81,35 +99,36 @@ def test_data_files_of_several_processes_are_combined(tmp_path: Path) -> None:
     )
     (folder / "run.py").write_text("import half\nhalf.half(4)\n")
     (folder / ".coveragerc").write_text("[run]\nparallel = true\n[report]\nfail_under = 100\n")
-    reports = plan_coverage(BuildPlan({"half": one}), context(tmp_path), os.environ, WarningReporter())
+    coverage = Coverage(run(tmp_path, one))
     env = {**os.environ, "COVERAGE_FILE": str(one.build_dir / ".coverage")}
     argv = [sys.executable, "-m", "coverage", "run", f"--source={folder}", "run.py"]
     subprocess.run(argv, cwd=folder, env=env, check=True)
     assert len(list(one.build_dir.glob(".coverage.*"))) == 1
-    found, problems = write_reports(reports, 1, os.environ)
-    assert problems == []
-    assert [(covered.lines, covered.covered) for covered in found] == [(6, 5)]
+    assert counts(coverage.conclude(complete=True)) == [(6, 5)]
 
 
-def test_a_report_that_fails_says_why(tmp_path: Path) -> None:
+def test_a_report_that_fails_says_why(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     one = task(tmp_path, "half", "python")
     source(tmp_path, "half")
-    reports = plan_coverage(BuildPlan({"half": one}), context(tmp_path), os.environ, WarningReporter())
-    found, problems = write_reports(reports, 1, os.environ)
-    assert found == []
-    (problem,) = problems
-    assert problem.message == "cannot measure the coverage of 'half': No data to report."
+    assert Coverage(run(tmp_path, one)).conclude(complete=True).events == ()
+    assert capsys.readouterr().err == "warning: cannot measure the coverage of 'half': No data to report.\n"
+
+
+def test_an_interrupted_run_has_no_report(tmp_path: Path) -> None:
+    one = task(tmp_path, "half", "python")
+    assert Coverage(run(tmp_path, one)).conclude(complete=False) == Report()
+    assert not (one.build_dir / "coverage.html").exists()
 
 
 def test_packages_not_built_for_coverage_are_a_warning(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    tasks = {
-        "a": task(tmp_path, "a", "cmake"),
-        "b": task(tmp_path, "b", "ament_cmake"),
-        "c": task(tmp_path, "c", "cmake", tests=False),
-    }
-    assert plan_coverage(BuildPlan(tasks), context(tmp_path), {}, WarningReporter()) == ()
+    tasks = (
+        task(tmp_path, "a", "cmake"),
+        task(tmp_path, "b", "ament_cmake"),
+        task(tmp_path, "c", "cmake", tests=False),
+    )
+    assert Coverage(run(tmp_path, *tasks, variables={})).conclude(complete=True).events == ()
     assert capsys.readouterr().err == (
         "warning: not built for coverage: 'a', 'b'\n"
         "hint: forge build --mixin coverage --packages-select a b\n"
@@ -119,17 +138,19 @@ def test_packages_not_built_for_coverage_are_a_warning(
 def test_missing_programs_are_named_with_the_command_that_installs_them(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    tasks = {"a": task(tmp_path, "a", "cmake"), "p": task(tmp_path, "p", "ament_python")}
+    tasks = (task(tmp_path, "a", "cmake"), task(tmp_path, "p", "ament_python"))
     (tmp_path / "build/a/a.gcno").touch()
-    monkeypatch.setattr(sys, "executable", str(tmp_path / "python3"))
-    without = TestContext(tmp_path, context(tmp_path).layout, python=Path("/usr/bin/python3"))
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "other/python3"))
+    python = tmp_path / "python3"
+    python.write_text("#!/bin/sh\necho coverage\n")
+    python.chmod(0o755)
     with pytest.raises(HostError) as caught:
-        plan_coverage(BuildPlan(tasks), without, {"PATH": ""}, WarningReporter())
+        Coverage(run(tmp_path, *tasks, variables={"PATH": ""}, python=str(python)))
     gcovr, coverage = caught.value.problems
     assert gcovr.message.startswith("gcovr, ")
     assert "uv tool install gcovr" in str(gcovr.hint)
-    assert coverage.message.startswith("'/usr/bin/python3' has no coverage.py")
-    assert coverage.hint == install_command(Path("/usr/bin/python3"), ("coverage",))
+    assert coverage.message.startswith(f"'{python}' has no coverage.py")
+    assert coverage.hint == install_command(python, ("coverage",))
 
 
 @pytest.mark.parametrize(
@@ -138,36 +159,28 @@ def test_missing_programs_are_named_with_the_command_that_installs_them(
         ("/usr/bin/g++-12", "gcov-12"),
         ("/usr/bin/aarch64-linux-gnu-g++", "aarch64-linux-gnu-gcov"),
         ("/usr/bin/clang++-14", "llvm-cov-14 gcov"),
-        ("/usr/bin/g++-11", None),
-        ("/usr/bin/c++", None),
+        ("/usr/bin/g++-11", ""),
+        ("/usr/bin/c++", ""),
     ],
 )
-def test_gcov_matches_the_compiler(tmp_path: Path, compiler: str, gcov: str | None) -> None:
+def test_gcov_matches_the_compiler(tmp_path: Path, compiler: str, gcov: str) -> None:
     bin_ = tmp_path / "bin"
     bin_.mkdir()
-    for name in ("gcovr", "gcov-12", "aarch64-linux-gnu-gcov", "llvm-cov-14"):
+    for name in ("gcov-12", "aarch64-linux-gnu-gcov", "llvm-cov-14"):
         (bin_ / name).write_text("#!/bin/sh\n")
         (bin_ / name).chmod(0o755)
-    one = task(tmp_path, "a", "cmake")
-    (one.build_dir / "a.gcno").touch()
-    (one.build_dir / "CMakeCache.txt").write_text(f"CMAKE_CXX_COMPILER:STRING={compiler}\n")
-    (report,) = plan_coverage(
-        BuildPlan({"a": one}), context(tmp_path), {"PATH": str(bin_)}, WarningReporter()
-    )
-    (command,) = report.commands
-    assert command[0] == str(bin_ / "gcovr")
-    named = [command[at + 1] for at, word in enumerate(command) if word == "--gcov-executable"]
-    assert named == ([gcov] if gcov else [])
+    (tmp_path / "CMakeCache.txt").write_text(f"CMAKE_CXX_COMPILER:STRING={compiler}\n")
+    assert gcov_of(tmp_path, {"PATH": str(bin_)}) == gcov
 
 
 def test_the_summary_has_a_line_for_all_packages_and_one_for_each() -> None:
     found = [CoveredLines("a", 3, 2, Path("x")), CoveredLines("longer", 0, 0, Path("y"))]
-    assert list(coverage_lines(found, ["x", "y"])) == [
+    assert list(summary_lines(found)) == [
         "Coverage: 66.6% of 3 lines",
         "  a        66.6% of 3 lines: x",
         "  longer       - of 0 lines: y",
     ]
-    assert re.match("Coverage: - of 0 lines", next(coverage_lines([], [])))
+    assert list(summary_lines([])) == ["Coverage: - of 0 lines"]
 
 
 @pytest.mark.needs("gcc", "gcov", "gcovr")
@@ -177,7 +190,5 @@ def test_a_threshold_of_the_package_does_not_lose_the_report(tmp_path: Path) -> 
     (folder / "half.c").write_text(HALF)
     (folder / "gcovr.cfg").write_text("fail-under-line = 100\n")
     subprocess.run(["gcc", "--coverage", "-c", str(folder / "half.c")], cwd=one.build_dir, check=True)
-    reports = plan_coverage(BuildPlan({"half": one}), context(tmp_path), os.environ, WarningReporter())
-    found, problems = write_reports(reports, 1, os.environ)
-    assert problems == []
-    assert [(covered.lines, covered.covered) for covered in found] == [(4, 0)]
+    coverage = Coverage(run(tmp_path, one))
+    assert counts(coverage.conclude(complete=True)) == [(4, 0)]

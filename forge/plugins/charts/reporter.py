@@ -1,22 +1,60 @@
-"""Writes the report of a build and its Perfetto trace into its log folder."""
+"""The reporter of `forge build --timings`: a page of build times and a Perfetto trace in the log folder."""
 
 from __future__ import annotations
 
 import json
+import os
 from typing import TYPE_CHECKING
 
 from forge.base.files import write_if_changed
 from forge.base.templating import render
-from forge.output.charts.timing_views import STEP_KINDS, facts, page
-from forge.output.charts.timings import at_work, critical_path, read_build, rows
+from forge.output.reporters import Report, Reporter
+from forge.plugins.charts.sampling import Sampler, processor_times
+from forge.plugins.charts.timing_views import STEP_KINDS, facts, page
+from forge.plugins.charts.timings import at_work, critical_path, read_build, rows
+from forge.toolchain.resources import memory
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
     from pathlib import Path
 
-    from forge.output.charts.timings import Build
+    from forge.output.reporters import Run
+    from forge.plugins.charts.timings import Build
 
 PAGE, TRACE = "timings.html", "trace.json"
+
+
+class Timings(Reporter):
+    """The report on one build, during which the use of the machine is sampled."""
+
+    def __init__(self, run: Run) -> None:
+        self._run = run
+        self._sampler = Sampler()
+
+    def conclude(self, *, complete: bool) -> Report:
+        """Return the use of processors and memory, also of an interrupted build."""
+        self._sampler.stop()
+        machine = memory()
+        if processor_times() is None or machine is None:
+            return Report()
+        begun, taken = self._run.clock, self._sampler.samples
+        samples = [[round(time - begun, 3), round(busy, 2), used] for time, busy, used in taken]
+        usage = {"processors": os.cpu_count() or 1, "memory": machine.total, "samples": samples}
+        return Report(events=(("Usage", None, usage),))
+
+    def write(self) -> Iterator[str]:
+        """Write the page and the trace; yield the path by which the page of the latest build is found."""
+        folder = self._run.log_folder
+        assert folder is not None, "--timings needs a log folder"
+        write_timings(folder)
+        yield f"timings: {self._run.displayed(folder.parent / 'latest_build' / PAGE)}"
+
+    def close(self) -> None:
+        """Stop sampling."""
+        self._sampler.stop()
+
+
+start = Timings
 
 
 def write_timings(folder: Path) -> None:
@@ -24,7 +62,7 @@ def write_timings(folder: Path) -> None:
     with (folder / "events.jsonl").open(encoding="utf-8") as lines:
         build = read_build(lines)
     text = render(
-        "html/timings.html.j2",
+        "charts/templates/timings.html.j2",
         title=f"{folder.name}: build times",
         page=page(build),
         facts=facts(build),

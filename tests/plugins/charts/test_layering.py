@@ -10,13 +10,13 @@ import networkx as nx
 from hypothesis import given
 
 from forge.base.graph import order, reduced
-from forge.output.charts.layering import lay_out
+from forge.plugins.charts.layering import lay_out
 from tests.strategies import graphs
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from forge.output.charts.layering import GraphLayout
+    from forge.plugins.charts.layering import GraphLayout
 
 
 def laid_out(graph: Mapping[str, frozenset[str]]) -> tuple[GraphLayout, dict[str, tuple[float, float]]]:

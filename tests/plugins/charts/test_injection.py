@@ -1,4 +1,4 @@
-"""Text from packages never becomes markup or script in pages and charts."""
+"""Text from packages never becomes markup or script in charts."""
 
 from __future__ import annotations
 
@@ -9,16 +9,17 @@ from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
+import networkx as nx
 import pytest
 from hypothesis import example, given
 
 from forge.base.templating import render
-from forge.output.charts.drawing import drawn, facts
-from forge.output.charts.graph_formats import PackageGraph, drawn_graph, mermaid, printable
-from forge.output.charts.pages import trace
-from forge.output.charts.timing_views import STEP_KINDS, page
-from forge.output.charts.timing_views import facts as timing_facts
-from forge.output.charts.timings import read_build
+from forge.plugins.charts.drawing import drawn, facts
+from forge.plugins.charts.graph_formats import PackageGraph, drawn_graph, mermaid, printable
+from forge.plugins.charts.reporter import trace
+from forge.plugins.charts.timing_views import STEP_KINDS, page
+from forge.plugins.charts.timing_views import facts as timing_facts
+from forge.plugins.charts.timings import read_build
 from tests.conftest import Forge, Tree
 from tests.hostile import hostile
 from tests.packages import manifest_text, package
@@ -33,9 +34,6 @@ def texts(value: object) -> set[str]:
     if isinstance(value, list):
         return {found for each in value for found in texts(each)}
     return {value} if isinstance(value, str) else set()
-
-
-# --- Pictures of the graph ----------------------------------------------------------------------------------
 
 
 def chart_of(text: str, name: str) -> PackageGraph:
@@ -54,7 +52,7 @@ def picture_of(chart: PackageGraph, form: str) -> str:
     if form == "html":
         about["facts"] = facts(chart, graph, seconds)
     about["title"] = printable(chart.ordered[0])
-    return render(f"html/graph.{form}.j2", **about)
+    return render(f"charts/templates/graph.{form}.j2", **about)
 
 
 named = hostile("/", "\0").filter(lambda text: text not in {"", ".", "..", "above"})
@@ -110,9 +108,6 @@ def test_flowcharts_contain_no_foreign_lines(name: str) -> None:
     assert re.sub(r"#(\d+);", lambda code: chr(int(code[1])), said) == printable(name)
 
 
-# --- Where the time of a build went -------------------------------------------------------------------------
-
-
 def events_of(text: str, name: str) -> list[str]:
     """Return the events of a build that say a text wherever a package, its steps or its builder may."""
     about: Mapping[str, object] = {"package": name, "embedded": False}
@@ -133,7 +128,7 @@ def timings_of(text: str, name: str) -> str:
     """Return the page about such a build."""
     build = read_build(events_of(text, name))
     words = {"title": "build", "kinds": STEP_KINDS, "trace": "trace.json"}
-    return render("html/timings.html.j2", page=page(build), facts=timing_facts(build), **words)
+    return render("charts/templates/timings.html.j2", page=page(build), facts=timing_facts(build), **words)
 
 
 @quick
@@ -149,3 +144,12 @@ def test_build_pages_contain_no_foreign_elements(text: str, name: str) -> None:
     assert printable(f"fresh {name}") in words
     assert printable(f"skipped {name}") in words
     assert {text, name} <= texts(json.loads(json.dumps(trace(read_build(events_of(text, name))))))
+
+
+@pytest.mark.parametrize("page", ["charts/templates/graph.svg.j2", "charts/templates/graph.html.j2"])
+def test_templates_of_charts_escape_values(page: str) -> None:
+    empty = drawn(PackageGraph((), {}, {}, frozenset()), nx.DiGraph(), {})
+    text = render(page, title="<b>&", picture=empty, facts=["</script>"])
+    assert "<b>" not in text
+    assert "&lt;b&gt;&amp;" in text
+    assert text.count("</script>") == text.count("<script")

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
 from forge.base.text import duration
-from forge.output.charts.graph_formats import printable
-from forge.output.charts.layering import lay_out
+from forge.plugins.charts.graph_formats import printable
+from forge.plugins.charts.layering import lay_out
 from forge.workspace.resolve import INTERFACE_GROUP
 from forge.workspace.selection import name_of
 
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
     import networkx as nx
 
-    from forge.output.charts.graph_formats import PackageGraph
-    from forge.output.charts.layering import Spot
+    from forge.plugins.charts.graph_formats import PackageGraph
+    from forge.plugins.charts.layering import Spot
     from forge.workspace.model import Package
 
 _KINDS = {"ament_cmake": "cmake", "cmake": "cmake", "ament_python": "python", "python": "python"}

@@ -1,0 +1,84 @@
+"""Reporters: plugins that observe a run and report on it at its end, such as `forge build --timings`.
+
+They are entry points of the group 'forge.reporters', which docs/how-to/plugins.md describes.
+"""
+
+from __future__ import annotations
+
+import sys
+from functools import cache
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from forge.base.extensions import OWN, REPORTERS, call, find
+from forge.base.frozen import frozen
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping
+    from pathlib import Path
+
+    from forge.base.errors import Problem
+    from forge.build.tasks import BuildPlan
+
+    Start = Callable[["Run"], "Reporter"]
+    """The function `start` of a reporter's module, called before the first package starts."""
+
+_Result = TypeVar("_Result")
+
+
+@frozen
+class Run:
+    """What reporters know of a run of `command`, which is 'build' or 'test'."""
+
+    command: str
+    plan: BuildPlan
+    root: Path
+    variables: Mapping[str, str]
+    python: Path
+    jobs: int
+    warn: Callable[[Iterable[Problem]], None]
+    log_folder: Path | None
+    clock: float
+    """The monotonic time from which the times of events count."""
+    displayed: Callable[[Path], str]
+    """Returns a path as the user expects it in a message."""
+
+
+@frozen
+class Report:
+    """Lines to print before the summary, and events for JSON: name, package if there is one, and members."""
+
+    lines: tuple[str, ...] = ()
+    events: tuple[tuple[str, str | None, Mapping[str, object]], ...] = ()
+
+
+class Reporter:
+    """Reports on one run; subclasses override what they need."""
+
+    def conclude(self, *, complete: bool) -> Report:
+        """Return the report after the last package; not `complete` if the run was interrupted."""
+        return Report()
+
+    def write(self) -> Iterable[str]:
+        """Write files, once the log is complete; return lines to print after the summary."""
+        return ()
+
+    def close(self) -> None:
+        """Stop observing, whatever happened."""
+
+
+def find_reporter(name: str) -> Start | None:
+    """Return the function that starts a reporter, None if there is none; raises ForgeError."""
+    return _reporter(name, tuple(sys.path))
+
+
+@cache
+def _reporter(name: str, _path: tuple[str, ...]) -> Start | None:
+    module = find(REPORTERS, name, "reporter", ("start",))
+    return None if module is None else module.start
+
+
+def ask(name: str, function: Callable[..., _Result], *arguments: Any) -> _Result:
+    """Call a function for a reporter; exceptions of those of other distributions become ForgeErrors."""
+    if name in OWN[REPORTERS]:
+        return function(*arguments)
+    return call(f"the reporter '{name}'", function, *arguments)
