@@ -87,14 +87,13 @@ class MixinRepositories:
         index = self.urls[name]
         kept = set()
         for entry in _entries(index):
-            try:
-                change = _fetch(index, entry, self._files / name)
-            except (SelectionError, WorkspaceError) as error:
-                kept.add(entry.rpartition("/")[2])
-                yield from error.problems
-            else:
+            change = _attempt(index, entry, self._files / name)
+            if isinstance(change, Change):
                 kept.add(change.path.name)
                 yield change
+            else:
+                kept.add(entry.rpartition("/")[2])
+                yield from change
         yield from (_rename(path) for path in self.files(name) if path.name not in kept)
 
     def _require(self, name: str) -> None:
@@ -141,6 +140,14 @@ def _entries(index: str) -> list[str]:
         hint = "the format is 'mixin:', below it '- NAME.mixin' for each file"
         raise WorkspaceError(Problem("the index has no list 'mixin' of file names", Location(shown), hint))
     return entries
+
+
+def _attempt(index: str, entry: str, folder: Path) -> Change | tuple[Problem, ...]:
+    """Return what a file of an index changed, or why it cannot be used."""
+    try:
+        return _fetch(index, entry, folder)
+    except (SelectionError, WorkspaceError) as error:
+        return error.problems
 
 
 def _fetch(index: str, entry: str, folder: Path) -> Change:
