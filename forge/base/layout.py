@@ -91,6 +91,17 @@ INSTALLED_LISTS_DIR = ".forge_files"
 """The files that forge installed for each package: it removes no others."""
 
 
+INSTALL_BASE_FILES = (
+    *(LAYOUT_MARKER, IGNORE_MARK, INSTALL_STATE_FILE, "_local_setup_util_sh.py", "_local_setup_util_ps1.py"),
+    *(
+        f"{name}.{shell}"
+        for name in ("setup", "local_setup")
+        for shell in ("bash", "fish", "ps1", "sh", "zsh")
+    ),
+)
+"""What forge and colcon create in the install folder of a workspace, beside the files of packages."""
+
+
 def templates_folder() -> Path:
     """Return the folder of the templates, in the wheel or the checkout."""
     packed = PACKAGE / "_templates"

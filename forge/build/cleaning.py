@@ -22,10 +22,9 @@ from forge.base.layout import (
     BACKUP_DIR,
     BUILD_BASE_FILES,
     IGNORE_MARK,
-    INSTALL_STATE_FILE,
+    INSTALL_BASE_FILES,
     INSTALLED_LISTS_DIR,
     INSTALLED_STATES_DIR,
-    LAYOUT_MARKER,
     SCRATCH_DIR,
 )
 from forge.base.text import counted, listed
@@ -70,10 +69,6 @@ BASES = ("build", "install", "log")
 
 _EXTENSIONS = (*SHELLS, "ps1")
 _SCRIPTS = tuple(f"package.{extension}" for extension in (*_EXTENSIONS, "dsv", "xml"))
-_INSTALL_FILES = (
-    *(LAYOUT_MARKER, IGNORE_MARK, INSTALL_STATE_FILE, "_local_setup_util_sh.py", "_local_setup_util_ps1.py"),
-    *(f"{name}.{extension}" for name in ("setup", "local_setup") for extension in _EXTENSIONS),
-)
 _RUN_FILES = ("logger_all.log", "events.log", "events.jsonl")
 
 
@@ -101,7 +96,14 @@ def built_packages(layout: Layout, records: Mapping[str, BuildRecord]) -> frozen
     if is_own_install_base(layout.install):
         found |= {entry.name.partition(".")[0] for entry in _entries(layout.install / BACKUP_DIR)}
         if layout.merged:
-            found |= {entry.name for entry in _entries(layout.install / PACKAGES) if entry.is_file()}
+            marks = (entry for entry in _entries(layout.install / PACKAGES) if entry.is_file())
+            lists = layout.install / INSTALLED_LISTS_DIR
+            found |= {
+                mark.name
+                for mark in marks
+                if (lists / f"{mark.name}.json").is_file()
+                or any(os.path.lexists(path) for path in package_markers(mark.name, layout)[:-2])
+            }
         else:
             found |= {entry.name for entry in _folders(layout.install) if has_package_marks(entry)}
     return frozenset(found)
@@ -117,6 +119,22 @@ def is_of_workspace(name: str, root: Path, layout: Layout, records: Mapping[str,
         return os.path.realpath(layout.install / kept.workspace) == real
     places = (record.source,) if record and record.source else (layout.build, layout.install)
     return all(f"{os.path.realpath(place)}/".startswith(f"{real}/") for place in places)
+
+
+def packages_of_others(root: Path, layout: Layout, records: Mapping[str, BuildRecord]) -> frozenset[str]:
+    """Return the packages that were built from another workspace, which shares a folder and still exists.
+
+    Without a list that tells, the record of the package, or that there is none, tells.
+    """
+    real, found = os.path.realpath(root), set()
+    for name in built_packages(layout, records):
+        kept, record = read_installed_list(name, layout), records.get(name)
+        home = str(layout.install / kept.workspace) if kept and kept.workspace else ""
+        home = home or (record.source if record else "")
+        is_below = f"{os.path.realpath(home)}/".startswith(f"{real}/")
+        if Path(home).is_dir() and not is_below if home else kept and records and not record:
+            found.add(name)
+    return frozenset(found)
 
 
 def package_removables(name: str, layout: Layout, records: Mapping[str, BuildRecord]) -> Iterator[Removable]:
@@ -140,14 +158,18 @@ def package_removables(name: str, layout: Layout, records: Mapping[str, BuildRec
 
 
 def workspace_removables(
-    layout: Layout, records: Mapping[str, BuildRecord], bases: Collection[str]
+    root: Path, layout: Layout, records: Mapping[str, BuildRecord], bases: Collection[str]
 ) -> Iterator[Removable]:
-    """Yield everything that was created below the chosen bases, packages first."""
-    names = sorted(built_packages(layout, records))
+    """Yield everything that was created below the chosen bases, packages first.
+
+    If other workspaces built packages there, only those of the workspace at `root`.
+    """
+    of_others = packages_of_others(root, layout, records)
+    names = sorted(built_packages(layout, records) - of_others)
     found = [removable for name in names for removable in package_removables(name, layout, records)]
     for base, chosen, is_own, files in (
         ("build", layout.build, is_own_build_base, BUILD_BASE_FILES),
-        ("install", layout.install, is_own_install_base, _INSTALL_FILES),
+        ("install", layout.install, is_own_install_base, INSTALL_BASE_FILES),
     ):
         targets = tuple(_targets(layout))
         # The install folder around those of targets has no mark but them.
@@ -155,9 +177,9 @@ def workspace_removables(
             yield from (removable for removable in found if removable.base == chosen)
             for target in targets:
                 below = open_journal(target.build).records
-                for removable in workspace_removables(target, below, (base,)):
+                for removable in workspace_removables(root, target, below, (base,)):
                     yield replace(removable, label=f"{removable.label}, for '{target.target}'")
-            yield from _own_files(base, chosen, (chosen / name for name in files))
+            yield from _own_files(base, chosen, (chosen / name for name in files if not of_others))
     if "log" in bases and layout.logs is not None and is_own_log_base(layout.logs):
         runs = tuple(filter(_is_run, _folders(layout.logs)))
         if runs:
@@ -302,8 +324,8 @@ def _installed(name: str, layout: Layout, records: Mapping[str, BuildRecord]) ->
             found.update(listed_paths(layout.build_dir(name) / manifest))
     prefix = layout.prefix(name)
     share = prefix / "share" / name
-    hooks = (path for path in share.glob("hook/*") if path.suffix[1:] in {*_EXTENSIONS, "dsv"})
-    own = (*(share / script for script in _SCRIPTS), *hooks, prefix / PACKAGES / name)
+    hooks = [path for path in share.glob("hook/*") if path.suffix[1:] in {*_EXTENSIONS, "dsv"}]
+    own = (*(share / script for script in _SCRIPTS), *(() if kept else hooks), prefix / PACKAGES / name)
     found.update(map(str, (*own, *(prefix / INDEX).glob(f"*/{name}"))))
     if layout.merged:
         for record in (record for other, record in records.items() if other != name):
@@ -325,7 +347,7 @@ def _existing(paths: Iterable[str], prefix: Path) -> tuple[Path, ...]:
                 and os.path.realpath(folder) == expected
                 and not any(f"{folder}/".startswith(f"{mount}/") for mount in mounts if mount != str(prefix))
             )
-        if inside[folder] and os.path.lexists(path):
+        if inside[folder] and path not in mounts and os.path.lexists(path):
             found.add(Path(path))
             if path.endswith(".py"):
                 found.update((Path(folder) / "__pycache__").glob(f"{Path(path).stem}.*.pyc"))

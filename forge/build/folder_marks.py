@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import re
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.ament_index import INDEX
@@ -16,9 +17,11 @@ from forge.base.errors import Problem
 from forge.base.files import listed_paths, mount_points, text_or_nothing
 from forge.base.layout import (
     BACKUP_DIR,
+    BUILD_BASE_FILES,
     BUILD_RESULT,
     BUILT_BY,
     IGNORE_MARK,
+    INSTALL_BASE_FILES,
     INSTALLED_LISTS_DIR,
     JOURNAL_FILE,
     LAYOUT_MARKER,
@@ -32,7 +35,6 @@ from forge.environment.prefixes import PACKAGES
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
-    from pathlib import Path
 
     from forge.base.layout import Layout
     from forge.build.model import BuildRecord
@@ -246,6 +248,19 @@ def base_problems(
             yield Problem(f"the {_KINDS[option]} folder '{base}' {reason}", hint=hint)
 
 
+def occupied_bases(layout: Layout) -> Iterator[Problem]:
+    """Yield a problem for each base without marks where forge would overwrite a file of somebody else."""
+    own = layout.of_host
+    for kind, base, is_own, names in (
+        ("build", own.build, is_own_build_base, BUILD_BASE_FILES),
+        ("install", own.install, is_own_install_base, INSTALL_BASE_FILES),
+    ):
+        found = () if is_own(base) else (name for name in names if name != IGNORE_MARK)
+        if name := next((name for name in found if os.path.lexists(base / name)), None):
+            message = f"the {kind} folder '{base}' contains '{name}', which forge did not create"
+            yield Problem(message, hint=f"move it away, or choose another folder with '--{kind}-base'")
+
+
 _MARKED = ("--build-base", "--install-base", "--log-base")
 _KINDS = {
     "--build-base": "build",
@@ -341,13 +356,22 @@ def folder_problems(
         for kind, folder in folders:
             hint = f"move it away, or choose another folder with '--{kind}-base'"
             what = f"the {kind} folder '{folder}' of '{name}'"
-            if folder.is_symlink() and (reason := sources.conflict(folder)):
+            if folder.is_symlink() and (reason := sources.conflict(folder) or _other_workspace(folder, kind)):
                 yield Problem(f"{what} {reason}", hint=hint)
             elif not (
                 is_own_build_dir(folder) if kind == "build" else is_usable_prefix(folder, layout, records)
             ) and not _is_free(folder):
                 message = f"{what} was not created by forge or colcon: it contains {contents(folder)}"
                 yield Problem(message, hint=hint)
+
+
+def _other_workspace(link: Path, kind: str) -> str:
+    """Return the end of a sentence if a link leads into a build or install folder other than its own."""
+    real = Path(os.path.realpath(link))
+    is_own = is_own_build_base if kind == "build" else is_own_install_base
+    if _same_folder(real.parent, link.parent) or not is_own(real.parent):
+        return ""
+    return f"is a link to '{real}', which belongs to another {kind} folder"
 
 
 def _is_plain(folder: str, mark: str) -> bool:

@@ -26,7 +26,7 @@ from forge.environment.sourcing import own_edits, package_edits, packages_in_ord
 from forge.toolchain.programs import CMAKE_TYPES
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator
+    from collections.abc import Collection
     from pathlib import Path
 
     from forge.base.layout import Layout
@@ -43,21 +43,30 @@ def install_package(
     run_dependencies: tuple[str, ...],
     python: Interpreter,
     installed: Collection[str] | None = None,
-) -> None:
+) -> tuple[str, ...]:
     """Finish a package's prefix after its own install step: implicit files, hooks, scripts, index.
 
     `installed` are the absolute paths of the package's files; by default, `installed_files` finds them.
-    `own_files` returns what this writes.
+    Returns the absolute paths of what forge itself has installed. Raises WorkspaceError if a file of somebody
+    else lies there.
     """
     prefix = layout.prefix(package.name)
     paths = installed_files(package, layout).files if installed is None else installed
     skip = len(f"{prefix}/")
     files = frozenset(path[skip:] for path in paths if path.startswith(f"{prefix}/"))
-    if _is_registered_by_forge(package):
-        _write_implicit(package, prefix, symlink=layout.symlink)
     share = prefix / "share" / package.name
+    implicit = (prefix / INDEX / "packages" / package.name, share / "package.xml")
+    scripts_of_it = (share / f"package.{extension}" for extension in ("dsv", *SHELLS))
+    marker = prefix / PACKAGES / package.name
     hooks = package_hooks(package.name, files, python.site_packages, ament=_is_registered_by_forge(package))
-    _remove_stale_hooks(share / "hook", {f"{name}.dsv" for name in hooks}, layout.build_dir(package.name))
+    hook_files = (share / "hook" / f"{name}.dsv" for name in hooks)
+    is_registered = _is_registered_by_forge(package)
+    own = (*map(str, (*scripts_of_it, *hook_files, marker, *(implicit if is_registered else ()))),)
+    exchange = PrefixExchange(package.name, layout)
+    raise_if_any(exchange.in_the_way(own), WorkspaceError)
+    exchange.announce(own)
+    if is_registered:
+        _write_implicit(package, prefix, symlink=layout.symlink)
     for name, line in hooks.items():
         write_if_changed(share / "hook" / f"{name}.dsv", scripts.render_dsv([line]))
     sources = [f"share/{package.name}/hook/{name}.dsv" for name in hooks]
@@ -69,7 +78,8 @@ def install_package(
     for shell in SHELLS:
         text = scripts.package_setup(shell, prefix, PackageEdits(package.name, "", edits))
         write_if_changed(share / f"package.{shell}", text)
-    write_if_changed(prefix / PACKAGES / package.name, os.pathsep.join(sorted(set(run_dependencies))))
+    write_if_changed(marker, os.pathsep.join(sorted(set(run_dependencies))))
+    return own
 
 
 @frozen
@@ -82,17 +92,6 @@ class InstalledFiles:
     files: tuple[str, ...]
     folders: tuple[str, ...] = ()
     unclaimed: frozenset[str] = frozenset()
-
-
-def own_files(package: Package, layout: Layout) -> Iterator[str]:
-    """Yield the absolute paths of what forge writes for a package, as far as it exists."""
-    name, prefix = package.name, layout.prefix(package.name)
-    share = prefix / "share" / name
-    yield from (str(share / f"package.{extension}") for extension in ("dsv", *SHELLS))
-    yield from map(str, (share / "hook").glob("*.dsv"))
-    yield str(prefix / PACKAGES / name)
-    if _is_registered_by_forge(package):
-        yield from (str(prefix / INDEX / "packages" / name), str(share / "package.xml"))
 
 
 def installed_files(package: Package, layout: Layout, earlier: Collection[str] = ()) -> InstalledFiles:
@@ -121,15 +120,13 @@ def installed_files(package: Package, layout: Layout, earlier: Collection[str] =
     claimed, unclaimed = [path for path in listed if not path.startswith(below) and os.path.lexists(path)], []
     files, folders = tree_below(str(prefix))
     for path, _ in files:
-        if path in listed or writes.contain(path):
+        if path in listed or path in writes.files:
             claimed.append(path)
         elif not knows_all and (path not in others or path in earlier):
             unclaimed.append(path)
     raise_if_any(exchange.overwritten(claimed), WorkspaceError)
     empty = [
-        f"{path}/"
-        for path in folders
-        if path not in others and (path in writes.folders or writes.contain(path) or not knows_all)
+        f"{path}/" for path in folders if path not in others and (path in writes.folders or not knows_all)
     ]
     return InstalledFiles(tuple(sorted((*claimed, *unclaimed))), tuple(sorted(empty)), frozenset(unclaimed))
 
@@ -143,10 +140,6 @@ def _observed(writes: ObservedWrites, below: str) -> tuple[set[str], set[str]]:
             continue
         if os.path.islink(path) or not os.path.isdir(path):
             files.add(path)
-        elif path in writes.files:
-            found, folders = tree_below(path)
-            files.update(inner for inner, _ in found)
-            empty.update(folders)
         elif not os.listdir(path):
             empty.add(path)
     return files, empty
@@ -212,18 +205,6 @@ def _write_implicit(package: Package, prefix: Path, *, symlink: bool) -> None:
         manifest.symlink_to(package.manifest.path.absolute())
     else:
         replace_file(manifest, read_file(package.manifest.path))
-
-
-def _remove_stale_hooks(folder: Path, names: set[str], build: Path) -> None:
-    """Remove hooks of earlier builds that are no longer needed, except those that the package installs."""
-    suffixes = {".dsv", *(f".{shell}" for shell in SHELLS)}
-    stale = {
-        str(entry)
-        for entry in (folder.iterdir() if folder.is_dir() else ())
-        if entry.name not in names and entry.suffix in suffixes
-    }
-    for path in stale.difference(listed_files(build)) if stale else ():
-        os.unlink(path)
 
 
 def _entry_script(underlay: Path, shell: str) -> Path:

@@ -27,7 +27,7 @@ _COUNTERS = struct.Struct("=QQ")
 
 @frozen
 class ObservedWrites:
-    """What the steps wrote and `removed`, as absolute paths; a renamed folder stands for all that is in it.
+    """What the steps wrote and `removed`, as absolute paths; a folder renamed away stands for what was in it.
 
     They tried to change what is `refused`, behind links of somebody else. `complete` is False if some process
     could not be observed.
@@ -39,22 +39,14 @@ class ObservedWrites:
     refused: frozenset[str] = frozenset()
     complete: bool = False
 
-    def contain(self, path: str) -> bool:
-        """Return True if a step wrote this file or link, or renamed a folder that contains it."""
-        return _is_in(path, self.files)
-
     def take_away(self, path: str) -> bool:
         """Return True if a step removed this path, or removed or renamed a folder that contains it."""
-        return _is_in(path, self.removed)
-
-
-def _is_in(path: str, places: frozenset[str]) -> bool:
-    while path not in places:
-        parent = os.path.dirname(path)  # noqa: PTH120  (each installed file: no Path for each)
-        if parent == path:
-            return False
-        path = parent
-    return True
+        while path not in self.removed:
+            parent = os.path.dirname(path)  # noqa: PTH120  (each installed file: no Path for each)
+            if parent == path:
+                return False
+            path = parent
+        return True
 
 
 def read_log(log: Path, prefix: Path) -> ObservedWrites:

@@ -15,17 +15,19 @@ from __future__ import annotations
 import contextlib
 import errno
 import filecmp
+import itertools
 import json
 import os
 import re
 import shutil
 import stat
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from forge.base.ament_index import INDEX
 from forge.base.errors import Problem
-from forge.base.files import BYTECODE, remove_tree, replace_file, tree_below
+from forge.base.files import BYTECODE, mount_points, remove_tree, replace_file, tree_below
 from forge.base.frozen import frozen
 from forge.base.layout import BACKUP_DIR, INSTALLED_LISTS_DIR
 from forge.build.install_manifests import MANIFESTS
@@ -46,6 +48,7 @@ _OF_BASE = re.compile(
 )
 """What forge and colcon write at the top of an install folder."""
 _SCRIPTS = frozenset({".bash", ".bat", ".dsv", ".fish", ".ps1", ".sh", ".zsh"})
+_CHUNK = 1 << 20
 _SMALL = 65536
 """The size in bytes up to which an installed file is copied; larger ones are hard-linked in constant time."""
 
@@ -170,28 +173,37 @@ class PrefixExchange:
         self._name = name
         self._layout = layout
         self._prefix = str(layout.prefix(name))
+        self._markers = package_markers(name, layout)
         self._moved, self._part, self._copies, self._state, self._list = (
             _folder(name, layout, kind) for kind in ("", "part", "copies", "state", "list")
         )
         self._others = _shared_others(layout) if layout.merged else _folder(name, layout, "others")
 
-    def begin(self, earlier: Iterable[str], shared: Collection[str] = ()) -> None:
+    def begin(self, earlier: Iterable[str], shared: Collection[str] = ()) -> tuple[Problem, ...]:
         """Move the package's files aside, unless a killed build has done so.
+
+        Return a problem for each file of somebody else that the killed build may have changed.
 
         `earlier` are the files of earlier builds in records and install manifests, as absolute paths; other
         packages also installed the `shared` ones.
         """
-        listed = read_installed_list(self._name, self._layout) or InstalledList({})
+        known = read_installed_list(self._name, self._layout)
+        listed = known or InstalledList({})
         # After a kill, install manifests may name files that a step had not yet written.
         earlier = self.moved_files() if self._moved.is_dir() else earlier
-        files = dict.fromkeys((*listed.files, *earlier, *_markers(self._name, self._layout)))
+        # Before its first build, nothing is the package's.
+        markers = self._markers if known or earlier or self._is_installed() else ()
+        scripts = _scripts(self._layout.prefix(self._name) / "share" / self._name)
+        files = dict.fromkeys(
+            (*listed.files, *earlier, *(scripts if markers and not known else ()), *markers)
+        )
         for path in listed.unclaimed:
             files.pop(path, None)
         folders = listed.folders
         movable = [path for path in files if path.startswith(f"{self._prefix}/") and path not in shared]
         if staying := files.keys() - set(movable):
             _copy_all(self._copies, sorted(staying))
-        self._recover()
+        kept = self._recover()
         if not self._moved.is_dir():
             self._note_state((*movable, *folders))
         self._move_aside(movable, folders)
@@ -199,6 +211,10 @@ class PrefixExchange:
         if not self._layout.merged:
             self._copy_others()
         self._guard_links()
+        return kept
+
+    def _is_installed(self) -> bool:
+        return os.path.lexists(self._layout.prefix(self._name) / PACKAGES / self._name)
 
     def moved_files(self) -> dict[str, tuple[str, os.stat_result]]:
         """Return the path of the backup and its stat for each file of the last build, by its path."""
@@ -220,18 +236,21 @@ class PrefixExchange:
 
     def in_the_way(self, paths: Iterable[str]) -> Iterator[Problem]:
         """Yield a problem for each file of somebody else where the package is about to install one."""
-        others = self.others()
+        others = {path: status for path, status in self._known_others()[0].items() if os.path.lexists(path)}
         above = {parent: path for path in others for parent in _parents(path, self._prefix)}
         base = os.path.realpath(self._layout.install)
+        found: dict[str, str] = {}
         for path in sorted(paths) if others else ():
             blocking = next(
                 (other for other in (path, *_parents(path, self._prefix)) if other in others), None
             )
             passes = blocking and blocking != path and os.path.isdir(blocking)
             if blocking and not (passes and not _leads_out(blocking, base)):
-                yield self._problem(path, blocking)
+                found.setdefault(blocking, path)
             elif path in above:
-                yield self._problem(path, above[path])
+                found.setdefault(above[path], path)
+        for blocking, path in found.items():
+            yield self._problem(path, blocking)
 
     def announce(self, paths: Iterable[str]) -> None:
         """Log files that forge is about to write, so that they are known after a kill."""
@@ -283,10 +302,10 @@ class PrefixExchange:
         """Drop the backup, once the new files are listed.
 
         Files that the package no longer installs, but that somebody has edited, are given back: return a
-        problem for each.
+        problem for each, and for files of others that it may have changed.
         """
         listed = _read_list(self._list, str(self._layout.install))
-        kept = []
+        kept = [*self._keep_changed()]
         from forge.build.inputs.fingerprints import content_digest
 
         cut = len(str(self._moved))
@@ -303,21 +322,23 @@ class PrefixExchange:
         self._drop()
         return tuple(kept)
 
-    def roll_back(self) -> None:
+    def roll_back(self) -> tuple[Problem, ...]:
         """Remove what the build has written, and move the package's files back.
 
-        If a copy was overwritten, the package is marked as not installed.
+        If a copy was overwritten, the package is marked as not installed. Return a problem for each file of
+        somebody else that the build may have changed.
         """
         if self._part.is_dir():
             self._move_back(self._part)
         self._remove_written()
+        kept = self._keep_changed()
         for manifest in MANIFESTS:
             (self._layout.build_dir(self._name) / manifest).unlink(missing_ok=True)
         if self._moved.is_dir():
             self._move_back(self._moved)
         self._restore_folders()
         if not _restore_copies(self._copies):
-            for path in _markers(self._name, self._layout):
+            for path in self._markers:
                 remove_tree(path)
         if self._list.is_file():
             self._list.replace(_list_file(self._name, self._layout))
@@ -327,6 +348,34 @@ class PrefixExchange:
             with contextlib.suppress(OSError):
                 os.rmdir(self._prefix)
         self._drop()
+        return kept
+
+    def _keep_changed(self) -> tuple[Problem, ...]:
+        """Keep the earlier contents of files of others that a step may have changed without being observed.
+
+        They may as well be changed by their owner, so that they stay, too. What was appended changes nothing.
+        """
+        writes = self.writes()
+        others, unclaimed = self._known_others()
+        kept = []
+        for number, path, *status in () if writes.complete or not others else _listed(self._others):
+            copy = self._others / number
+            if (
+                path in unclaimed
+                or path in writes.files
+                or not stat.S_ISREG(status[_MODE])
+                or _stats(path) == status
+                or _begins_with(path, copy)
+            ):
+                continue
+            names = (f"{path}.before_build{number or ''}" for number in itertools.count())
+            beside = next(name for name in names if not os.path.lexists(name) or _is_same_file(name, copy))
+            if not os.path.lexists(beside):
+                os.makedirs(os.path.dirname(beside), exist_ok=True)
+                _copy(copy, Path(beside), linked=False)
+                message = f"'{path}' changed during the build of '{self._name}', which could not be observed"
+                kept.append(Problem(message, hint=f"its earlier content is in '{beside}'"))
+        return tuple(kept)
 
     def _restore_folders(self) -> None:
         for path, mode in self._noted("folders").items():
@@ -346,13 +395,16 @@ class PrefixExchange:
         for file in (self._state, self._list, log, links):
             file.unlink(missing_ok=True)
 
-    def _recover(self) -> None:
+    def _recover(self) -> tuple[Problem, ...]:
         """Continue after a kill: remove what the killed build has written, or undo a half-done move."""
+        kept: tuple[Problem, ...] = ()
         remove_tree(f"{self._moved}.trash")
         if self._part.is_dir():
             # Killed while moving: all files are still those of the last successful build.
             self._move_back(self._part)
         if self._moved.is_dir():
+            self._remove_written()
+            kept = self._keep_changed()
             if not self.writes().complete:
                 # Some files may be of the killed build: which ones is unknown.
                 noted = {
@@ -360,32 +412,26 @@ class PrefixExchange:
                     "folders": self._noted("folders"),
                 }
                 replace_file(self._state, json.dumps(noted).encode())
-            self._remove_written()
         if not self._layout.merged:
             remove_tree(str(self._others))
+        return kept
 
     def _remove_written(self) -> None:
         """Remove what the steps wrote below the prefix; give back other files that they overwrote."""
         writes = self.writes()
         others = {**self.others(), **(self._of_other_packages() if writes.files else {})}
-        markers = _markers(self._name, self._layout)
-        for path in sorted({*writes.files, *markers}):
+        for path in sorted(writes.files):
             if path in others or not path.startswith(f"{self._prefix}/"):
                 continue
-            if os.path.isdir(path) and not os.path.islink(path):
-                for inner, _ in tree_below(path)[0]:
-                    if inner not in others:
-                        os.unlink(inner)
-            else:
-                with contextlib.suppress(FileNotFoundError, NotADirectoryError):
-                    os.unlink(path)
-                    _remove_empty(path, self._prefix, others)
+            with contextlib.suppress(FileNotFoundError, NotADirectoryError, IsADirectoryError):
+                os.unlink(path)
+                _remove_empty(path, self._prefix, others)
         for path in sorted(writes.folders, reverse=True):
             if path not in others and path.startswith(f"{self._prefix}/"):
                 _remove_empty(f"{path}/x", self._prefix, others)
         for number, path, *status in _listed(self._others):
             if _stats(path) != status and (
-                writes.contain(path) or (not os.path.lexists(path) and writes.take_away(path))
+                path in writes.files or (not os.path.lexists(path) and writes.take_away(path))
             ):
                 _give_back(path, status, self._others / number)
 
@@ -407,10 +453,9 @@ class PrefixExchange:
                     is_folder = status is not None and stat.S_ISDIR(status.st_mode)
                     folders[folder] = stat.S_IMODE(status.st_mode) if status and is_folder else None
         kept = {path: mode for path, mode in folders.items() if mode is not None}
-        first = not any(map(os.path.lexists, _markers(self._name, self._layout)))
         state = {
             "existed": os.path.lexists(self._prefix),
-            "listed": first or _list_file(self._name, self._layout).exists(),
+            "listed": not self._is_installed() or _list_file(self._name, self._layout).exists(),
         }
         data = {"state": state, "folders": kept}
         with contextlib.suppress(FileNotFoundError):
@@ -564,12 +609,10 @@ def remove_empty_tree(path: str) -> None:
         os.rmdir(folder)
 
 
-def _markers(name: str, layout: Layout) -> tuple[str, ...]:
-    """Return the files that forge and colcon write for every package."""
-    share = layout.prefix(name) / "share" / name
-    scripts = (*share.glob("package.*"), *(share / "hook").glob("*"))
-    found = [str(path) for path in scripts if path.suffix in _SCRIPTS]
-    return (*dict.fromkeys((*found, *package_markers(name, layout))),)
+def _scripts(share: Path) -> Iterator[str]:
+    """Yield the files that colcon and earlier versions of forge wrote for a package without listing them."""
+    files = (*share.glob("package.*"), *(share / "hook").glob("*"))
+    return (str(path) for path in files if path.suffix in _SCRIPTS)
 
 
 def _list_file(name: str, layout: Layout) -> Path:
@@ -621,8 +664,8 @@ def _status(path: str) -> os.stat_result | None:
         return None
 
 
-_MODE = 3
-"""The index of the mode in `_stats`."""
+_INODE, _MODE = 2, 3
+"""Indexes in `_stats`."""
 
 
 def _stats(path: str) -> list[int]:
@@ -670,6 +713,8 @@ def blocking_paths(task: Task, layout: Layout) -> Iterator[Problem]:
         return  # the latter: a killed build may have created it
     listed = read_installed_list(name, layout)
     files = {path for path in (listed.files if listed else task.earlier) if not path.endswith("/")}
+    for path in sorted(files & {*mount_points()}):
+        yield Problem(f"something is mounted on '{path}', which '{name}' installed", hint="unmount it")
     parents = {parent for path in files for parent in _parents(path, str(task.prefix))}
     for path in sorted(files - parents):
         if os.path.isdir(path) and not os.path.islink(path):
@@ -728,8 +773,26 @@ def _is_same_file(path: str, other: Path) -> bool:
     return os.path.isfile(path) and other.is_file() and filecmp.cmp(path, other, shallow=False)
 
 
+def _begins_with(path: str, other: Path) -> bool:
+    """Tell whether a file contains another one, perhaps with more at its end."""
+    try:
+        with open(path, "rb") as now, other.open("rb") as then:
+            return all(now.read(len(part)) == part for part in iter(partial(then.read, _CHUNK), b""))
+    except OSError:
+        return False
+
+
 def _give_back(path: str, status: Sequence[int], kept: Path) -> None:
-    """Restore an entry of somebody else; of a folder, only its path and mode are known."""
+    """Restore an entry of somebody else; of a folder, only its path and mode are known.
+
+    A file that was written in place is restored in place: it may have other names, or be mounted here.
+    """
+    now = _stats(path)
+    if now and stat.S_ISREG(now[_MODE]) and now[_INODE] == status[_INODE]:
+        with contextlib.suppress(PermissionError):
+            shutil.copyfile(kept, path)
+            shutil.copystat(kept, path)
+            return
     if os.path.lexists(kept):
         _restore_copy(kept, Path(path))
     elif stat.S_ISDIR(status[_MODE]):

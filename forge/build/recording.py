@@ -23,7 +23,7 @@ from forge.build.inputs.fingerprints import (
     fingerprint_tree,
     tree_manifest,
 )
-from forge.build.installation import InstalledFiles, own_files
+from forge.build.installation import InstalledFiles
 from forge.build.installed_files import remove_stale, set_file_times
 from forge.build.model import BuildRecord
 from forge.build.prefix import write_installed_list
@@ -94,13 +94,10 @@ class PackageRecorder:
     def make_record(self, task: Task, installed: InstalledFiles) -> BuildRecord:
         """Remove stale installed files and return the record of a successful task.
 
-        `installed` are the files that its steps have installed, without those that forge writes.
+        `installed` are the files that its steps and forge have installed.
         """
         build = task.build_dir
-        own = filter(os.path.lexists, own_files(task.package, self._layout))
-        files = tuple(sorted({*installed.files, *own}))
-        installed = replace(installed, files=files)
-        stats = set_file_times(task, files, self._layout, self._table)
+        stats = set_file_times(task, installed.files, self._layout, self._table)
         prefixes = map(self._layout.prefix, (task.name, *task.needs))
         declared = (self._state.source(task), build, self._layout.build / TOOLCHAIN_DIR, *prefixes)
         searched = (self._layout.install,)

@@ -46,6 +46,7 @@ def output_problems(
         option: workspace.root / path for option, path in folders.items()
     }
     yield from folder_marks.base_problems(bases, sources, thorough=not workspace.packages)
+    yield from folder_marks.occupied_bases(layout)
     yield from folder_marks.nesting_problems(layout, workspace.packages)
     records = cache(lambda: open_journal(layout.build).records)
     yield from folder_marks.folder_problems(names, layout, sources, records, prefixes=prefixes)

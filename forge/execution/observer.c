@@ -10,8 +10,8 @@
  * Where they differ, a program was not observed: a static one, one for another machine, or one that was
  * started without LD_PRELOAD. Records follow, a letter and a word that ends with NUL:
  *
- *   W path   a file or link was written, or renamed to this path; a renamed folder with all that is in it
- *   D path   a folder was created
+ *   W path   a file or link was written, or renamed to this path, also as a part of a folder
+ *   D path   a folder was created, or renamed to this path
  *   U path   a file, link or folder was removed, or renamed to another path
  *   P pid    forge has started a step
  *   L path   this call was refused, since a link of somebody else leads out of the prefix there
@@ -26,6 +26,7 @@
 #include <dlfcn.h>
 #include <errno.h>
 #include <fcntl.h>
+#include <ftw.h>
 #include <limits.h>
 #include <spawn.h>
 #include <stdarg.h>
@@ -310,14 +311,47 @@ int __openat_2(int folder, const char *path, int flags) { return openat(folder, 
 int __openat64_2(int folder, const char *path, int flags) { return openat64(folder, path, flags); }
 #endif
 
+#define TRUNCATE(name, size_type)                                       \
+    int name(const char *path, size_type size)                          \
+    {                                                                   \
+        int result = refused(AT_FDCWD, path) ? -1 : NEXT(name)(path, size); \
+        if (!result)                                                    \
+            written('W', AT_FDCWD, path);                               \
+        return result;                                                  \
+    }
+
+TRUNCATE(truncate, off_t)
+#ifdef __GLIBC__
+TRUNCATE(truncate64, off64_t)
+#endif
+
 /* Names */
+
+static int append_entry(const char *path, const struct stat *status, int kind, struct FTW *place)
+{
+    (void)status;
+    (void)place;
+    append(kind == FTW_D || kind == FTW_DNR ? 'D' : 'W', path);
+    return 0;
+}
+
+/* Log what was renamed, and all that is in it: what others put there later is not the step's. */
+static void renamed(int folder, const char *path)
+{
+    char absolute[2 * PATH_MAX + 1];
+    int saved = errno;
+
+    if (locate(folder, path, absolute) && nftw(absolute, append_entry, 16, FTW_PHYS | FTW_MOUNT))
+        append('W', absolute);
+    errno = saved;
+}
 
 int rename(const char *old, const char *path)
 {
     int result = refused(AT_FDCWD, old) || refused(AT_FDCWD, path) ? -1 : NEXT(rename)(old, path);
     if (!result) {
         written('U', AT_FDCWD, old);
-        written('W', AT_FDCWD, path);
+        renamed(AT_FDCWD, path);
     }
     return result;
 }
@@ -327,7 +361,7 @@ int renameat(int from, const char *old, int folder, const char *path)
     int result = refused(from, old) || refused(folder, path) ? -1 : NEXT(renameat)(from, old, folder, path);
     if (!result) {
         written('U', from, old);
-        written('W', folder, path);
+        renamed(folder, path);
     }
     return result;
 }
@@ -338,7 +372,7 @@ int renameat2(int from, const char *old, int folder, const char *path, unsigned 
     int result = refused(from, old) || refused(folder, path) ? -1 : NEXT(renameat2)(from, old, folder, path, flags);
     if (!result) {
         written('U', from, old);
-        written('W', folder, path);
+        renamed(folder, path);
     }
     return result;
 }

@@ -6,14 +6,14 @@ import functools
 import os
 import shlex
 from contextlib import closing
-from dataclasses import field
+from dataclasses import field, replace
 from typing import TYPE_CHECKING
 
 from forge.base.errors import WorkspaceError, raise_if_any
 from forge.base.frozen import frozen
 from forge.build import installation
 from forge.build.deferred import defer_build, tests_need_build
-from forge.build.prefix import PrefixExchange
+from forge.build.prefix import PrefixExchange, package_markers
 from forge.build.up_to_date import FOR_COMPILERS
 from forge.environment.config_folders import config_folders, config_variables
 from forge.environment.sourcing import build_environment, package_edits
@@ -109,7 +109,9 @@ class TaskSetup(TaskLifecycle):
     def _back_up(self, task: Task) -> None:
         self.recorder.begin(task)
         shared = self.state.merged_prefix.shared_files(task)
-        PrefixExchange(task.name, self.layout).begin(task.earlier, shared)
+        exchange = PrefixExchange(task.name, self.layout)
+        self.recorder.kept += exchange.begin(task.earlier, shared)
+        raise_if_any(exchange.in_the_way(package_markers(task.name, self.layout)), WorkspaceError)
 
     def restore(self, task: Task) -> BuildRecord | None:
         """Install the cached result of a task; return None and change nothing if there is none."""
@@ -143,10 +145,11 @@ class TaskSetup(TaskLifecycle):
         packages = self.resolution.packages
         needs |= {need for need in self.resolution.needs[task.name] if packages[need].embedded}
         installed = installation.installed_files(task.package, self.layout, task.earlier)
-        installation.install_package(
+        own = installation.install_package(
             task.package, self.layout, tuple(sorted(needs)), self.interpreter, installed.files
         )
-        record = self.recorder.make_record(task, installed)
+        files = tuple(sorted({*installed.files, *own}))
+        record = self.recorder.make_record(task, replace(installed, files=files))
         self._commit(task)
         return self.cache.keep(task, record) if self.cache else record
 
@@ -155,7 +158,7 @@ class TaskSetup(TaskLifecycle):
 
     def undo(self, task: Task) -> None:
         try:
-            PrefixExchange(task.name, self.layout).roll_back()
+            self.recorder.kept += PrefixExchange(task.name, self.layout).roll_back()
         except OSError:
             # The backup still exists. Until a build restores it, the package must not look installed.
             installation.uninstall_markers(task.name, self.layout)

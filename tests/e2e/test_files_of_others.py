@@ -523,6 +523,109 @@ def test_an_edited_file_that_is_no_longer_installed_stays(forge: Forge, tree: Tr
     assert path.read_text() == "edited"
 
 
+@MERGED
+@pytest.mark.parametrize("end", ["", "install(CODE [[message(FATAL_ERROR no)]])\n"], ids=["well", "failing"])
+def test_a_file_with_a_name_elsewhere_is_given_back_there(
+    forge: Forge, tree: Tree, options: tuple[str, ...], end: str
+) -> None:
+    """A step that writes to a hard link in place writes to a file outside of the prefix."""
+    root = tree({**plain(""), "precious": "mine"})
+    assert forge("build", *options, cwd=root).code == 0
+    link = root / "install" / ("" if options else "a") / "share/a/link"
+    link.hardlink_to(root / "precious")
+    then = link.stat()
+    lists = root / "src/a/CMakeLists.txt"
+    code = 'install(CODE "file(WRITE \\${CMAKE_INSTALL_PREFIX}/share/a/link 2)")'
+    lists.write_text(f"{lists.read_text()}{code}\n{end}")
+    assert forge("build", *options, cwd=root).code == (1 if end else 2)
+    assert (root / "precious").read_text() == "mine"
+    assert (link.samefile(root / "precious"), link.stat().st_mtime_ns) == (True, then.st_mtime_ns)
+
+
+@MERGED
+@pytest.mark.parametrize("end", ["", "message(FATAL_ERROR no)\n"], ids=["well", "failing"])
+def test_scripts_of_others_beside_those_of_a_package_stay(
+    forge: Forge, tree: Tree, options: tuple[str, ...], end: str
+) -> None:
+    """Hooks of the user may have any name."""
+    root = tree(plain(""))
+    assert forge("build", *options, cwd=root).code == 0
+    share = root / "install" / ("" if options else "a") / "share/a"
+    mine = [share / name for name in ("hook/mine.dsv", "hook/mine.sh", "package.mine.sh", "package.txt")]
+    for path in mine:
+        path.parent.mkdir(exist_ok=True)
+        path.write_text("mine")
+    lists = root / "src/a/CMakeLists.txt"
+    lists.write_text(f"{lists.read_text()}# changed\n{end}")
+    assert forge("build", *options, cwd=root).code == (1 if end else 0)
+    assert [path for path in mine if not path.is_file()] == []
+    assert forge("clean", "packages", "a", "-y", cwd=root).code == 0
+    assert [path for path in mine if not path.is_file()] == []
+
+
+@pytest.mark.parametrize("end", ["", "message(FATAL_ERROR no)"], ids=["well", "failing"])
+def test_a_file_in_a_folder_that_a_step_has_renamed_stays(forge: Forge, tree: Tree, end: str) -> None:
+    """The folder is the package's, the file is not."""
+    code = f"""install(CODE [[
+file(WRITE "${{CMAKE_INSTALL_PREFIX}}/draft/own" x)
+file(RENAME "${{CMAKE_INSTALL_PREFIX}}/draft" "${{CMAKE_INSTALL_PREFIX}}/data")
+execute_process(COMMAND sleep 2)
+{end}]])"""
+    root = tree(plain(code))
+    with subprocess.Popen([sys.executable, "-m", "forge", "build"], cwd=root, stdout=subprocess.DEVNULL):
+        while not (root / "install/a/data/own").exists():
+            time.sleep(0.05)
+        mine = root / "install/a/data/mine"
+        mine.write_text("mine")
+    assert mine.is_file()
+    assert (root / "install/a/data/own").exists() is not bool(end)
+    (root / "src/a/CMakeLists.txt").write_text(plain("")["src/a/CMakeLists.txt"])
+    assert forge("build", cwd=root).code == 0
+    assert (mine.is_file(), (root / "install/a/data/own").exists()) == (True, False)
+
+
+STATIC = """#include <fcntl.h>
+#include <unistd.h>
+int main(int count, char **words) {
+    int file = open(words[1], O_WRONLY | O_TRUNC);
+    return count != 2 || write(file, "theirs", 6) != 6;
+}
+"""
+
+
+@MERGED
+@pytest.mark.parametrize("end", ["", "install(CODE [[message(FATAL_ERROR no)]])\n"], ids=["well", "failing"])
+def test_what_a_program_that_cannot_be_observed_changes_is_kept(
+    forge: Forge, tree: Tree, options: tuple[str, ...], end: str
+) -> None:
+    """Whether the package or the user has changed a file is unknown: both contents stay."""
+    root = tree({**plain(""), "w.c": STATIC})
+    if subprocess.run(["gcc", "-static", "-o", root / "w", root / "w.c"], check=False).returncode:
+        pytest.skip("no static C library")
+    assert forge("build", *options, cwd=root).code == 0
+    share = root / "install" / ("" if options else "a") / "share/a"
+    (share / "mine").write_text("mine")
+    lists = root / "src/a/CMakeLists.txt"
+    code = f"install(CODE [[execute_process(COMMAND {root}/w ${{CMAKE_INSTALL_PREFIX}}/share/a/mine)]])"
+    lists.write_text(f"{lists.read_text()}{code}\n{end}")
+    for _ in range(2):
+        ran = forge("build", "--force", *options, cwd=root)
+        assert ran.code == (1 if end else 0), ran.out + ran.err
+    kept = share / "mine.before_build"
+    assert ((share / "mine").read_text(), kept.read_text()) == ("theirs", "mine")
+    assert sorted(path.name for path in share.glob("*build*")) == ["mine.before_build"]
+
+
+def test_nothing_is_installed_before_the_first_build_of_a_package(forge: Forge, tree: Tree) -> None:
+    """A link in a merged prefix leads to files that are named like those of forge."""
+    mine = {f"precious/share/a/{name}": "mine" for name in ("package.sh", "package.dsv", "hook/x.sh")}
+    root = tree({**plain(""), **mine, "install/.keep": ""})
+    (root / "install/share").symlink_to("../precious/share")
+    refuse(forge("build", "--merge-install", cwd=root), f"{root}/install/share'")
+    assert {path: (root / path).read_text() for path in mine} == mine
+    assert sum(path.is_file() for path in (root / "precious").rglob("*")) == len(mine)
+
+
 def test_all_kinds_of_entries_stay(forge: Forge, tree: Tree, monkeypatch: pytest.MonkeyPatch) -> None:
     root = tree(plain(""))
     assert forge("build", cwd=root).code == 0

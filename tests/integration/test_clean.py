@@ -256,6 +256,30 @@ def test_packages_of_another_workspace_in_shared_folders_are_not_stale(
         others = "'gone', 'p_two'" if ws == "one" else "'p_one'"
         assert f"another workspace built it: {others}\n" in ran.err
         assert [path.is_file() for path in marks] == [True, True, ws == "one"]
+    ran = forge("clean", "workspace", "-y", *words, cwd=root / "one")
+    assert (ran.code, "another workspace built it: 'p_two'\n" in ran.err) == (0, True)
+    assert [path.is_file() for path in marks] == [False, True, False]
+    assert "1 package unchanged" in forge("build", *words, *merged, cwd=root / "two").out
+    assert forge("clean", "workspace", "-y", *words, cwd=root / "two").code == 0
+    assert [path for path in (root / "shared").rglob("*") if not path.is_dir()] == []
+
+
+@pytest.mark.needs("cmake", "ninja")
+def test_packages_that_options_leave_out_are_not_stale(forge: Forge, tree: Tree) -> None:
+    root = tree({**cmake_package("a"), **cmake_package("b")})
+    assert forge("build", cwd=root).code == 0
+    assert forge("clean", "stale", "-y", "--base-paths", "src/a", cwd=root).code == 0
+    assert (root / "install/b/share/b/package.dsv").is_file()
+
+
+@pytest.mark.needs("cmake", "ninja")
+def test_a_file_beside_the_marks_of_packages_is_no_package(forge: Forge, tree: Tree) -> None:
+    mine = "install/share/colcon-core/packages/notes"
+    root = tree(cmake_package("a"))
+    assert forge("build", "--merge-install", cwd=root).code == 0
+    tree({mine: "mine"})
+    assert forge("clean", "workspace", "-y", cwd=root).code == 0
+    assert left(root) == {mine}
 
 
 @pytest.mark.needs("cmake", "ninja")

@@ -186,6 +186,46 @@ def test_one_folder_for_build_and_install_results_is_refused(forge: Forge, tree:
     assert "lies in the build folder of 'a'" in forge("build", "--install-base", "build/a/i", cwd=root).err
 
 
+@pytest.mark.parametrize("options", [(), ("--merge-install",)], ids=["isolated", "merged"])
+@pytest.mark.parametrize(
+    ("option", "name"),
+    [("install", "setup.bash"), ("install", "local_setup.sh"), ("build", "compile_commands.json")],
+)
+def test_files_named_like_those_of_a_base_stay(
+    forge: Forge, tree: Tree, options: tuple[str, ...], option: str, name: str
+) -> None:
+    """A prefix of another tool, such as ROS itself, has setup scripts, too."""
+    root = tree({**cmake_package("a"), f"mine/{name}": "mine"})
+    before = everything(root)
+    for command in ("build", "test"):
+        ran = forge(command, f"--{option}-base", "mine", *(options if command == "build" else ()), cwd=root)
+        assert (ran.code, everything(root)) == (2, before)
+        assert f"mine' contains '{name}', which forge did not create" in ran.err
+    assert forge("clean", "workspace", "-y", f"--{option}-base", "mine", cwd=root).code == 0
+    assert everything(root) == before
+
+
+@pytest.mark.needs("cmake", "ninja")
+@pytest.mark.parametrize("kind", ["build", "install"])
+def test_a_link_into_another_workspace_is_refused(forge: Forge, tree: Tree, kind: str) -> None:
+    """A link to a folder that was moved, for example to another disk, is none into a workspace."""
+    there = {f"there/{name}": text for name, text in cmake_package("a").items()}
+    here = {f"here/{name}": text for name, text in cmake_package("a").items()}
+    root = tree({**there, **here, "here/src/a/new": ""})
+    assert forge("build", cwd=root / "there").code == 0
+    assert forge("build", cwd=root / "here").code == 0
+    link = root / f"here/{kind}/a"
+    link.rename(root / "disk")
+    link.symlink_to(root / "disk")
+    assert forge("build", "--force", cwd=root / "here").code == 0
+    link.unlink()
+    link.symlink_to(root / f"there/{kind}/a")
+    before = everything(root / "there")
+    ran = forge("build", "--force", cwd=root / "here")
+    assert (ran.code, everything(root / "there")) == (2, before)
+    assert f"is a link to '{root}/there/{kind}/a', which belongs to another {kind} folder" in ran.err
+
+
 @pytest.mark.needs("cmake", "ninja")
 def test_the_name_of_an_unknown_user_is_the_name_of_a_folder(forge: Forge, tree: Tree) -> None:
     """As in a shell, for every option with a folder."""

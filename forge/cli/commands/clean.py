@@ -16,7 +16,9 @@ from forge.build.cleaning import (
     BASES,
     built_packages,
     is_of_workspace,
+    is_removed_package,
     package_removables,
+    packages_of_others,
     remaining_entries,
     remaining_in_prefix,
     remove,
@@ -92,9 +94,9 @@ def run(options: argparse.Namespace) -> int:
     ):
         names = _names(options, root, layout, journal)
         if options.what is None:
-            _preview(options, layout, journal, names)
+            _preview(options, root, layout, journal, names)
             return 0
-        removables = _removables(options, layout, journal, names)
+        removables = _removables(options, root, layout, journal, names)
         if not removables:
             print("nothing to remove")
             return 0
@@ -104,12 +106,12 @@ def run(options: argparse.Namespace) -> int:
             print("nothing was removed")
             return 0
         restore_backups(layout, names or built_packages(layout, journal.records))
-        removables = _removables(options, layout, journal, names)
+        removables = _removables(options, root, layout, journal, names)
         for name in names:
             journal.forget(name)
         journal.close()
         remove(removables)
-    if options.what == "workspace":
+    if options.what == "workspace" and not names:
         _report_rest(remaining_entries(layout, options.base_select), options)
     else:
         kept = (
@@ -128,16 +130,18 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _removables(
-    options: argparse.Namespace, layout: Layout, journal: Journal, names: Sequence[str]
+    options: argparse.Namespace, root: Path, layout: Layout, journal: Journal, names: Sequence[str]
 ) -> list[Removable]:
     if options.what == "workspace":
-        return list(workspace_removables(layout, journal.records, options.base_select))
+        return list(workspace_removables(root, layout, journal.records, options.base_select))
     return [found for name in names for found in package_removables(name, layout, journal.records)]
 
 
-def _preview(options: argparse.Namespace, layout: Layout, journal: Journal, stale: Sequence[str]) -> None:
+def _preview(
+    options: argparse.Namespace, root: Path, layout: Layout, journal: Journal, stale: Sequence[str]
+) -> None:
     """Print how much can be removed, and the commands that do it."""
-    found = list(workspace_removables(layout, journal.records, options.base_select))
+    found = list(workspace_removables(root, layout, journal.records, options.base_select))
     if not found:
         print("nothing to remove")
         return
@@ -155,7 +159,10 @@ def _preview(options: argparse.Namespace, layout: Layout, journal: Journal, stal
 
 
 def _names(options: argparse.Namespace, root: Path, layout: Layout, journal: Journal) -> tuple[str, ...]:
-    """Return the packages to remove; raises SelectionError for invalid combinations of arguments."""
+    """Return the packages to remove, none for a whole workspace that shares its folders with no other.
+
+    Raises SelectionError for invalid combinations of arguments.
+    """
     made = built_packages(layout, journal.records)
     chosen = package_options.has_selection(options)
     if options.what != "packages" and (options.names or chosen):
@@ -163,13 +170,25 @@ def _names(options: argparse.Namespace, root: Path, layout: Layout, journal: Jou
         command = f"clean {options.what or ''}".rstrip()
         raise SelectionError(Problem(f"'{command}' does not accept package names", hint=hint))
     if options.what == "workspace":
-        return ()
+        others = sorted(packages_of_others(root, layout, journal.records))
+        _report_others(others)
+        return tuple(sorted(made.difference(others))) if others else ()
     if options.what != "packages":
-        absent = sorted(made - _load(options, root, layout).packages.keys())
+        packages = _load(options, root, layout).packages
+        absent = sorted(made - packages.keys())
         stale = [name for name in absent if is_of_workspace(name, root, layout, journal.records)]
-        if others := [name for name in absent if name not in stale]:
-            print(f"not removed, because another workspace built it: {listed(others)}", file=sys.stderr)
-        return tuple(stale)
+        _report_others([name for name in absent if name not in stale])
+        taken = {str(root / package.path) for package in packages.values()}
+        sources = {name: record.source for name, record in journal.records.items()}
+        # A package that these options do not discover, but that is still there, is not stale.
+        there = {
+            name
+            for name in stale
+            if (source := sources.get(name, "")).startswith(f"{root}/")
+            and source not in taken
+            and not is_removed_package(Path(source))
+        }
+        return tuple(name for name in stale if name not in there)
     if not (options.names or chosen):
         raise SelectionError(
             Problem("'clean packages' needs package names", hint="forge clean packages PKG ...")
@@ -184,6 +203,11 @@ def _names(options: argparse.Namespace, root: Path, layout: Layout, journal: Jou
     )
     selected = _load(options, root, layout).selection.names if chosen else ()
     return tuple(dict.fromkeys([*options.names, *selected]))
+
+
+def _report_others(names: Sequence[str]) -> None:
+    if names:
+        print(f"not removed, because another workspace built it: {listed(names)}", file=sys.stderr)
 
 
 def _load(options: argparse.Namespace, root: Path, layout: Layout) -> LoadedWorkspace:

@@ -81,11 +81,9 @@ def test_everything_that_a_step_writes_is_observed(
     prefix = observed[1].prefix
     found = [path for path in prefix.rglob("*") if path.is_symlink() or not path.is_dir()]
     assert found
-    assert [path for path in found if not writes.contain(str(path))] == []
+    assert [path for path in found if str(path) not in writes.files] == []
     folders = [path for path in prefix.rglob("*") if path.is_dir() and not path.is_symlink()]
-    assert [
-        path for path in folders if str(path) not in writes.folders and not writes.contain(str(path))
-    ] == []
+    assert [path for path in folders if str(path) not in writes.folders] == []
 
 
 REMOVERS = {
