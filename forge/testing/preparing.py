@@ -15,7 +15,7 @@ from forge.build.change_texts import changed_sources
 from forge.build.inputs.fingerprints import FileTable, fingerprint_tree
 from forge.build.journal import open_journal
 from forge.build.tasks import BuildPlan, Task
-from forge.build.tests.detection import inspect_tests
+from forge.build.tests.detection import requirements_of_tests
 from forge.build.tests.recipes import TestContext, framework
 from forge.environment.install_state import recorded_python
 from forge.environment.prefixes import PACKAGES, find_underlays, provider
@@ -199,7 +199,12 @@ def prepare_context(
     for toolchain, of_type in by_toolchain(packages):
         lacking |= _lacking(of_type, partial(toolchain, of_type, context, variables))
     if "pytest" in missing:
-        wanting = tuple(package.name for package in python if _framework(package, context) == "pytest")
+        wanting = tuple(
+            package.name
+            for package in python
+            if framework(package, context.of(package), requirements_of_tests(context.source(package)))
+            == "pytest"
+        )
         message = f"'{interpreter.path}' has no pytest, which is required by {listed(wanting)}"
         command = install_command(interpreter.path, ("pytest",))
         hint = f"{command}; or test with unittest: --python-testing unittest"
@@ -259,8 +264,3 @@ def make_test_plan(
             scratch_dir=TEST_SCRATCH_DIR,
         )
     return BuildPlan(tasks)
-
-
-def _framework(package: Package, context: TestContext) -> str:
-    tests = inspect_tests(package, context.source(package), context.layout.build_dir(package.name))
-    return framework(package, context.of(package), tests)

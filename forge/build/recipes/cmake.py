@@ -53,11 +53,10 @@ def ament_options(package: Package, context: BuildContext) -> tuple[str, ...]:
 
 def tests(package: Package, context: TestContext) -> Recipe:
     """Return the CTest run of a built package."""
-    from forge.build.tests.detection import inspect_tests
+    from forge.build.tests.detection import ctest_configuration
     from forge.build.tests.recipes import ctest_recipe
 
-    source, build = context.source(package), context.layout.build_dir(package.name)
-    return ctest_recipe(package, context, inspect_tests(package, source, build))
+    return ctest_recipe(package, context, ctest_configuration(context.layout.build_dir(package.name)))
 
 
 def common_arguments(context: BuildContext) -> tuple[str, ...]:

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 from forge import __version__
 from forge.base.cmake_syntax import quoted
 from forge.base.extensions import TARGETS, is_installed
-from forge.base.frozen import frozen
 from forge.base.names import is_safe_name
 from forge.base.templating import render
 from forge.toolchain.compiler_launchers.choice import launcher_variables
@@ -33,24 +32,6 @@ _LISTS = {
 _PYTHON_VERSION = re.compile(r"python(\d+\.\d+)")
 
 
-@frozen
-class _Entry:
-    """A cache entry for the template; `value` and `doc` are quoted CMake arguments."""
-
-    name: str
-    value: str
-    type: str
-    doc: str
-
-
-@frozen
-class _Variable:
-    """A variable with its elements as quoted CMake arguments."""
-
-    name: str
-    arguments: str
-
-
 def initial_cache(context: BuildContext, manifest: Path, further: Pairs = ()) -> str:
     """Return the cache entries for CMake's -C option; `manifest` is the file with manifest_variables().
 
@@ -59,18 +40,14 @@ def initial_cache(context: BuildContext, manifest: Path, further: Pairs = ()) ->
     so it changes exactly when a package must be configured again.
     """
     python = quoted(str(context.python))
-    version = _PYTHON_VERSION.search(context.site_packages)
+    found = _PYTHON_VERSION.search(context.site_packages)
+    version = found[1] if found else ""
     launchers = launcher_variables(context.launcher)
     entries = (
         ("Python3_EXECUTABLE", python, "FILEPATH", "The workspace's Python interpreter"),
         ("PYTHON_EXECUTABLE", python, "FILEPATH", "The same, for older packages"),
         ("PYTHON_INSTALL_DIR", quoted(context.site_packages), "STRING", "Where Python modules are installed"),
-        (
-            "FORGE_PYTHON_VERSION",
-            quoted(version[1] if version else ""),
-            "STRING",
-            "The version of that Python",
-        ),
+        ("FORGE_PYTHON_VERSION", quoted(version), "STRING", "The version of that Python"),
         ("FORGE_COMMAND", quoted(*context.generator), "STRING", "The command that runs forge"),
         ("FORGE_VERSION", quoted(__version__), "STRING", "A new version regenerates interfaces"),
         ("FORGE_MANIFEST", quoted(str(manifest)), "FILEPATH", "This package's package.xml as variables"),
@@ -80,7 +57,7 @@ def initial_cache(context: BuildContext, manifest: Path, further: Pairs = ()) ->
     )
     return render(
         "cmake/initial_cache.cmake.j2",
-        entries=[_Entry(name, value, type_, quoted(doc)) for name, value, type_, doc in entries],
+        entries=[(name, value, type_, quoted(doc)) for name, value, type_, doc in entries],
         gone=[name for name, value in launchers if not value],
     )
 
@@ -95,11 +72,10 @@ def manifest_variables(manifest: Manifest) -> str:
 
     The first line sets the package name, by which the embedded ament checks that the file is its own.
     """
-    variables = [_Variable("_AMENT_PACKAGE_NAME", quoted(manifest.name))]
+    variables = [("_AMENT_PACKAGE_NAME", quoted(manifest.name))]
     for name, elements in _values(manifest):
         # Set an empty list to an empty string, so that no older value remains visible.
-        arguments = " ".join(map(quoted, elements)) or '""'
-        variables.append(_Variable(f"{manifest.name}_{name}", arguments))
+        variables.append((f"{manifest.name}_{name}", " ".join(map(quoted, elements)) or '""'))
     return render("cmake/manifest.cmake.j2", package=manifest.name, variables=variables)
 
 

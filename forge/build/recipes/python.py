@@ -13,43 +13,32 @@ if TYPE_CHECKING:
     from forge.workspace.model import Package
 
 
-def recipe(package: Package, context: BuildContext) -> Recipe:
-    """Return the one step; without a setup.py, scripts go to lib/<package>, where `ros2 run` finds them."""
-    return _recipe(package, context)
+def recipe(package: Package, context: BuildContext, *more: str) -> Recipe:
+    """Return the step that runs `python -m forge.cli.install_wheel`.
+
+    Without a setup.py, scripts go to lib/<package>, where `ros2 run` finds them.
+    """
+    layout, build = context.layout, context.layout.build_dir(package.name)
+    argv = (
+        *context.wheels,
+        str(context.source(package)),
+        *("--package", package.name, "--build", str(build), "--prefix", str(layout.prefix(package.name))),
+        *("--python", str(context.python), "--site-packages", context.site_packages),
+        *more,
+        *(("--target", layout.target) if layout.target else ()),
+        *(("--link",) if layout.symlink and not package.embedded else ()),
+    )
+    return Recipe((Step(StepKind.INSTALL, argv, build),))
 
 
 def plain_recipe(package: Package, context: BuildContext) -> Recipe:
-    """Return the one step for a plain Python package: its scripts go to bin, which is on the PATH."""
-    return _recipe(package, context, "--scripts", "bin")
+    """Return the step for a plain Python package: its scripts go to bin, which is on the PATH."""
+    return recipe(package, context, "--scripts", "bin")
 
 
 def tests(package: Package, context: TestContext) -> Recipe:
     """Return the pytest or unittest run."""
-    from forge.build.tests.detection import inspect_tests
+    from forge.build.tests.detection import requirements_of_tests
     from forge.build.tests.recipes import python_recipe
 
-    source, build = context.source(package), context.layout.build_dir(package.name)
-    return python_recipe(package, context, inspect_tests(package, source, build))
-
-
-def _recipe(package: Package, context: BuildContext, *more: str) -> Recipe:
-    """Return the step that runs `python -m forge.cli.install_wheel`."""
-    build = context.layout.build_dir(package.name)
-    argv = (
-        *context.wheels,
-        str(context.root / package.path),
-        "--package",
-        package.name,
-        "--build",
-        str(build),
-        "--prefix",
-        str(context.layout.prefix(package.name)),
-        "--python",
-        str(context.python),
-        "--site-packages",
-        context.site_packages,
-        *more,
-        *(("--target", context.layout.target) if context.layout.target else ()),
-        *(("--link",) if context.layout.symlink and not package.embedded else ()),
-    )
-    return Recipe((Step(StepKind.INSTALL, argv, build),))
+    return python_recipe(package, context, requirements_of_tests(context.source(package)))

@@ -9,8 +9,6 @@ from typing import TYPE_CHECKING
 from forge.base.errors import WorkspaceError
 from forge.base.files import text_or_nothing
 from forge.base.formats import read_toml
-from forge.build.tests.recipes import PackageTests
-from forge.toolchain.programs import CMAKE_TYPES
 from forge.workspace.model import DependencyKind
 from forge.workspace.python_metadata import PythonMetadata, read_pyproject, read_setup_cfg, read_setup_py
 
@@ -18,18 +16,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from forge.workspace.model import Package
-
 _BUILD_TYPE = re.compile(r"^CMAKE_BUILD_TYPE:[^=]*=(.*)$", re.MULTILINE)
 _SUBFOLDER = re.compile(r'^\s*subdirs\("?([^")]+)"?\)', re.MULTILINE)
 _TESTS = re.compile(r"^\s*(add_test|include)\(", re.MULTILINE)
-
-
-def inspect_tests(package: Package, source: Path, build: Path) -> PackageTests:
-    """Return what is known before tests run; `source` and `build` are the package's folders."""
-    if package.build_type in CMAKE_TYPES:
-        return PackageTests(configuration=_configuration(build) if has_ctests(build) else "")
-    return PackageTests(wants=requirements_of_tests(source))
 
 
 def has_ctests(build: Path) -> bool:
@@ -71,8 +60,10 @@ def _facts(source: Path) -> Iterator[PythonMetadata]:
         yield read_pyproject({"project": {"optional-dependencies": groups}}) or PythonMetadata()
 
 
-def _configuration(build: Path) -> str:
-    """Return the configuration for CTest: from CMake's cache, else Release as in colcon."""
+def ctest_configuration(build: Path) -> str:
+    """Return the configuration for CTest: from CMake's cache, else Release as in colcon; '' without tests."""
+    if not has_ctests(build):
+        return ""
     match = _BUILD_TYPE.search(text_or_nothing(build / "CMakeCache.txt"))
     known = {"Debug", "MinSizeRel", "RelWithDebInfo"}
     return match[1] if match and match[1] in known else "Release"

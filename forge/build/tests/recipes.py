@@ -16,6 +16,8 @@ from forge.build.tasks import TEST_FAILURES, Step, StepCondition, StepKind
 from forge.build.tests.options import TestOptions
 
 if TYPE_CHECKING:
+    from collections.abc import Collection
+
     from forge.base.layout import Layout
     from forge.workspace.model import Package
 
@@ -72,34 +74,22 @@ class TestContext:
         return self.results_of(name) / "test_results" / name / "not_run.xml"
 
 
-@frozen
-class PackageTests:
-    """Properties of a package's tests.
-
-    `configuration` is the configuration that CMake built, '' without CTest tests; `wants` are the normalized
-    names of required Python distributions.
-    """
-
-    configuration: str = ""
-    wants: frozenset[str] = frozenset()
-
-
-def ctest_recipe(package: Package, context: TestContext, look: PackageTests) -> Recipe:
-    """Return the CTest run with colcon's options; no steps without tests."""
+def ctest_recipe(package: Package, context: TestContext, configuration: str) -> Recipe:
+    """Return the CTest run of a configuration with colcon's options; no steps if that is ''."""
     build = context.layout.build_dir(package.name)
     folders = tuple(dict.fromkeys((build, context.results_of(package.name))))
     stale = [folder / "Testing" / "TAG" for folder in folders]
-    if not (context.options.ctest_args and look.configuration):
+    if not (context.options.ctest_args and configuration):
         # Each run gets a new name; a full run also removes results of deleted tests.
         stale += [folder / "Testing" / "[0-9]*-[0-9]*" for folder in folders]
         stale += [folder / "test_results" / package.name / "*.xml" for folder in folders]
-    if not look.configuration:
+    if not configuration:
         return Recipe(clean=tuple(stale))
     until_fail = context.options.retest_until_fail
     named = any(word in {"-C", "--build-config"} for word in context.options.ctest_args)
     argv = (
         str(context.ctest),
-        *(() if named else ("-C", look.configuration)),
+        *(() if named else ("-C", configuration)),
         *("-D", "ExperimentalTest", "--no-compress-output", "-V", "--force-new-ctest-process"),
         *context.options.ctest_args,
         *(("--repeat-until-fail", str(until_fail + 1)) if until_fail else ()),
@@ -113,27 +103,31 @@ def ctest_recipe(package: Package, context: TestContext, look: PackageTests) -> 
     return Recipe((step, *(again,) * context.options.retest_until_pass), files, tuple(stale))
 
 
-def python_recipe(package: Package, context: TestContext, look: PackageTests) -> Recipe:
-    """Return the pytest run if the package requires pytest, else the unittest run."""
-    name = framework(package, context, look)
-    return (pytest_recipe if name == "pytest" else unittest_recipe)(package, context, look)
+def python_recipe(package: Package, context: TestContext, wants: Collection[str]) -> Recipe:
+    """Return the pytest run if the package requires pytest, else the unittest run.
+
+    `wants` are the normalized names of the distributions that the tests require.
+    """
+    if framework(package, context, wants) == "pytest":
+        return pytest_recipe(package, context, wants)
+    return unittest_recipe(package, context)
 
 
-def framework(package: Package, context: TestContext, look: PackageTests) -> str:
+def framework(package: Package, context: TestContext, wants: Collection[str]) -> str:
     """Return 'pytest' or 'unittest': the option, else according to the package's metadata and manifest."""
     if context.options.python_testing:
         return "pytest" if context.options.python_testing == "pytest" else "unittest"
     declared = {dependency.name for dependency in package.manifest.dependencies}
-    return "pytest" if "pytest" in look.wants or "python3-pytest" in declared else "unittest"
+    return "pytest" if "pytest" in wants or "python3-pytest" in declared else "unittest"
 
 
-def pytest_recipe(package: Package, context: TestContext, look: PackageTests) -> Recipe:
+def pytest_recipe(package: Package, context: TestContext, wants: Collection[str]) -> Recipe:
     """Return the pytest run; without plugins for repetition the whole run is repeated."""
     build = context.layout.build_dir(package.name)
     junit = context.results_of(package.name) / "pytest.xml"
     options, modules = context.options, context.modules
     plugin = "pytest_cov" in modules
-    covered = plugin and not options.coverage and (options.pytest_with_coverage or "pytest-cov" in look.wants)
+    covered = plugin and not options.coverage and (options.pytest_with_coverage or "pytest-cov" in wants)
     repeats = options.retest_until_fail and "pytest_repeat" in modules
     reruns = options.retest_until_pass and "pytest_rerunfailures" in modules
     argv = (
@@ -155,7 +149,7 @@ def pytest_recipe(package: Package, context: TestContext, look: PackageTests) ->
     return Recipe((step, *(_again(step, context),) * further), (missing,), (junit.with_name("unittest.xml"),))
 
 
-def unittest_recipe(package: Package, context: TestContext, _: PackageTests) -> Recipe:
+def unittest_recipe(package: Package, context: TestContext) -> Recipe:
     """Return the unittest run through forge's runner, which writes a JUnit file."""
     junit = context.results_of(package.name) / "unittest.xml"
     argv = (

@@ -39,37 +39,31 @@ class Result(unittest.TextTestResult):
     records: list[CaseRecord]
 
     def startTestRun(self) -> None:
-        """Start without records."""
         super().startTestRun()
         self.records = []
 
     def startTest(self, test: unittest.TestCase) -> None:
-        """Start the record of a test."""
         super().startTest(test)
         self.records.append(CaseRecord(test.id()))
 
     def stopTest(self, test: unittest.TestCase) -> None:
-        """Record the duration."""
         super().stopTest(test)
         self.records[-1].stop()
 
     def addError(self, test: unittest.TestCase, err: Fault) -> None:
-        """Record an error, also of the set-up of a class or module."""
         super().addError(test, err)
-        self._record(test).add("error", self._message(err), self.errors[-1][1])
+        # The test may be the set-up of a class or module, which was not started.
+        self._record(test).events.append(("error", self._message(err), self.errors[-1][1]))
 
     def addFailure(self, test: unittest.TestCase, err: Fault) -> None:
-        """Record a failure."""
         super().addFailure(test, err)
-        self._record(test).add("failure", self._message(err), self.failures[-1][1])
+        self._record(test).events.append(("failure", self._message(err), self.failures[-1][1]))
 
     def addSkip(self, test: unittest.TestCase, reason: str) -> None:
-        """Record a skipped test."""
         super().addSkip(test, reason)
-        self._record(test).add("skipped", reason, "")
+        self._record(test).events.append(("skipped", reason, ""))
 
     def addSubTest(self, test: unittest.TestCase, subtest: unittest.TestCase, err: Fault | None) -> None:
-        """Record a failed subtest."""
         super().addSubTest(test, subtest, err)
         if err is not None:
             failed = err[0] is not None and issubclass(err[0], test.failureException)
@@ -77,12 +71,13 @@ class Result(unittest.TextTestResult):
             # The description of the subtest identifies it.
             part = str(subtest).removeprefix(str(test)).strip()
             message = f"{part} {self._message(err)}"
-            self._record(test).add("failure" if failed else "error", message, text)
+            self._record(test).events.append(("failure" if failed else "error", message, text))
 
     def addUnexpectedSuccess(self, test: unittest.TestCase) -> None:
-        """Record an unexpected success."""
         super().addUnexpectedSuccess(test)
-        self._record(test).add("failure", "unexpected success of a test marked as expected failure", "")
+        self._record(test).events.append(
+            ("failure", "unexpected success of a test marked as expected failure", "")
+        )
 
     def _record(self, test: unittest.TestCase) -> CaseRecord:
         if not self.records or self.records[-1].name != test.id():
@@ -105,19 +100,13 @@ class CaseRecord:
     """The record of one test."""
 
     def __init__(self, name: str) -> None:
-        """Start measuring."""
         self.name = name
         self.events: list[tuple[str, str, str]] = []
         self.seconds = 0.0
         self._begun = time.monotonic()
 
     def stop(self) -> None:
-        """Stop measuring."""
         self.seconds = time.monotonic() - self._begun
-
-    def add(self, kind: str, message: str, text: str) -> None:
-        """Record an error, a failure or a skip."""
-        self.events.append((kind, message, text))
 
     @property
     def kind(self) -> str:

@@ -11,7 +11,6 @@ from forge.base.layout import Layout
 from forge.build.tasks import TEST_FAILURES, Step
 from forge.build.tests.options import TestOptions
 from forge.build.tests.recipes import (
-    PackageTests,
     TestContext,
     ctest_recipe,
     framework,
@@ -29,7 +28,6 @@ CONTEXT = TestContext(
 )
 PY = package("p", build_type="ament_python")
 CM = package("c", build_type="cmake")
-DEBUG = PackageTests(configuration="Debug")
 
 
 def with_options(**options: object) -> TestContext:
@@ -45,7 +43,7 @@ def only(steps: tuple[Step, ...]) -> tuple[str, ...]:
 
 
 def test_ctest_gets_the_same_arguments_as_from_colcon() -> None:
-    recipe = ctest_recipe(CM, CONTEXT, DEBUG)
+    recipe = ctest_recipe(CM, CONTEXT, "Debug")
     assert only(recipe.steps) == (
         *("/usr/bin/ctest", "-C", "Debug", "-D", "ExperimentalTest", "--no-compress-output", "-V"),
         "--force-new-ctest-process",
@@ -56,7 +54,7 @@ def test_ctest_gets_the_same_arguments_as_from_colcon() -> None:
 
 
 def test_running_selected_tests_keeps_the_results_of_others() -> None:
-    recipe = ctest_recipe(CM, with_options(ctest_args=("-R", "one")), DEBUG)
+    recipe = ctest_recipe(CM, with_options(ctest_args=("-R", "one")), "Debug")
     assert recipe.clean == (Path("/ws/build/c/Testing/TAG"),)
 
 
@@ -74,7 +72,7 @@ def test_running_selected_tests_keeps_the_results_of_others() -> None:
 def test_a_package_chooses_its_test_framework(
     of: Package, wants: frozenset[str], option: str | None, expected: str
 ) -> None:
-    assert framework(of, with_options(python_testing=option), PackageTests(wants=wants)) == expected
+    assert framework(of, with_options(python_testing=option), wants) == expected
 
 
 def test_package_settings_follow_global_options() -> None:
@@ -88,6 +86,6 @@ def test_package_settings_follow_global_options() -> None:
 def test_coverage_replaces_pytest_cov() -> None:
     """Both would trace the same lines."""
     context = with_options(coverage=True, modules=frozenset({"pytest", "pytest_cov", "coverage"}))
-    words = only(pytest_recipe(PY, context, PackageTests(wants=frozenset({"pytest-cov"}))).steps)
+    words = only(pytest_recipe(PY, context, {"pytest-cov"}).steps)
     assert "--no-cov" in words
     assert not any(word.startswith("--cov") for word in words)
