@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Protocol
 from forge.base.env_vars import EXECUTORS, default_executor
 from forge.base.errors import Problem, SelectionError
 from forge.base.extensions import EXECUTORS as PLUGINS
-from forge.base.extensions import OWN, call, entry_points, find
+from forge.base.extensions import OWN, call, entry_points, find, installed
 from forge.base.frozen import frozen
 from forge.base.options import option
 
@@ -85,15 +85,15 @@ def _resource(text: str) -> tuple[str, float]:
 
 
 class _Names(tuple[str, ...]):
-    """The names of executors; those of other distributions are looked for only if a name is unknown."""
+    """The installed executors of forge. Those of other distributions are looked for if a name is unknown."""
 
     __slots__ = ()
 
     def __contains__(self, name: object) -> bool:
-        return super().__contains__(name) or name in entry_points(PLUGINS)
+        return super().__contains__(name) or name in OWN[PLUGINS] or name in entry_points(PLUGINS)
 
 
-_NAMES = _Names((*EXECUTORS, *OWN[PLUGINS]))
+_NAMES = _Names((*EXECUTORS, *installed(PLUGINS)))
 
 
 @frozen
