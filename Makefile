@@ -63,7 +63,7 @@ fuzz: .venv/.ready
 # shapes, twice and four times as long.
 fuzz-parsers: .venv/.ready
 	.venv/bin/python -m tests.fuzz $(or $(SECONDS),600)
-	FORGE_FUZZ_EXAMPLES=1000 FORGE_FUZZ_SIZE=200000 $(PYTEST) tests/fuzz tests/unit/test_injection.py tests/integration/test_injection.py
+	FORGE_FUZZ_EXAMPLES=1000 FORGE_FUZZ_SIZE=200000 $(PYTEST) tests/fuzz tests/unit/test_injection.py tests/integration/test_injection.py tests/plugins/interface_pages/test_injection.py
 
 scale: .venv/.ready
 	FORGE_TEST_SCALE=1 $(PYTEST) -s tests/e2e/test_scale.py

@@ -24,7 +24,9 @@ def modules() -> list[Path]:
         rf"[\"'](?:\S*/)?(?:{tools})[\"' ]|^from tests(?:\.| import )(?:{starts})\b", re.MULTILINE
     )
     paths = sorted(
-        path for folder in ("e2e", "integration") for path in HERE.joinpath(folder).rglob("test_*.py")
+        path
+        for folder in ("e2e", "integration", "plugins")
+        for path in HERE.joinpath(folder).rglob("test_*.py")
     )
     return [path for path in paths if names.search(path.read_text(encoding="utf-8"))]
 
