@@ -131,7 +131,9 @@ def decode_lists(data: bytes) -> tuple[ExternalFileList, ...]:
         found: Mapping[str, Any] = json.loads(data)
         if found["forge_inputs"] != _VERSION:
             return ()
-        lists = [[_text(word) for word in one] for one in found["lists"][:_MAX_LISTS]]
+        lists = found["lists"][:_MAX_LISTS]
+        if not all(isinstance(word, str) for one in lists for word in one):
+            return ()
         return tuple(
             ExternalFileList(tuple(words), reason, QuotingClass(quoting)) for *words, quoting, reason in lists
         )
@@ -160,9 +162,3 @@ def _umask() -> int:
     mask = os.umask(0o077)
     os.umask(mask)
     return mask
-
-
-def _text(data: object) -> str:
-    if not isinstance(data, str):
-        raise TypeError("expected a string")
-    return data

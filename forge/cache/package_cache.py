@@ -17,7 +17,6 @@ from forge.base.errors import Problem
 from forge.base.frozen import frozen
 from forge.build.tests.detection import has_ctests
 from forge.cache import keys
-from forge.cache.dependency_keys import DependencyKeys, uncacheable_tree
 from forge.cache.external_inputs import ExternalInputs
 from forge.cache.model import RESTORED, ActionResult, Digest, OutputFile, StoreError
 from forge.cache.processor import WORD, processor_inputs
@@ -93,13 +92,15 @@ class PackageCache:
         self._local = local
         self._remote = remote
         self._warn = warn
-        self._dependency_keys = DependencyKeys(
-            context.needs, context.records, context.layout, context.relocator
-        )
         self._external_inputs = ExternalInputs(context.relocator, context.table, context.programs)
         self._lock = threading.Lock()
         self._shared_inputs: tuple[str, ...] | None = None
         self._keys: dict[str, str] = {}
+        """The first keys of packages that were looked up."""
+        self._installed_keys: dict[str, str] = {}
+        """The keys of installed packages, computed on demand for the first keys of their dependents."""
+        self.computed_trees: dict[str, str] = {}
+        """Tree digests computed for packages whose records had none."""
         self._lists: dict[str, tuple[keys.ExternalFileList, ...]] = {}
         self._warned = False
         self._pending: list[PendingResult] = []
@@ -111,11 +112,6 @@ class PackageCache:
         self.missed: set[str] = set()
         self.has_grown = False
         """True if something was added to the local folder."""
-
-    @property
-    def computed_trees(self) -> Mapping[str, str]:
-        """Tree digests computed for packages whose records had none."""
-        return self._dependency_keys.computed_trees
 
     def find(self, task: Task) -> CachedTree | None:
         """Return the cached result of a task, downloaded and verified, or None if it must be built."""
@@ -157,7 +153,7 @@ class PackageCache:
             tree = self._put(task, key, record)
         except Uncacheable as reason:
             self.notes[task.name] = f"not cached: {reason}"
-            return replace(record, tree=uncacheable_tree(record))
+            return replace(record, tree=_uncacheable_tree(record))
         except (OSError, StoreError) as fault:
             self.notes[task.name] = f"not cached: {fault}"
             self._warn_once(fault)
@@ -220,9 +216,31 @@ class PackageCache:
         with self._lock:  # several packages start at the same time
             if self._shared_inputs is None:
                 self._shared_inputs = keys.shared_inputs(self._context.tools, self._context.own)
-        needs = self._dependency_keys.needs_of(task.name, task.needs)
+        needs = self._dependencies(task)
         shared = (*self._shared_inputs, *self._package_programs(task))
         return keys.input_key(task, needs, shared, self._context.relocator, self._context.values)
+
+    def _dependencies(self, task: Task) -> tuple[tuple[str, str], ...]:
+        """Return the direct dependencies of a task with the keys of their installed files.
+
+        A key covers the package's own tree and the keys of its dependencies, and no path. If a rebuilt
+        package has an identical tree, the keys of its dependents do not change.
+        """
+        context = self._context
+        for name in task.needs:  # all of them, in topological order
+            if name in self._installed_keys:
+                continue
+            record = context.records[name]
+            tree = record.tree
+            if not tree:
+                try:
+                    tree = scan_tree(name, context.layout, record, context.relocator).digest
+                except (Uncacheable, OSError):
+                    tree = _uncacheable_tree(record)
+                self.computed_trees[name] = tree
+            parts = (tree, *(self._installed_keys[need] for need in sorted(context.needs[name])))
+            self._installed_keys[name] = hashlib.sha256("\0".join(parts).encode()).hexdigest()
+        return tuple((need, self._installed_keys[need]) for need in sorted(context.needs[task.name]))
 
     def _package_programs(self, task: Task) -> list[str]:
         """Return the content digests of programs that only this package names."""
@@ -380,3 +398,8 @@ class PackageCache:
             self._warned = True
             hint = "packages are built instead; run 'forge cache verify' to find corrupt files"
             self._warn(Problem(f"the cache: {fault}", hint=hint))
+
+
+def _uncacheable_tree(record: BuildRecord) -> str:
+    """Return a substitute tree digest for a package that cannot be cached; it is valid at one path only."""
+    return f"unfit {record.installed.digest}"

@@ -78,10 +78,13 @@ class Relocator:
             return content
         if b"\0" in content or _MARK in content:
             return NonRelocatable(self.name_in(content))
-        relative = self._paths_regex.sub(
+        relative = self._with_placeholders(content)
+        return NonRelocatable(self.name_in(relative)) if self._any_spelling.search(relative) else relative
+
+    def _with_placeholders(self, content: bytes) -> bytes:
+        return self._paths_regex.sub(
             lambda match: (match[1] or b"") + self._placeholder_of[match[2]], content
         )
-        return NonRelocatable(self.name_in(relative)) if self._any_spelling.search(relative) else relative
 
     def occur_in(self, content: bytes | mmap) -> bool:
         """Return True if a file contains a path of the workspace, or text that looks like a placeholder."""
@@ -100,10 +103,7 @@ class Relocator:
 
     def relativize_word(self, text: str) -> str:
         """Return an option or path with placeholders for the workspace's paths where possible."""
-        content = text.encode(errors="surrogateescape")
-        relative = self._paths_regex.sub(
-            lambda match: (match[1] or b"") + self._placeholder_of[match[2]], content
-        )
+        relative = self._with_placeholders(text.encode(errors="surrogateescape"))
         return relative.decode(errors="surrogateescape")
 
     def absolutize_word(self, text: str) -> str:

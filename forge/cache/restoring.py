@@ -63,15 +63,15 @@ class TreeWriter:
         for leaf in tree.leaves:
             new = self._folder(leaf.path.rpartition("/")[0])
             path = f"{self._prefix}/{leaf.path}"
-            if leaf.target is not None:
-                self._link(path, self._relocator.absolutize_word(leaf.target))
-            elif leaf.offset < 0:
-                self._copy(path, leaf, contents.large(leaf), new=new)
-            else:
-                content = contents.small(leaf)
-                self._write(
-                    path, leaf, self._relocator.absolutize(content) if leaf.relocatable else content, new=new
-                )
+            if leaf.target is None:
+                self._write(path, leaf, contents, new=new)
+                continue
+            target = self._relocator.absolutize_word(leaf.target)
+            if os.path.lexists(path):
+                if os.path.islink(path) and os.readlink(path) == target:
+                    continue
+                os.unlink(path)
+            os.symlink(target, path)
         for folder, _ in tree.folders:
             self._folder(folder)
         for folder, mode in reversed(tree.folders):
@@ -103,49 +103,32 @@ class TreeWriter:
         if not os.path.isdir(real) or not f"{real}/".startswith(f"{os.path.realpath(self._prefix)}/"):
             raise NotADirectoryError(20, "not a folder below the prefix", path)
 
-    def _write(self, path: str, leaf: Leaf, content: bytes, *, new: bool) -> None:
-        if not new and _has_content(path, leaf.mode, content):
-            return
-        descriptor = _create(path, leaf.mode, new=new)
+    def _write(self, path: str, leaf: Leaf, contents: Contents, *, new: bool) -> None:
+        """Write a file, unless it is small and identical; `new` tells that its folder was empty."""
+        content = None
+        if leaf.offset >= 0:
+            content = contents.small(leaf)
+            content = self._relocator.absolutize(content) if leaf.relocatable else content
+        if not new and os.path.lexists(path):
+            if content is not None and _has_content(path, leaf.mode, content):
+                return
+            # Never write into an existing file: it may be a symbolic or hard link.
+            os.unlink(path)
+        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, leaf.mode)
         try:
-            rest = memoryview(content)
+            if content is None:
+                copy_bytes(contents.large(leaf), descriptor, leaf.size)
+            rest = memoryview(content or b"")
             while rest:
                 rest = rest[os.write(descriptor, rest) :]
-            status = _with_mode(descriptor, leaf.mode)
+            status = os.fstat(descriptor)
+            if stat.S_IMODE(status.st_mode) != leaf.mode:  # the umask has removed permissions
+                os.fchmod(descriptor, leaf.mode)
+                status = os.fstat(descriptor)
         finally:
             os.close(descriptor)
-        self.written.append((path, status, hashlib.blake2b(content, digest_size=16).hexdigest()))
-
-    def _copy(self, path: str, leaf: Leaf, source: int, *, new: bool) -> None:
-        descriptor = _create(path, leaf.mode, new=new)
-        try:
-            copy_bytes(source, descriptor, leaf.size)
-            _with_mode(descriptor, leaf.mode)
-        finally:
-            os.close(descriptor)
-
-    def _link(self, path: str, target: str) -> None:
-        if os.path.lexists(path):
-            if os.path.islink(path) and os.readlink(path) == target:
-                return
-            os.unlink(path)
-        os.symlink(target, path)
-
-
-def _create(path: str, mode: int, *, new: bool) -> int:
-    if not new and os.path.lexists(path):
-        # Never write into an existing file: it may be a symbolic or hard link.
-        os.unlink(path)
-    return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode)
-
-
-def _with_mode(descriptor: int, mode: int) -> os.stat_result:
-    """Set the permissions of a file if the umask has removed some; return its stat."""
-    status = os.fstat(descriptor)
-    if stat.S_IMODE(status.st_mode) != mode:
-        os.fchmod(descriptor, mode)
-        status = os.fstat(descriptor)
-    return status
+        if content is not None:
+            self.written.append((path, status, hashlib.blake2b(content, digest_size=16).hexdigest()))
 
 
 def _has_content(path: str, mode: int, content: bytes) -> bool:

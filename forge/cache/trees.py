@@ -259,20 +259,17 @@ def _leaf_of(entry: list[Any]) -> Leaf:
 
 def _check_paths(tree: Tree) -> None:
     """Raise ValueError if a path is duplicated or leads through one that is not a folder."""
-    paths = {leaf.path for leaf in tree.leaves}
-    if len(paths) != len(tree.leaves):
+    files, checked = {leaf.path for leaf in tree.leaves}, set[str]()
+    paths = files.union(path for path, _ in tree.folders)
+    if len(paths) != len(tree.leaves) + len(tree.folders):
         raise ValueError("duplicate path")
-    checked: set[str] = set()
-    folders = {path for path, _ in tree.folders}
-    for path in (*paths, *folders):
+    for path in paths:
         for parent in _parents(path):
             if parent in checked:
                 break
-            if parent in paths:
+            if parent in files:
                 raise ValueError(f"a parent of '{path}' is not a folder")
             checked.add(parent)
-    if paths & folders or len(folders) != len(tree.folders):
-        raise ValueError("duplicate path")
 
 
 def _parents(path: str) -> Iterator[str]:
