@@ -5,7 +5,8 @@
         jobs: int = option("maximum number of jobs", default=0, parse=positive_number, metavar="N")
 
 forge.cli.options adds an argument for each such field, and fills the dataclass. Other packages see only
-the dataclass.
+the dataclass. A field without an option gets the parser's value of that name, if there is one. GROUP is the
+title of the options in the help.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from dataclasses import Field
 
-_KEY = "option"
+_KEY, _NESTED = "option", "options"
 
 
 @frozen
@@ -67,6 +68,11 @@ def option(
     return field(default=default, metadata=metadata)
 
 
+def options_of(cls: Callable[[], Any]) -> Any:
+    """Return a field with the options of another dataclass."""
+    return field(default_factory=cls, metadata={_NESTED: cls})
+
+
 def option_of(declared: Field[Any]) -> Option | None:
     """Return the Option of a field, None if it is not set on the command line."""
     declared_option: Option | None = declared.metadata.get(_KEY)
@@ -77,7 +83,7 @@ def default_of(declared: Field[Any]) -> object:
     return declared.default if declared.default_factory is MISSING else declared.default_factory()
 
 
-def declared_options(cls: Any) -> Sequence[tuple[Field[Any], Option]]:
-    """Return the fields of a dataclass that are options, in their order."""
-    fields: Sequence[Field[Any]] = tuple(cls.__dataclass_fields__.values())
-    return [(each, found) for each in fields if (found := option_of(each)) is not None]
+def nested_options(declared: Field[Any]) -> Callable[..., Any] | None:
+    """Return the dataclass of a field by `options_of`, None for other fields."""
+    nested: Callable[..., Any] | None = declared.metadata.get(_NESTED)
+    return nested

@@ -52,6 +52,8 @@ def byte_count(text: str) -> int:
 class CacheOptions:
     """The options of the package cache."""
 
+    GROUP = "package cache"
+
     cache: str | None = option(
         "restore installed files of packages from a cache, and store them there (default folder: "
         "~/.cache/forge/packages)",

@@ -9,33 +9,33 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from forge.base.distributions import check_distribution, distribution_option
 from forge.base.errors import Problem, SelectionError
 from forge.base.frozen import frozen
-from forge.base.options import default_of, option, option_of
+from forge.base.options import default_of, option, option_of, options_of
 from forge.cache.opening import CacheOptions
-from forge.cli import package_options
-from forge.cli.options import FolderOptions, add_options, read_options
+from forge.cli.options import FolderOptions
+from forge.cli.package_options import OptionSources
 from forge.execution.executor import ExecutorOptions
 from forge.execution.options import JobOptions
 from forge.output.handlers import ReportOptions
 from forge.toolchain.compiler_launchers.choice import LAUNCHERS, NONE, selected_launcher
 from forge.toolchain.targets import CrossOptions
+from forge.workspace.selection import Query
 
 if TYPE_CHECKING:
-    import argparse
     from collections.abc import Iterator
 
-    from forge.cli.main import Parser
     from forge.output.reporters import Start
-    from forge.workspace.selection import Query
 
 _Options = TypeVar("_Options")
 
-_OUTPUT = "output options"
+_OUTPUT = ReportOptions.GROUP
 _NO_EFFECT = "no effect, for compatibility with colcon"
 
 
 @frozen
 class CMakeOptions:
     """The options for CMake packages."""
+
+    GROUP = "CMake options"
 
     cmake_args: tuple[str, ...] = option(
         "arguments for CMake, for all packages; takes all arguments up to the next option of colcon",
@@ -86,14 +86,11 @@ class CMakeOptions:
 class BuildOptions:
     """All options of `forge build`."""
 
-    query: Query
-    folders: FolderOptions
-    cmake: CMakeOptions
-    cross: CrossOptions
-    cache: CacheOptions
-    jobs: JobOptions
-    execution: ExecutorOptions
-    report: ReportOptions
+    GROUP = "build options"
+
+    query: Query = options_of(Query)
+    sources: OptionSources = options_of(OptionSources)
+    folders: FolderOptions = options_of(FolderOptions)
     origin: str = os.curdir
     """The folder in which the command was typed, relative to the workspace."""
     is_rebuild: bool = False
@@ -153,6 +150,12 @@ class BuildOptions:
     print_command: str | None = option(
         "print a command line that repeats the last step of a package", metavar="PKG", group=_OUTPUT
     )
+    cmake: CMakeOptions = options_of(CMakeOptions)
+    cross: CrossOptions = options_of(CrossOptions)
+    cache: CacheOptions = options_of(CacheOptions)
+    jobs: JobOptions = options_of(JobOptions)
+    execution: ExecutorOptions = options_of(ExecutorOptions)
+    report: ReportOptions = options_of(ReportOptions)
 
     @property
     def reporters(self) -> dict[str, Start]:
@@ -204,34 +207,6 @@ class BuildOptions:
             yield "a package cache (--cache, --remote-cache)"
         if selected_launcher(self.cmake.compiler_launcher):
             yield "--compiler-launcher"
-
-
-def add_build_options(parser: Parser) -> None:
-    package_options.add(parser)
-    add_options(parser, "output folders", FolderOptions)
-    add_options(parser, "build options", BuildOptions)
-    add_options(parser, "CMake options", CMakeOptions)
-    add_options(parser, "cross compilation", CrossOptions)
-    add_options(parser, "package cache", CacheOptions)
-    add_options(parser, "parallelism", JobOptions, ExecutorOptions)
-    add_options(parser, _OUTPUT, ReportOptions)
-
-
-def read_build_options(namespace: argparse.Namespace) -> BuildOptions:
-    """Return the options of `forge build`; raises SelectionError for invalid ones."""
-    return read_options(
-        BuildOptions,
-        namespace,
-        query=package_options.query_of(namespace),
-        folders=read_options(FolderOptions, namespace),
-        cmake=read_options(CMakeOptions, namespace),
-        cross=read_options(CrossOptions, namespace),
-        cache=read_options(CacheOptions, namespace),
-        jobs=read_options(JobOptions, namespace),
-        execution=read_options(ExecutorOptions, namespace),
-        report=read_options(ReportOptions, namespace, flags=namespace.flags),
-        origin=namespace.origin,
-    )
 
 
 def for_rebuild(options: BuildOptions) -> BuildOptions:

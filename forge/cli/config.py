@@ -74,6 +74,11 @@ def configured(
     }
     if given.get("mixin") or values.get("mixin"):
         values.update(_mixed(verb, {**values, **given}, known, given, variables))
+    # One of the two on the command line overrides both in files.
+    if "paths" in given and given["paths"] and "base_paths" not in given:
+        values["base_paths"] = []
+    elif "base_paths" in given and "paths" not in given:
+        values["paths"] = []
     return values
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+from dataclasses import fields
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -14,7 +15,7 @@ from forge.base.env_vars import expand_home, setting
 from forge.base.errors import Problem, SelectionError
 from forge.base.frozen import frozen
 from forge.base.layout import Layout
-from forge.base.options import declared_options, default_of, option
+from forge.base.options import default_of, nested_options, option, option_of
 from forge.cli.colcon_options import PASSED_ON
 
 if TYPE_CHECKING:
@@ -31,23 +32,37 @@ LOG_LEVELS = {"debug": 10, "info": 20, "warning": 30, "error": 40, "critical": 5
 """Log levels: info explains why packages are built, debug also prints every command."""
 
 
-def add_options(parser: Parser, title: str, *classes: type) -> None:
-    """Add an argument for each option of the dataclasses, in groups with their titles, by default `title`."""
-    groups = {group.title: group for group in parser._action_groups}
+def add_options(parser: Parser, cls: Any) -> None:
+    """Add an argument for each option of a dataclass, in groups with their titles."""
     exclusive: dict[str, Any] = {}
-    for declared, each in (pair for cls in classes for pair in declared_options(cls)):
-        heading = each.group or title
-        group = groups[heading] = groups.get(heading) or parser.add_argument_group(heading)
-        if each.conflicts:
-            group = exclusive.setdefault(each.conflicts, None) or group.add_mutually_exclusive_group()
-            exclusive[each.conflicts] = group
-        group.add_argument(*filter(None, (each.short, _flag(declared, each))), **_argument(declared, each))
+    for declared in fields(cls):
+        if nested := nested_options(declared):
+            add_options(parser, nested)
+        if each := option_of(declared):
+            heading = each.group or getattr(cls, "GROUP", "options")
+            group: Any = next((group for group in parser._action_groups if group.title == heading), None)
+            group = group or parser.add_argument_group(heading)
+            if each.conflicts:
+                group = exclusive.setdefault(each.conflicts, None) or group.add_mutually_exclusive_group()
+                exclusive[each.conflicts] = group
+            group.add_argument(
+                *filter(None, (each.short, _flag(declared, each))), **_argument(declared, each)
+            )
 
 
-def read_options(cls: Callable[..., _Options], namespace: argparse.Namespace, **more: object) -> _Options:
-    """Return the dataclass with the values of the parser's arguments; `more` are its other fields."""
-    values = {declared.name: _value(declared, each, namespace) for declared, each in declared_options(cls)}
-    return cls(**values, **more)
+def read_options(cls: Callable[..., _Options], namespace: argparse.Namespace) -> _Options:
+    """Return the dataclass with the values of the parser's arguments."""
+    values: dict[str, object] = {}
+    declared: Field[Any]
+    for declared in fields(cls):  # type: ignore[arg-type]
+        name = declared.name
+        if nested := nested_options(declared):
+            values[name] = read_options(nested, namespace)
+        elif each := option_of(declared):
+            values[name] = _value(declared, each, namespace)
+        elif hasattr(namespace, name):
+            values[name] = getattr(namespace, name)
+    return cls(**values)
 
 
 def _flag(declared: Field[Any], each: Option) -> str:
@@ -146,12 +161,16 @@ def _target_option() -> Any:
 class TargetOptions:
     """The platform, for commands that use the results of a build."""
 
+    GROUP = "platform"
+
     target: Target | None = _target_option()
 
 
 @frozen
 class FolderOptions:
     """The options for build, install and log folders."""
+
+    GROUP = "output folders"
 
     build_base: str = option("build folder (default: build)", default="build", metavar="DIR")
     install_base: str = option("install folder (default: install)", default="install", metavar="DIR")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from forge.base.frozen import frozen
 from forge.base.options import option
 from forge.cli.options import add_options, read_options
-from forge.workspace.selection import DISCOVERY, Query, SearchPaths
+from forge.workspace.selection import Query
 
 if TYPE_CHECKING:
     import argparse
@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 @frozen
 class OptionSources:
     """Where options come from besides the command line: forge.cli.config reads them."""
+
+    GROUP = "options from files"
 
     profile: str | None = option("use the options of this profile in forge.toml", metavar="NAME")
     mixin: tuple[str, ...] | None = option(
@@ -40,28 +42,19 @@ class ListingOptions:
 
 def add(parser: Parser) -> None:
     """Add the options for package discovery and selection."""
-    add_options(parser, DISCOVERY, SearchPaths)
-    add_options(parser, "package selection", Query)
-    add_options(parser, "options from files", OptionSources)
+    add_options(parser, Query)
+    add_options(parser, OptionSources)
 
 
 def add_listing(parser: Parser) -> None:
     """Add the options of commands that show packages and build none."""
     add(parser)
-    add_options(parser, "options", ListingOptions)
+    add_options(parser, ListingOptions)
 
 
 def query_of(options: argparse.Namespace) -> Query:
-    """Return the package options as given; raises SelectionError for an invalid depth.
-
-    If the command line has only one of --paths and --base-paths, it overrides both in option files.
-    """
-    search, given = read_options(SearchPaths, options), getattr(options, "given", ())
-    if "paths" in given and options.paths and "base_paths" not in given:
-        search = replace(search, base_paths=())
-    elif "base_paths" in given and "paths" not in given:
-        search = replace(search, paths=())
-    return read_options(Query, options, search=search, build_base=options.build_base)
+    """Return the package options as given; raises SelectionError for an invalid depth."""
+    return read_options(Query, options)
 
 
 def has_selection(options: argparse.Namespace) -> bool:

@@ -100,6 +100,8 @@ _NAMES = _Names((*EXECUTORS, *installed(PLUGINS)))
 class ExecutorOptions:
     """The options that choose where packages are built: here, or where a plugin builds them."""
 
+    GROUP = "parallelism"
+
     executor: str = option(
         "how to build packages: in parallel, one at a time in topological order (sequential), or on a "
         "Dask cluster (dask, requires --scheduler) (default: parallel)",

@@ -35,6 +35,8 @@ def _memory_limit(text: str) -> MemoryLimit:
 class JobOptions:
     """The options for parallelism on this machine."""
 
+    GROUP = "parallelism"
+
     jobs: int | None = option(
         "maximum number of jobs, compilers of all packages included (default: from a parent make or "
         "MAKEFLAGS, else the available CPUs)",

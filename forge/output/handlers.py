@@ -72,6 +72,8 @@ def without_text_output(handlers: Mapping[str, bool]) -> dict[str, bool]:
 class ReportOptions:
     """The options for the output of a build or of tests."""
 
+    GROUP = "output options"
+
     event_handlers: tuple[str, ...] = option(
         "enable (+) or disable (-) event handlers: 'console_direct+' prints output immediately, 'status-' "
         "disables the status line; 'forge extensions' lists all",

@@ -43,6 +43,8 @@ def _python_version(text: str) -> tuple[int, int]:
 class CrossOptions:
     """How to build for the platform of --target."""
 
+    GROUP = "cross compilation"
+
     toolchain_file: Path | None = option(
         "CMake toolchain file with the compilers for --target (default: zig's, from the extra 'cross')",
         parse=_absolute,

@@ -13,7 +13,7 @@ from forge.base.errors import Problem, SelectionError, raise_if_any
 from forge.base.frozen import frozen
 from forge.base.graph import closure, closures, reverse
 from forge.base.names import did_you_mean
-from forge.base.options import option
+from forge.base.options import option, options_of
 from forge.workspace.model import Selection
 
 if TYPE_CHECKING:
@@ -61,12 +61,11 @@ def _depth(words: Sequence[str]) -> tuple[int, tuple[str, ...]]:
     return int(first), tuple(names)
 
 
-DISCOVERY = "package discovery"
-
-
 @frozen
 class SearchPaths:
     """Paths for package discovery, relative to the root, and metadata files."""
+
+    GROUP = "package discovery"
 
     base_paths: tuple[str, ...] = option(
         "search these folders recursively for packages (default: .)", default=(".",), metavar="PATH"
@@ -88,16 +87,20 @@ class SearchPaths:
 class Query:
     """The package options of a command line; None and () for options that were not given."""
 
+    GROUP = "package selection"
+    search: SearchPaths = options_of(SearchPaths)
     ignore: tuple[str, ...] = _names(
-        "--packages-ignore", "ignore these packages, as if they did not exist", group=DISCOVERY
+        "--packages-ignore", "ignore these packages, as if they did not exist", group=SearchPaths.GROUP
     )
     ignore_regex: tuple[str, ...] = _patterns(
-        "--packages-ignore-regex", "ignore packages whose name matches one of these patterns", group=DISCOVERY
+        "--packages-ignore-regex",
+        "ignore packages whose name matches one of these patterns",
+        group=SearchPaths.GROUP,
     )
     no_test_dependencies: bool = _flag(
         "--no-test-dependencies",
         "ignore dependencies that only tests need; for build, do not build the tests that need them",
-        group=DISCOVERY,
+        group=SearchPaths.GROUP,
     )
     select: tuple[str, ...] | None = _names("--packages-select", "process only these packages", default=None)
     select_regex: tuple[str, ...] | None = _patterns(
@@ -178,7 +181,6 @@ class Query:
     )
     build_base: str = "build"
     """The folder with the results of earlier builds and tests."""
-    search: SearchPaths = SearchPaths()
 
     @property
     def named(self) -> frozenset[str]:

@@ -19,6 +19,8 @@ def _absolute(path: str) -> Path:
 class TestOptions:
     """The options of `forge test` itself."""
 
+    GROUP = "test options"
+
     __test__ = False  # pytest collects classes with this prefix
 
     test_result_base: Path | None = option(

@@ -21,8 +21,8 @@ from forge.build.planning import make_whole_plan
 from forge.build.snapshot import take_snapshot
 from forge.build.state import open_state
 from forge.cli.build_mode import BuildMode
-from forge.cli.build_options import add_build_options, read_build_options
-from forge.cli.options import LOG_LEVELS
+from forge.cli.build_options import BuildOptions
+from forge.cli.options import LOG_LEVELS, add_options, read_options
 from forge.cli.preparation import (
     build_variables,
     check_before_planning,
@@ -49,24 +49,23 @@ if TYPE_CHECKING:
     from forge.build.recipes.context import BuildContext
     from forge.build.state import BuildState
     from forge.build.tasks import BuildPlan
-    from forge.cli.build_options import BuildOptions
     from forge.cli.main import Parser
     from forge.workspace.load import LoadedWorkspace
     from forge.workspace.model import Package
 
 
 def register(parser: Parser) -> None:
-    add_build_options(parser)
+    add_options(parser, BuildOptions)
 
 
 def run(namespace: argparse.Namespace) -> int:
     """Build once, or repeatedly with --watch; returns like `build`."""
-    options = read_build_options(namespace)
+    options = read_options(BuildOptions, namespace)
     options.check()
     if options.watch:
         from forge.cli.watch.watching import watch
 
-        return watch(options, lambda: read_build_options(namespace.read_again()), build)
+        return watch(options, lambda: read_options(BuildOptions, namespace.read_again()), build)
     return build(options, BuildMode())
 
 

@@ -24,7 +24,7 @@ _MEGABYTE = 1_000_000
 
 def register(parser: Parser) -> None:
     parser.add_argument("-o", "--output", metavar="FILE", help="archive to write (default: WORKSPACE.tar.gz)")
-    add_options(parser, "platform", TargetOptions)
+    add_options(parser, TargetOptions)
     parser.add_argument(
         "--with-build-files",
         action="store_true",

@@ -75,7 +75,7 @@ def register(parser: Parser) -> None:
         help="folders to remove, for 'workspace' (default: all)",
     )
     package_options.add(parser)
-    shared.add_options(parser, "output folders", shared.FolderOptions)
+    shared.add_options(parser, shared.FolderOptions)
 
 
 def run(options: argparse.Namespace) -> int:

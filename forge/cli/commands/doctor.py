@@ -43,7 +43,7 @@ EXIT_USER = 2
 
 def register(parser: Parser) -> None:
     package_options.add(parser)
-    shared.add_options(parser, "output folders", shared.FolderOptions)
+    shared.add_options(parser, shared.FolderOptions)
     parser.add_argument(
         "--python", metavar="PATH", help="interpreter to check (default: as for 'forge build')"
     )

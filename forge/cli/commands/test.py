@@ -62,10 +62,10 @@ if TYPE_CHECKING:
 
 def register(parser: Parser) -> None:
     package_options.add(parser)
-    add_options(parser, "output folders", FolderOptions)
-    add_options(parser, "test options", TestOptions)
-    add_options(parser, "parallelism", JobOptions)
-    add_options(parser, "output options", ReportOptions)
+    add_options(parser, FolderOptions)
+    add_options(parser, TestOptions)
+    add_options(parser, JobOptions)
+    add_options(parser, ReportOptions)
 
 
 def run(namespace: argparse.Namespace) -> int:
@@ -73,7 +73,7 @@ def run(namespace: argparse.Namespace) -> int:
     began = time.monotonic()
     root, options = Path.cwd(), read_options(TestOptions, namespace)
     folders, jobs = read_options(FolderOptions, namespace), read_options(JobOptions, namespace)
-    reports = read_options(ReportOptions, namespace, flags=namespace.flags)
+    reports = read_options(ReportOptions, namespace)
     reporters = reports.reporters(*(("coverage",) if options.coverage else ()))
     query = package_options.query_of(namespace)
     layout, warn = folders.layout(root), WarningReporter()

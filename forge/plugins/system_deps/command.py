@@ -103,7 +103,7 @@ def _add_actions(parser: Parser) -> None:
 
 def _add_sources(parser: Parser) -> None:
     """Add the options that choose the names of system packages."""
-    shared.add_options(parser, "options", shared.DistributionOptions)
+    shared.add_options(parser, shared.DistributionOptions)
     parser.add_argument(
         "--rosdep-file",
         nargs="+",

@@ -66,7 +66,7 @@ def add_includes(parser: Parser) -> None:
 
 def add_distribution(parser: Parser) -> None:
     """Add the option for the ROS distribution of embedded definitions."""
-    add_options(parser, "options", DistributionOptions)
+    add_options(parser, DistributionOptions)
 
 
 def includes_of(options: argparse.Namespace) -> dict[str, Path]:
