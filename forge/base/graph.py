@@ -75,21 +75,6 @@ def closure(needs: Mapping[str, frozenset[str]], names: Iterable[str]) -> frozen
     return frozenset(found)
 
 
-def contracted(needs: Mapping[str, Iterable[str]], names: Collection[str]) -> dict[str, frozenset[str]]:
-    """Return the dependencies of `names` on each other, direct or through other names."""
-    contracted_needs = {}
-    for name in names:
-        seen: set[str] = set()
-        waiting = list(needs.get(name, ()))
-        while waiting:
-            need = waiting.pop()
-            if need not in seen:
-                seen.add(need)
-                waiting.extend(() if need in names else needs.get(need, ()))
-        contracted_needs[name] = frozenset(need for need in seen if need in names)
-    return contracted_needs
-
-
 class RecursiveDependencies(Collection[str]):
     """The recursive dependencies of each name, computed on demand.
 

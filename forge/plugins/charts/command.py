@@ -68,7 +68,7 @@ def _text(chart: PackageGraph, options: argparse.Namespace, root: Path) -> str:
 
         records = open_journal(root / options.build_base).records
         seconds = {name: record.seconds for name, record in records.items() if record.seconds}
-        graph = graph_formats.drawn_graph(chart)
+        graph = graph_formats.reduced_among(chart.needs, chart.ordered, chart.selected)
         picture = drawn(chart, graph, seconds)
         title = f"{graph_formats.printable(root.name)}: {len(picture.nodes)} packages"
         if options.svg:

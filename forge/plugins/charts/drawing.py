@@ -17,8 +17,6 @@ from forge.workspace.selection import name_of
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    import networkx as nx
-
     from forge.plugins.charts.graph_formats import PackageGraph
     from forge.plugins.charts.layering import Spot
     from forge.workspace.model import Package
@@ -76,7 +74,7 @@ class Picture:
     timed: bool
 
 
-def drawn(chart: PackageGraph, graph: nx.DiGraph[str], seconds: Mapping[str, float]) -> Picture:
+def drawn(chart: PackageGraph, graph: Mapping[str, Sequence[str]], seconds: Mapping[str, float]) -> Picture:
     """Return the picture of a chart's drawn graph; heights show build times."""
     shown = chart.shown
     times = {node: seconds[name_of(node)] for node in shown if name_of(node) in seconds}
@@ -102,7 +100,7 @@ def drawn(chart: PackageGraph, graph: nx.DiGraph[str], seconds: Mapping[str, flo
 
 
 def facts(
-    chart: PackageGraph, graph: nx.DiGraph[str], seconds: Mapping[str, float]
+    chart: PackageGraph, graph: Mapping[str, Sequence[str]], seconds: Mapping[str, float]
 ) -> list[dict[str, object]]:
     """Return the details of each node for the page, by index; `lines` are the drawn edges."""
     shown = chart.shown

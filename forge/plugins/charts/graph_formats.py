@@ -6,15 +6,13 @@ import re
 from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
-from forge.base.graph import closures, contracted
+from forge.base.graph import closures, reduced
 from forge.workspace.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS
 from forge.workspace.selection import name_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
     from pathlib import PurePath
-
-    import networkx as nx
 
     from forge.workspace.model import Package
 
@@ -100,25 +98,19 @@ def mermaid(chart: PackageGraph) -> Iterator[str]:
     numbers = {node: number for number, node in enumerate(shown)}
     yield "flowchart TD"
     yield from (f'  p{number}["{_in_mermaid(name_of(node))}"]' for node, number in numbers.items())
-    graph = drawn_graph(chart)
+    graph = reduced_among(chart.needs, chart.ordered, chart.selected)
     yield from (f"  p{numbers[node]} --> p{numbers[need]}" for node in shown for need in graph[node])
 
 
-def drawn_graph(chart: PackageGraph) -> nx.DiGraph[str]:
-    """Return the dependencies among selected nodes, also over hidden ones, without implied ones.
+def reduced_among(
+    needs: Mapping[str, frozenset[str]], ordered: Iterable[str], nodes: Collection[str]
+) -> dict[str, tuple[str, ...]]:
+    """Return the dependencies of `nodes` on each other, also over other nodes, without implied ones.
 
-    Nodes and their successors are in topological order.
+    `ordered` is a topological order of all nodes, and that of the result.
     """
-    import networkx as nx
-
-    needs = contracted(chart.needs, chart.selected)
-    graph = nx.DiGraph((node, need) for node in chart.shown for need in needs[node])
-    graph.add_nodes_from(chart.shown)
-    reduced = nx.transitive_reduction(graph)
-    ordered: nx.DiGraph[str] = nx.DiGraph()
-    ordered.add_nodes_from(chart.shown)
-    ordered.add_edges_from((node, need) for need in chart.shown for node in reduced.predecessors(need))
-    return ordered
+    below = closures(needs, ordered)
+    return reduced(below, [node for node in below if node in nodes])
 
 
 def printable(text: str) -> str:

@@ -12,8 +12,6 @@ from bisect import bisect_right, insort
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-import networkx as nx
-
 from forge.base.frozen import frozen
 
 if TYPE_CHECKING:
@@ -71,30 +69,31 @@ class _Graph:
         return self.layer[vertex[0]] == vertex[1]
 
 
-def lay_out(needs: nx.DiGraph[str], sizes: Mapping[str, tuple[float, float]]) -> GraphLayout:
-    """Lay out a graph whose edges lead to dependencies; `sizes` contains widths and heights.
+def lay_out(needs: Mapping[str, Sequence[str]], sizes: Mapping[str, tuple[float, float]]) -> GraphLayout:
+    """Lay out dependencies in topological order; `sizes` contains widths and heights.
 
     Nodes without edges are placed in rows below the others.
     """
-    alone = list(nx.isolates(needs))
-    tied = needs.copy()
-    tied.remove_nodes_from(alone)
+    used = {need for dependencies in needs.values() for need in dependencies}
+    alone = [name for name in needs if not needs[name] and name not in used]
+    tied = {name: needs[name] for name in needs if needs[name] or name in used}
     graph = _layered(tied)
     columns = _with_few_crossings(graph)
     return _beneath(_drawn(columns, _levels(columns, graph, sizes), graph, tied, sizes), alone, sizes)
 
 
-def _layered(needs: nx.DiGraph[str]) -> _Graph:
-    generations = list(nx.topological_generations(needs.reverse()))
-    layer = {name: at for at, names in enumerate(generations) for name in names}
-    columns: list[list[Vertex]] = [[] for _ in generations]
+def _layered(needs: Mapping[str, Sequence[str]]) -> _Graph:
+    layer: dict[str, int] = {}
+    last: dict[str, int] = {}
+    for name, dependencies in needs.items():
+        layer[name] = last[name] = 1 + max((layer[need] for need in dependencies), default=-1)
+        last.update({need: max(last[need], layer[name] - 1) for need in dependencies})
+    columns: list[list[Vertex]] = [[] for _ in range(1 + max(layer.values(), default=-1))]
     left: dict[Vertex, list[Vertex]] = {}
-    for name in needs:
-        first = layer[name]
-        last = max((layer[user] - 1 for user in needs.predecessors(name)), default=first)
+    for name, first in layer.items():
         left[name, first] = [(need, first - 1) for need in needs[name]]
-        left.update({(name, later): [(name, later - 1)] for later in range(first + 1, last + 1)})
-        for at in range(first, last + 1):
+        left.update({(name, later): [(name, later - 1)] for later in range(first + 1, last[name] + 1)})
+        for at in range(first, last[name] + 1):
             columns[at].append((name, at))
     right: dict[Vertex, list[Vertex]] = {vertex: [] for vertex in left}
     for vertex, before in left.items():
@@ -202,7 +201,7 @@ def _drawn(
     columns: Columns,
     levels: Mapping[Vertex, float],
     graph: _Graph,
-    needs: nx.DiGraph[str],
+    needs: Mapping[str, Sequence[str]],
     sizes: Mapping[str, tuple[float, float]],
 ) -> GraphLayout:
     edges = list(_edges(columns, graph, sizes))
@@ -219,7 +218,7 @@ def _drawn(
             yield from ((edge, level) for edge in edges[between])
         yield end.x, end.y
 
-    lines = {(name, need): tuple(points(name, need)) for name, need in needs.edges}
+    lines = {(name, need): tuple(points(name, need)) for name in needs for need in needs[name]}
     return GraphLayout(spots, lines, edges[-1][1] if edges else 0.0, bottom - top)
 
 

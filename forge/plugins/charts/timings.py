@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import networkx as nx
 
 from forge.base.frozen import frozen
-from forge.base.graph import contracted
 from forge.cache.model import RESTORED
+from forge.plugins.charts.graph_formats import reduced_among
 from forge.toolchain.compiler_launchers.launcher_stats import LauncherSummary
 
 if TYPE_CHECKING:
@@ -94,10 +94,12 @@ def read_build(lines: Iterable[str]) -> Build:
     ended = events[-1]["time"] if events else 0.0
     summary = next((event for event in events if event["event"] == "Summary"), {})
     usage = next((event for event in events if event["event"] == "Usage"), None)
-    planned = {event["package"]: event.get("needs", ()) for event in events if event["event"] == "Planned"}
+    planned = {
+        event["package"]: frozenset(event.get("needs", ())) for event in events if event["event"] == "Planned"
+    }
     started = {event["package"] for event in events if event["event"] == "Started"}
     # A package also waits, over packages that are up to date, for what these depend on.
-    needs = contracted(planned, started)
+    needs = reduced_among(planned, planned, started)
     runs = [_package(own, ended, needs[name]) for name, own in by_package.items() if name in started]
     return Build(
         packages=tuple(sorted(runs, key=lambda run: run.begun)),
@@ -162,7 +164,7 @@ def _parsed(line: str) -> Mapping[str, Any] | None:
     return event if isinstance(event, dict) and {"event", "time"} <= event.keys() else None
 
 
-def _package(events: Sequence[Mapping[str, Any]], ended: float, needs: frozenset[str]) -> PackageRun:
+def _package(events: Sequence[Mapping[str, Any]], ended: float, needs: Iterable[str]) -> PackageRun:
     started, end = _first(events, "Started") or {}, _first(events, "Finished")
     planned = _first(events, "Planned") or {}
     stop = end or _first(events, "Aborted") or {"time": ended}

@@ -9,13 +9,12 @@ from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
-import networkx as nx
 import pytest
 from hypothesis import example, given
 
 from forge.base.templating import render
 from forge.plugins.charts.drawing import drawn, facts
-from forge.plugins.charts.graph_formats import PackageGraph, drawn_graph, mermaid, printable
+from forge.plugins.charts.graph_formats import PackageGraph, mermaid, printable, reduced_among
 from forge.plugins.charts.reporter import trace
 from forge.plugins.charts.timing_views import STEP_KINDS, page
 from forge.plugins.charts.timing_views import facts as timing_facts
@@ -47,7 +46,8 @@ def chart_of(text: str, name: str) -> PackageGraph:
 
 def picture_of(chart: PackageGraph, form: str) -> str:
     """Return the page or the picture of a graph whose packages took a second each."""
-    seconds, graph = dict.fromkeys(chart.ordered, 1.0), drawn_graph(chart)
+    seconds = dict.fromkeys(chart.ordered, 1.0)
+    graph = reduced_among(chart.needs, chart.ordered, chart.selected)
     about: dict[str, object] = {"title": chart.ordered[0], "picture": drawn(chart, graph, seconds)}
     if form == "html":
         about["facts"] = facts(chart, graph, seconds)
@@ -148,7 +148,7 @@ def test_build_pages_contain_no_foreign_elements(text: str, name: str) -> None:
 
 @pytest.mark.parametrize("page", ["charts/templates/graph.svg.j2", "charts/templates/graph.html.j2"])
 def test_templates_of_charts_escape_values(page: str) -> None:
-    empty = drawn(PackageGraph((), {}, {}, frozenset()), nx.DiGraph(), {})
+    empty = drawn(PackageGraph((), {}, {}, frozenset()), {}, {})
     text = render(page, title="<b>&", picture=empty, facts=["</script>"])
     assert "<b>" not in text
     assert "&lt;b&gt;&amp;" in text

@@ -6,7 +6,6 @@ import random
 from itertools import combinations, pairwise
 from typing import TYPE_CHECKING
 
-import networkx as nx
 from hypothesis import given
 
 from forge.base.graph import order, reduced
@@ -24,11 +23,7 @@ def laid_out(graph: Mapping[str, frozenset[str]]) -> tuple[GraphLayout, dict[str
     ordered = order(graph)
     assert ordered is not None
     sizes = {name: (40.0 + 7 * len(name), 20.0 + 5 * (index % 4)) for index, name in enumerate(ordered)}
-    needs = reduced(graph, ordered)
-    drawn: nx.DiGraph[str] = nx.DiGraph()
-    drawn.add_nodes_from(ordered)
-    drawn.add_edges_from((name, need) for name in ordered for need in needs[name])
-    return lay_out(drawn, sizes), sizes
+    return lay_out(reduced(graph, ordered), sizes), sizes
 
 
 @given(graphs())
