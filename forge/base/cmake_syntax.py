@@ -1,8 +1,52 @@
-"""Text for files that CMake reads."""
+"""CMake's syntax: the arguments of its command line, and quoted text in its files."""
 
 from __future__ import annotations
 
 import re
+from itertools import islice
+from typing import TYPE_CHECKING
+
+from forge.base.frozen import frozen
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+_SHORT = frozenset({"-A", "-C", "-D", "-G", "-P", "-T", "-U"})
+_LONG = frozenset({"--preset", "--toolchain"})
+"""Options of CMake with a value, which may be a separate argument."""
+
+
+@frozen
+class CMakeArgument:
+    """An argument of CMake, in one or two words; `option` is '' if it is no option with a value."""
+
+    words: tuple[str, ...]
+    option: str = ""
+    value: str = ""
+
+    @property
+    def definition(self) -> tuple[str, str] | None:
+        """Return the name and the value of a variable that -D defines, else None."""
+        name, separator, value = self.value.partition("=")
+        return (name.partition(":")[0], value) if self.option == "-D" and separator else None
+
+
+def cmake_arguments(words: Iterable[str]) -> Iterator[CMakeArgument]:
+    """Yield the arguments in a command line of CMake."""
+    remaining = iter(words)
+    for word in remaining:
+        name = word.partition("=")[0]
+        option = word[:2] if word[:2] in _SHORT else name if name in _LONG else ""
+        if option and word == option:
+            value = tuple(islice(remaining, 1))
+            yield CMakeArgument((word, *value), option, "".join(value))
+        else:
+            yield CMakeArgument((word,), option, word[len(option) + (option in _LONG) :] if option else "")
+
+
+def definitions(words: Iterable[str]) -> Iterator[tuple[str, str]]:
+    """Yield name and value of each variable that the arguments define."""
+    return (found for argument in cmake_arguments(words) if (found := argument.definition))
 
 
 def quoted(*elements: str) -> str:

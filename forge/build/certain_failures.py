@@ -12,6 +12,7 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from forge.base.cmake_syntax import cmake_arguments
 from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
 from forge.base.graph import closure
@@ -24,11 +25,11 @@ from forge.workspace.resolve import INTERFACE_GROUP, is_ros_name
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping
 
+    from forge.base.cmake_syntax import CMakeArgument
     from forge.base.layout import Layout
     from forge.workspace.model import Package
     from forge.workspace.resolve import DependencyResolution
 
-_DEFINITION = re.compile(r"-D(\w+)(?::\w+)?=")
 _PREFIX_VARIABLES = ("CMAKE_PREFIX_PATH", "AMENT_PREFIX_PATH", "COLCON_PREFIX_PATH")
 _ROOT, _OPTIONAL = Path("/"), Path("/opt")
 
@@ -52,7 +53,7 @@ class CMakeSearch:
         if (
             package.build_type not in CMAKE_TYPES
             or "CMAKE_TOOLCHAIN_FILE" in self.variables
-            or not all(map(_keeps_search, options))
+            or not all(map(_keeps_search, cmake_arguments(options)))
         ):
             return frozenset()
         text = text_or_nothing(package.path / "CMakeLists.txt")
@@ -102,9 +103,8 @@ class CMakeSearch:
         return filter(None, chain(*listed, prefixes_of_path(folders), SYSTEM, (_ROOT, _OPTIONAL)))
 
 
-def _keeps_search(option: str) -> bool:
-    """Tell whether an option of CMake changes nothing about the search for packages."""
-    definition = _DEFINITION.match(option)
-    if definition:
-        return not changes_search((definition[1],))
-    return option.startswith(("-G", "-W", "--warn", "--no-warn", "--log-level"))
+def _keeps_search(argument: CMakeArgument) -> bool:
+    """Tell whether an argument of CMake changes nothing about the search for packages."""
+    if argument.definition:
+        return not changes_search(argument.definition[:1])
+    return argument.words[0].startswith(("-G", "-W", "--warn", "--no-warn", "--log-level"))

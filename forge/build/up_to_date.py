@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import enum
 import hashlib
-import re
 from typing import TYPE_CHECKING
 
+from forge.base.cmake_syntax import cmake_arguments
 from forge.base.frozen import frozen
 
 if TYPE_CHECKING:
@@ -232,7 +232,10 @@ def _changed_options(now: Sequence[str], then: Sequence[str]) -> InputChange:
 def _own_options(options: Sequence[str]) -> list[str]:
     """Return the options after those of every package, with that for links first."""
     links = [SYMLINK_INSTALL] if options[_LAYOUT].endswith(LINKS) else []
-    return [*links, *_definitions(options[len(COMMON_OPTIONS) :])]
+    return [
+        *links,
+        *(" ".join(argument.words) for argument in cmake_arguments(options[len(COMMON_OPTIONS) :])),
+    ]
 
 
 def _changed_common_option(now: Sequence[str], then: Sequence[str]) -> InputChange | None:
@@ -244,12 +247,6 @@ def _changed_common_option(now: Sequence[str], then: Sequence[str]) -> InputChan
             # Paths of folders differ from package to package, the name does not.
             return InputChange(InputKind.OTHER, f"the {name} changed from '{old}' to '{new}'", (name,))
     return None
-
-
-def _definitions(options: Iterable[str]) -> list[str]:
-    """Return the options, with those that CMake accepts as two arguments joined."""
-    joined = re.sub(r"(?m)^(-[DU])\n", r"\1 ", "\n".join(options))
-    return joined.split("\n") if joined else []
 
 
 INSTALL_LAYOUT = "install layout"

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import os
-import re
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from forge.base.cmake_syntax import definitions
 from forge.base.env_vars import home, setting
 from forge.base.errors import Location, Problem, SelectionError, WorkspaceError
 from forge.base.files import read_file
@@ -55,8 +55,8 @@ _BUILT_IN: dict[str, dict[str, dict[str, Any]]] = {
 }
 """Mixins by command. Those that colcon-mixin-repository has too have its names and the same effect."""
 
-_COMPILER_FLAGS = re.compile(
-    r"-D(CMAKE_(?:C|CXX|EXE_LINKER|MODULE_LINKER|SHARED_LINKER)_FLAGS)(?::STRING)?=(.*)", re.DOTALL
+_COMPILER_FLAGS = frozenset(
+    f"CMAKE_{name}_FLAGS" for name in ("C", "CXX", "EXE_LINKER", "MODULE_LINKER", "SHARED_LINKER")
 )
 
 
@@ -140,12 +140,11 @@ def _with_joined_flags(words: list[Any]) -> list[Any]:
     joined: list[Any] = []
     places: dict[str, int] = {}
     for word in words:
-        match = _COMPILER_FLAGS.fullmatch(word) if isinstance(word, str) else None
-        if match is None:
+        name, value = next(definitions([str(word)]), ("", ""))
+        flags = _without_quotes(value)
+        if name not in _COMPILER_FLAGS:
             joined.append(word)
-            continue
-        name, flags = match[1], _without_quotes(match[2])
-        if name in places:
+        elif name in places:
             joined[places[name]] += f" {flags}"
         else:
             places[name] = len(joined)

@@ -7,20 +7,16 @@ hidden for single packages, and reported once if no package used a variable.
 from __future__ import annotations
 
 import re
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
+from forge.base.cmake_syntax import cmake_arguments, definitions
 from forge.base.errors import Problem
 from forge.base.names import nearest
-from forge.toolchain.programs import definitions
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
 _WITHOUT_D = re.compile(r"[A-Za-z_]\w*(?::[A-Z]+)?=")
-_WANTING = frozenset({"-D", "-C", "-G", "-T", "-A", "-P", "-U", "--toolchain", "--preset"})
-"""Options of CMake whose value is a separate argument."""
-
 _SIMILAR = 0.85
 _POLICY_DEFAULT = "CMAKE_POLICY_DEFAULT_"
 _COMPLAINT = re.compile(
@@ -40,8 +36,8 @@ _WELL_KNOWN = (
 
 def suspicious_arguments(words: Sequence[str]) -> Iterator[Problem]:
     """Yield arguments that CMake treats as a path, but that look like definitions."""
-    for before, word in zip(("", *words), words, strict=False):
-        if _WITHOUT_D.match(word) and before not in _WANTING:
+    for word in (argument.words[0] for argument in cmake_arguments(words)):
+        if _WITHOUT_D.match(word):
             name = re.split("[:=]", word[1:])[0]
             meant = word[0] == "D" and (name in _WELL_KNOWN or name.startswith("CMAKE_"))
             hint = f"write -{word}" if meant else f"write -D{word}"
@@ -50,9 +46,9 @@ def suspicious_arguments(words: Sequence[str]) -> Iterator[Problem]:
 
 def unset_definitions(words: Sequence[str]) -> Iterator[Problem]:
     """Yield definitions without a value, which CMake rejects."""
-    for word, following in pairwise((*words, "")):
-        name = following if word == "-D" else word[2:]
-        if word.startswith("-D") and "=" not in name:
+    for argument in cmake_arguments(words):
+        if argument.option == "-D" and argument.definition is None:
+            name = argument.value
             hint = f"write -D{name}=ON, or another value" if name else "write -DNAME=VALUE"
             yield Problem(f"--cmake-args contains '-D{name}' without a value", hint=hint)
 

@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from forge.base.cmake_syntax import definitions
 from forge.base.digests import digest
 from forge.base.errors import HostError, Problem, raise_if_any
 from forge.base.files import text_or_nothing
@@ -21,7 +22,7 @@ from forge.toolchain.program_lookup import ProgramLookup
 from forge.workspace.cmake_text import calls
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from forge.base.frozen import Pairs
     from forge.workspace.model import Package
@@ -211,16 +212,6 @@ def programs_in(arguments: Sequence[str], lookup: ProgramLookup) -> Pairs:
         if name.endswith(_PROGRAM_VARIABLES) or value.startswith("/"):
             found |= _resolve_wrappers(name, value.replace(";", " "), lookup)
     return tuple(sorted(found.items()))
-
-
-def definitions(arguments: Sequence[str]) -> Iterator[tuple[str, str]]:
-    """Yield name and value of each -D definition in CMake's arguments, in one or two arguments."""
-    words = iter(arguments)
-    for word in words:
-        text = next(words, "") if word == "-D" else word[2:] if word.startswith("-D") else ""
-        name, separator, value = text.partition("=")
-        if separator:
-            yield name.partition(":")[0], value
 
 
 def cmake_root(cmake: Path) -> Path | None:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
+from forge.base.cmake_syntax import definitions
 from forge.base.files import text_or_nothing
-from forge.toolchain.programs import CMAKE_TYPES, definitions
+from forge.toolchain.programs import CMAKE_TYPES
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

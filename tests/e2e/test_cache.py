@@ -167,12 +167,15 @@ def test_results_with_embedded_paths_are_bound_to_their_path(users: Users, tmp_p
     assert said.stdout == f"{two}/build/speaking\n"
 
 
-def test_paths_of_sources_are_kept_out_of_what_is_compiled(users: Users, tmp_path: Path) -> None:
+@pytest.mark.parametrize("words", [("-DCMAKE_CXX_FLAGS=-g -DMINE=1",), ("-D", "CMAKE_CXX_FLAGS=-g -DMINE=1")])
+def test_paths_of_sources_are_kept_out_of_what_is_compiled(
+    users: Users, tmp_path: Path, words: tuple[str, ...]
+) -> None:
     """__FILE__ and debug information are the same everywhere; the flags of the user stay."""
     main = "#include <cstdio>\nint main() { std::puts(__FILE__); }\n"
     files = {**BOUND, "src/speaking/main.cpp": main}
     one, two = write(tmp_path / "one", files), write(tmp_path / "two", files)
-    flags = ("--cmake-args", "-DCMAKE_CXX_FLAGS=-g -DMINE=1")
+    flags = ("--cmake-args", *words)
     users.build(one, *flags)
     assert restored(users.build(two, *flags)) == 1
     said = subprocess.run([two / "install/speaking/bin/speak"], check=True, capture_output=True, text=True)

@@ -10,6 +10,7 @@ import json
 import os
 from typing import TYPE_CHECKING
 
+from forge.base.cmake_syntax import cmake_arguments, definitions
 from forge.base.files import replace_file
 from forge.base.layout import NAMED_INPUTS_FILE
 from forge.build.inputs.fingerprints import stamp_files
@@ -27,7 +28,7 @@ from forge.build.inputs.named_entries import (
 )
 from forge.build.up_to_date import FOUND_BY_PATH, WITHOUT_EFFECT, ExtraInputs, is_relevant
 from forge.toolchain.program_lookup import ProgramLookup
-from forge.toolchain.programs import definitions, programs_in
+from forge.toolchain.programs import programs_in
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -233,14 +234,8 @@ def _extra(arguments: Sequence[str], files: NamedFiles, lookup: ProgramLookup) -
 
 def _paths(arguments: Sequence[str]) -> Iterator[str]:
     """Yield the CMake arguments that may be files."""
-    words = iter(arguments)
-    for word in words:
-        if word in {"-C", "--toolchain"}:
-            yield next(words, "")
-        elif word.startswith("-C"):
-            yield word[2:]
-        elif word.startswith("--toolchain="):
-            yield word.partition("=")[2]
+    found = cmake_arguments(arguments)
+    yield from (argument.value for argument in found if argument.option in {"-C", "--toolchain"})
     for _, value in definitions(arguments):
         yield from (part for part in value.split(";") if "/" in part or "." in part)
 

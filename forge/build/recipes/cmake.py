@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import hashlib
-import re
+from itertools import chain
 from typing import TYPE_CHECKING
 
-from forge.base.cmake_syntax import quoted
+from forge.base.cmake_syntax import cmake_arguments, quoted
 from forge.base.errors import Problem
 from forge.base.layout import CONFIGURED_FILE, SCRATCH_DIR
 from forge.build.recipes.context import Recipe, common_options
@@ -149,17 +149,19 @@ def _with_path_maps(arguments: tuple[str, ...], context: BuildContext) -> tuple[
 
     CMake takes the initial flags of a language from the environment, unless an argument sets them.
     """
-    found, env = list(arguments), []
+    parsed = tuple(cmake_arguments(arguments))
+    found, env = [list(argument.words) for argument in parsed], []
+    setting = {
+        each.definition[0]: words for each, words in zip(parsed, found, strict=True) if each.definition
+    }
     for language, maps in context.path_maps:
-        setting = re.compile(rf"-DCMAKE_{language}_FLAGS(:\w+)?=")
-        set_by = [index for index, argument in enumerate(found) if setting.match(argument)]
-        if set_by:
-            found[set_by[-1]] += f" {maps}"
+        if words := setting.get(f"CMAKE_{language}_FLAGS"):
+            words[-1] += f" {maps}"
         else:
             variable = FLAGS[language]
             flags = dict(context.flags).get(language, "")
             env.append((variable, f"{flags} {maps}".strip()))
-    return tuple(found), tuple(env)
+    return tuple(chain.from_iterable(found)), tuple(env)
 
 
 FLAGS = {"C": "CFLAGS", "CXX": "CXXFLAGS"}
@@ -173,9 +175,9 @@ def unfit_generator(package: Package, context: BuildContext) -> Problem | None:
     if package.build_type == "ament_cmake":
         arguments += context.ament_cmake_args
     name = context.environment_generator or ""
-    for argument, following in zip(arguments, (*arguments, "")[1:], strict=True):
-        if argument.startswith("-G"):
-            name = (argument[2:] or following).strip()
+    for argument in cmake_arguments(arguments):
+        if argument.option == "-G":
+            name = argument.value.strip()
     if name not in _MULTI_CONFIG_GENERATORS:
         return None
     message = f"'{package.name}' cannot be built with '{name}': multi-config generators are not supported"
@@ -190,7 +192,7 @@ def _generator(
     context: BuildContext, arguments: tuple[str, ...], *, only_make: bool = False
 ) -> tuple[str, ...]:
     """Return the arguments that select Ninja, unless the user chose a generator."""
-    if any(argument.startswith("-G") for argument in arguments):
+    if any(argument.option == "-G" for argument in cmake_arguments(arguments)):
         return ()
     if context.environment_generator or context.ninja is None:
         return ()

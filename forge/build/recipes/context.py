@@ -8,6 +8,7 @@ from dataclasses import replace
 from functools import cache
 from typing import TYPE_CHECKING
 
+from forge.base.cmake_syntax import cmake_arguments
 from forge.base.digests import digest
 from forge.base.distributions import OLDEST
 from forge.base.frozen import frozen
@@ -167,12 +168,9 @@ COMPILING = (
 
 def _without_compiling(arguments: Sequence[str]) -> Iterator[str]:
     """Yield the CMake arguments without definitions that only affect compilation."""
-    remaining = iter(arguments)
-    for argument in remaining:
-        option = (argument, next(remaining, "")) if argument == "-D" else (argument,)
-        name, separator, _ = "".join(option).removeprefix("-D").partition("=")
-        if not (argument.startswith("-D") and separator and re.fullmatch(COMPILING, name.partition(":")[0])):
-            yield from option
+    for argument in cmake_arguments(arguments):
+        if not (argument.definition and re.fullmatch(COMPILING, argument.definition[0])):
+            yield from argument.words
 
 
 def common_options(package: Package, context: BuildContext) -> tuple[str, ...]:
