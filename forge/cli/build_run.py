@@ -74,87 +74,35 @@ class PreparedBuild:
 
 
 def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
-    if plan.tasks:
-        state.begin()
-    with _opened(plan, build, state) as opened:
-        session = opened.session
-        try:
-            session.run(
-                plan,
-                opened.runner,
-                opened.scheduler,
-                state.resolve,
-                lambda event: state.record_event(event, plan),
-            )
-        finally:
-            state.finish(plan, build.variables)
-            if build.options.report.handlers["compile_commands"]:
-                merge_compile_commands(build.context.layout.build)
-            build.mode.warn(opened.recorder.kept)
-            session.report.launcher_summaries = opened.launcher_stats.finish()
-            options, cache = build.options, opened.cache
-            if cache is not None:
-                cache.finish()
-                if options.explain and not options.report.json:
-                    session.write("".join(f"{name}: {cache.remark(name)}\n" for name in sorted(cache.notes)))
-            seconds = session.seconds
-            session.collect_reports()
-            build.mode.conclude(plan, session.report, seconds)
-            session.conclude(seconds)
-    if build.options.query.strict:
-        raise_if_any(state.merged_prefix.conflicts((*plan.tasks, *plan.fresh)), WorkspaceError)
-    build.mode.warn(state.merged_prefix.conflicts(plan.tasks))
-    untracked = _report_audit(build.audit, plan, build, state) if build.audit else 0
-    return session.report.exit_code or untracked
-
-
-@frozen
-class _Opened:
-    """The resources of a running build."""
-
-    session: Session
-    runner: TaskRunner
-    recorder: PackageRecorder
-    scheduler: Scheduler
-    launcher_stats: LauncherStats
-    cache: PackageCache | None
-
-
-@contextmanager
-def _opened(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> Iterator[_Opened]:
-    """Yield the resources of a build, and close them afterwards in reverse order."""
-    options, context, audit = build.options, build.context, build.audit
+    """Run the plan of a build, and finish its records; returns 1 if a package failed."""
+    options, context, mode, audit = build.options, build.context, build.mode, build.audit
+    state.begin()
     launcher_stats = _launcher_stats(plan, build)
     with (
         options.execution.connected(_executor_context(build)) as remote,
         _workers(plan, build) as worker_variables,
         closing(
             open_job_pool(
-                build.options.jobs,
-                build.context,
+                options.jobs,
+                context,
                 build.variables,
                 compiles=_compiles(plan),
                 remote_slots=launcher_stats.host_pool.slots,
-                warn=build.mode.warn,
+                warn=mode.warn,
             )
         ) as job_pool,
         _session(plan, build, state) as session,
         _package_cache(build, state) as cache,
         closing(audit) if audit else nullcontext(),
     ):
-        environment = {
-            **without_job_variables(build.variables),
-            **launcher_stats.variables,
-            **worker_variables,
-            **({} if audit else _for_compilers(plan, build, 0 if remote else job_pool.local)),
-        }
-        environment |= ninja_first(context.ninja, context.layout.build / PROGRAMS_DIR, build.variables)
+        added = {**launcher_stats.variables, **worker_variables}
+        variables = _variables(plan, build, added, jobs=0 if remote else job_pool.local)
         recorder = PackageRecorder(state)
         lifecycle = TaskSetup(
             build.loaded.resolution,
             context.layout,
             build.interpreter,
-            environment,
+            variables,
             state,
             recorder,
             cache,
@@ -169,22 +117,42 @@ def _opened(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> Iterato
             open_observer(plan.tasks.values(), context.layout, own, build.variables),
         )
         # Each package that is built on this machine holds a job.
+        runner = TaskRunner(lifecycle, executor, None if remote else job_pool)
         slots = options.jobs.parallel_workers or executor.slots
         slots = slots if remote else min(slots, job_pool.jobs)
-        runner = TaskRunner(lifecycle, executor, None if remote else job_pool)
         session.start_reporters(
-            options.reporters, plan, build.variables, build.interpreter.path, job_pool.jobs, build.mode.warn
+            options.reporters, plan, build.variables, build.interpreter.path, job_pool.jobs, mode.warn
         )
         session.json_events.announce(seconds=state.seconds())
-        alone = build.options.execution.executor == SEQUENTIAL
+        alone = options.execution.executor == SEQUENTIAL
         scheduler = Scheduler(
             plan,
             1 if alone else slots,
             state.seconds(),
-            continue_on_error=build.options.continue_on_error,
+            continue_on_error=options.continue_on_error,
             in_order=alone,
         )
-        yield _Opened(session, runner, recorder, scheduler, launcher_stats, cache)
+        try:
+            session.run(plan, runner, scheduler, state.resolve, lambda event: state.record_event(event, plan))
+        finally:
+            state.finish(plan, build.variables)
+            if options.report.handlers["compile_commands"]:
+                merge_compile_commands(context.layout.build)
+            mode.warn(recorder.kept)
+            session.report.launcher_summaries = launcher_stats.finish()
+            if cache is not None:
+                cache.finish()
+                if options.explain and not options.report.json:
+                    session.write("".join(f"{name}: {cache.remark(name)}\n" for name in sorted(cache.notes)))
+            seconds = session.seconds
+            session.collect_reports()
+            mode.conclude(plan, session.report, seconds)
+            session.conclude(seconds)
+    if options.query.strict:
+        raise_if_any(state.merged_prefix.conflicts((*plan.tasks, *plan.fresh)), WorkspaceError)
+    mode.warn(state.merged_prefix.conflicts(plan.tasks))
+    untracked = _report_audit(audit, plan, build, state) if audit else 0
+    return session.report.exit_code or untracked
 
 
 @contextmanager
@@ -206,15 +174,20 @@ def _workers(plan: BuildPlan, build: PreparedBuild) -> Iterator[dict[str, str]]:
         yield found
 
 
-def _for_compilers(plan: BuildPlan, build: PreparedBuild, jobs: int) -> dict[str, str]:
-    """Return the variables by which compilers run faster; empty if a compiler launcher runs them.
+def _variables(
+    plan: BuildPlan, build: PreparedBuild, added: Mapping[str, str], jobs: int
+) -> Mapping[str, str]:
+    """Return the environment of all packages, below that of their dependencies.
 
     `jobs` is the number of compilers that share the memory of this machine, 0 if they run on others.
     """
-    if build.context.launcher:
-        return {}
-    heap = gcc_heap(memory(), jobs) if jobs and _compiles(plan) else {}
-    return {LIBRARY_PATH_BELOW: build.variables.get("LD_LIBRARY_PATH", ""), **heap}
+    context, variables = build.context, build.variables
+    found = {**without_job_variables(variables), **added}
+    if not (build.audit or context.launcher):
+        # By these variables compilers run faster.
+        found[LIBRARY_PATH_BELOW] = variables.get("LD_LIBRARY_PATH", "")
+        found |= gcc_heap(memory(), jobs) if jobs and _compiles(plan) else {}
+    return found | ninja_first(context.ninja, context.layout.build / PROGRAMS_DIR, variables)
 
 
 def _executor_context(build: PreparedBuild) -> ExecutorContext:
