@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -154,6 +155,18 @@ def test_a_graph_can_show_deselected_packages(forge: Forge, workspace: Path) -> 
     framed = forge("graph", "--dot", "--dot-cluster", "--legend", cwd=workspace).out
     assert '    label = "z";\n    "c";\n  }\n' in framed
     assert '    _legend_run -> _legend_test [label="test dep.", color="#d2b48c"];\n' in framed
+
+
+def test_clusters_of_a_graph_have_folders_in_and_outside_the_workspace(
+    forge: Forge, workspace: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "other/far/d").mkdir(parents=True)
+    (tmp_path / "other/far/d/package.xml").write_text(manifest_text("d"))
+    paths = ("--base-paths", "src/z", str(tmp_path / "other"))
+    framed = forge("graph", "--dot", "--dot-cluster", *paths, cwd=workspace).out
+    common = Path(os.path.commonpath([workspace, tmp_path]))
+    for name, folder in (("c", workspace / "src/z"), ("d", tmp_path / "other/far")):
+        assert f'    label = "{folder.relative_to(common)}";\n    "{name}";\n  }}\n' in framed
 
 
 def test_older_graph_options_still_work(forge: Forge, workspace: Path) -> None:

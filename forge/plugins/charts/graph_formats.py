@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from typing import TYPE_CHECKING
 
@@ -12,7 +13,7 @@ from forge.workspace.selection import name_of
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-    from pathlib import PurePath
+    from pathlib import Path
 
     from forge.workspace.model import Package
 
@@ -54,19 +55,14 @@ class _Edge:
 
 def matrix(chart: PackageGraph) -> Iterator[str]:
     """Yield a row for each node that marks the columns that depend on it."""
-    below = dict(closures(chart.needs, chart.ordered))
-    shown = chart.shown
-    width = max((len(name_of(node)) for node in shown), default=0) + 2
-    for row in shown:
-        cells = (_cell(row, column, chart, below) for column in shown)
-        yield f"{name_of(row):<{width}}{''.join(cells)}"
+    width = max((len(name_of(node)) for node in chart.shown), default=0) + 2
+    for row, cells in _cells(chart).items():
+        yield f"{name_of(row):<{width}}{cells}"
 
 
 def density(chart: PackageGraph) -> float:
     """Return the percentage of possible dependencies that exist, directly or indirectly."""
-    shown = chart.shown
-    below = dict(closures(chart.needs, chart.ordered))
-    cells = [_cell(row, column, chart, below) for row in shown for column in shown if row != column]
+    cells = "".join(_cells(chart).values()).replace("+", "")
     return 200.0 * (1.0 - cells.count(" ") / len(cells)) if cells else 0.0
 
 
@@ -80,7 +76,7 @@ def dot(
     if cluster and nodes:
         yield from _clusters(nodes, labels, chart)
     else:
-        yield from (f"  {_id(labels[node])};" for node in nodes)
+        yield from (f"  {labels[node][1]};" for node in nodes)
     for edge in _edges(chart, frozenset(nodes), skipped=skipped):
         alpha = "" if {edge.start, edge.end} <= chart.selected else "77"
         colours = ":".join(_COLOURS[category] + alpha for category in edge.categories)
@@ -136,12 +132,18 @@ def plain(chart: PackageGraph) -> dict[str, object]:
     }
 
 
-def _cell(row: str, column: str, chart: PackageGraph, below: Mapping[str, frozenset[str]]) -> str:
-    if column == row:
-        return "+"
-    if row in chart.needs[column]:
-        return "*"
-    return "." if row in below[column] else " "
+def _cells(chart: PackageGraph) -> dict[str, str]:
+    """Return a row of the matrix for each node."""
+    below, shown = dict(closures(chart.needs, chart.ordered)), chart.shown
+
+    def cell(row: str, column: str) -> str:
+        if column == row:
+            return "+"
+        if row in chart.needs[column]:
+            return "*"
+        return "." if row in below[column] else " "
+
+    return {row: "".join(cell(row, column) for column in shown) for row in shown}
 
 
 def _edges(chart: PackageGraph, nodes: frozenset[str], *, skipped: bool) -> Iterator[_Edge]:
@@ -186,45 +188,34 @@ def _categories(chart: PackageGraph, node: str, need: str) -> tuple[str, ...]:
 
 
 def _labels(nodes: Sequence[str], chart: PackageGraph, *, skipped: bool) -> dict[str, tuple[str, str]]:
-    """Return the ID and attributes of each node; duplicate names get a numeric suffix."""
+    """Return the ID of each node and its declaration; duplicate names get a numeric suffix."""
     names = [name_of(node) for node in nodes]
     if len(set(names)) < len(names):
-        numbers = {node: number for number, node in enumerate(sorted(nodes), 1)}
-        return {node: (f"{name_of(node)}_{numbers[node]}", f' [label = "{name_of(node)}"]') for node in nodes}
+        ids = {node: f"{name_of(node)}_{number}" for number, node in enumerate(sorted(nodes), 1)}
+        return {node: (ids[node], f'"{ids[node]}" [label = "{name_of(node)}"]') for node in nodes}
     grey = {node: _GREY for node in nodes if skipped and node not in chart.selected}
-    return {node: (node, grey.get(node, "")) for node in nodes}
-
-
-def _id(label: tuple[str, str]) -> str:
-    name, attributes = label
-    return f'"{name}"{attributes}'
+    return {node: (node, f'"{node}"{grey.get(node, "")}') for node in nodes}
 
 
 def _clusters(
     nodes: Iterable[str], labels: Mapping[str, tuple[str, str]], chart: PackageGraph
 ) -> Iterator[str]:
     """Yield the nodes grouped by folder, those of the common folder ungrouped."""
-    folders: dict[PurePath, list[str]] = {}
+    folders: dict[Path, list[str]] = {}
     for node in nodes:
-        folders.setdefault(chart.packages[node].path.parent, []).append(node)
-    common = _common(list(folders))
+        # Paths of packages outside the workspace are absolute.
+        folders.setdefault(chart.packages[node].path.parent.absolute(), []).append(node)
+    common = os.path.commonpath(folders)
     for number, (folder, members) in enumerate(folders.items()):
-        frame = folder != common
+        frame = str(folder) != common
         if frame:
             yield f"  subgraph cluster_{number} {{"
-            label = _ESCAPED.sub(r"\\\g<0>", folder.relative_to(common).as_posix())
+            label = _ESCAPED.sub(r"\\\g<0>", str(folder.relative_to(common)))
             yield f'    label = "{label}";'
         indent = "    " if frame else "  "
-        yield from (f"{indent}{_id(labels[node])};" for node in members)
+        yield from (f"{indent}{labels[node][1]};" for node in members)
         if frame:
             yield "  }"
-
-
-def _common(folders: Sequence[PurePath]) -> PurePath:
-    """Return the deepest common folder."""
-    first, *others = folders
-    candidates = (first, *first.parents)
-    return next(folder for folder in candidates if all(other.is_relative_to(folder) for other in others))
 
 
 def _legend() -> Iterator[str]:
