@@ -72,12 +72,27 @@ class JobPool:
     @contextmanager
     def package(self) -> Iterator[bool]:
         """Hold a token for a package; yield False if the build was stopped before one was free."""
-        token = self._acquire()
+        ticket = object()
+        with self._changed:
+            self._begin()
+            self._waiting.append(ticket)
+            self._changed.notify_all()
+            while not self._stopped and not self._may_begin(ticket):
+                self._changed.wait()
+            self._waiting.remove(ticket)
+            token = None if self._stopped else self._free_tokens.pop()
+            self._running += token is not None
+            self._changed.notify_all()
+        self._wake.set()
         try:
             yield token is not None
         finally:
             if token is not None:
-                self._release(token)
+                with self._changed:
+                    self._free_tokens.append(token)
+                    self._running -= 1
+                    self._changed.notify_all()
+                self._wake.set()
 
     @contextmanager
     def tools(
@@ -85,9 +100,10 @@ class JobPool:
     ) -> Iterator[tuple[dict[str, str], tuple[int, ...]]]:
         """Yield the environment of a step, based on `variables`, and the descriptors that it inherits."""
         found = without_job_variables(variables)
+        tool = "ninja" if (step.cwd / "build.ninja").is_file() else "make"
         if step.kind is not StepKind.BUILD:
             yield self._without_jobserver(found, 1), ()
-        elif self._pool is not None and self._tool(step) in self._jobserver_tools:
+        elif self._pool is not None and tool in self._jobserver_tools:
             found["MAKEFLAGS"] = self._flags.line(self.jobs, self._pool.auth)
             yield found, self._pool.descriptors
         else:
@@ -129,24 +145,6 @@ class JobPool:
             "CARGO_BUILD_JOBS": str(jobs),
         }
 
-    def _tool(self, step: Step) -> str:
-        return "ninja" if (step.cwd / "build.ninja").is_file() else "make"
-
-    def _acquire(self) -> bytes | None:
-        ticket = object()
-        with self._changed:
-            self._begin()
-            self._waiting.append(ticket)
-            self._changed.notify_all()
-            while not self._stopped and not self._may_begin(ticket):
-                self._changed.wait()
-            self._waiting.remove(ticket)
-            token = None if self._stopped else self._free_tokens.pop()
-            self._running += token is not None
-            self._changed.notify_all()
-        self._wake.set()
-        return token
-
     def _begin(self) -> None:
         """Start the threads with the first package; a build with nothing to do needs none."""
         if self._threads:
@@ -164,13 +162,6 @@ class JobPool:
             and self._waiting[0] is ticket
             and not (self._overloaded and self._running)
         )
-
-    def _release(self, token: bytes) -> None:
-        with self._changed:
-            self._free_tokens.append(token)
-            self._running -= 1
-            self._changed.notify_all()
-        self._wake.set()
 
     @contextmanager
     def _share(self) -> Iterator[int]:

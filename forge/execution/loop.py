@@ -71,12 +71,10 @@ def execute(
                         elif task := resolve(plan.tasks[event.task]):
                             # The journal must record this before any file is touched.
                             yield Started(task.name, task.inputs)
-                            active.add(task.name)
                             # The scheduler limits them; importing concurrent.futures would cost 10 ms.
-                            worker = threading.Thread(
-                                target=runner.run, args=(task, inbox.put), name=task.name
-                            )
-                            worker.start()
+                            arguments = (task, inbox.put)
+                            threading.Thread(target=runner.run, args=arguments, name=task.name).start()
+                            active.add(task.name)
                         else:
                             fresh = Fresh(event.task)
                             scheduler.note(fresh)
@@ -102,20 +100,16 @@ def execute(
                         runner.executor.finish_steps()
                     yield message
         finally:
-            _finish_active(inbox, runner, active)
+            # Some tasks are still active only if the loop was left by an error of the caller.
+            if active:
+                runner.executor.interrupt(kill=False)
+            while active:
+                message = inbox.get()
+                if isinstance(message, KeyboardInterrupt):
+                    runner.executor.interrupt(kill=True)
+                elif isinstance(message, Finished | Aborted):
+                    active.discard(message.task)
     if crash:
         raise crash
     if interrupts:
         raise KeyboardInterrupt
-
-
-def _finish_active(inbox: Inbox, runner: TaskRunner, active: set[str]) -> None:
-    """Terminate the active tasks; there are some only if the loop was left by an error of the caller."""
-    if active:
-        runner.executor.interrupt(kill=False)
-    while active:
-        message = inbox.get()
-        if isinstance(message, KeyboardInterrupt):
-            runner.executor.interrupt(kill=True)
-        elif isinstance(message, Finished | Aborted):
-            active.discard(message.task)

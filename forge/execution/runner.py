@@ -225,15 +225,6 @@ class LocalExecutor:
             for group in self._groups:
                 _signal_group(group, number)
 
-    def _register_group(self, group: int) -> None:
-        """Register a process group; signal it if it started during an interrupt."""
-        if self._started:
-            self._started.note(group)
-        with self._lock:
-            self._groups.add(group)
-            if self._last_signal is not None:
-                _signal_group(group, self._last_signal)
-
     def _run_step(
         self, task: Task, step: Step, environment: Mapping[str, str], put: Callable[[Event], None]
     ) -> int:
@@ -270,7 +261,12 @@ class LocalExecutor:
                 put(Output(task.name, message.encode(), stderr=True))
                 code = _NOT_STARTED
             else:
-                self._register_group(process.pid)
+                if self._started:
+                    self._started.note(process.pid)
+                with self._lock:
+                    self._groups.add(process.pid)
+                    if self._last_signal is not None:  # it started during an interrupt
+                        _signal_group(process.pid, self._last_signal)
                 if self._observer:
                     self._observer.note_process(variables, process.pid)
                 try:

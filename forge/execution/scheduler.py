@@ -9,7 +9,7 @@ from forge.base.graph import closures, reduced, reverse
 from forge.build.events import Aborted, Finished, Fresh, Skipped, Started
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Mapping
 
     from forge.build.events import Event
     from forge.build.tasks import BuildPlan
@@ -73,10 +73,23 @@ class Scheduler:
     def advance(self) -> list[Started | Skipped]:
         """Return the tasks that are skipped and the tasks that start now."""
         if self._stopped_by is not None:
-            skipped = [Skipped(name, self._stopped_by) for name in self._waiting]
+            events: list[Started | Skipped] = [Skipped(name, self._stopped_by) for name in self._waiting]
             self._waiting.clear()
-            return [*skipped]
-        return [*self._skip(), *self._start()]
+            return events
+        events = []
+        while self._blocked:
+            _, name = heappop(self._blocked)
+            if name in self._waiting:
+                del self._waiting[name]
+                because = min(self._failed[need] for need in self._needs[name] if need in self._failed)
+                self._fail(name, because)
+                events.append(Skipped(name, because))
+        while self._ready and len(self._running) < self._limit:
+            _, name = heappop(self._ready)
+            del self._waiting[name]
+            self._running.add(name)
+            events.append(Started(name))
+        return events
 
     def note(self, event: Event) -> None:
         """Record how a task ended; other events are ignored."""
@@ -99,22 +112,6 @@ class Scheduler:
     def stop(self, because: str) -> None:
         """Start no further task; the first reason is kept."""
         self._stopped_by = self._stopped_by or because
-
-    def _start(self) -> Iterator[Started]:
-        while self._ready and len(self._running) < self._limit:
-            _, name = heappop(self._ready)
-            del self._waiting[name]
-            self._running.add(name)
-            yield Started(name)
-
-    def _skip(self) -> Iterator[Skipped]:
-        while self._blocked:
-            _, name = heappop(self._blocked)
-            if name in self._waiting:
-                del self._waiting[name]
-                because = min(self._failed[need] for need in self._needs[name] if need in self._failed)
-                self._fail(name, because)
-                yield Skipped(name, because)
 
     def _fail(self, name: str, because: str) -> None:
         self._running.discard(name)

@@ -67,7 +67,10 @@ class TaskSetup(TaskLifecycle):
         found = build_environment(below, self.variables, self.edits)
         found[BUILD_FOLDER_VARIABLE] = str(self.layout.build)
         found["FORGE_COMMAND"] = shlex.join(own_command())
-        found["CMAKE_PREFIX_PATH"] = _cmake_prefix_path(found, self.variables)
+        # CMake does not read AMENT_PREFIX_PATH, which has the underlays.
+        paths = found.get("CMAKE_PREFIX_PATH", "").split(os.pathsep)
+        paths += self.variables.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
+        found["CMAKE_PREFIX_PATH"] = os.pathsep.join(dict.fromkeys(filter(None, paths)))
         found = {**self._config_variables(task), **found}
         return {name: value for name, value in found.items() if value or name in self.variables}
 
@@ -87,24 +90,20 @@ class TaskSetup(TaskLifecycle):
 
     def begin(self, task: Task, environment: Mapping[str, str]) -> None:
         self._back_up(task)
-        self.recorder.prepare(
-            task, self._set_by_needs(task, environment), from_empty=task.from_empty or self.audit is not None
+        # What hooks of dependencies set, without path lists.
+        usual = _FROM_NEEDS | self._config_variables(task).keys()
+        set_by_needs = tuple(
+            (name, value)
+            for name, value in sorted(environment.items())
+            if self.variables.get(name) != value and name not in usual
         )
+        self.recorder.prepare(task, set_by_needs, from_empty=task.from_empty or self.audit is not None)
         # The package's own arguments and the hooks of its dependencies may select another compiler.
         package = task.package
         arguments = (*package.option_values("cmake-args"), *package.option_values("ament-cmake-args"))
         same_compilers = not arguments and _for_compilers(environment) == _for_compilers(self.variables)
         if self.toolchain is not None and same_compilers and package.build_type in CMAKE_TYPES:
             self.toolchain.seed(self.state.source(task), task.build_dir, self.variables)
-
-    def _set_by_needs(self, task: Task, environment: Mapping[str, str]) -> Pairs:
-        """Return the variables that hooks of dependencies set, without path lists."""
-        usual = _FROM_NEEDS | self._config_variables(task).keys()
-        return tuple(
-            (name, value)
-            for name, value in sorted(environment.items())
-            if self.variables.get(name) != value and name not in usual
-        )
 
     def _back_up(self, task: Task) -> None:
         self.recorder.begin(task)
@@ -176,10 +175,3 @@ _FROM_NEEDS = frozenset(
 def _for_compilers(variables: Mapping[str, str]) -> dict[str, str]:
     """Return the variables that affect compilers."""
     return {name: value for name, value in variables.items() if name in FOR_COMPILERS}
-
-
-def _cmake_prefix_path(found: Mapping[str, str], variables: Mapping[str, str]) -> str:
-    """Return CMAKE_PREFIX_PATH with the underlays of AMENT_PREFIX_PATH, which CMake does not read."""
-    paths = found.get("CMAKE_PREFIX_PATH", "").split(os.pathsep)
-    paths += variables.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
-    return os.pathsep.join(dict.fromkeys(filter(None, paths)))
