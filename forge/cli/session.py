@@ -101,18 +101,24 @@ class Session:
     def collect_reports(self) -> None:
         """Print and log what the reporters of plugins observed, before the summary."""
         for name, reporter in self._reporters.items():
-            report = ask(name, partial(reporter.conclude, complete=self._complete))
-            if report.lines:
-                self.report.show_report(report.lines)
-            for event in report.events:
-                self.json_events.note(*event)
+            ask(name, self._collect_report, reporter)
+
+    def _collect_report(self, reporter: Reporter) -> None:
+        report = reporter.conclude(complete=self._complete)
+        if report.lines:
+            self.report.show_report(report.lines)
+        for event in report.events:
+            self.json_events.note(*event)
 
     def conclude(self, seconds: float, code: int | None = None) -> None:
         """Log the results and let reporters write files; `code` overrides the exit code of the report."""
         self.json_events.conclude(self.report, seconds, code)
         for name, reporter in self._reporters.items():
-            for line in ask(name, reporter.write):
-                self.write(f"{line}\n", stderr=self.json_events.printed)
+            ask(name, self._write_files, reporter)
+
+    def _write_files(self, reporter: Reporter) -> None:
+        for line in reporter.write():
+            self.write(f"{line}\n", stderr=self.json_events.printed)
 
     @property
     def seconds(self) -> float:

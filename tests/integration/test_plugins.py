@@ -274,6 +274,15 @@ def test_a_reporter_of_another_distribution_is_an_event_handler(tree: Tree) -> N
     assert "  slowest   slowest 1\n" in run_forge(root, "extensions", path=root).stdout
 
 
+LAZY = """from forge.output.reporters import Reporter
+def start(run):
+    return Lazy()
+class Lazy(Reporter):
+    def write(self):
+        yield "a line"
+"""
+
+
 @pytest.mark.parametrize(
     ("code", "message"),
     [
@@ -282,6 +291,11 @@ def test_a_reporter_of_another_distribution_is_an_event_handler(tree: Tree) -> N
             "cannot be loaded from 'forge_slowest': it has no function 'start'",
         ),
         ("def start(run):\n    1 / 0", "failed: ZeroDivisionError: division by zero"),
+        (f"{LAZY}        yield 1 / 0", "failed: ZeroDivisionError: division by zero"),
+        (
+            f"{LAZY}    def conclude(self, complete): pass",
+            "failed: AttributeError: 'NoneType' object has no attribute 'lines'",
+        ),
     ],
 )
 def test_an_error_in_a_reporter_of_another_distribution_has_its_place(
