@@ -40,8 +40,9 @@ if TYPE_CHECKING:
 
     from forge.build.events import Event
     from forge.build.tasks import Task
+    from forge.execution.options import JobOptions
     from forge.plugins.dask.cluster import Cluster
-    from forge.plugins.dask.messages import Mailbox, WorkerLimits
+    from forge.plugins.dask.messages import Mailbox
 
 _GIVE_UP, _ENDED, _LOST = "give up", "ended", "lost"
 """The client's own messages: a worker did not stop in time; Dask has ended the task; its result was lost."""
@@ -56,14 +57,15 @@ _RELEASE_SECONDS = 15.0
 class Connection:
     """The executor on the workers; thread-safe. Close it when all tasks have ended."""
 
-    def __init__(self, cluster: Cluster, limits: WorkerLimits) -> None:
+    def __init__(self, cluster: Cluster, jobs: JobOptions, resources: tuple[tuple[str, float], ...]) -> None:
         """Subscribe to the messages of workers; nothing is submitted yet."""
         self.cluster = cluster
         self.slots = cluster.slots
-        self.limits = limits
         self.topic = f"forge-{uuid.uuid4().hex}"
         self.command = ""
         """The last command sent to all workers; empty while the build continues."""
+        self._jobs = jobs
+        self._resources = dict(resources) or None
         self._client = cluster.client
         self._router = Router()
         self._client.subscribe_topic(self.topic, self._router.deliver)
@@ -84,7 +86,7 @@ class Connection:
             if attempts:
                 _await_release(lock)
                 environment = restart()
-            return RemoteTask(task, environment, self.limits, lock)
+            return RemoteTask(task, environment, self._jobs, lock)
 
         mailbox = self._router.open(key)
         call = Call(self, task.name, remote_task, mailbox, self._submit(key, mailbox))
@@ -145,7 +147,7 @@ class Connection:
             key=key,
             pure=False,
             retries=_RETRIES,
-            resources=dict(self.limits.resources) or None,
+            resources=self._resources,
             workers=list(self.cluster.allowed_workers) or None,
         )
         future.add_done_callback(lambda _: mailbox.note(_ENDED))

@@ -26,13 +26,11 @@ def connect(context: ExecutorContext) -> Iterator[Connection]:
     """Yield a connection to the workers of the scheduler; raises HostError."""
     from forge.plugins.dask.cluster import connected_cluster
     from forge.plugins.dask.connection import Connection
-    from forge.plugins.dask.messages import WorkerLimits
 
-    options, jobs = context.options, context.jobs
-    limits = WorkerLimits(jobs.jobs, jobs.memory_limit, jobs.load_limit, options.worker_resources)
+    options = context.options
     with (
         connected_cluster(options.scheduler or "", context.build, context.programs) as cluster,
-        contextlib.closing(Connection(cluster, limits)) as connection,
+        contextlib.closing(Connection(cluster, context.jobs, options.worker_resources)) as connection,
     ):
         context.warn(cluster.remarks)
         yield connection

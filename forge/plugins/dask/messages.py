@@ -16,27 +16,13 @@ if TYPE_CHECKING:
 
     from forge.build.events import Event
     from forge.build.tasks import Task
-    from forge.toolchain.resources import MemoryLimit
+    from forge.execution.options import JobOptions
 
 FINISH, INTERRUPT, KILL = "finish", "interrupt", "kill"
 """Commands to the step runner on a worker: stop after this step, terminate, kill."""
 
 ACK_INTERVAL = 100
 """The number of messages after which the client acknowledges them to the worker."""
-
-
-@frozen
-class WorkerLimits:
-    """The limits that apply on every worker of a build.
-
-    `jobs` is the number of jobs per worker, None for its number of processors. `memory` and `load` are the
-    limits of the options with these names. `resources` are the Dask worker resources that a package requires.
-    """
-
-    jobs: int | None = None
-    memory: MemoryLimit | None = None
-    load: float | None = None
-    resources: tuple[tuple[str, float], ...] = ()
 
 
 @frozen
@@ -52,12 +38,12 @@ class TaskRequest:
 class RemoteTask:
     """A task for a worker: steps to run in an environment prepared by the client.
 
-    `lock` is held while any of its programs runs.
+    `jobs` has the limits for all tasks of a worker. `lock` is held while any program of this one runs.
     """
 
     task: Task
     environment: Mapping[str, str]
-    limits: WorkerLimits
+    jobs: JobOptions
     lock: Path
 
 

@@ -53,7 +53,7 @@ def run_task(argv: list[str], source: BinaryIO, target: BinaryIO) -> None:
     # The client is trusted: it may run anything here.
     remote_task: RemoteTask = pickle.loads(read_message(source))  # noqa: S301
     pool = join_pool(auth) if auth else None
-    overloaded = partial(is_overloaded, remote_task.limits.memory, remote_task.limits.load)
+    overloaded = partial(is_overloaded, remote_task.jobs.memory_limit, remote_task.jobs.load_limit)
     job_pool = JobPool(int(jobs), pool, frozenset(jobserver_tools), is_overloaded=overloaded)
     folder = remote_task.environment.get(BUILD_FOLDER_VARIABLE)
     executor = LocalExecutor(job_pool, StartedProcesses(Path(folder)) if folder else None)

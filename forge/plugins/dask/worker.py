@@ -136,7 +136,7 @@ async def _watch(attempt: Attempt) -> None:
 
 
 async def _run(attempt: Attempt, remote_task: RemoteTask, worker: Worker) -> None:
-    jobs = _jobs.setdefault(attempt.topic, WorkerJobs(remote_task.limits.jobs, worker.state.nthreads))
+    jobs = _jobs.setdefault(attempt.topic, WorkerJobs(remote_task.jobs.jobs, worker.state.nthreads))
     styles = await asyncio.to_thread(jobs.prepare, remote_task.environment)
     with jobs.slot() as pool:
         argv = own_command("-m", "forge.plugins.dask.step_runner", *pool.arguments, *styles)

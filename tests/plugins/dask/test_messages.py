@@ -12,8 +12,9 @@ import pytest
 from forge.base.errors import HostError
 from forge.build.events import Aborted, Event, Finished, Output
 from forge.build.tasks import Step, StepKind, Task
+from forge.execution.options import JobOptions
 from forge.plugins.dask.connection import Call
-from forge.plugins.dask.messages import Mailbox, RemoteTask, Router, TaskRequest, WorkerLimits
+from forge.plugins.dask.messages import Mailbox, RemoteTask, Router, TaskRequest
 from tests.packages import package
 
 if TYPE_CHECKING:
@@ -100,7 +101,7 @@ def called(
     mailbox = Mailbox()
     for content in messages:
         mailbox.put("", 0, content)
-    remote_task = RemoteTask(task(tmp_path), {}, WorkerLimits(), tmp_path / "lock")
+    remote_task = RemoteTask(task(tmp_path), {}, JobOptions(), tmp_path / "lock")
     call = Call(
         cast("Connection", connection),
         "a",

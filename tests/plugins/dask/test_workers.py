@@ -15,8 +15,9 @@ from distributed import LocalCluster
 
 from forge.build.events import Aborted, Event, Finished, Output, StepFinished, StepStarted
 from forge.build.tasks import Step, StepKind, Task
+from forge.execution.options import JobOptions
 from forge.plugins.dask import worker
-from forge.plugins.dask.messages import FINISH, RemoteTask, WorkerLimits
+from forge.plugins.dask.messages import FINISH, RemoteTask
 from forge.plugins.dask.step_runner import COMMANDS_THREAD, read_message, run_task, with_length
 from forge.plugins.dask.worker_jobs import WorkerJobs
 from tests.packages import manifest_text, package
@@ -100,7 +101,7 @@ class RunningSteps:
 
 def test_a_step_runner_reports_all_events(tmp_path: Path) -> None:
     running = RunningSteps(
-        RemoteTask(task(tmp_path, "print('hello')"), dict(os.environ), WorkerLimits(), tmp_path / "lock")
+        RemoteTask(task(tmp_path, "print('hello')"), dict(os.environ), JobOptions(), tmp_path / "lock")
     )
     kinds = [type(event) for event in running.events()]
     assert kinds == [StepStarted, Output, StepFinished, Finished]
@@ -111,7 +112,7 @@ def test_a_step_runner_ends_on_request_or_without_its_parent(tmp_path: Path, com
     program = "import time; print('begun', flush=True); time.sleep(%s)" % (1 if command == FINISH else 60)
     running = RunningSteps(
         RemoteTask(
-            task(tmp_path, program, "print('never')"), dict(os.environ), WorkerLimits(), tmp_path / "lock"
+            task(tmp_path, program, "print('never')"), dict(os.environ), JobOptions(), tmp_path / "lock"
         )
     )
     events = running.events()
