@@ -31,6 +31,7 @@ class Option:
     """None hides the option."""
     flag: str = ""
     """The option, if it is not called like the field."""
+    positional: bool = False
     metavar: str | tuple[str, ...] | None = None
     short: str = ""
     """A spelling with one dash, such as '-j'."""

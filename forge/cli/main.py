@@ -243,8 +243,13 @@ def parser_of(arguments: Sequence[str]) -> argparse.ArgumentParser:
             path = f"forge.cli.commands.{word.replace('-', '_')}"
             module = find(PLUGINS, word, "command") if in_plugin else import_module(path)
             command.words = requested[1:]
-            module.register(command)
-            command.set_defaults(run=module.run)
+            if hasattr(module, "Options"):
+                from forge.cli.options import set_command
+
+                set_command(command, module.Options, module.run)
+            else:
+                module.register(command)
+                command.set_defaults(run=module.run)
             command.verb = word if word in _IN_WORKSPACE else None
     if asked is not None and asked not in COMMANDS:
         add_plugin(commands, PLUGINS, asked, "command")

@@ -40,6 +40,8 @@ def add_options(parser: Parser, cls: Any) -> None:
             add_options(parser, nested)
         if each := option_of(declared):
             heading = each.group or getattr(cls, "GROUP", "options")
+            if each.positional:
+                heading = "positional arguments"
             group: Any = next((group for group in parser._action_groups if group.title == heading), None)
             group = group or parser.add_argument_group(heading)
             if each.conflicts:
@@ -65,8 +67,14 @@ def read_options(cls: Callable[..., _Options], namespace: argparse.Namespace) ->
     return cls(**values)
 
 
+def set_command(parser: Parser, cls: Callable[..., _Options], run: Callable[[_Options], int]) -> None:
+    """Add the options of a command or verb, which calls `run` with them."""
+    add_options(parser, cls)
+    parser.set_defaults(run=lambda namespace: run(read_options(cls, namespace)))
+
+
 def _flag(declared: Field[Any], each: Option) -> str:
-    return each.flag or f"--{declared.name.replace('_', '-')}"
+    return each.flag or (declared.name if each.positional else f"--{declared.name.replace('_', '-')}")
 
 
 def _argument(declared: Field[Any], each: Option) -> Mapping[str, Any]:
@@ -91,7 +99,7 @@ def _argument(declared: Field[Any], each: Option) -> Mapping[str, Any]:
 
 def _value(declared: Field[Any], each: Option, namespace: argparse.Namespace) -> object:
     flag = _flag(declared, each)
-    value = getattr(namespace, flag[2:].replace("-", "_"))
+    value = getattr(namespace, flag.removeprefix("--").replace("-", "_"))
     if not isinstance(value, list):
         return value
     # A leading space shields what starts with a dash.
@@ -148,22 +156,18 @@ def _target(word: str) -> Target:
     return find_target(word)
 
 
-def _target_option() -> Any:
+def target_option(group: str = "") -> Any:
     return option(
         "platform, such as 'arm64', or 'aarch64-linux-gnu.2.35' for glibc 2.35 and newer; its files are in "
         "folders of its name in the build and install folders (default: this machine)",
         parse=_target,
         metavar="TARGET",
+        group=group,
     )
 
 
-@frozen
-class TargetOptions:
-    """The platform, for commands that use the results of a build."""
-
-    GROUP = "platform"
-
-    target: Target | None = _target_option()
+def install_base_option() -> Any:
+    return option("install folder (default: install)", default="install", metavar="DIR")
 
 
 @frozen
@@ -173,14 +177,14 @@ class FolderOptions:
     GROUP = "output folders"
 
     build_base: str = option("build folder (default: build)", default="build", metavar="DIR")
-    install_base: str = option("install folder (default: install)", default="install", metavar="DIR")
+    install_base: str = install_base_option()
     merge_install: bool = option(
         "install all packages into one prefix instead of one prefix per package", default=False
     )
     log_base: str | None = option(
         "log folder; /dev/null disables logs (default: log)", metavar="DIR", inherited=True
     )
-    target: Target | None = _target_option()
+    target: Target | None = target_option()
     no_wait: bool = option(
         "exit with code 2 instead of waiting if the build folder is locked by another process", default=False
     )
@@ -212,11 +216,6 @@ class FolderOptions:
             hint = f"use {', '.join(LOG_LEVELS)}, or a number"
             raise SelectionError(Problem(f"unknown log level '{level}'", hint=hint))
         return LOG_LEVELS[level]
-
-
-def layout_of(namespace: argparse.Namespace, root: Path) -> Layout:
-    """Return the absolute folders that the options of a command name."""
-    return read_options(FolderOptions, namespace).layout(root)
 
 
 def displayed(path: Path | str, origin: str) -> str:

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+from forge.base.errors import print_warnings
 from forge.base.frozen import frozen
-from forge.base.options import option
-from forge.cli.options import add_options, read_options
+from forge.base.options import option, options_of
+from forge.workspace.load import load_workspace
 from forge.workspace.selection import Query
 
 if TYPE_CHECKING:
-    import argparse
-
-    from forge.cli.main import Parser
+    from forge.workspace.load import LoadedWorkspace
 
 
 @frozen
@@ -33,32 +34,22 @@ class OptionSources:
 class ListingOptions:
     """The options of commands that show packages and build none."""
 
+    query: Query = options_of(Query)
+    sources: OptionSources = options_of(OptionSources)
     build_base: str = option(
         "build folder, for results of earlier builds (default: build)", default="build", metavar="DIR"
     )
     embedded: bool = option("include the packages embedded in forge", default=False)
     json: bool = option("print the output as JSON", default=False)
 
-
-def add(parser: Parser) -> None:
-    """Add the options for package discovery and selection."""
-    add_options(parser, Query)
-    add_options(parser, OptionSources)
-
-
-def add_listing(parser: Parser) -> None:
-    """Add the options of commands that show packages and build none."""
-    add(parser)
-    add_options(parser, ListingOptions)
+    def load(self) -> LoadedWorkspace:
+        """Return the workspace in the current folder; print its warnings."""
+        loaded = load_workspace(Path.cwd(), self.query, os.environ, embedded=self.embedded)
+        print_warnings(loaded.warnings)
+        return loaded
 
 
-def query_of(options: argparse.Namespace) -> Query:
-    """Return the package options as given; raises SelectionError for an invalid depth."""
-    return read_options(Query, options)
-
-
-def has_selection(options: argparse.Namespace) -> bool:
+def has_selection(query: Query) -> bool:
     """Tell whether any option selects packages."""
-    query = query_of(options)
     unlimited = Query(search=query.search, build_base=query.build_base, since=query.since)
     return query != replace(unlimited, no_test_dependencies=query.no_test_dependencies)

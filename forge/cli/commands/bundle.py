@@ -8,36 +8,34 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem, print_warnings
-from forge.cli.options import TargetOptions, add_options, read_options
+from forge.base.frozen import frozen
+from forge.base.options import option
+from forge.cli.options import install_base_option, target_option
 from forge.cli.output_checks import check_bases
 from forge.environment.bundling import write_bundle
 from forge.environment.install_state import recorded_underlays
 from forge.workspace.selection import SearchPaths
 
 if TYPE_CHECKING:
-    import argparse
-
-    from forge.cli.main import Parser
+    from forge.toolchain.targets import Target
 
 _MEGABYTE = 1_000_000
 
 
-def register(parser: Parser) -> None:
-    parser.add_argument("-o", "--output", metavar="FILE", help="archive to write (default: WORKSPACE.tar.gz)")
-    add_options(parser, TargetOptions)
-    parser.add_argument(
-        "--with-build-files",
-        action="store_true",
-        help="include headers, CMake files and static libraries, so that other workspaces can build on it",
+@frozen
+class Options:
+    output: str | None = option("archive to write (default: WORKSPACE.tar.gz)", short="-o", metavar="FILE")
+    target: Target | None = target_option(group="platform")
+    with_build_files: bool = option(
+        "include headers, CMake files and static libraries, so that other workspaces can build on it",
+        default=False,
     )
-    parser.add_argument(
-        "--install-base", default="install", metavar="DIR", help="install folder (default: install)"
-    )
+    install_base: str = install_base_option()
 
 
-def run(options: argparse.Namespace) -> int:
+def run(options: Options) -> int:
     """Write the archive and print a summary; returns 0."""
-    target = read_options(TargetOptions, options).target
+    target = options.target
     base = Path(options.install_base).absolute()
     check_bases(Path.cwd(), SearchPaths(), {"--install-base": base})
     install = base / target.name if target else base

@@ -10,7 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem, SelectionError, WorkspaceError, print_warnings, raise_if_any
+from forge.base.frozen import frozen
 from forge.base.names import did_you_mean
+from forge.base.options import option, options_of
 from forge.base.text import counted, listed
 from forge.build.cleaning import (
     BASES,
@@ -30,21 +32,21 @@ from forge.build.folder_marks import bases_of, is_own_build_base, is_own_install
 from forge.build.installation import finish_workspace
 from forge.build.journal import open_journal
 from forge.cli import options as shared
-from forge.cli import package_options
+from forge.cli.options import FolderOptions
 from forge.cli.output_checks import check_bases
+from forge.cli.package_options import OptionSources, has_selection
 from forge.cli.preparation import build_variables
 from forge.environment.install_state import recorded_path
 from forge.execution.lock import lock_build_dir, lock_install_dir
 from forge.workspace.load import load_workspace
+from forge.workspace.selection import Query
 
 if TYPE_CHECKING:
-    import argparse
     from collections.abc import Iterable, Sequence
 
     from forge.base.layout import Layout
     from forge.build.cleaning import Removable
     from forge.build.journal import Journal
-    from forge.cli.main import Parser
     from forge.workspace.load import LoadedWorkspace
 
 
@@ -52,41 +54,43 @@ _MOST = 20
 """The number of remaining entries that are listed."""
 
 
-def register(parser: Parser) -> None:
-    parser.add_argument(
-        "what",
-        nargs="?",
-        choices=["workspace", "packages", "stale"],
-        help="what to clean: the whole workspace, the given packages, or packages that are no longer in the "
+@frozen
+class Options:
+    what: str | None = option(
+        "what to clean: the whole workspace, the given packages, or packages that are no longer in the "
         "workspace (default: print what can be removed, and remove nothing)",
+        nargs="?",
+        positional=True,
+        choices=("workspace", "packages", "stale"),
     )
-    parser.add_argument(
-        "names",
-        nargs="*",
+    names: tuple[str, ...] = option(
+        "packages whose build and install files to remove, for 'packages'",
+        default=(),
+        positional=True,
         metavar="PKG",
-        help="packages whose build and install files to remove, for 'packages'",
     )
-    parser.add_argument("-y", "--yes", action="store_true", help="do not ask for confirmation")
-    parser.add_argument(
-        "--base-select",
+    yes: bool = option("do not ask for confirmation", default=False, short="-y")
+    base_select: tuple[str, ...] = option(
+        "folders to remove, for 'workspace' (default: all)",
+        default=tuple(BASES),
         nargs="+",
-        choices=BASES,
-        default=list(BASES),
-        help="folders to remove, for 'workspace' (default: all)",
+        choices=tuple(BASES),
     )
-    package_options.add(parser)
-    shared.add_options(parser, shared.FolderOptions)
+    query: Query = options_of(Query)
+    sources: OptionSources = options_of(OptionSources)
+    folders: FolderOptions = options_of(FolderOptions)
+    origin: str = os.curdir
 
 
-def run(options: argparse.Namespace) -> int:
+def run(options: Options) -> int:
     """Show what will be removed, ask, and remove it; returns 0 even if the user declines."""
     root = Path.cwd()
-    layout = shared.layout_of(options, root)
+    layout = options.folders.layout(root)
     word = recorded_layout(layout.install)
     layout = layout if word is None else replace(layout, merged=word == "merged")
-    check_bases(root, package_options.query_of(options).search, bases_of(layout))
+    check_bases(root, options.query.search, bases_of(layout))
     # Folders that forge did not create have no lock.
-    wait = not options.no_wait
+    wait = not options.folders.no_wait
     with (
         lock_build_dir(layout.build, wait=wait) if is_own_build_base(layout.build) else nullcontext(),
         lock_install_dir(layout.install, wait=wait) if is_own_install_base(layout.install) else nullcontext(),
@@ -130,16 +134,14 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _removables(
-    options: argparse.Namespace, root: Path, layout: Layout, journal: Journal, names: Sequence[str]
+    options: Options, root: Path, layout: Layout, journal: Journal, names: Sequence[str]
 ) -> list[Removable]:
     if options.what == "workspace":
         return list(workspace_removables(root, layout, journal.records, options.base_select))
     return [found for name in names for found in package_removables(name, layout, journal.records)]
 
 
-def _preview(
-    options: argparse.Namespace, root: Path, layout: Layout, journal: Journal, stale: Sequence[str]
-) -> None:
+def _preview(options: Options, root: Path, layout: Layout, journal: Journal, stale: Sequence[str]) -> None:
     """Print how much can be removed, and the commands that do it."""
     found = list(workspace_removables(root, layout, journal.records, options.base_select))
     if not found:
@@ -158,13 +160,13 @@ def _preview(
     )
 
 
-def _names(options: argparse.Namespace, root: Path, layout: Layout, journal: Journal) -> tuple[str, ...]:
+def _names(options: Options, root: Path, layout: Layout, journal: Journal) -> tuple[str, ...]:
     """Return the packages to remove, none for a whole workspace that shares its folders with no other.
 
     Raises SelectionError for invalid combinations of arguments.
     """
     made = built_packages(layout, journal.records)
-    chosen = package_options.has_selection(options)
+    chosen = has_selection(options.query)
     if options.what != "packages" and (options.names or chosen):
         hint = "forge clean packages PKG ..."
         command = f"clean {options.what or ''}".rstrip()
@@ -210,18 +212,16 @@ def _report_others(names: Sequence[str]) -> None:
         print(f"not removed, because another workspace built it: {listed(names)}", file=sys.stderr)
 
 
-def _load(options: argparse.Namespace, root: Path, layout: Layout) -> LoadedWorkspace:
+def _load(options: Options, root: Path, layout: Layout) -> LoadedWorkspace:
     """Return the workspace; raises WorkspaceError for invalid manifests, whose packages are not stale."""
     variables = build_variables(layout, os.environ)
-    loaded = load_workspace(
-        root, package_options.query_of(options), variables, embedded=True, install=layout.install
-    )
+    loaded = load_workspace(root, options.query, variables, embedded=True, install=layout.install)
     print_warnings(loaded.warnings)
     raise_if_any(loaded.workspace.problems, WorkspaceError)
     return loaded
 
 
-def _shown(removable: Removable, options: argparse.Namespace) -> str:
+def _shown(removable: Removable, options: Options) -> str:
     if removable.prefix is not None:
         return f"{_displayed(removable.prefix, options)} ({removable.label})"
     if len(removable.paths) > 1:
@@ -229,13 +229,13 @@ def _shown(removable: Removable, options: argparse.Namespace) -> str:
     return f"{_displayed(removable.paths[0], options)} ({removable.label})"
 
 
-def _displayed(path: Path, options: argparse.Namespace) -> str:
+def _displayed(path: Path, options: Options) -> str:
     return shared.displayed(
         os.path.relpath(path) if path.is_relative_to(Path.cwd()) else path, options.origin
     )
 
 
-def _report_rest(entries: Iterable[tuple[Path, str]], options: argparse.Namespace) -> None:
+def _report_rest(entries: Iterable[tuple[Path, str]], options: Options) -> None:
     """Print what was not removed, with the reasons."""
     found = list(entries)
     for path, reason in found[:_MOST]:

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 
 from forge.base.extensions import COMMANDS as PLUGINS
 from forge.base.extensions import OWN, is_installed
+from forge.base.frozen import frozen
+from forge.base.options import option
 from forge.cli import main
 from forge.cli.colcon_options import COLCON_OPTIONS, PASSED_ON
 from forge.cli.completing import (
@@ -37,8 +39,6 @@ from forge.output.handlers import HANDLERS
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from forge.cli.main import Parser
-
 _METAVARS = {
     "PKG": PACKAGES,
     "DIR": FOLDERS,
@@ -52,11 +52,12 @@ _METAVARS = {
 _CMAKE_BUILD_TYPES = ("Debug", "Release", "RelWithDebInfo", "MinSizeRel")
 
 
-def register(parser: Parser) -> None:
-    parser.add_argument("shell", choices=SHELLS, help="shell to print the script for")
+@frozen
+class Options:
+    shell: str = option("shell to print the script for", positional=True, choices=SHELLS)
 
 
-def run(options: argparse.Namespace) -> int:
+def run(options: Options) -> int:
     helper_command = (sys.executable, "-S", "-E", str(Path(main.__file__).with_name("completion_words.py")))
     print(completion(options.shell, list(_contexts()), helper_command), end="")
     return 0

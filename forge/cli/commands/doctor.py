@@ -10,11 +10,13 @@ from typing import TYPE_CHECKING
 
 from forge.base.colours import palette_of
 from forge.base.errors import ForgeError
+from forge.base.frozen import frozen
+from forge.base.options import option, options_of
 from forge.base.text import counted
 from forge.build.certain_failures import CMakeSearch
-from forge.cli import options as shared
-from forge.cli import package_options
 from forge.cli.config import configured_python
+from forge.cli.options import FolderOptions
+from forge.cli.package_options import OptionSources
 from forge.cli.preparation import build_variables, without_own
 from forge.doctor.checks import machine, naming, packages, programs, surroundings
 from forge.doctor.checks.model import CheckContext, CheckResult, files_of
@@ -22,13 +24,12 @@ from forge.doctor.checks.report import lines, plain
 from forge.environment.prefixes import find_underlays
 from forge.workspace.load import load_workspace
 from forge.workspace.missing import missing_dependencies
+from forge.workspace.selection import Query
 
 if TYPE_CHECKING:
-    import argparse
     from collections.abc import Mapping
 
     from forge.base.layout import Layout
-    from forge.cli.main import Parser
     from forge.workspace.load import LoadedWorkspace
 
 _ANYWHERE = (
@@ -41,28 +42,26 @@ _IN_WORKSPACE = (surroundings.results, machine.owners, naming.names, packages.de
 EXIT_USER = 2
 
 
-def register(parser: Parser) -> None:
-    package_options.add(parser)
-    shared.add_options(parser, shared.FolderOptions)
-    parser.add_argument(
-        "--python", metavar="PATH", help="interpreter to check (default: as for 'forge build')"
+@frozen
+class Options:
+    query: Query = options_of(Query)
+    sources: OptionSources = options_of(OptionSources)
+    folders: FolderOptions = options_of(FolderOptions)
+    python: str | None = option("interpreter to check (default: as for 'forge build')", metavar="PATH")
+    all: bool = option(
+        "also show notes: unused and redundant dependencies, and packages that hide others", default=False
     )
-    parser.add_argument(
-        "--all",
-        action="store_true",
-        help="also show notes: unused and redundant dependencies, and packages that hide others",
+    json: bool = option(
+        "print one JSON object with the keys errors, warnings, notes, checked and findings", default=False
     )
-    parser.add_argument(
-        "--json",
-        action="store_true",
-        help="print one JSON object with the keys errors, warnings, notes, checked and findings",
-    )
+    given: frozenset[str] = frozenset()
+    """The options of the command line."""
 
 
-def run(options: argparse.Namespace) -> int:
+def run(options: Options) -> int:
     """Print the findings; returns 0, or 2 if a finding prevents builds."""
     root = Path.cwd()
-    layout = shared.layout_of(options, root)
+    layout = options.folders.layout(root)
     workspace, subject = _load(root, layout, options)
     checks = (*_ANYWHERE, *(_IN_WORKSPACE if subject.packages else ()))
     results = (workspace, *(check(subject) for check in checks))
@@ -75,7 +74,7 @@ def run(options: argparse.Namespace) -> int:
     return EXIT_USER if any(result.errors for result in results) else 0
 
 
-def _load(root: Path, layout: Layout, options: argparse.Namespace) -> tuple[CheckResult, CheckContext]:
+def _load(root: Path, layout: Layout, options: Options) -> tuple[CheckResult, CheckContext]:
     """Return the result for the workspace as a whole, and the subject of the other checks."""
     outside = without_own(os.environ, layout)
     try:
@@ -86,14 +85,16 @@ def _load(root: Path, layout: Layout, options: argparse.Namespace) -> tuple[Chec
     overlays = find_underlays(os.environ, layout.install).overlays
     underlays = replace(find_underlays(variables, layout.install), overlays=overlays)
     bare = CheckContext(root, layout, variables, outside, python, underlays)
-    if root in {Path.home(), Path(root.anchor)} and "base_paths" not in options.given and not options.paths:
+    if (
+        root in {Path.home(), Path(root.anchor)}
+        and "base_paths" not in options.given
+        and not options.query.search.paths
+    ):
         return CheckResult(
             "workspace", "none: not searching for packages in a whole home folder or file system"
         ), bare
     try:
-        loaded = load_workspace(
-            root, package_options.query_of(options), variables, embedded=True, install=layout.install
-        )
+        loaded = load_workspace(root, options.query, variables, embedded=True, install=layout.install)
     except ForgeError as error:
         return CheckResult("workspace", "cannot be loaded", errors=error.problems), bare
     missing = missing_dependencies(

@@ -11,14 +11,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem, SelectionError
+from forge.base.frozen import frozen
 from forge.base.names import did_you_mean
+from forge.base.options import option
+from forge.cli.options import install_base_option
 from forge.environment.sourcing import sourced_environment
 
 if TYPE_CHECKING:
-    import argparse
     from collections.abc import Callable, Iterable, Mapping
-
-    from forge.cli.main import Parser
 
 _SPECIAL = re.compile(r'[\\"$`]')
 _ESCAPED = r"\\\g<0>"
@@ -50,17 +50,16 @@ FORMATS: Mapping[str, Callable[[Mapping[str, str], Iterable[str]], str]] = {
 """The formats by the name on the command line."""
 
 
-def register(parser: Parser) -> None:
-    parser.add_argument(
-        "names", nargs="*", metavar="VARIABLE", help="print only these variables, changed or not"
+@frozen
+class Options:
+    names: tuple[str, ...] = option(
+        "print only these variables, changed or not", default=(), positional=True, metavar="VARIABLE"
     )
-    parser.add_argument("--format", choices=FORMATS, default="sh", help="output format (default: sh)")
-    parser.add_argument(
-        "--install-base", default="install", metavar="DIR", help="install folder (default: install)"
-    )
+    format: str = option("output format (default: sh)", default="sh", choices=tuple(FORMATS))
+    install_base: str = install_base_option()
 
 
-def run(options: argparse.Namespace) -> int:
+def run(options: Options) -> int:
     """Print the variables that sourcing would change in this environment; returns 0."""
     before = dict(os.environ)
     after = sourced_environment(Path(options.install_base).absolute(), before)

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
+from forge.base.frozen import frozen
+from forge.base.options import option
 from forge.cli import main
 
-if TYPE_CHECKING:
-    import argparse
 
-
-def register(parser: main.Parser) -> None:
-    parser.add_argument(
-        "words", nargs="*", metavar="COMMAND", help="command, and its verb if it has verbs: pkg create"
+@frozen
+class Options:
+    words: tuple[str, ...] = option(
+        "command, and its verb if it has verbs: pkg create", default=(), positional=True, metavar="COMMAND"
     )
 
 
-def run(options: argparse.Namespace) -> int:
+def run(options: Options) -> int:
     """Print the help of a command, or of forge itself; ends with SystemExit like `--help`."""
     main.parser_of(options.words).parse_args([*options.words, "--help"])
     return 0

@@ -9,21 +9,20 @@ from typing import TYPE_CHECKING
 
 from forge.base.distributions import OLDEST
 from forge.base.errors import HostError, Problem, SelectionError, print_warnings
+from forge.base.frozen import frozen
 from forge.base.layout import LAYOUT_MARKER
 from forge.base.names import did_you_mean
+from forge.base.options import option, options_of
 from forge.cli import options as shared
-from forge.cli import package_options
 from forge.cli.options import FolderOptions
+from forge.cli.package_options import ListingOptions
 from forge.cli.preparation import build_variables, known_rosdistro, workspace_interpreter
 from forge.environment.prefixes import find_underlays
-from forge.workspace.load import load_workspace
 from forge.workspace.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS
 
 if TYPE_CHECKING:
-    import argparse
     from collections.abc import Iterator, Sequence
 
-    from forge.cli.main import Parser
     from forge.toolchain.interpreter import Interpreter
     from forge.workspace.load import LoadedWorkspace
     from forge.workspace.model import Package
@@ -31,26 +30,24 @@ if TYPE_CHECKING:
 _CATEGORIES = (("build", BUILD_KINDS), ("run", RUN_KINDS), ("test", TEST_KINDS))
 
 
-def register(parser: Parser) -> None:
-    package_options.add_listing(parser)
-    parser.add_argument("names", nargs="*", metavar="PKG", help="packages to show (default: all)")
-    parser.add_argument(
-        "--install-base",
-        default="install",
-        metavar="DIR",
-        help="install folder of the workspace (default: install)",
+@frozen
+class Options:
+    listing: ListingOptions = options_of(ListingOptions)
+    names: tuple[str, ...] = option(
+        "packages to show (default: all)", default=(), positional=True, metavar="PKG"
     )
+    install_base: str = option(
+        "install folder of the workspace (default: install)", default="install", metavar="DIR"
+    )
+    origin: str = os.curdir
 
 
-def run(options: argparse.Namespace) -> int:
+def run(options: Options) -> int:
     """Print the workspace unless packages are given, and the details of each package, sorted by name."""
-    loaded = load_workspace(
-        Path.cwd(), package_options.query_of(options), os.environ, embedded=options.embedded
-    )
-    print_warnings(loaded.warnings)
+    loaded = options.listing.load()
     packages = _requested(loaded, tuple(name.lstrip() for name in options.names))
     packages.sort(key=lambda package: (package.name, str(package.path)))
-    if options.json:
+    if options.listing.json:
         found = [
             {
                 "path": shared.displayed(package.path, options.origin),
@@ -81,7 +78,7 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _workspace(options: argparse.Namespace) -> Iterator[str]:
+def _workspace(options: Options) -> Iterator[str]:
     """Yield the interpreter of the workspace with what chose it, the ROS distribution and the underlays."""
     python, chain = _surroundings(options)
     yield f"workspace: {Path.cwd()}"
@@ -94,18 +91,18 @@ def _workspace(options: argparse.Namespace) -> Iterator[str]:
         yield f"  built for other platforms: {' '.join(targets)}"
 
 
-def _targets(options: argparse.Namespace) -> list[str]:
+def _targets(options: Options) -> list[str]:
     """Return the platforms for which packages are installed, besides this machine."""
     install = Path.cwd() / options.install_base
     return sorted(marker.parent.name for marker in install.glob(f"*/{LAYOUT_MARKER}"))
 
 
-def _rosdistro(options: argparse.Namespace) -> str:
+def _rosdistro(options: Options) -> str:
     root = Path.cwd()
     return known_rosdistro(None, root, root / options.install_base) or OLDEST
 
 
-def _surroundings(options: argparse.Namespace) -> tuple[Interpreter | None, Sequence[Path]]:
+def _surroundings(options: Options) -> tuple[Interpreter | None, Sequence[Path]]:
     """Return the interpreter, None after a warning if there is none, and the underlays."""
     root = Path.cwd()
     layout = FolderOptions(install_base=options.install_base).layout(root)
@@ -138,7 +135,7 @@ def _requested(loaded: LoadedWorkspace, names: tuple[str, ...]) -> list[Package]
     return [package for package in selected if not names or package.name in names]
 
 
-def _paragraph(package: Package, options: argparse.Namespace) -> Iterator[str]:
+def _paragraph(package: Package, options: Options) -> Iterator[str]:
     yield f"path: {shared.displayed(package.path, options.origin)}"
     yield f"  type: {package.type}"
     yield f"  name: {package.name}"

@@ -4,70 +4,65 @@ from __future__ import annotations
 
 import json
 import os
-from pathlib import Path
-from typing import TYPE_CHECKING
+from dataclasses import fields
+from typing import TYPE_CHECKING, Any
 
-from forge.base.errors import Problem, SelectionError, print_warnings
+from forge.base.errors import Problem, SelectionError
 from forge.base.extensions import COMMANDS, find
+from forge.base.frozen import frozen
+from forge.base.options import option, options_of
 from forge.cli import options as shared
-from forge.cli import package_options
-from forge.workspace.load import load_workspace
+from forge.cli.package_options import ListingOptions
 
 if TYPE_CHECKING:
-    import argparse
-
-    from forge.cli.main import Parser
     from forge.workspace.model import Package
 
-_GRAPH = {
-    "topological_graph": "forge graph",
-    "topological_graph_dot": "forge graph --dot",
-    "topological_graph_density": "forge graph --density",
-    "topological_graph_legend": "forge graph --legend",
-    "topological_graph_dot_cluster": "forge graph --dot --dot-cluster",
-    "topological_graph_dot_include_skipped": "forge graph --dot --dot-include-skipped",
-}
+
+def _alias(command: str, short: str = "") -> Any:
+    group = "aliases of 'forge graph', for compatibility with colcon"
+    return option(f"same as '{command}'", default=False, short=short, group=group)
 
 
-def register(parser: Parser) -> None:
-    package_options.add_listing(parser)
-    parser.add_argument(
-        "-t", "--topological-order", action="store_true", help="sort packages in topological order"
-    )
-    only = parser.add_mutually_exclusive_group()
-    only.add_argument("-n", "--names-only", action="store_true", help="print only the names")
-    only.add_argument("-p", "--paths-only", action="store_true", help="print only the paths")
-    older = parser.add_argument_group("aliases of 'forge graph', for compatibility with colcon")
-    for name, command in _GRAPH.items():
-        flags = (["-g"] if name == "topological_graph" else []) + [f"--{name.replace('_', '-')}"]
-        older.add_argument(*flags, action="store_true", help=f"same as '{command}'")
+@frozen
+class Options:
+    listing: ListingOptions = options_of(ListingOptions)
+    topological_order: bool = option("sort packages in topological order", default=False, short="-t")
+    names_only: bool = option("print only the names", default=False, short="-n", conflicts="columns")
+    paths_only: bool = option("print only the paths", default=False, short="-p", conflicts="columns")
+    topological_graph: bool = _alias("forge graph", "-g")
+    topological_graph_dot: bool = _alias("forge graph --dot")
+    topological_graph_density: bool = _alias("forge graph --density")
+    topological_graph_legend: bool = _alias("forge graph --legend")
+    topological_graph_dot_cluster: bool = _alias("forge graph --dot --dot-cluster")
+    topological_graph_dot_include_skipped: bool = _alias("forge graph --dot --dot-include-skipped")
+    origin: str = os.curdir
 
 
-def run(options: argparse.Namespace) -> int:
+def run(options: Options) -> int:
     """Print a line for each selected package, in alphabetical or topological order."""
-    if any(getattr(options, name) for name in _GRAPH):
-        options.dot = options.topological_graph_dot
-        if not (options.dot or options.topological_graph):
+    if any(getattr(options, each.name) for each in fields(Options) if "graph" in each.name):
+        dot = options.topological_graph_dot
+        if not (dot or options.topological_graph):
             hint = "add '--topological-graph' or '--topological-graph-dot', or use 'forge graph'"
             raise SelectionError(
                 Problem("options of the dependency graph given without requesting the graph", hint=hint)
             )
-        options.html = options.svg = options.mermaid = False
-        options.output = None
-        options.density = options.topological_graph_density and not options.dot
-        options.legend = options.topological_graph_legend
-        options.dot_cluster = options.topological_graph_dot_cluster
-        options.dot_include_skipped = options.topological_graph_dot_include_skipped
-        code: int = find(COMMANDS, "graph", "command").run(options)
+        graph = find(COMMANDS, "graph", "command")
+        graph_options = graph.Options(
+            options.listing,
+            dot=dot,
+            density=options.topological_graph_density and not dot,
+            legend=options.topological_graph_legend,
+            dot_cluster=options.topological_graph_dot_cluster,
+            dot_include_skipped=options.topological_graph_dot_include_skipped,
+        )
+        code: int = graph.run(graph_options)
         return code
-    loaded = load_workspace(
-        Path.cwd(), package_options.query_of(options), os.environ, embedded=options.embedded
-    )
-    print_warnings(loaded.warnings)
+    loaded = options.listing.load()
     packages = [loaded.packages[node] for node in loaded.selection.names]
     if not options.topological_order:
         packages.sort(key=lambda package: (package.name, str(package.path)))
-    if options.json:
+    if options.listing.json:
         rows = [
             {"name": p.name, "path": shared.displayed(p.path, options.origin), "type": p.type}
             for p in packages
@@ -80,7 +75,7 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _line(package: Package, options: argparse.Namespace) -> str:
+def _line(package: Package, options: Options) -> str:
     if options.names_only:
         return package.name
     if options.paths_only:

@@ -8,34 +8,37 @@ import re
 import shlex
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base.errors import HostError, Problem
+from forge.base.frozen import frozen
 from forge.base.layout import templates_folder
+from forge.base.options import option
+from forge.cli.options import install_base_option
 from forge.environment.sourcing import sourced_environment
 
-if TYPE_CHECKING:
-    from forge.cli.main import Parser
 
-
-def register(parser: Parser) -> None:
-    parser.add_argument(
-        "--install-base", default="install", metavar="DIR", help="install folder (default: install)"
+@frozen
+class Options:
+    install_base: str = install_base_option()
+    words: tuple[str, ...] = option(
+        "command to run instead of a shell",
+        default=(),
+        nargs=argparse.REMAINDER,
+        positional=True,
+        metavar="COMMAND",
     )
-    parser.add_argument(
-        "words", nargs=argparse.REMAINDER, metavar="COMMAND", help="command to run instead of a shell"
-    )
+    origin: str = os.curdir
 
 
-def run(options: argparse.Namespace) -> int:
+def run(options: Options) -> int:
     """Replace this process by the user's shell or the command.
 
     Raises HostError if it cannot be started.
     """
-    words = options.words[1:] if options.words[:1] == ["--"] else options.words
+    words = options.words[1:] if options.words[:1] == ("--",) else options.words
     install = Path(options.install_base).absolute()
     variables = dict(sourced_environment(install, os.environ))
-    argv = words or _shell_with_prompt(os.environ.get("SHELL") or "/bin/sh", variables)
+    argv = list(words) or _shell_with_prompt(os.environ.get("SHELL") or "/bin/sh", variables)
     if not words and sys.stderr.isatty():
         print(f"started a shell with '{install}' sourced; type 'exit' to leave it", file=sys.stderr)
     os.chdir(options.origin)

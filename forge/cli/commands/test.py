@@ -11,14 +11,16 @@ from typing import TYPE_CHECKING
 
 from forge.base.env_vars import SEQUENTIAL
 from forge.base.errors import WarningReporter, WorkspaceError, print_problem, raise_if_any
+from forge.base.frozen import frozen
+from forge.base.options import options_of
 from forge.base.text import counted
 from forge.build.events import Finished, StepFinished
 from forge.build.markers import create_output_folders
 from forge.build.tasks import TEST_FAILURES
 from forge.build.tests.options import TestOptions
-from forge.cli import package_options
-from forge.cli.options import FolderOptions, add_options, read_options
+from forge.cli.options import FolderOptions
 from forge.cli.output_checks import output_problems
+from forge.cli.package_options import OptionSources
 from forge.cli.preparation import build_variables, require_packages
 from forge.cli.session import open_session
 from forge.execution.lock import lock_build_dir
@@ -48,34 +50,34 @@ from forge.testing.running import (
     write_results_of_untested,
 )
 from forge.workspace.load import load_workspace
+from forge.workspace.selection import Query
 
 if TYPE_CHECKING:
-    import argparse
     from contextlib import AbstractContextManager
 
     from forge.build.events import Event
     from forge.build.tasks import BuildPlan, Task
-    from forge.cli.main import Parser
     from forge.cli.session import Session
     from forge.execution.job_pool import JobPool
 
 
-def register(parser: Parser) -> None:
-    package_options.add(parser)
-    add_options(parser, FolderOptions)
-    add_options(parser, TestOptions)
-    add_options(parser, JobOptions)
-    add_options(parser, ReportOptions)
+@frozen
+class Options:
+    query: Query = options_of(Query)
+    sources: OptionSources = options_of(OptionSources)
+    folders: FolderOptions = options_of(FolderOptions)
+    tests: TestOptions = options_of(TestOptions)
+    jobs: JobOptions = options_of(JobOptions)
+    report: ReportOptions = options_of(ReportOptions)
+    origin: str = os.curdir
 
 
-def run(namespace: argparse.Namespace) -> int:
+def run(given: Options) -> int:
     """Run tests; returns 1 if a package could not be tested, or, if requested, if a test failed."""
     began = time.monotonic()
-    root, options = Path.cwd(), read_options(TestOptions, namespace)
-    folders, jobs = read_options(FolderOptions, namespace), read_options(JobOptions, namespace)
-    reports = read_options(ReportOptions, namespace)
+    root, query, folders, jobs = Path.cwd(), given.query, given.folders, given.jobs
+    options, reports = given.tests, given.report
     reporters = reports.reporters(*(("coverage",) if options.coverage else ()))
-    query = package_options.query_of(namespace)
     layout, warn = folders.layout(root), WarningReporter()
     variables = build_variables(layout, os.environ)
     loaded = load_workspace(
@@ -114,7 +116,7 @@ def run(namespace: argparse.Namespace) -> int:
             query=query,
             began=began + waited,
             needs=needs,
-            origin=namespace.origin,
+            origin=given.origin,
         )
 
     with (

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import sys
@@ -11,6 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem, WorkspaceError, print_problem
+from forge.base.frozen import frozen
+from forge.base.options import option
 from forge.cli import options as shared
 from forge.testing.collecting import collect, removable_results
 from forge.testing.failures import as_json, counts_as_json, details, result_line, skipped_line
@@ -19,50 +20,49 @@ from forge.testing.outcomes import Counts, counted_once
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from forge.cli.main import Parser
     from forge.testing.collecting import Collection
     from forge.testing.outcomes import Outcome
 
 
-def register(parser: Parser) -> None:
-    parser.add_argument(
-        "--test-result-base",
-        type=_folder,
-        metavar="DIR",
-        help="folder to search for result files (default: build)",
-    )
-    parser.add_argument("--all", action="store_true", help="show result files without failures, too")
-    parser.add_argument(
-        "--result-files-only", action="store_true", help="print only the paths of result files"
-    )
-    parser.add_argument(
-        "--verbose",
-        action="store_true",
-        help="show the message of each failed test, and why tests were skipped",
-    )
-    parser.add_argument("--delete", action="store_true", help="delete result files after confirmation")
-    parser.add_argument("--delete-yes", action="store_true", help="delete result files without confirmation")
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
+def _folder(path: str) -> Path:
+    """Return the path of an existing folder; raises ValueError."""
+    if not Path(path).is_dir():
+        what = "is not a folder" if Path(path).exists() else "does not exist"
+        raise ValueError(f"'{path}' {what}")
+    return Path(path)
 
 
-def run(options: argparse.Namespace) -> int:
+@frozen
+class Options:
+    test_result_base: Path | None = option(
+        "folder to search for result files (default: build)", parse=_folder, metavar="DIR"
+    )
+    all: bool = option("show result files without failures, too", default=False)
+    result_files_only: bool = option("print only the paths of result files", default=False)
+    verbose: bool = option("show the message of each failed test, and why tests were skipped", default=False)
+    delete: bool = option("delete result files after confirmation", default=False)
+    delete_yes: bool = option("delete result files without confirmation", default=False)
+    json: bool = option("print one JSON object", default=False)
+    origin: str = os.curdir
+
+
+def run(options: Options) -> int:
     """Show or delete results; returns 1 if a test failed."""
-    if options.test_result_base is None:
-        options.test_result_base = Path("build")
-        if not options.test_result_base.is_dir():
-            hint = "run 'forge test' first, or name the folder with '--test-result-base'"
-            raise WorkspaceError(Problem("the folder 'build' does not exist", hint=hint))
-    found = collect(options.test_result_base)
+    base = options.test_result_base or Path("build")
+    if options.test_result_base is None and not base.is_dir():
+        hint = "run 'forge test' first, or name the folder with '--test-result-base'"
+        raise WorkspaceError(Problem("the folder 'build' does not exist", hint=hint))
+    found = collect(base)
     if options.delete or options.delete_yes:
-        return _delete(found, options)
-    gone = _gone(options.test_result_base)
-    counted = [one for one in found.outcomes if _package_of(one.path, options.test_result_base) not in gone]
-    ignored = {_package_of(one.path, options.test_result_base) for one in found.outcomes} & gone
+        return _delete(found, base, options)
+    gone = _gone(base)
+    counted = [one for one in found.outcomes if _package_of(one.path, base) not in gone]
+    ignored = {_package_of(one.path, base) for one in found.outcomes} & gone
     for name in sorted(ignored):
         message = f"ignoring results of '{name}', which is no longer in the workspace"
         print_problem(Problem(message, hint="forge clean stale"), "warning")
     for problem in found.problems:
-        if problem.location and _package_of(str(problem.location.path), options.test_result_base) not in gone:
+        if problem.location and _package_of(str(problem.location.path), base) not in gone:
             print_problem(problem)
     named = [replace(one, path=shared.displayed(one.path, options.origin)) for one in counted]
     outcomes = counted_once(named)
@@ -75,7 +75,7 @@ def run(options: argparse.Namespace) -> int:
     else:
         if not found.outcomes:
             hint = "run 'forge test', or name the folder with '--test-result-base'"
-            print_problem(Problem(f"no test results in '{options.test_result_base}'", hint=hint), "warning")
+            print_problem(Problem(f"no test results in '{base}'", hint=hint), "warning")
         raw = _sum(counted)
         for outcome in shown:
             print(result_line(outcome))
@@ -92,9 +92,9 @@ def run(options: argparse.Namespace) -> int:
     return int(total.bad)
 
 
-def _delete(found: Collection, options: argparse.Namespace) -> int:
+def _delete(found: Collection, base: Path, options: Options) -> int:
     """Delete result files after confirmation; the end of input aborts."""
-    files = removable_results(found, options.test_result_base)
+    files = removable_results(found, base)
     for path in sorted({*found.files} - {*files}):
         message = f"kept '{shared.displayed(path, options.origin)}', where forge's tests write no results"
         print_problem(Problem(message), "warning")
@@ -141,11 +141,3 @@ def _package_of(path: str, base: Path) -> str:
     It is '' for `base` itself, which may be unreadable.
     """
     return next(iter(Path(path).relative_to(base).parts), "")
-
-
-def _folder(path: str) -> Path:
-    """Return the path of an existing folder; argparse reports the error."""
-    if not Path(path).is_dir():
-        what = "is not a folder" if Path(path).exists() else "does not exist"
-        raise argparse.ArgumentTypeError(f"'{path}' {what}")
-    return Path(path)

@@ -3,50 +3,42 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.base.errors import print_warnings
-from forge.cli import package_options
+from forge.base.frozen import frozen
+from forge.base.options import option, options_of
+from forge.cli.package_options import ListingOptions
 from forge.plugins.charts import graph_formats
 from forge.plugins.charts.graph_formats import PackageGraph
-from forge.workspace.load import load_workspace
 
 if TYPE_CHECKING:
-    import argparse
     from collections.abc import Iterable
 
-    from forge.cli.main import Parser
 
-
-def register(parser: Parser) -> None:
-    package_options.add_listing(parser)
-    form = parser.add_mutually_exclusive_group()
-    form.add_argument("--html", action="store_true", help="print an interactive web page")
-    form.add_argument("--svg", action="store_true", help="print an SVG image")
-    form.add_argument(
-        "--mermaid", action="store_true", help="print a Mermaid diagram, which GitHub renders in Markdown"
+@frozen
+class Options:
+    listing: ListingOptions = options_of(ListingOptions)
+    html: bool = option("print an interactive web page", default=False, conflicts="form")
+    svg: bool = option("print an SVG image", default=False, conflicts="form")
+    mermaid: bool = option(
+        "print a Mermaid diagram, which GitHub renders in Markdown", default=False, conflicts="form"
     )
-    form.add_argument(
-        "--dot", action="store_true", help="print a Graphviz graph: 'forge graph --dot | dot -Tsvg'"
+    dot: bool = option(
+        "print a Graphviz graph: 'forge graph --dot | dot -Tsvg'", default=False, conflicts="form"
     )
-    form.add_argument("--density", action="store_true", help="print the density of the graph first")
-    parser.add_argument("-o", "--output", metavar="FILE", help="write to this file instead of stdout")
-    parser.add_argument("--legend", action="store_true", help="print a legend first")
-    parser.add_argument("--dot-cluster", action="store_true", help="with --dot: group packages by folder")
-    parser.add_argument(
-        "--dot-include-skipped",
-        action="store_true",
-        help="with --dot: include packages that are not selected, in grey",
+    density: bool = option("print the density of the graph first", default=False, conflicts="form")
+    output: str | None = option("write to this file instead of stdout", short="-o", metavar="FILE")
+    legend: bool = option("print a legend first", default=False)
+    dot_cluster: bool = option("with --dot: group packages by folder", default=False)
+    dot_include_skipped: bool = option(
+        "with --dot: include packages that are not selected, in grey", default=False
     )
 
 
-def run(options: argparse.Namespace) -> int:
+def run(options: Options) -> int:
     """Print the graph of the selected packages, or write it to a file."""
-    root = Path.cwd()
-    loaded = load_workspace(root, package_options.query_of(options), os.environ, embedded=options.embedded)
-    print_warnings(loaded.warnings)
+    root, loaded = Path.cwd(), options.listing.load()
     chart = PackageGraph(loaded.ordered, loaded.needs, loaded.packages, frozenset(loaded.selection.names))
     text = _text(chart, options, root)
     if options.output is None:
@@ -58,15 +50,15 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _text(chart: PackageGraph, options: argparse.Namespace, root: Path) -> str:
-    if options.json:
+def _text(chart: PackageGraph, options: Options, root: Path) -> str:
+    if options.listing.json:
         return json.dumps(graph_formats.plain(chart), indent=2) + "\n"
     if options.html or options.svg:
         from forge.base.templating import render
         from forge.build.journal import open_journal
         from forge.plugins.charts.drawing import drawn, facts
 
-        records = open_journal(root / options.build_base).records
+        records = open_journal(root / options.listing.build_base).records
         seconds = {name: record.seconds for name, record in records.items() if record.seconds}
         graph = graph_formats.reduced_among(chart.needs, chart.ordered, chart.selected)
         picture = drawn(chart, graph, seconds)

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from forge.base.distributions import distribution_option
 from forge.base.errors import (
     HostError,
     Problem,
@@ -16,10 +17,12 @@ from forge.base.errors import (
     print_warnings,
     raise_if_any,
 )
+from forge.base.frozen import frozen
 from forge.base.names import did_you_mean
+from forge.base.options import option, options_of
 from forge.base.own_environment import extra_command
 from forge.cli import options as shared
-from forge.cli import package_options
+from forge.cli.package_options import OptionSources
 from forge.cli.preparation import build_variables, known_rosdistro, workspace_interpreter
 from forge.environment.prefixes import find_underlays, provider, system_prefixes
 from forge.plugins.system_deps.dependencies import USUAL_KINDS, is_installed, needs_of
@@ -31,94 +34,62 @@ from forge.workspace.discovery import discover_embedded
 from forge.workspace.load import load_workspace, resolve_workspace
 from forge.workspace.model import TEST_KINDS, DependencyKind
 from forge.workspace.resolve import provided_names
+from forge.workspace.selection import Query
 
 if TYPE_CHECKING:
-    import argparse
     from collections.abc import Callable, Iterable, Iterator, Mapping
 
     from forge.base.layout import Layout
-    from forge.cli.main import Parser
     from forge.plugins.system_deps.dependencies import DependencyStatus
     from forge.plugins.system_deps.lookup import PackageNames
     from forge.plugins.system_deps.system import System
     from forge.workspace.model import Workspace
 
 
-def register(parser: Parser) -> None:
-    """Add the options of `forge deps`."""
-    package_options.add(parser)
-    _add_actions(parser)
-    _add_sources(parser)
-    parser.add_argument(
-        "--build-base",
-        default="build",
-        metavar="DIR",
-        help="build folder, for results of earlier builds (default: build)",
+@frozen
+class Options:
+    query: Query = options_of(Query)
+    sources: OptionSources = options_of(OptionSources)
+    install: bool = option("show the install commands, ask, and run them", default=False)
+    yes: bool = option(
+        "do not ask before '--install', and let package managers not ask either", default=False, short="-y"
     )
-    parser.add_argument(
-        "--install-base",
-        default="install",
-        metavar="DIR",
-        help="install folder of the workspace (default: install)",
+    skip_keys: tuple[str, ...] = option(
+        "ignore these dependencies", default=(), nargs="+", accumulates=True, metavar="KEY"
     )
-    parser.add_argument(
-        "--python", metavar="PATH", help="interpreter to check (default: that of the last or next build)"
+    json: bool = option(
+        "print one JSON object: system, and needs with key, users, provider, manager, names, missing",
+        default=False,
     )
-
-
-def _add_actions(parser: Parser) -> None:
-    """Add the options that choose what to print, and what to do with it."""
-    parser.add_argument("--install", action="store_true", help="show the install commands, ask, and run them")
-    parser.add_argument(
-        "-y",
-        "--yes",
-        action="store_true",
-        help="do not ask before '--install', and let package managers not ask either",
-    )
-    parser.add_argument(
-        "--skip-keys",
-        nargs="+",
-        action=shared.Accumulate,
-        default=[],
-        metavar="KEY",
-        help="ignore these dependencies",
-    )
-    parser.add_argument(
-        "--json",
-        action="store_true",
-        help="print one JSON object: system, and needs with key, users, provider, manager, names, missing",
-    )
-    parser.add_argument(
-        "--all", action="store_true", help="also list dependencies that are satisfied, and what provides them"
-    )
-    parser.add_argument(
-        "-t",
-        "--dependency-types",
+    all: bool = option("also list dependencies that are satisfied, and what provides them", default=False)
+    dependency_types: tuple[str, ...] | None = option(
+        "consider only these types: build, buildtool, build_export, buildtool_export, exec, test, doc "
+        "(default: all but doc)",
+        short="-t",
         nargs="+",
         metavar="KIND",
-        help="consider only these types: build, buildtool, build_export, buildtool_export, exec, test, "
-        "doc (default: all but doc)",
     )
-
-
-def _add_sources(parser: Parser) -> None:
-    """Add the options that choose the names of system packages."""
-    shared.add_options(parser, shared.DistributionOptions)
-    parser.add_argument(
-        "--rosdep-file",
-        nargs="+",
-        metavar="FILE",
-        help="look up names in these rosdep files first",
+    rosdistro: str | None = distribution_option()
+    rosdep_file: tuple[str, ...] | None = option(
+        "look up names in these rosdep files first", nargs="+", metavar="FILE"
     )
-    parser.add_argument(
-        "--os",
-        metavar="NAME:VERSION",
-        help="list packages of another system, such as ubuntu:jammy or openeuler:24.03; ignores what is "
+    os: str | None = option(
+        "list packages of another system, such as ubuntu:jammy or openeuler:24.03; ignores what is "
         "installed on this machine",
+        metavar="NAME:VERSION",
+    )
+    build_base: str = option(
+        "build folder, for results of earlier builds (default: build)", default="build", metavar="DIR"
+    )
+    install_base: str = option(
+        "install folder of the workspace (default: install)", default="install", metavar="DIR"
+    )
+    python: str | None = option(
+        "interpreter to check (default: that of the last or next build)", metavar="PATH"
     )
 
 
-def run(options: argparse.Namespace) -> int:
+def run(options: Options) -> int:
     """Print a script with comments for each dependency and install commands, or run these; returns 0."""
     raise_if_any(_conflicts(options), SelectionError)
     root = Path.cwd()
@@ -126,11 +97,11 @@ def run(options: argparse.Namespace) -> int:
     print_warnings(mistyped_distribution(rosdistro))
     variables = {**os.environ, "ROS_DISTRO": rosdistro} if rosdistro else dict(os.environ)
     kinds = _kinds(options.dependency_types or ())
-    if options.no_test_dependencies and not options.dependency_types:
+    if options.query.no_test_dependencies and not options.dependency_types:
         kinds -= TEST_KINDS
     system = system_of(os_release(), options.os)
     names = find_package_names(options.rosdep_file or (), system, rosdistro)
-    loaded = load_workspace(root, package_options.query_of(options), variables)
+    loaded = load_workspace(root, options.query, variables)
     raise_if_any(loaded.workspace.problems, WorkspaceError)
     if not loaded.packages:
         hint = "change to the root of the workspace, the folder that contains 'src'"
@@ -201,10 +172,10 @@ def _ros_remedy(names: PackageNames, system: System, rosdistro: str) -> str:
     return f"ROS package; {source}"
 
 
-def _conflicts(options: argparse.Namespace) -> Iterator[Problem]:
-    for option in ("os", "json"):
-        if options.install and getattr(options, option):
-            yield Problem(f"'--install' and '--{option}' exclude each other")
+def _conflicts(options: Options) -> Iterator[Problem]:
+    for other in ("os", "json"):
+        if options.install and getattr(options, other):
+            yield Problem(f"'--install' and '--{other}' exclude each other")
 
 
 def _kinds(words: tuple[str, ...]) -> frozenset[DependencyKind]:
@@ -243,7 +214,7 @@ def _provider(workspace: Workspace, layout: Layout) -> Callable[[str], str | Non
     return find
 
 
-def _python(options: argparse.Namespace, layout: Layout, root: Path) -> str:
+def _python(options: Options, layout: Layout, root: Path) -> str:
     try:
         return str(workspace_interpreter(options.python, layout, root).path)
     except HostError as fault:
