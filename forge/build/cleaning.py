@@ -95,15 +95,14 @@ def built_packages(layout: Layout, records: Mapping[str, BuildRecord]) -> frozen
         found |= {entry.name for entry in _folders(layout.build) if is_own_build_dir(entry)}
     if is_own_install_base(layout.install):
         found |= {entry.name.partition(".")[0] for entry in _entries(layout.install / BACKUP_DIR)}
+        lists = {path.stem for path in (layout.install / INSTALLED_LISTS_DIR).glob("*.json")}
+        kept = ((name, read_installed_list(name, layout)) for name in lists)
+        found |= {name for name, one in kept if one and any(map(os.path.lexists, one.files))}
         if layout.merged:
-            marks = (entry for entry in _entries(layout.install / PACKAGES) if entry.is_file())
-            lists = layout.install / INSTALLED_LISTS_DIR
-            found |= {
-                mark.name
-                for mark in marks
-                if (lists / f"{mark.name}.json").is_file()
-                or any(os.path.lexists(path) for path in package_markers(mark.name, layout)[:-2])
-            }
+            # Files of others may lie beside the marks.
+            marks = (entry.name for entry in _entries(layout.install / PACKAGES) if entry.is_file())
+            share = layout.install / "share"
+            found |= {name for name in marks if any((share / name / each).is_file() for each in _SCRIPTS)}
         else:
             found |= {entry.name for entry in _folders(layout.install) if has_package_marks(entry)}
     return frozenset(found)

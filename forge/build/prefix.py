@@ -18,7 +18,6 @@ import filecmp
 import itertools
 import json
 import os
-import re
 import shutil
 import stat
 from functools import partial
@@ -29,7 +28,7 @@ from forge.base.ament_index import INDEX
 from forge.base.errors import Problem
 from forge.base.files import BYTECODE, mount_points, remove_tree, replace_file, tree_below
 from forge.base.frozen import frozen
-from forge.base.layout import BACKUP_DIR, INSTALLED_LISTS_DIR
+from forge.base.layout import BACKUP_DIR, INSTALL_BASE_FILES, INSTALLED_LISTS_DIR, LOCK_FILE
 from forge.build.install_manifests import MANIFESTS
 from forge.build.observed_writes import ObservedWrites, append, begin_log, read_log
 from forge.environment.prefixes import PACKAGES
@@ -43,9 +42,7 @@ if TYPE_CHECKING:
 
 _LIST = "list.json"
 _VERSION = 1
-_OF_BASE = re.compile(
-    r"\.forge|(?:_?local_)?setup(?:_util_\w+)?\.\w+$|\.colcon_install_layout$|COLCON_IGNORE$"
-)
+_OF_BASE = frozenset({*INSTALL_BASE_FILES, BACKUP_DIR, INSTALLED_LISTS_DIR, LOCK_FILE})
 """What forge and colcon write at the top of an install folder."""
 _SCRIPTS = frozenset({".bash", ".bat", ".dsv", ".fish", ".ps1", ".sh", ".zsh"})
 _CHUNK = 1 << 20
@@ -341,6 +338,7 @@ class PrefixExchange:
             for path in self._markers:
                 remove_tree(path)
         if self._list.is_file():
+            _list_file(self._name, self._layout).parent.mkdir(exist_ok=True)  # a step may have removed all
             self._list.replace(_list_file(self._name, self._layout))
         elif self._state.is_file():
             forget_installed_list(self._name, self._layout)
@@ -588,7 +586,9 @@ def copy_others_of_merged(layout: Layout, owned: Iterable[str]) -> None:
     files, empty = foreign_entries(base) if listed or not (layout.install / PACKAGES).is_dir() else ([], [])
     listed.update(owned)
     foreign = [
-        path for path in (*files, *empty) if path not in listed and not _OF_BASE.match(path, len(base) + 1)
+        path
+        for path in (*files, *empty)
+        if path not in listed and path[len(base) + 1 :].partition("/")[0] not in _OF_BASE
     ]
     if foreign:
         _copy_all(folder, foreign, all_kinds=True)

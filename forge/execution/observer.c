@@ -19,6 +19,9 @@
  * FORGE_OBSERVER_LINKS names a file with these links, if there are any, each ending with NUL. To write through
  * one would change files that forge neither knows nor can give back, so that the call fails with EACCES.
  *
+ * In a merged prefix, the log lies in a folder with copies of what others have there. No step removes or renames
+ * these: such a call fails with EACCES as well, so that 'rm -r' of the whole prefix loses nothing.
+ *
  * The log is opened for each record, since programs close descriptors that they do not know.
  */
 #define _GNU_SOURCE
@@ -45,6 +48,7 @@ struct counters {
 };
 
 static char log_file[PATH_MAX], prefix[PATH_MAX], real_prefix[PATH_MAX];
+static char backups[PATH_MAX], moved[PATH_MAX]; /* relative to the prefix, '' if they are elsewhere */
 static const char *links, *links_end;
 static struct counters *counters;
 
@@ -136,6 +140,26 @@ static void written(char kind, int folder, const char *path)
         append(kind, absolute);
 }
 
+/* An open file may be below the prefix although its path is not: other links lead there. */
+static void opened(int folder, const char *path, int descriptor)
+{
+    char absolute[2 * PATH_MAX + 1], link[40];
+    int saved = errno;
+    ssize_t size;
+
+    if (!*log_file)
+        return;
+    if (!locate(folder, path, absolute)) {
+        snprintf(link, sizeof link, "/proc/self/fd/%d", descriptor);
+        size = readlink(link, absolute, PATH_MAX);
+        absolute[size > 0 ? size : 0] = 0;
+        errno = saved;
+        if (!is_below(absolute, real_prefix))
+            return;
+    }
+    append('W', absolute);
+}
+
 static int refused(int folder, const char *path)
 {
     char absolute[2 * PATH_MAX + 1];
@@ -149,6 +173,21 @@ static int refused(int folder, const char *path)
             return 1;
         }
     return 0;
+}
+
+/* Tell whether removing or renaming this path would lose the copies; `moved` are files of the package itself. */
+static int holds_copies(int folder, const char *path)
+{
+    char absolute[2 * PATH_MAX + 1];
+    const char *place;
+
+    if (!*backups || !locate(folder, path, absolute))
+        return 0;
+    place = absolute + strlen(is_below(absolute, prefix) ? prefix : real_prefix);
+    if (*place && !is_below(backups, place) && (!is_below(place, backups) || is_below(place, moved)))
+        return 0;
+    errno = EACCES;
+    return 1;
 }
 
 static int read_variable(const char *name, char *value)
@@ -201,6 +240,12 @@ __attribute__((constructor)) static void start(void)
         *log_file = 0;
         return;
     }
+    if (is_below(log_file, prefix)) {
+        strcpy(moved, log_file + strlen(prefix));
+        strcpy(backups, moved);
+        *strrchr(moved, '.') = 0;
+        *strrchr(backups, '/') = 0;
+    }
     descriptor = syscall(SYS_openat, AT_FDCWD, log_file, O_RDWR | O_CLOEXEC);
     if (descriptor >= 0) {
         page = mmap(NULL, sizeof *counters, PROT_READ | PROT_WRITE, MAP_SHARED, descriptor, 0);
@@ -242,7 +287,7 @@ static mode_t mode_of(int flags, va_list arguments)
             return -1;                                                  \
         result = NEXT(name)(path, flags, mode);                         \
         if (result >= 0 && flags & WRITES)                              \
-            written('W', AT_FDCWD, path);                               \
+            opened(AT_FDCWD, path, result);                             \
         return result;                                                  \
     }
 
@@ -259,7 +304,7 @@ static mode_t mode_of(int flags, va_list arguments)
             return -1;                                                  \
         result = NEXT(name)(folder, path, flags, mode);                 \
         if (result >= 0 && flags & WRITES)                              \
-            written('W', folder, path);                                 \
+            opened(folder, path, result);                                \
         return result;                                                  \
     }
 
@@ -268,7 +313,7 @@ static mode_t mode_of(int flags, va_list arguments)
     {                                                                   \
         int result = refused(AT_FDCWD, path) ? -1 : NEXT(name)(path, mode); \
         if (result >= 0)                                                \
-            written('W', AT_FDCWD, path);                               \
+            opened(AT_FDCWD, path, result);                             \
         return result;                                                  \
     }
 
@@ -278,7 +323,7 @@ static mode_t mode_of(int flags, va_list arguments)
         int writes = strpbrk(mode, "wa+") && refused(AT_FDCWD, path);    \
         FILE *result = writes ? NULL : NEXT(name)(path, mode);          \
         if (result && strpbrk(mode, "wa+"))                             \
-            written('W', AT_FDCWD, path);                               \
+            opened(AT_FDCWD, path, fileno(result));                     \
         return result;                                                  \
     }
 
@@ -288,7 +333,7 @@ static mode_t mode_of(int flags, va_list arguments)
         int writes = path && strpbrk(mode, "wa+") && refused(AT_FDCWD, path); \
         FILE *result = writes ? NULL : NEXT(name)(path, mode, stream);  \
         if (result && path && strpbrk(mode, "wa+"))                     \
-            written('W', AT_FDCWD, path);                               \
+            opened(AT_FDCWD, path, fileno(result));                     \
         return result;                                                  \
     }
 
@@ -348,7 +393,7 @@ static void renamed(int folder, const char *path)
 
 int rename(const char *old, const char *path)
 {
-    int result = refused(AT_FDCWD, old) || refused(AT_FDCWD, path) ? -1 : NEXT(rename)(old, path);
+    int result = holds_copies(AT_FDCWD, old) || refused(AT_FDCWD, old) || refused(AT_FDCWD, path) ? -1 : NEXT(rename)(old, path);
     if (!result) {
         written('U', AT_FDCWD, old);
         renamed(AT_FDCWD, path);
@@ -358,7 +403,7 @@ int rename(const char *old, const char *path)
 
 int renameat(int from, const char *old, int folder, const char *path)
 {
-    int result = refused(from, old) || refused(folder, path) ? -1 : NEXT(renameat)(from, old, folder, path);
+    int result = holds_copies(from, old) || refused(from, old) || refused(folder, path) ? -1 : NEXT(renameat)(from, old, folder, path);
     if (!result) {
         written('U', from, old);
         renamed(folder, path);
@@ -369,7 +414,7 @@ int renameat(int from, const char *old, int folder, const char *path)
 #ifdef __GLIBC__
 int renameat2(int from, const char *old, int folder, const char *path, unsigned int flags)
 {
-    int result = refused(from, old) || refused(folder, path) ? -1 : NEXT(renameat2)(from, old, folder, path, flags);
+    int result = holds_copies(from, old) || refused(from, old) || refused(folder, path) ? -1 : NEXT(renameat2)(from, old, folder, path, flags);
     if (!result) {
         written('U', from, old);
         renamed(folder, path);
@@ -381,7 +426,8 @@ int renameat2(int from, const char *old, int folder, const char *path, unsigned 
 #define REMOVE(name)                                                    \
     int name(const char *path)                                          \
     {                                                                   \
-        int keep = exists(AT_FDCWD, path) && refused(AT_FDCWD, path);   \
+        int keep = exists(AT_FDCWD, path)                               \
+            && (holds_copies(AT_FDCWD, path) || refused(AT_FDCWD, path)); \
         int result = keep ? -1 : NEXT(name)(path);                      \
         if (!result)                                                    \
             written('U', AT_FDCWD, path);                               \
@@ -394,7 +440,8 @@ REMOVE(remove)
 
 int unlinkat(int folder, const char *path, int flags)
 {
-    int result = exists(folder, path) && refused(folder, path) ? -1 : NEXT(unlinkat)(folder, path, flags);
+    int keep = exists(folder, path) && (holds_copies(folder, path) || refused(folder, path));
+    int result = keep ? -1 : NEXT(unlinkat)(folder, path, flags);
     if (!result)
         written('U', folder, path);
     return result;

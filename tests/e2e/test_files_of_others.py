@@ -584,6 +584,30 @@ execute_process(COMMAND sleep 2)
     assert (mine.is_file(), (root / "install/a/data/own").exists()) == (True, False)
 
 
+@MERGED
+@pytest.mark.parametrize("end", ["", "install(CODE [[message(FATAL_ERROR no)]])\n"], ids=["well", "failing"])
+@pytest.mark.parametrize(
+    "command", ["rm -rf PREFIX", "rm -rf PREFIX/.forge*; rm -rf PREFIX", "mv PREFIX PREFIX.old"]
+)
+def test_a_step_that_removes_its_prefix_removes_no_file_of_others(
+    forge: Forge, tree: Tree, options: tuple[str, ...], command: str, end: str
+) -> None:
+    """In a merged prefix, the copies of these files lie in the same folder."""
+    root = tree(plain(""))
+    assert forge("build", *options, cwd=root).code == 0
+    prefix = root / "install" / ("" if options else "a")
+    for path in (prefix / "mine", prefix / "share/a/mine", prefix / "setup.txt"):
+        path.write_text("mine")
+    lists = root / "src/a/CMakeLists.txt"
+    script = command.replace("PREFIX", "${CMAKE_INSTALL_PREFIX}")
+    lists.write_text(f'{lists.read_text()}install(CODE [[execute_process(COMMAND sh -c "{script}")]])\n{end}')
+    ran = forge("build", *options, cwd=root)
+    assert "Traceback" not in ran.err
+    assert (ran.code, end) in {(0, ""), (1, end)}, ran.out + ran.err
+    for path in (prefix / "mine", prefix / "share/a/mine", prefix / "setup.txt"):
+        assert path.read_text() == "mine"
+
+
 STATIC = """#include <fcntl.h>
 #include <unistd.h>
 int main(int count, char **words) {

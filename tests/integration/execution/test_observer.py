@@ -33,6 +33,7 @@ WRITERS = {
     "make": "printf 'all:\\n\\techo x > a\\n' | make -f -",
     "system": 'python3 -c \'import os; os.system("echo x > a"); os.popen("echo x > b").close()\'',
     "execl": "perl -e 'exec(q(sh), q(-c), q(echo x > a))'",
+    "link": "ln -sfn \"$PWD\" ../other; cp /etc/passwd ../other/a; python3 -c \"open('../other/c', 'w')\"",
     "background": "(sleep 0.1; echo x > a) & wait",
 }
 UNSEEN = {
