@@ -68,9 +68,9 @@ class BuildType:
 
 
 OWN: Mapping[str, BuildType] = {
-    "ament_cmake": BuildType(cmake.ament_options, cmake.ament_recipe, cmake.tests),
+    "ament_cmake": BuildType(cmake.options, cmake.recipe, cmake.tests),
     "ament_python": BuildType(common_options, python.recipe, python.tests, tests_need_build=False),
-    "cmake": BuildType(cmake.plain_options, cmake.plain_recipe, cmake.tests),
+    "cmake": BuildType(cmake.options, cmake.recipe, cmake.tests),
     "python": BuildType(common_options, python.plain_recipe, python.tests, tests_need_build=False),
 }
 

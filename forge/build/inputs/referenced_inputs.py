@@ -70,8 +70,8 @@ class ReferencedInputs:
             variables.get("CMAKE_TOOLCHAIN_FILE"),
         )
         self._relative = any(word and not word.startswith("/") for word in data)
-        self._shared: dict[bool, ExtraInputs] = {}
-        """The inputs named by arguments that are the same for all packages, and for embedded ones."""
+        self._shared: dict[tuple[str, ...], ExtraInputs] = {}
+        """The inputs named by arguments without relative paths."""
         self._scanner: Scanner | None = None
         self._changed = False
 
@@ -183,10 +183,10 @@ class ReferencedInputs:
         if not package.build_type.endswith("cmake"):
             return ExtraInputs()
         is_shared = not (package.settings or self._relative)
-        if is_shared and package.embedded in self._shared:
-            return self._shared[package.embedded]
         context = self._context.of(package)
-        words = (*context.cmake_args, *context.ament_cmake_args)
+        words = context.cmake_args
+        if is_shared and words in self._shared:
+            return self._shared[words]
         bases = (str(context.layout.build_dir(package.name)), str(context.root / package.path))
         paths = named_paths(words, self._variables, bases)
         key = "\0".join(paths)
@@ -198,7 +198,7 @@ class ReferencedInputs:
             self._files[key] = known
         found = _extra(words, self._files[key] if paths else NamedFiles(), self._lookup)
         if is_shared:
-            self._shared[package.embedded] = found
+            self._shared[words] = found
         return found
 
 

@@ -24,31 +24,32 @@ if TYPE_CHECKING:
     from forge.workspace.model import Package
 
 
-def plain_recipe(package: Package, context: BuildContext) -> Recipe:
-    return _recipe(package, context, context.cmake_args)
-
-
-def plain_options(package: Package, context: BuildContext) -> tuple[str, ...]:
+def options(package: Package, context: BuildContext) -> tuple[str, ...]:
     """Return the options that require a configure run when they change."""
     # Not the maps themselves: they follow from the paths among the common options.
     mapped = (PATH_MAPS,) if context.path_maps else ()
+    variables = _ament_variables(package, context)
+    named = (f"{_OPTIONS[name]}{value}" for name, value in variables if name in _OPTIONS)
     extended = (option for each in active_extensions(context) for option in each.options(package, context))
-    return (*common_options(package, context), *context.cmake_args, *mapped, *extended)
+    return (*common_options(package, context), *context.cmake_args, *mapped, *named, *extended)
 
 
-def ament_recipe(package: Package, context: BuildContext) -> Recipe:
-    """Return the steps for an ament_cmake package; AMENT_CMAKE_SYMLINK_INSTALL selects symlinks."""
-    links = ("AMENT_CMAKE_SYMLINK_INSTALL", "1" if _links(package, context) else "0")
-    arguments = (*context.cmake_args, *context.ament_cmake_args)
-    entries = (links, *_test_results(context), *_distribution(package, context))
-    return _recipe(package, context, arguments, entries)
+_OPTIONS = {"AMENT_TEST_RESULTS_DIR": "--test-result-base=", "FORGE_ROSDISTRO": ROSDISTRO}
+"""The options of the user for variables of ament."""
 
 
-def ament_options(package: Package, context: BuildContext) -> tuple[str, ...]:
-    """Return the options that require a configure run when they change."""
-    test_results = (f"--test-result-base={value}" for _, value in _test_results(context))
-    distribution = (f"{ROSDISTRO}{value}" for _, value in _distribution(package, context))
-    return (*plain_options(package, context), *test_results, *distribution, *context.ament_cmake_args)
+def _ament_variables(package: Package, context: BuildContext) -> Pairs:
+    """Return the CMake variables that only packages with ament read."""
+    if package.build_type != "ament_cmake":
+        return ()
+    results = context.test_results
+    # All interface packages learn the distribution from this package.
+    has_distribution = package.embedded and package.name == GENERATORS
+    return (
+        ("AMENT_CMAKE_SYMLINK_INSTALL", "1" if _links(package, context) else "0"),
+        *((("AMENT_TEST_RESULTS_DIR", str(results)),) if results else ()),
+        *((("FORGE_ROSDISTRO", context.rosdistro),) if has_distribution else ()),
+    )
 
 
 def tests(package: Package, context: TestContext) -> Recipe:
@@ -69,49 +70,56 @@ def scratch_folder(build_dir: Path) -> Path:
     return build_dir / SCRATCH_DIR
 
 
-def _recipe(package: Package, context: BuildContext, arguments: tuple[str, ...], ament: Pairs = ()) -> Recipe:
-    """Return the steps; `ament` are CMake variables."""
+def recipe(package: Package, context: BuildContext) -> Recipe:
+    """Return the steps that configure, build and install, and the files that CMake reads."""
     from forge.base.templating import render
     from forge.build.recipes import initial_cache
 
-    build = context.layout.build_dir(package.name)
+    build, cmake = context.layout.build_dir(package.name), str(context.cmake)
     folder = scratch_folder(build)
-    manifest = folder / "manifest.cmake"
+    cache, manifest, include = (folder / f"{name}.cmake" for name in ("initial_cache", "manifest", "project"))
     additions = [each.addition(package, context) for each in active_extensions(context)]
     parts = tuple(file for addition in additions for file in addition.files)
     # CMake includes this file at the end of project().
-    include = folder / "project.cmake"
+    entries = (*_ament_variables(package, context), ("CMAKE_PROJECT_INCLUDE", str(include)))
+    cache_text = initial_cache.initial_cache(context, manifest, entries)
     included = [quoted(str(path)) for path, _ in parts if path.suffix == ".cmake"]
-    entries = (*ament, ("CMAKE_PROJECT_INCLUDE", str(include)))
     files = (
-        (folder / "initial_cache.cmake", initial_cache.initial_cache(context, manifest, entries)),
+        (cache, cache_text),
         (manifest, initial_cache.manifest_variables(package.manifest)),
         (include, render("cmake/project.cmake.j2", parts=included)),
         *parts,
     )
-    configure = _configure(package, context, arguments, (files[0][1], *(text for _, text in parts)))
-    cmake = str(context.cmake)
-    first = ("--clean-first",) if context.clean_first else ()
+    arguments, env = _with_path_maps(context)
+    configure = (
+        cmake,
+        # With -S and -B, since CMake takes a source folder with a CMakeCache.txt for a build folder.
+        *("-S", str(context.source(package)), "-B", str(build), "-C", str(cache)),
+        *_generator(context, arguments, only_make=package.name in context.only_make),
+        *arguments,
+        f"-DCMAKE_INSTALL_PREFIX={context.layout.prefix(package.name)}",
+    )
+    # This step is skipped if none of these has changed; CMake itself tracks the other files.
+    inputs = (*configure, *(flags for _, flags in env), cache_text, *(text for _, text in parts))
+    digest = hashlib.sha256("\0".join(inputs).encode(errors="surrogateescape")).hexdigest()
+    steps = [Step(StepKind.CONFIGURE, configure, build, env, record=(folder / CONFIGURED_FILE, digest))]
+    # The runner sets the number of jobs.
+    load = () if context.load_limit is None else ("--", f"-l{context.load_limit:g}")
+    if context.target:
+        argv: tuple[str, ...] = (cmake, "--build", str(build), "--target", context.target, *load)
+        if context.skip_target:
+            argv = ("sh", "-c", _IF_TARGET_EXISTS, context.target, *argv)
+        steps.append(Step(StepKind.BUILD_TARGET, argv, build, target=context.target))
     launchers = (word for addition in reversed(additions) for word in addition.build_launcher)
-    build_argv = (*launchers, cmake, "--build", str(build), *first, *_jobs(context))
-    build_step = Step(StepKind.BUILD, build_argv, build)
-    install = (cmake, "--install", str(build))
+    first = ("--clean-first",) if context.clean_first else ()
+    steps.append(Step(StepKind.BUILD, (*launchers, cmake, "--build", str(build), *first, *load), build))
     # CMake skips a file whose time differs by less than a second from the installed one, even if its content
     # differs: a second build within a second would not be installed.
-    env: Pairs = (("CMAKE_INSTALL_ALWAYS", "1"),)
+    env = (("CMAKE_INSTALL_ALWAYS", "1"),)
     if _links(package, context):
-        env = (*env, ("CMAKE_INSTALL_MODE", "ABS_SYMLINK_OR_COPY"))
-    install_step = Step(StepKind.INSTALL, install, build, env)
-    return Recipe((configure, *_target(build, context), build_step, install_step), files)
-
-
-def _target(build: Path, context: BuildContext) -> tuple[Step, ...]:
-    if not context.target:
-        return ()
-    argv = (str(context.cmake), "--build", str(build), "--target", context.target, *_jobs(context))
-    if context.skip_target:
-        argv = ("sh", "-c", _IF_TARGET_EXISTS, context.target, *argv)
-    return (Step(StepKind.BUILD_TARGET, argv, build, target=context.target),)
+        env += (("CMAKE_INSTALL_MODE", "ABS_SYMLINK_OR_COPY"),)
+    steps.append(Step(StepKind.INSTALL, (cmake, "--install", str(build)), build, env))
+    return Recipe(tuple(steps), files)
 
 
 _IF_TARGET_EXISTS = r"""targets=$("$1" --build "$3" --target help) || exit
@@ -121,35 +129,12 @@ exec "$@"
 """Builds one target if ninja's or make's list of targets contains it."""
 
 
-def _configure(
-    package: Package, context: BuildContext, arguments: tuple[str, ...], texts: tuple[str, ...]
-) -> Step:
-    """Return the configure step, skipped if the last configure run had the same arguments and these texts."""
-    build = context.layout.build_dir(package.name)
-    arguments, env = _with_path_maps(arguments, context)
-    argv = (
-        str(context.cmake),
-        # With -S and -B, since CMake takes a source folder with a CMakeCache.txt for a build folder.
-        *("-S", str(context.root / package.path), "-B", str(build)),
-        "-C",
-        str(scratch_folder(build) / "initial_cache.cmake"),
-        *_generator(context, arguments, only_make=package.name in context.only_make),
-        *arguments,
-        f"-DCMAKE_INSTALL_PREFIX={context.layout.prefix(package.name)}",
-    )
-    parts = (*argv, *(flags for _, flags in env), *texts)
-    digest = hashlib.sha256("\0".join(parts).encode(errors="surrogateescape")).hexdigest()
-    return Step(
-        StepKind.CONFIGURE, argv, build, env, record=(scratch_folder(build) / CONFIGURED_FILE, digest)
-    )
-
-
-def _with_path_maps(arguments: tuple[str, ...], context: BuildContext) -> tuple[tuple[str, ...], Pairs]:
+def _with_path_maps(context: BuildContext) -> tuple[tuple[str, ...], Pairs]:
     """Return the arguments and the environment variables that pass the path maps to compilers.
 
     CMake takes the initial flags of a language from the environment, unless an argument sets them.
     """
-    parsed = tuple(cmake_arguments(arguments))
+    parsed = tuple(cmake_arguments(context.cmake_args))
     found, env = [list(argument.words) for argument in parsed], []
     setting = {
         each.definition[0]: words for each, words in zip(parsed, found, strict=True) if each.definition
@@ -170,12 +155,8 @@ FLAGS = {"C": "CFLAGS", "CXX": "CXXFLAGS"}
 
 def unfit_generator(package: Package, context: BuildContext) -> Problem | None:
     """Return a problem if the package cannot be built with the generator chosen by the user, or None."""
-    context = context.of(package)
-    arguments = context.cmake_args
-    if package.build_type == "ament_cmake":
-        arguments += context.ament_cmake_args
     name = context.environment_generator or ""
-    for argument in cmake_arguments(arguments):
+    for argument in cmake_arguments(context.of(package).cmake_args):
         if argument.option == "-G":
             name = argument.value.strip()
     if name not in _MULTI_CONFIG_GENERATORS:
@@ -199,21 +180,6 @@ def _generator(
     if only_make and context.make:
         return ("-G", "Unix Makefiles")
     return ("-G", "Ninja", f"-DCMAKE_MAKE_PROGRAM={context.ninja}")
-
-
-def _jobs(context: BuildContext) -> tuple[str, ...]:
-    """Return the load limit for the build tool; the runner sets the number of jobs."""
-    return () if context.load_limit is None else ("--", f"-l{context.load_limit:g}")
-
-
-def _test_results(context: BuildContext) -> Pairs:
-    return (("AMENT_TEST_RESULTS_DIR", str(context.test_results)),) if context.test_results else ()
-
-
-def _distribution(package: Package, context: BuildContext) -> Pairs:
-    """Return the ROS distribution for the package from which all interface packages learn it."""
-    is_read = package.embedded and package.name == GENERATORS
-    return (("FORGE_ROSDISTRO", context.rosdistro),) if is_read else ()
 
 
 def _links(package: Package, context: BuildContext) -> bool:

@@ -52,6 +52,7 @@ class BuildContext:
     load_limit: float | None = None
     cmake_args: tuple[str, ...] = ()
     ament_cmake_args: tuple[str, ...] = ()
+    """Arguments of packages with ament, which `of` adds to `cmake_args`."""
     launcher: Path | None = None
     """The compiler launcher, for example ccache."""
     recipes: tuple[str, ...] = ()
@@ -81,39 +82,28 @@ class BuildContext:
         return self.root / package.path
 
     def of(self, package: Package) -> BuildContext:
-        """Return the context extended by the package's own settings.
+        """Return the context for one package: `cmake_args` are all of its CMake's arguments.
 
         Embedded packages compile nothing, so options that only affect compilation are removed for them.
         """
         if package.embedded:
-            return replace(
-                self,
-                cmake_args=tuple(_without_compiling(self.cmake_args)),
-                ament_cmake_args=(),
-                test_results=None,
-                path_maps=(),
-            )
-        if not package.settings:
-            return self.without_tests(package)
-        extended = replace(
+            arguments = tuple(_without_compiling(self.cmake_args))
+            return replace(self, cmake_args=arguments, ament_cmake_args=(), test_results=None, path_maps=())
+        arguments = (*self.cmake_args, *package.option_values("cmake-args"))
+        if package.build_type == "ament_cmake":
+            arguments += (*self.ament_cmake_args, *package.option_values("ament-cmake-args"))
+        # Other packages have no such option, so that it does not rebuild them.
+        if self.no_test_dependencies and package.only_tested_with and not is_defined(arguments):
+            arguments += (f"-D{VARIABLE}=OFF",)
+        if not package.settings and arguments == self.cmake_args:
+            return self
+        return replace(
             self,
-            cmake_args=(*self.cmake_args, *package.option_values("cmake-args")),
-            ament_cmake_args=(*self.ament_cmake_args, *package.option_values("ament-cmake-args")),
+            cmake_args=arguments,
+            ament_cmake_args=(),
             target=self.target or next(iter(package.option_values("cmake-target")), None),
             skip_target=self.skip_target or bool(package.settings.get("cmake-target-skip-unavailable")),
         )
-        return extended.without_tests(package)
-
-    def without_tests(self, package: Package) -> BuildContext:
-        """Return the context with tests turned off if their dependencies may be missing.
-
-        Other packages have no such option, so that it does not rebuild them.
-        """
-        ament = self.ament_cmake_args if package.build_type == "ament_cmake" else ()
-        decided = is_defined((*self.cmake_args, *ament))
-        if decided or not (self.no_test_dependencies and package.only_tested_with):
-            return self
-        return replace(self, cmake_args=(*self.cmake_args, f"-D{VARIABLE}=OFF"))
 
 
 @frozen
