@@ -28,7 +28,7 @@ _INFO = "-info" + os.sep
 _PLUGINS = os.sep + "entry_points.txt"
 _FINDERS = tuple(
     "{0}{1}".format(os.sep, folder.replace("/", os.sep))
-    for folder in ("importlib/metadata/", "importlib_metadata/", "pkg_resources/")
+    for folder in ("importlib/metadata/", "importlib_metadata/", "pkg_resources/", "wheels/setup_install.py")
 )
 
 

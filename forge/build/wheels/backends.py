@@ -167,15 +167,23 @@ def run_setup_install(options: SetupInstall) -> tuple[tuple[Path, ...], str]:
     file.write_text(json.dumps(request), "utf-8")
     # A wheel also needs the distribution 'wheel' of old versions.
     wheels = not (source / "setup.py").is_file()
-    environment = _backend_environment(dict(_SETUPTOOLS), options.python, trace, wheels=wheels)
+
+    def run(environment: Mapping[str, str]) -> None:
+        argv = (options.python, setup_install.__file__, str(file))
+        prefix = str(options.prefix)
+        _run_backend(argv, str(source), trace=trace, environment=environment, prefix=prefix)
+
+    def lend_setuptools() -> Mapping[str, str]:
+        return _backend_environment(dict(_SETUPTOOLS), options.python, trace, wheels=wheels)
+
     try:
-        _run_backend(
-            (options.python, setup_install.__file__, str(file)),
-            str(source),
-            trace=trace,
-            environment=environment,
-            prefix=str(options.prefix),
-        )
+        try:
+            run(lend_setuptools() if wheels else {**os.environ, **trace.variables()})
+        except subprocess.CalledProcessError as error:
+            # Nearly all interpreters have setuptools: to ask first, each package would start one more.
+            if wheels or error.returncode != setup_install.UNAVAILABLE:
+                raise
+            run(lend_setuptools())
     except subprocess.CalledProcessError as error:
         if DISK_FULL.search(trace.output):
             raise _full_disk(options.prefix) from None

@@ -45,6 +45,8 @@ def main(path: str) -> None:
         import setuptools
     except ImportError:
         sys.exit(UNAVAILABLE)
+    if not getattr(setuptools, "__file__", None):  # a folder of this name
+        sys.exit(UNAVAILABLE)
     warnings.filterwarnings("ignore", "setup.py install is deprecated")
     _adapt(request, os.path.join(os.path.dirname(path), OUTSIDE))
     sys.argv[:] = ["setup.py", *request["words"]]
@@ -81,7 +83,8 @@ def _adapt(request: "dict[str, Any]", outside: str) -> None:
     from distutils.dist import Distribution
     from types import SimpleNamespace
 
-    from setuptools.command import install_egg_info
+    import setuptools.dist
+    from setuptools.command import egg_info, install_egg_info, sdist
 
     select_scheme, run_command = install.select_scheme, Distribution.run_command
     ensure_finalized = Command.ensure_finalized
@@ -134,6 +137,11 @@ def _adapt(request: "dict[str, Any]", outside: str) -> None:
                     sys.exit(1)
         run_command(self, command)
 
+    metadata = getattr(setuptools.dist, "metadata", None)
+    if hasattr(metadata, "EntryPoints"):
+        cached = _Metadata(metadata)
+        for module in (setuptools.dist, egg_info, sdist):
+            module.metadata = cached  # type: ignore[attr-defined]
     # The prefix has no files of an earlier build: what is in the folder belongs to somebody else.
     install_egg_info.dir_util = SimpleNamespace(remove_tree=lambda *_, **__: None)  # type: ignore[attr-defined]
     Command.ensure_finalized = finalize_below_build_folder  # type: ignore[method-assign]
@@ -144,6 +152,27 @@ def _adapt(request: "dict[str, Any]", outside: str) -> None:
     except ImportError:  # before 80
         from setuptools.command.easy_install import ScriptWriter  # type: ignore[attr-defined]
     ScriptWriter.template = _Template(ScriptWriter.template)
+
+
+class _Metadata:
+    """importlib.metadata for setuptools, which looks for plugins each time that it needs a command.
+
+    Finding them means reading the metadata of all distributions on sys.path, which are the same each time.
+    """
+
+    def __init__(self, metadata: "Any") -> None:
+        self._metadata = metadata
+        self._found: "dict[tuple[str, ...], Any]" = {}
+
+    def __getattr__(self, name: str) -> "Any":
+        return getattr(self._metadata, name)
+
+    def entry_points(self, **wanted: str) -> "Any":
+        """Return the entry points with these attributes."""
+        path = tuple(map(str, sys.path))
+        if path not in self._found:
+            self._found[path] = self._metadata.entry_points()
+        return self._found[path].select(**wanted)
 
 
 class _Template(str):
