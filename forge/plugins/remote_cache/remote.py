@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 import time
 from collections import deque
@@ -59,10 +60,10 @@ class Remote:
             return
         with self._change:
             self._waiting.append((key, result, blobs))
-            if self._threads == self._limit:
-                return
-            self._threads += 1
-        threading.Thread(target=self._work, name="forge-uploads", daemon=True).start()
+            if self._threads < self._limit:
+                with contextlib.suppress(RuntimeError):  # no further thread can be started
+                    threading.Thread(target=self._work, name="forge-uploads", daemon=True).start()
+                    self._threads += 1
 
     def finish(self) -> int:
         """Wait for all uploads, which the deadline of each request limits; return how many failed."""
@@ -70,7 +71,7 @@ class Remote:
             self._change.wait_for(lambda: not self._threads)
             if self._error is not None:
                 raise self._error
-            return self._failed
+            return self._failed + len(self._waiting)
 
     def close(self) -> None:
         """Close all connections; pending requests are abandoned without reporting a fault."""

@@ -196,6 +196,24 @@ def test_waiting_for_uploads_ends_without_progress() -> None:
     assert warnings == ["fake://host: timed out after 0.3 s; disabled for this build"]
 
 
+def test_results_are_counted_if_no_thread_can_be_started(monkeypatch: pytest.MonkeyPatch) -> None:
+    remote = remote_of(Fake(), [])
+    with monkeypatch.context() as patch:
+        patch.setattr(threading, "Thread", Refused)
+        remote.upload(KEY, RESULT, {})
+        assert remote.finish() == 1
+    remote.upload(KEY, RESULT, {})
+    assert remote.finish() == 0
+
+
+class Refused(threading.Thread):
+    """A thread that the system does not start."""
+
+    def start(self) -> None:
+        """Raise what Python raises at the limit of threads."""
+        raise RuntimeError("can't start new thread")
+
+
 def test_exceptions_in_upload_threads_are_raised() -> None:
     remote = remote_of(Fake(), [])
     remote.upload(KEY, None, {})  # type: ignore[arg-type]
