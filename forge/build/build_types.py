@@ -65,6 +65,8 @@ class BuildType:
     """The tests need the files in the build folder, which a package restored from the cache lacks."""
     reader_of: Callable[[str], Callable[[str], References] | None] | None = None
     """Returns the function that finds what the text of a source file refers to, None for most paths."""
+    code: str = ""
+    """Identifies the code of another distribution's build type; set by forge."""
 
 
 OWN: Mapping[str, BuildType] = {
@@ -95,10 +97,11 @@ def _checked(name: str, found: BuildType, module: object) -> BuildType:
 
     from forge.build.inputs.fingerprints import code_digest
 
-    options = checked(what, found.options, tuple)
+    options, code = checked(what, found.options, tuple), code_digest(module)
     return replace(
         found,
-        options=lambda *arguments: (*options(*arguments), f"{BUILD_TYPE}'{name}' {code_digest(module)}"),
+        code=code,
+        options=lambda *arguments: (*options(*arguments), f"{BUILD_TYPE}'{name}' {code}"),
         recipe=checked(what, found.recipe, Recipe),
         tests=checked(what, found.tests, Recipe),
         toolchain=found.toolchain and checked(what, found.toolchain, tuple),

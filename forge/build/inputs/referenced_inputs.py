@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from forge.base.cmake_syntax import cmake_arguments, definitions
 from forge.base.files import replace_file
 from forge.base.layout import NAMED_INPUTS_FILE
+from forge.build.build_types import find_build_type
 from forge.build.inputs.fingerprints import stamp_files
 from forge.build.inputs.named_entries import (
     NOTHING,
@@ -127,7 +128,8 @@ class ReferencedInputs:
         entry = self._entries.get(name)
         if entry is None:
             entry = self._stored()[0].get(name)
-            sources = snapshot.sources[name].digest
+            build_type = find_build_type(self._packages[name].build_type)
+            sources = f"{snapshot.sources[name].digest}{build_type.code if build_type else ''}"
             if (
                 entry is None
                 or entry.sources != sources
