@@ -59,13 +59,14 @@ def build(name: str, source: Path, folder: Path, workspace: Path, command: list[
     with _own_lock_file(source, folder), _cargo(command, source, name) as cargo:
         output, _ = cargo.communicate()
     if cargo.returncode == 0:
-        messages = [json.loads(line) for line in output.splitlines() if line.startswith("{")]
+        messages = (json.loads(line) for line in output.splitlines() if line.startswith("{"))
         artifacts = [message for message in messages if message.get("reason") == "compiler-artifact"]
         local = sorted({crate for artifact in artifacts if (crate := _local_crate(artifact["package_id"]))})
         (folder / "target" / _LOCAL).write_text("".join(f"{crate}\n" for crate in local), encoding="utf-8")
         staged = folder / "staged"
         shutil.rmtree(staged, ignore_errors=True)
-        own = [artifact for artifact in artifacts if _is_of(artifact, source)]
+        here = source.resolve()
+        own = [each for each in artifacts if Path(each["manifest_path"]).parent.resolve() == here]
         _stage_programs(own, staged, name)
         if any({"lib", "rlib", "proc-macro"} & {*artifact["target"]["kind"]} for artifact in own):
             _stage_crate(source, staged, name)
@@ -94,11 +95,13 @@ def test(name: str, source: Path, folder: Path, result: Path, command: list[str]
 
 def _cargo(command: list[str], source: Path, name: str, stderr: int | None = None) -> subprocess.Popen[str]:
     """Start cargo, with crates of AMENT_PREFIX_PATH in place of those on crates.io."""
+    manifest = _content(source / "Cargo.toml") or ""
+    # cargo warns about patches that are not used.
     patches = [
         word
         for crate, folder in sorted(_installed_crates().items())
         for word in ("--config", f"patch.crates-io.{crate}.path={json.dumps(str(folder))}")
-        if crate != name and _names(source, crate)
+        if crate != name and re.search(rf"\b{re.escape(crate)}\b", manifest)
     ]
     # With all descriptors: cargo is a client of make's jobserver.
     return subprocess.Popen(
@@ -166,12 +169,6 @@ def _installed_crates() -> dict[str, Path]:
     }
 
 
-def _names(source: Path, crate: str) -> bool:
-    """Tell whether a manifest mentions a crate: cargo warns about patches that are not used."""
-    text = (source / "Cargo.toml").read_text(encoding="utf-8")
-    return re.search(rf"\b{re.escape(crate)}\b", text) is not None
-
-
 @contextmanager
 def _own_lock_file(source: Path, folder: Path) -> Iterator[None]:
     """Move the Cargo.lock of an earlier build into the source folder, and back."""
@@ -186,10 +183,6 @@ def _own_lock_file(source: Path, folder: Path) -> Iterator[None]:
     finally:
         if lock.exists():
             shutil.move(lock, kept)
-
-
-def _is_of(artifact: dict[str, Any], source: Path) -> bool:
-    return Path(artifact["manifest_path"]).parent.resolve() == source.resolve()
 
 
 def _stage_programs(artifacts: Iterable[dict[str, Any]], staged: Path, name: str) -> None:
@@ -268,19 +261,17 @@ def _content(path: Path) -> str | None:
 
 def _junit(name: str, tests: list[tuple[str, str]], outputs: dict[str, str]) -> bytes:
     outcomes = [outcome for _, outcome in tests]
-    counts = {
-        "tests": len(tests),
-        "errors": 0,
-        "failures": outcomes.count("FAILED"),
-        "skipped": outcomes.count("ignored"),
-    }
-    suite = ET.Element("testsuite", {key: str(count) for key, count in counts.items()}, name=name)
+    failures, skipped = str(outcomes.count("FAILED")), str(outcomes.count("ignored"))
+    counts = {"tests": str(len(tests)), "errors": "0", "failures": failures, "skipped": skipped}
+    suite = ET.Element("testsuite", counts, name=name)
     for test_name, outcome in tests:
         case = ET.SubElement(suite, "testcase", classname=name, name=test_name)
         if outcome == "ignored":
             ET.SubElement(case, "skipped")
         elif outcome == "FAILED":
-            text = _printable(outputs.get(test_name, ""))
+            # Without characters that XML cannot contain.
+            output = outputs.get(test_name, "")
+            text = "".join(letter for letter in output if letter.isprintable() or letter in "\n\t")
             ET.SubElement(case, "failure", message=_message(text)).text = text
     ET.indent(suite)
     return bytes(ET.tostring(suite, encoding="utf-8", xml_declaration=True))
@@ -290,11 +281,6 @@ def _message(output: str) -> str:
     """Return where and why a test panicked."""
     panic = _PANIC.search(output)
     return f"{panic[2] or panic[3]}: {panic[1] or panic[4]}" if panic else "the test failed"
-
-
-def _printable(text: str) -> str:
-    """Return a text without characters that XML cannot contain."""
-    return "".join(letter for letter in text if letter.isprintable() or letter in "\n\t")
 
 
 def main(argv: list[str]) -> int:
