@@ -150,7 +150,9 @@ def _read(found: _Candidate) -> Outcome:
     try:
         return read(parse_xml(as_utf8(content, path), path), found.path, found.home)
     except (BrokenResultError, NotAResultError) as error:
-        if isinstance(error, NotAResultError) and not (found.expected and path.name in _OF_PYTHON):
+        if isinstance(error, NotAResultError) and not (
+            found.expected and (path.name in _OF_PYTHON or mentions(content, "<testsuite"))
+        ):
             raise
         raise WorkspaceError(Problem(f"not a test result: {error}", Location(path))) from None
 

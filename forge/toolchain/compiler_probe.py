@@ -130,8 +130,8 @@ class Toolchain:
 
         CMake does not warn about an unused variable on its command line that is in the cache.
         """
-        text = (self._home / "build" / "CMakeCache.txt").read_text(encoding="utf-8")
-        unused = frozenset((self._home / _UNUSED).read_text(encoding="utf-8").splitlines())
+        text = text_or_nothing(self._home / "build" / "CMakeCache.txt")
+        unused = frozenset(text_or_nothing(self._home / _UNUSED).splitlines())
         lines = [
             line
             for line in text.splitlines()

@@ -131,7 +131,9 @@ def test_results_that_cannot_be_read_are_errors(forge: Forge, tree: Tree) -> Non
             "build/a/numbers.xml": '<testsuite tests="many" failures="0"/>',
             "build/a/test_results/a/empty.gtest.xml": "",
             "build/a/test_results/a/folder.xml/file": "",
-            "build/b/pytest.xml": "none",
+            "build/a/test_results/a/other.xml": "<html/>",
+            "build/a/test_results/a/within.xml": '<report><testsuite failures="1"/></report>',
+            "build/b/pytest.xml": "<html/>",
             "build/b/Testing/TAG": "1\n",
             "build/b/Testing/1/Test.xml": "<html/>",
             "build/c/Testing/TAG": "1\n",
@@ -143,14 +145,14 @@ def test_results_that_cannot_be_read_are_errors(forge: Forge, tree: Tree) -> Non
     )
     (root / "build/d/dangling.xml").symlink_to("nowhere")
     bad = ["a/bomb", "a/numbers", "a/test_results/a/empty.gtest", "a/test_results/a/folder", "a/torn"]
-    bad += ["a/unknown", "b/Testing/1/Test", "b/pytest"]
+    bad += ["a/test_results/a/within", "a/unknown", "b/Testing/1/Test", "b/pytest"]
     paths = sorted((*(f"build/{name}.xml" for name in bad), "build/d/Testing/TAG"))
     ran = forge("test-result", cwd=root)
     lines = "".join(f"{path}: 1 test, 1 error, 0 failures, 0 skipped\n" for path in paths)
-    assert (ran.code, ran.out) == (1, f"{lines}\nSummary: 9 tests, 9 errors, 0 failures, 0 skipped\n")
+    assert (ran.code, ran.out) == (1, f"{lines}\nSummary: 10 tests, 10 errors, 0 failures, 0 skipped\n")
     assert "build/a/bomb.xml:1: error: not well-formed XML: document type declarations" in ran.err
     assert "build/a/unknown.xml:1: error: unknown encoding 'klingon'" in ran.err
-    assert ran.err.count("error:") == 9
+    assert ran.err.count("error:") == 10
     assert "unknown encoding 'klingon'" in forge("test-result", "--verbose", cwd=root).out
     forge("test-result", "--delete-yes", cwd=root)
     assert (root / "build/a/torn.xml").exists()

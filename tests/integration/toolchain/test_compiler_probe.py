@@ -65,6 +65,18 @@ def test_the_first_flags_are_those_of_the_step(tree: Tree) -> None:
     assert "FLAGS = -DMAPPED" in (build / "build.ninja").read_text()
 
 
+@pytest.mark.needs("cmake", "ninja", "g++")
+def test_damaged_results_are_no_crash(tree: Tree) -> None:
+    root = tree({"src/CMakeLists.txt": LISTS, "src/x.cpp": "int main() {}\n"})
+    toolchain = Toolchain(root / "cache", Path(shutil.which("cmake") or ""), ("-G", "Ninja"), ())
+    (root / "one").mkdir()
+    assert toolchain.seed(root / "src", root / "one", os.environ)
+    for path in (path for path in (root / "cache").rglob("*") if path.is_file()):
+        path.write_bytes(b"\xf1\x00" + path.read_bytes())
+    (root / "two").mkdir()
+    assert toolchain.seed(root / "src", root / "two", os.environ)
+
+
 def _what_matters(build: Path) -> dict[str, object]:
     """Return the objects and rules below a build folder, without the lists of what CMake itself read."""
     found: dict[str, object] = {}
