@@ -112,15 +112,55 @@ def page(build: Build) -> Page:
     """Return the values of the template."""
     path = critical_path(build.packages)
     numbers = {run.name: number for number, run in enumerate(build.packages)}
+    runs = {run.name: run for run in build.packages}
+    names = {name: printable(name) for name in runs}
     critical = {run.name for run in path}
+    bars = tuple(
+        Bar(
+            number=numbers[run.name],
+            name=names[run.name],
+            outcome=run.outcome,
+            critical=run.name in critical,
+            embedded=run.embedded,
+            took=duration(run.seconds),
+            left=_percent(run.begun, build.ended),
+            width=_percent(run.seconds, build.ended),
+            pieces=tuple(
+                Piece(
+                    kind_of(step),
+                    _percent(step.begun - run.begun, run.seconds),
+                    _percent(step.seconds, run.seconds),
+                )
+                for step in run.steps
+            ),
+        )
+        for run in build.packages
+    )
+    rows = [
+        Row(
+            number=numbers[run.name],
+            name=names[run.name],
+            critical=run.name in critical,
+            took=_timed(run.seconds),
+            last=(-1.0, "") if run.last is None else _timed(run.last),
+            change=_change(run),
+            waited=_timed(waited(run, runs)),
+        )
+        for run in build.packages
+    ]
+    steps = [(run, step) for run in build.packages for step in run.steps]
+    slowest = sorted(steps, key=lambda item: -item[1].seconds)[:_SLOWEST_STEPS]
     return Page(
-        headline=_headline(build),
+        headline=f"{counted(len(build.packages), 'package')} in {duration(build.seconds)}",
         remarks=tuple(_remarks(build)),
-        bars=tuple(_bar(number, run, build.ended, critical) for number, run in enumerate(build.packages)),
-        rows=_rows(build, critical),
-        steps=tuple(_slowest_steps(build)),
+        bars=bars,
+        rows=tuple(sorted(rows, key=lambda row: (-row.took[0], row.name))),
+        steps=tuple(
+            StepRow(numbers[run.name], names[run.name], printable(step.label), duration(step.seconds))
+            for run, step in slowest
+        ),
         strips=tuple(_strips(build)),
-        critical=tuple((numbers[run.name], printable(run.name), duration(run.seconds)) for run in path),
+        critical=tuple((numbers[run.name], names[run.name], duration(run.seconds)) for run in path),
         critical_took=duration(sum(run.seconds for run in path)),
         fresh=tuple(map(printable, build.fresh)),
         skipped=tuple(map(printable, build.skipped)),
@@ -159,10 +199,6 @@ def facts(build: Build) -> dict[str, object]:
     }
 
 
-def _headline(build: Build) -> str:
-    return f"{counted(len(build.packages), 'package')} in {duration(build.seconds)}"
-
-
 def _remarks(build: Build) -> Iterator[str]:
     """Yield sentences about results, utilization and changes since earlier builds."""
     outcomes = [run.outcome for run in build.packages]
@@ -192,56 +228,11 @@ def _remarks(build: Build) -> Iterator[str]:
         yield f"{few} took {duration(now)} in total, {change} than in their previous builds."
 
 
-def _bar(number: int, run: PackageRun, whole: float, critical: set[str]) -> Bar:
-    return Bar(
-        number=number,
-        name=printable(run.name),
-        outcome=run.outcome,
-        critical=run.name in critical,
-        embedded=run.embedded,
-        took=duration(run.seconds),
-        left=_percent(run.begun, whole),
-        width=_percent(run.seconds, whole),
-        pieces=tuple(
-            Piece(
-                kind_of(step),
-                _percent(step.begun - run.begun, run.seconds),
-                _percent(step.seconds, run.seconds),
-            )
-            for step in run.steps
-        ),
-    )
-
-
 def kind_of(step: StepRun) -> str:
     """Return the kind of a step, a key of STEP_KINDS, or 'failed'."""
     if step.code:
         return FAILED
     return _KINDS.get(step.label, "build")
-
-
-def _rows(build: Build, critical: set[str]) -> tuple[Row, ...]:
-    runs = {run.name: run for run in build.packages}
-    numbered = [
-        Row(
-            number=number,
-            name=printable(run.name),
-            critical=run.name in critical,
-            took=_timed(run.seconds),
-            last=(-1.0, "") if run.last is None else _timed(run.last),
-            change=_change(run),
-            waited=_timed(waited(run, runs)),
-        )
-        for number, run in enumerate(build.packages)
-    ]
-    return tuple(sorted(numbered, key=lambda row: (-row.took[0], row.name)))
-
-
-def _slowest_steps(build: Build) -> Iterator[StepRow]:
-    steps = [(-step.seconds, number, step) for number, run in enumerate(build.packages) for step in run.steps]
-    for _, number, step in sorted(steps, key=lambda item: item[:2])[:_SLOWEST_STEPS]:
-        name = printable(build.packages[number].name)
-        yield StepRow(number, name, printable(step.label), duration(step.seconds))
 
 
 def _change(run: PackageRun) -> tuple[float, str]:
@@ -265,17 +256,14 @@ def _strips(build: Build) -> Iterator[Strip]:
         mean = sum(run.seconds for run in build.packages) / build.ended
         yield Strip("packages at work", _stairs(work, most, build.ended), str(most), f"{mean:.1f}")
     if build.use and build.use.samples and build.ended:
-        yield from _strips_of_machine(build.use, build.ended)
-
-
-def _strips_of_machine(use: MachineUse, whole: float) -> Iterator[Strip]:
-    times, busy, used = zip(*use.samples, strict=True)
-    most = f"{max(busy):.1f} of {use.processors}"
-    path = _slope(zip(times, busy, strict=True), use.processors, whole)
-    yield Strip("processors busy", path, most, f"{_mean_busy(use):.1f}")
-    most = f"{max(used) / _GIGA:.1f} of {use.memory / _GIGA:.1f} GB"
-    path = _slope(zip(times, used, strict=True), use.memory, whole)
-    yield Strip("memory in use", path, most, f"{sum(used) / len(used) / _GIGA:.1f} GB")
+        use, whole = build.use, build.ended
+        times, busy, used = zip(*use.samples, strict=True)
+        most_busy = f"{max(busy):.1f} of {use.processors}"
+        path = _slope(zip(times, busy, strict=True), use.processors, whole)
+        yield Strip("processors busy", path, most_busy, f"{_mean_busy(use):.1f}")
+        most_used = f"{max(used) / _GIGA:.1f} of {use.memory / _GIGA:.1f} GB"
+        path = _slope(zip(times, used, strict=True), use.memory, whole)
+        yield Strip("memory in use", path, most_used, f"{sum(used) / len(used) / _GIGA:.1f} GB")
 
 
 def _mean_busy(use: MachineUse) -> float:
