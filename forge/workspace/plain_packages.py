@@ -109,37 +109,29 @@ def cmake_package(folder: Folder) -> Identity | None:
 
 
 def python_package(folder: Folder) -> Identity | None:
-    """Read the metadata of a Python package: setup.py, else pyproject.toml."""
-    return _setup_py(folder) or _project(folder)
-
-
-def _setup_py(folder: Folder) -> Identity | None:
-    """Read setup.py, completed by setup.cfg and pyproject.toml like setuptools."""
-    if not folder.may_be("python") or not folder.has("setup.py"):
+    """Read setup.py, completed by setup.cfg and pyproject.toml like setuptools, else pyproject.toml."""
+    if not folder.may_be("python"):
         return None
-    path = folder.display_path / "setup.py"
-    try:
-        facts = read_setup_py(folder.text("setup.py"))
-    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
-        line = getattr(error, "lineno", None)
-        reason = str(error.args[0]) if error.args else "not valid Python"
-        if isinstance(error, RecursionError | MemoryError):
-            reason = "too deeply nested"
-        problem = Problem(f"cannot parse setup.py: {reason}", Location(path, line))
-        return Identity(notes=(problem,), descend=True)
-    if facts is None:
-        return None
-    return _python(folder, facts.over(_cfg_facts(folder)).over(_toml_facts(folder) or PythonMetadata()), path)
-
-
-def _project(folder: Folder) -> Identity | None:
-    """Read pyproject.toml, which alone is sufficient for any backend (PEP 517)."""
-    if not folder.may_be("python") or not folder.has("pyproject.toml"):
-        return None
-    facts, below = _toml_facts(folder), _cfg_facts(folder)
-    if facts is None and below.name is None:
-        return None
-    return _python(folder, (facts or PythonMetadata()).over(below), folder.display_path / "pyproject.toml")
+    if folder.has("setup.py"):
+        path = folder.display_path / "setup.py"
+        try:
+            facts = read_setup_py(folder.text("setup.py"))
+        except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
+            line = getattr(error, "lineno", None)
+            reason = str(error.args[0]) if error.args else "not valid Python"
+            if isinstance(error, RecursionError | MemoryError):
+                reason = "too deeply nested"
+            problem = Problem(f"cannot parse setup.py: {reason}", Location(path, line))
+            return Identity(notes=(problem,), descend=True)
+        if facts is not None:
+            facts = facts.over(_cfg_facts(folder)).over(_toml_facts(folder) or PythonMetadata())
+            return _python(folder, facts, path)
+    if folder.has("pyproject.toml"):
+        facts, below = _toml_facts(folder), _cfg_facts(folder)
+        if facts or below.name is not None:
+            facts = (facts or PythonMetadata()).over(below)
+            return _python(folder, facts, folder.display_path / "pyproject.toml")
+    return None
 
 
 def _python(folder: Folder, facts: PythonMetadata, path: Path) -> Identity:
