@@ -38,7 +38,7 @@ class Option:
     nargs: str | None = None
     const: object = None
     """The value of an option with nargs='?' that is used without one."""
-    choices: tuple[str, ...] | None = None
+    choices: tuple[object, ...] | None = None
     parse: Callable[[str], object] | None = None
     """Converts a value; raises ValueError with the message for users."""
     combine: Callable[[Sequence[Any]], object] = tuple
@@ -47,6 +47,9 @@ class Option:
     """The title of the group in the help, if it is not that of the other fields."""
     conflicts: str = ""
     """Options with the same text cannot be combined."""
+    required: bool = False
+    repeats: bool = False
+    """Each use of the option adds its value."""
     accumulates: bool = False
     """Each use of the option adds to its values, and a value may contain several words."""
     inherited: bool = False

@@ -249,7 +249,8 @@ def parser_of(arguments: Sequence[str]) -> argparse.ArgumentParser:
                 set_command(command, module.Options, module.run)
             else:
                 module.register(command)
-                command.set_defaults(run=module.run)
+                # Each verb has a function of its own.
+                command.set_defaults(run=getattr(module, "run", None))
             command.verb = word if word in _IN_WORKSPACE else None
     if asked is not None and asked not in COMMANDS:
         add_plugin(commands, PLUGINS, asked, "command")

@@ -10,7 +10,6 @@ from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from forge.base.distributions import distribution_option
 from forge.base.env_vars import expand_home, setting
 from forge.base.errors import Problem, SelectionError
 from forge.base.frozen import frozen
@@ -67,10 +66,19 @@ def read_options(cls: Callable[..., _Options], namespace: argparse.Namespace) ->
     return cls(**values)
 
 
-def set_command(parser: Parser, cls: Callable[..., _Options], run: Callable[[_Options], int]) -> None:
+def set_command(parser: Parser, cls: Callable[..., _Options], run: Callable[[_Options], int | None]) -> None:
     """Add the options of a command or verb, which calls `run` with them."""
     add_options(parser, cls)
-    parser.set_defaults(run=lambda namespace: run(read_options(cls, namespace)))
+    parser.set_defaults(run=lambda namespace: run(read_options(cls, namespace)) or 0)
+
+
+def add_verb(
+    verbs: Any, word: str, summary: str, cls: Callable[..., _Options], run: Callable[[_Options], int | None]
+) -> Parser:
+    """Add a verb of a command and return its parser."""
+    parser: Parser = verbs.add_parser(word, help=summary, description=summary)
+    set_command(parser, cls, run)
+    return parser
 
 
 def _flag(declared: Field[Any], each: Option) -> str:
@@ -87,8 +95,9 @@ def _argument(declared: Field[Any], each: Option) -> Mapping[str, Any]:
         default = list(default) if each.combine is tuple else []
     found = {
         "default": default,
-        "action": Accumulate if each.accumulates else None,
-        "nargs": each.nargs or ("*" if listed else None),
+        "action": Accumulate if each.accumulates else "append" if each.repeats else None,
+        "nargs": each.nargs or ("*" if listed and not each.repeats else None),
+        "required": each.required or None,
         "const": each.const,
         "choices": each.choices,
         "type": argument_type(each.parse) if each.parse else None,
@@ -124,7 +133,7 @@ class Accumulate(argparse.Action):
 
 def argument_type(parse: Callable[[str], object]) -> Callable[[str], object]:
     """Return a converter for argparse, which shows only the messages of its own error to users."""
-    if parse in {int, float}:
+    if isinstance(parse, type):
         return parse
 
     @wraps(parse)
@@ -141,13 +150,6 @@ def confirmed(question: str) -> bool:
     """Ask for confirmation; the end of input counts as no."""
     print(question, end="", flush=True)
     return sys.stdin.readline().strip().lower() in {"y", "yes"}
-
-
-@frozen
-class DistributionOptions:
-    """The ROS distribution, for commands that build nothing."""
-
-    rosdistro: str | None = distribution_option()
 
 
 def _target(word: str) -> Target:
@@ -168,6 +170,11 @@ def target_option(group: str = "") -> Any:
 
 def install_base_option() -> Any:
     return option("install folder (default: install)", default="install", metavar="DIR")
+
+
+@frozen
+class NoOptions:
+    """The options of a command that has none."""
 
 
 @frozen

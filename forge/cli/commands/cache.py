@@ -3,62 +3,63 @@
 from __future__ import annotations
 
 import os
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from forge.base.errors import HostError, Problem, SelectionError, raise_if_any
+from forge.base.frozen import frozen
+from forge.base.options import option, options_of
 from forge.base.text import counted
 from forge.cache.folder_store import FolderStore
 from forge.cache.maintenance import DEFAULT_SIZE, prune, read_counts, scan_store, verify
 from forge.cache.opening import byte_count, cache_folder, foreign_store
-from forge.cli.options import argument_type
+from forge.cli.options import add_verb
 
 if TYPE_CHECKING:
-    import argparse
-    from collections.abc import Callable
+    from collections.abc import Iterator
 
     from forge.cli.main import Parser
 
 
+@frozen
+class _Options:
+    cache: str | None = option("cache folder (default: ~/.cache/forge/packages)", metavar="DIR")
+
+
+@frozen
+class _PruneOptions:
+    folder: _Options = options_of(_Options)
+    size: int = option(
+        "target size; 0 empties the cache (default: 20G)",
+        default=DEFAULT_SIZE,
+        parse=byte_count,
+        metavar="SIZE",
+    )
+
+
 def register(parser: Parser) -> None:
     verbs = parser.add_subparsers(metavar="VERB", required=True)
-    _verb(verbs, "stats", "print the size of the cache and its hit rate", _stats)
-    pruning = _verb(verbs, "prune", "remove the least recently used entries", _prune)
-    pruning.add_argument(
-        "--size",
-        type=argument_type(byte_count),
-        default=DEFAULT_SIZE,
-        metavar="SIZE",
-        help="target size; 0 empties the cache (default: 20G)",
-    )
-    _verb(verbs, "verify", "verify the checksums of all entries and remove corrupt ones", _verify)
+    add_verb(verbs, "stats", "print the size of the cache and its hit rate", _Options, _stats)
+    add_verb(verbs, "prune", "remove the least recently used entries", _PruneOptions, _prune)
+    summary = "verify the checksums of all entries and remove corrupt ones"
+    add_verb(verbs, "verify", summary, _Options, _verify)
 
 
-def run(options: argparse.Namespace) -> int:
-    """Run the verb; returns 0, or 1 if the cache contained corrupt entries."""
+@contextmanager
+def _opened(options: _Options) -> Iterator[FolderStore]:
+    """Yield the store; raises ForgeError if the folder is no cache or cannot be accessed."""
     store = FolderStore(cache_folder(options.cache, os.environ))
     raise_if_any(foreign_store(store.folder), SelectionError)
     try:
-        code: int = options.verb(store, options)
+        yield store
     except OSError as error:
         path = os.fspath(error.filename or store.folder)
         raise HostError(Problem(f"cannot access the cache: {path}: {error.strerror}")) from error
-    return code
 
 
-def _verb(
-    verbs: argparse._SubParsersAction[Parser],
-    word: str,
-    summary: str,
-    verb: Callable[[FolderStore, argparse.Namespace], int],
-) -> argparse.ArgumentParser:
-    parser = verbs.add_parser(word, help=summary, description=summary)
-    parser.add_argument("--cache", metavar="DIR", help="cache folder (default: ~/.cache/forge/packages)")
-    parser.set_defaults(verb=verb)
-    return parser
-
-
-def _stats(store: FolderStore, _: argparse.Namespace) -> int:
-    shelf, counts = scan_store(store), read_counts(store.folder)
+def _stats(options: _Options) -> int:
+    with _opened(options) as store:
+        shelf, counts = scan_store(store), read_counts(store.folder)
     lookups = counts.restored + counts.missed
     share = f" ({100 * counts.restored / lookups:.0f} %)" if lookups else ""
     print(f"folder:    {store.folder}")
@@ -67,16 +68,18 @@ def _stats(store: FolderStore, _: argparse.Namespace) -> int:
     return 0
 
 
-def _prune(store: FolderStore, options: argparse.Namespace) -> int:
-    files, size = prune(store, options.size)
-    what = f"{_shown(size)} in {counted(files, 'file')}"
-    print(f"removed {what}; {_shown(scan_store(store).size)} left")
+def _prune(options: _PruneOptions) -> int:
+    with _opened(options.folder) as store:
+        files, size = prune(store, options.size)
+        left = scan_store(store).size
+    print(f"removed {_shown(size)} in {counted(files, 'file')}; {_shown(left)} left")
     return 0
 
 
-def _verify(store: FolderStore, _: argparse.Namespace) -> int:
-    """Print the corrupt entries, which are already removed."""
-    found = verify(store)
+def _verify(options: _Options) -> int:
+    """Print the corrupt entries, which are already removed; return 1 if there are any."""
+    with _opened(options) as store:
+        found = verify(store)
     for path, why in found.corrupt:
         print(f"removed {path.relative_to(store.folder)}: {why}")
     print(f"read {_shown(found.size)} in {found.files} files; {len(found.corrupt)} corrupt")

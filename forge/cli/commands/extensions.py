@@ -21,22 +21,19 @@ from forge.base.extensions import (
 from forge.base.extensions import EXECUTORS as EXECUTOR_GROUP
 from forge.base.extensions import TARGETS as TARGET_GROUP
 from forge.build.build_types import OWN as CORE_BUILD_TYPES
+from forge.cli.options import NoOptions
 from forge.environment.shells import SHELLS
 from forge.interfaces.rendering import TARGETS
 from forge.output.handlers import HANDLERS
 
 if TYPE_CHECKING:
-    import argparse
     from collections.abc import Iterable, Iterator
 
-    from forge.cli.main import Parser
+
+Options = NoOptions
 
 
-def register(parser: Parser) -> None:
-    """Do nothing: `forge extensions` has no options."""
-
-
-def run(options: argparse.Namespace) -> int:
+def run(_: Options) -> int:
     """Print each kind of extension, and below it the extensions with their distributions."""
     handlers = (f"{name}{'+' if on else '-'}" for name, on in HANDLERS.items())
     _print("commands", (), COMMANDS)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import getpass
 import io
 import os
@@ -13,8 +12,11 @@ from typing import TYPE_CHECKING
 
 from forge.base.errors import ForgeError, HostError, Problem, print_problem
 from forge.base.files import write_if_changed
+from forge.base.frozen import frozen
 from forge.base.names import did_you_mean, is_email
+from forge.base.options import option
 from forge.base.xml import parse_xml
+from forge.cli.options import NoOptions, add_verb
 from forge.environment.installed import executables, find_package, known_packages
 from forge.workspace.creation import (
     BUILD_TYPES,
@@ -31,111 +33,91 @@ from forge.workspace.model import Person
 from forge.workspace.root import find_install, source_packages
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable
 
-    Verbs = argparse._SubParsersAction[argparse.ArgumentParser]
-
-
-def register(parser: argparse.ArgumentParser) -> None:
-    verbs = parser.add_subparsers(metavar="VERB", required=True)
-    _register_create(_verb(verbs, "create", "create a package from a template"))
-
-    listing = _verb(verbs, "list", "list installed packages")
-    listing.set_defaults(verb=_list)
-
-    starters = _verb(verbs, "executables", "list executables of installed packages")
-    starters.add_argument(
-        "package", metavar="PACKAGE", nargs="?", help="list executables of this package (default: of all)"
-    )
-    starters.add_argument("--full-path", action="store_true", help="print paths instead of names")
-    starters.set_defaults(verb=_executables)
-
-    prefix = _verb(verbs, "prefix", "print the prefix of an installed package")
-    prefix.add_argument("package", metavar="PACKAGE", help="name of the package")
-    prefix.add_argument(
-        "--share", action="store_true", help="print the package's share folder instead of the prefix"
-    )
-    prefix.set_defaults(verb=_prefix)
-
-    xml = _verb(verbs, "xml", "print the manifest (package.xml) of an installed package")
-    xml.add_argument("package", metavar="PACKAGE", help="name of the package")
-    xml.add_argument("-t", "--tag", metavar="TAG", help="print only the text of elements with this tag")
-    xml.set_defaults(verb=_xml)
+    from forge.cli.main import Parser
 
 
-def _verb(verbs: Verbs, word: str, summary: str) -> argparse.ArgumentParser:
-    return verbs.add_parser(word, help=summary, description=summary)
+def _license(text: str) -> str:
+    """Return a license; '?' prints the supported ones and exits, before other arguments are checked."""
+    if text == "?":
+        print("Supported licenses:", *LICENSES, sep="\n")
+        raise SystemExit(0)
+    return text
 
 
-def run(options: argparse.Namespace) -> int:
-    """Run the verb; raises ForgeError for problems the user can fix."""
-    options.verb(options)
-    return 0
-
-
-def _register_create(parser: argparse.ArgumentParser) -> None:
-    add = parser.add_argument
-    add("name", metavar="NAME", help="name of the package, such as 'my_robot'")
-    add(
-        "--package-format",
-        "--package_format",
-        type=int,
-        choices=(2, 3),
+@frozen
+class _CreateOptions:
+    name: str = option("name of the package, such as 'my_robot'", positional=True, metavar="NAME")
+    package_format: int = option(
+        "format version of package.xml (default: 3)",
         default=3,
-        help="format version of package.xml (default: 3)",
+        parse=int,
+        choices=(2, 3),
+        short="--package-format",
+        flag="--package_format",
     )
-    add(
-        "--description",
-        default="TODO: Package description",
-        help="description for package.xml (default: a line with TODO)",
+    description: str = option(
+        "description for package.xml (default: a line with TODO)", default="TODO: Package description"
     )
-    license_help = (
-        "license as an SPDX identifier; '?' lists those with a LICENSE template (default: a line with TODO)"
+    license: str = option(
+        "license as an SPDX identifier; '?' lists those with a LICENSE template (default: a line with TODO)",
+        default=UNDECLARED_LICENSE,
+        parse=_license,
     )
-    add("--license", action=_License, default=UNDECLARED_LICENSE, help=license_help)
-    add(
-        "--destination-directory",
-        metavar="DIR",
-        default=".",
-        help="folder to create the package in (default: .)",
+    destination_directory: str = option(
+        "folder to create the package in (default: .)", default=".", metavar="DIR"
     )
-    add("--build-type", choices=BUILD_TYPES, default="ament_cmake", help="build type (default: ament_cmake)")
-    add("--dependencies", metavar="NAME", nargs="*", default=(), help="dependencies of the package")
-    add(
-        "--maintainer-email",
-        metavar="EMAIL",
-        help="email address of the maintainer (default: from git's configuration)",
+    build_type: str = option(
+        "build type (default: ament_cmake)", default="ament_cmake", choices=tuple(BUILD_TYPES)
     )
-    add("--maintainer-name", metavar="NAME", help="name of the maintainer (default: your login name)")
-    add("--node-name", metavar="NAME", help="create an executable with this name")
-    add("--library-name", metavar="NAME", help="create a library with this name")
-    add(
-        "--interfaces",
-        metavar="FILE",
-        nargs="*",
-        help="create a package of interfaces with these files, such as 'Pose.msg GetMap.srv' (default: one "
+    dependencies: tuple[str, ...] = option("dependencies of the package", default=(), metavar="NAME")
+    maintainer_email: str | None = option(
+        "email address of the maintainer (default: from git's configuration)", metavar="EMAIL"
+    )
+    maintainer_name: str | None = option("name of the maintainer (default: your login name)", metavar="NAME")
+    node_name: str | None = option("create an executable with this name", metavar="NAME")
+    library_name: str | None = option("create a library with this name", metavar="NAME")
+    interfaces: tuple[str, ...] | None = option(
+        "create a package of interfaces with these files, such as 'Pose.msg GetMap.srv' (default: one "
         "example of each kind)",
+        nargs="*",
+        metavar="FILE",
     )
-    parser.set_defaults(verb=_create)
 
 
-class _License(argparse.Action):
-    """Stores the license; '?' prints the supported ones and exits, before other arguments are checked."""
-
-    def __call__(
-        self,
-        parser: argparse.ArgumentParser,
-        namespace: argparse.Namespace,
-        values: str | Sequence[object] | None,
-        _option: str | None = None,
-    ) -> None:
-        if values == "?":
-            print("Supported licenses:", *LICENSES, sep="\n")
-            parser.exit()
-        setattr(namespace, self.dest, values)
+@frozen
+class _ExecutablesOptions:
+    package: str | None = option(
+        "list executables of this package (default: of all)", positional=True, nargs="?", metavar="PACKAGE"
+    )
+    full_path: bool = option("print paths instead of names", default=False)
 
 
-def _create(options: argparse.Namespace) -> None:
+@frozen
+class _PrefixOptions:
+    package: str = option("name of the package", positional=True, metavar="PACKAGE")
+    share: bool = option("print the package's share folder instead of the prefix", default=False)
+
+
+@frozen
+class _XmlOptions:
+    package: str = option("name of the package", positional=True, metavar="PACKAGE")
+    tag: str | None = option("print only the text of elements with this tag", short="-t", metavar="TAG")
+
+
+def register(parser: Parser) -> None:
+    verbs = parser.add_subparsers(metavar="VERB", required=True)
+    add_verb(verbs, "create", "create a package from a template", _CreateOptions, _create)
+    add_verb(verbs, "list", "list installed packages", NoOptions, _list)
+    summary = "list executables of installed packages"
+    add_verb(verbs, "executables", summary, _ExecutablesOptions, _executables)
+    add_verb(verbs, "prefix", "print the prefix of an installed package", _PrefixOptions, _prefix)
+    summary = "print the manifest (package.xml) of an installed package"
+    add_verb(verbs, "xml", summary, _XmlOptions, _xml)
+
+
+def _create(options: _CreateOptions) -> None:
     node, library = options.node_name, options.library_name
     if node is not None and node == library:
         node = f"{node}_node"
@@ -245,12 +227,12 @@ def _find(package: str) -> Path:
     return find_package(package, os.environ, install, lambda: source_packages(install))
 
 
-def _list(_options: argparse.Namespace) -> None:
+def _list(_: NoOptions) -> None:
     for name in known_packages(os.environ, _install()):
         print(name)
 
 
-def _executables(options: argparse.Namespace) -> None:
+def _executables(options: _ExecutablesOptions) -> None:
     if options.package is None:
         packages = known_packages(os.environ, _install())
     else:
@@ -260,12 +242,12 @@ def _executables(options: argparse.Namespace) -> None:
             print(path if options.full_path else f"{name} {path.name}")
 
 
-def _prefix(options: argparse.Namespace) -> None:
+def _prefix(options: _PrefixOptions) -> None:
     prefix = _find(options.package)
     print(prefix / "share" / options.package if options.share else prefix)
 
 
-def _xml(options: argparse.Namespace) -> None:
+def _xml(options: _XmlOptions) -> None:
     path = _find(options.package) / "share" / options.package / "package.xml"
     try:
         content = path.read_bytes()

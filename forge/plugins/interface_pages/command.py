@@ -5,8 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from forge.base.frozen import frozen
 from forge.base.layout import INTERFACE_PAGES_DIR
-from forge.cli.commands.interface.inputs import add_includes
+from forge.base.options import option, options_of
+from forge.cli.commands.interface.inputs import IncludeOptions
+from forge.cli.options import add_options, read_options
 
 if TYPE_CHECKING:
     import argparse
@@ -16,32 +19,29 @@ if TYPE_CHECKING:
 _OUTPUT = Path("build") / INTERFACE_PAGES_DIR
 
 
+@frozen
+class Options:
+    packages: tuple[str, ...] = option(
+        "document only these packages, which may be outside of the workspace",
+        default=(),
+        positional=True,
+        metavar="PKG",
+    )
+    output: Path | None = option(f"output folder (default: {_OUTPUT})", parse=Path, short="-o", metavar="DIR")
+    underlays: bool = option("also document all interfaces in sourced prefixes", default=False)
+    embedded: bool = option("also document all interfaces embedded in forge", default=False)
+    title: str = option("title of the site (default: %(default)s)", default="Interfaces", metavar="TEXT")
+    others: IncludeOptions = options_of(IncludeOptions)
+
+
 def register(parser: Parser) -> None:
     """Add the options of `forge interface docs`."""
     parser.epilog = "Types that the interfaces refer to are documented, too, so that all links work."
-    parser.add_argument(
-        "packages",
-        metavar="PKG",
-        nargs="*",
-        help="document only these packages, which may be outside of the workspace",
-    )
-    parser.add_argument(
-        "-o", "--output", metavar="DIR", type=Path, help=f"output folder (default: {_OUTPUT})"
-    )
-    parser.add_argument(
-        "--underlays", action="store_true", help="also document all interfaces in sourced prefixes"
-    )
-    parser.add_argument(
-        "--embedded", action="store_true", help="also document all interfaces embedded in forge"
-    )
-    parser.add_argument(
-        "--title", metavar="TEXT", default="Interfaces", help="title of the site (default: %(default)s)"
-    )
-    add_includes(parser)
+    add_options(parser, Options)
 
 
-def run(options: argparse.Namespace) -> int:
+def run(namespace: argparse.Namespace) -> int:
     """Write the pages."""
     from forge.plugins.interface_pages.documenting import make_site
 
-    return make_site(options, _OUTPUT)
+    return make_site(read_options(Options, namespace), _OUTPUT)

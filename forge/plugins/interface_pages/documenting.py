@@ -36,10 +36,10 @@ from forge.workspace.manifest import parse_manifest
 from forge.workspace.root import find_install, find_root
 
 if TYPE_CHECKING:
-    import argparse
     from collections.abc import Iterable, Mapping
 
     from forge.interfaces.model import File
+    from forge.plugins.interface_pages.command import Options
     from forge.workspace.model import Manifest, Package
 
 _GROUP = "rosidl_interface_packages"
@@ -49,7 +49,7 @@ _LISTING = ".forge_site"
 """The file in the folder of a site that lists all others."""
 
 
-def make_site(options: argparse.Namespace, default: Path) -> int:
+def make_site(options: Options, default: Path) -> int:
     """Write the requested pages; `default` is the output folder relative to the root of the workspace."""
     root = find_root(Path.cwd(), Path.home())
     found = discover(root, ["."], os.environ)
@@ -64,7 +64,7 @@ def make_site(options: argparse.Namespace, default: Path) -> int:
         and any(names_in(name, found.root / package.path))
     }
     folders = {name: root / package.path for name, package in packages.items()}
-    folders |= {name: Path(folder) for name, folder in options.includes}
+    folders |= {name: Path(folder) for name, folder in options.others.includes}
     hint = "names of interface packages consist of lower-case letters, digits and single underscores"
     misnomers = (
         Problem(f"'{name}' is not a valid name of an interface package", Location(folder), hint)
@@ -79,7 +79,7 @@ def make_site(options: argparse.Namespace, default: Path) -> int:
     install = find_install(root, Path.home())
     underlays = underlay_prefixes(install) if install else ()
     sourced = (*prefixes(os.environ), *underlays)
-    library = Library(includes=folders, prefixes=sourced, rosdistro=distribution_of(options))
+    library = Library(includes=folders, prefixes=sourced, rosdistro=distribution_of(options.others.rosdistro))
     whole = _wanted(options, folders, library)
     results = [_attempt(name, folder, library) for name, folder in whole.items()]
     problems = [p for result in results if isinstance(result, InterfaceError) for p in result.problems]
@@ -102,7 +102,7 @@ def make_site(options: argparse.Namespace, default: Path) -> int:
     return 0
 
 
-def _wanted(options: argparse.Namespace, own: Mapping[str, Path], library: Library) -> dict[str, Path]:
+def _wanted(options: Options, own: Mapping[str, Path], library: Library) -> dict[str, Path]:
     """Return the folders of the packages to document completely; raises ForgeError."""
     known = library.packages()
     names = list(options.packages) or [

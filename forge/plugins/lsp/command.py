@@ -7,31 +7,29 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from forge.base.distributions import distribution_option
 from forge.base.errors import HostError, Problem
+from forge.base.frozen import frozen
+from forge.base.options import option
 from forge.base.own_environment import extra_command
-from forge.cli.commands.interface.inputs import add_distribution, distribution_in_folder
+from forge.cli.commands.interface.inputs import distribution_in_folder
 from forge.environment.installed import known_prefixes
 from forge.interfaces.read.sources import Library
 from forge.workspace.root import find_install, find_root
 
 if TYPE_CHECKING:
-    import argparse
-
-    from forge.cli.main import Parser
     from forge.plugins.lsp.index import Index
 
 
-def register(parser: Parser) -> None:
-    """Add the options."""
-    parser.add_argument(
-        "--stdio",
-        action="store_true",
-        help="use standard input and output, which is the default; many editors pass this option",
+@frozen
+class Options:
+    stdio: bool = option(
+        "use standard input and output, which is the default; many editors pass this option", default=False
     )
-    add_distribution(parser)
+    rosdistro: str | None = distribution_option()
 
 
-def run(options: argparse.Namespace) -> int:
+def run(options: Options) -> int:
     """Answer requests until the editor ends the session."""
     try:
         from forge.plugins.lsp.server import serve

@@ -9,8 +9,6 @@ from forge.cli.commands.interface import asking, compiling, describing
 from forge.cli.main import add_plugin
 
 if TYPE_CHECKING:
-    import argparse
-
     from forge.cli.main import Parser
 
 
@@ -24,9 +22,3 @@ def register(parser: Parser) -> None:
     if asked not in verbs.choices:
         for word in sorted({*installed(VERBS), *((asked,) if asked else ())}):
             add_plugin(verbs, VERBS, word, "verb")
-
-
-def run(options: argparse.Namespace) -> int:
-    """Run the verb and return the exit code."""
-    code: int = options.verb(options)
-    return code

@@ -2,115 +2,123 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
-from typing import TYPE_CHECKING
+from itertools import compress
+from typing import TYPE_CHECKING, Any
 
 from forge.base.ament_index import prefix_of
+from forge.base.distributions import distribution_option
 from forge.base.errors import InterfaceError, Problem
+from forge.base.frozen import frozen
 from forge.base.names import did_you_mean
+from forge.base.options import option, options_of
 from forge.base.standard_interfaces import EMBEDDED, distribution_hint
-from forge.cli.commands.interface.inputs import add_distribution, known_library, require_built
+from forge.cli.commands.interface.inputs import known_library, require_built
+from forge.cli.options import add_verb
 from forge.interfaces.read.sources import names_in
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
     from pathlib import Path
 
-    from forge.cli.main import Parser
     from forge.interfaces.model import TypeName
     from forge.interfaces.read.sources import Library
-
-    Verbs = argparse._SubParsersAction[Parser]
 
 _HEADINGS = {"msg": "Messages:", "srv": "Services:", "action": "Actions:"}
 
 
-def register(verbs: Verbs) -> None:
-    _add_listing(verbs, "list", _list, "list all interfaces")
-    package = _add_listing(verbs, "package", _package, "list the interfaces of a package")
-    package.add_argument("package", metavar="PACKAGE", help="name of the package")
-    _add_listing(verbs, "packages", _packages, "list the packages that have interfaces")
-    summary = "print a definition with nested messages expanded"
-    show = verbs.add_parser("show", help=summary, description=summary)
-    show.add_argument(
-        "type", metavar="TYPE", type=_filled, help="full name of the interface; '-' reads the name from stdin"
-    )
-    levels = show.add_mutually_exclusive_group()
-    levels.add_argument(
-        "--all-comments", action="store_true", help="show the comments of nested messages, too"
-    )
-    levels.add_argument("--no-comments", action="store_true", help="omit comments and blank lines")
-    add_distribution(show)
-    show.set_defaults(verb=_show)
-    summary = "print a message, a service's request or an action's goal as YAML, with default values"
-    proto = verbs.add_parser("proto", help=summary, description=summary)
-    proto.add_argument("type", metavar="TYPE", type=_filled, help="full name of the interface")
-    proto.add_argument("--no-quotes", action="store_true", help="print the YAML without surrounding quotes")
-    add_distribution(proto)
-    proto.set_defaults(verb=_proto)
-
-
-def _add_listing(verbs: Verbs, word: str, verb: Callable[[argparse.Namespace], int], summary: str) -> Parser:
-    listing = verbs.add_parser(word, help=summary, description=summary)
-    for flag, kind in (("msgs", "msg"), ("srvs", "srv"), ("actions", "action")):
-        listing.add_argument(
-            f"-{flag[0]}",
-            f"--only-{flag}",
-            dest="kinds",
-            action="append_const",
-            const=kind,
-            help=f"list only {_HEADINGS[kind].rstrip(':').lower()}",
-        )
-    add_distribution(listing)
-    listing.set_defaults(verb=verb)
-    return listing
-
-
 def _filled(text: str) -> str:
     if not text:
-        raise argparse.ArgumentTypeError("the name is empty")
+        raise ValueError("the name is empty")
     return text
 
 
-def _list(options: argparse.Namespace) -> int:
-    names = sorted(known_library(options).names())
-    for kind, heading in _HEADINGS.items():
-        if not options.kinds or kind in options.kinds:
-            print(heading)
-            for name in names:
-                if name.kind == kind:
-                    print(f"    {name}")
+@frozen
+class _ListingOptions:
+    only_msgs: bool = option("list only messages", default=False, short="-m")
+    only_srvs: bool = option("list only services", default=False, short="-s")
+    only_actions: bool = option("list only actions", default=False, short="-a")
+    rosdistro: str | None = distribution_option()
+
+    @property
+    def kinds(self) -> list[str]:
+        """Return the kinds to list, none for all."""
+        return list(compress(_HEADINGS, (self.only_msgs, self.only_srvs, self.only_actions)))
+
+
+@frozen
+class _PackageOptions:
+    package: str = option("name of the package", positional=True, metavar="PACKAGE")
+    listing: _ListingOptions = options_of(_ListingOptions)
+
+
+@frozen
+class _ShowOptions:
+    type: str = option(
+        "full name of the interface; '-' reads the name from stdin",
+        positional=True,
+        parse=_filled,
+        metavar="TYPE",
+    )
+    all_comments: bool = option(
+        "show the comments of nested messages, too", default=False, conflicts="comments"
+    )
+    no_comments: bool = option("omit comments and blank lines", default=False, conflicts="comments")
+    rosdistro: str | None = distribution_option()
+
+
+@frozen
+class _ProtoOptions:
+    type: str = option("full name of the interface", positional=True, parse=_filled, metavar="TYPE")
+    no_quotes: bool = option("print the YAML without surrounding quotes", default=False)
+    rosdistro: str | None = distribution_option()
+
+
+def register(verbs: Any) -> None:
+    add_verb(verbs, "list", "list all interfaces", _ListingOptions, _list)
+    add_verb(verbs, "package", "list the interfaces of a package", _PackageOptions, _package)
+    add_verb(verbs, "packages", "list the packages that have interfaces", _ListingOptions, _packages)
+    add_verb(verbs, "show", "print a definition with nested messages expanded", _ShowOptions, _show)
+    summary = "print a message, a service's request or an action's goal as YAML, with default values"
+    add_verb(verbs, "proto", summary, _ProtoOptions, _proto)
+
+
+def _list(options: _ListingOptions) -> int:
+    names = sorted(known_library(options.rosdistro).names())
+    for kind in options.kinds or _HEADINGS:
+        print(_HEADINGS[kind])
+        for name in names:
+            if name.kind == kind:
+                print(f"    {name}")
     return 0
 
 
-def _package(options: argparse.Namespace) -> int:
-    library = known_library(options)
+def _package(options: _PackageOptions) -> int:
+    library = known_library(options.listing.rosdistro)
     folder = library.folder(options.package)
     if not folder:
         _check_package(options.package, library)
         return 0
     for name in sorted(names_in(options.package, folder, library.rosdistro)):
-        if not options.kinds or name.kind in options.kinds:
+        if not options.listing.kinds or name.kind in options.listing.kinds:
             print(name)
     return 0
 
 
-def _packages(options: argparse.Namespace) -> int:
+def _packages(options: _ListingOptions) -> int:
     # With several kinds, `ros2 interface packages` uses the first one in this order.
-    kind = next((kind for kind in _HEADINGS if kind in (options.kinds or ())), None)
-    library = known_library(options)
+    kinds = options.kinds[:1]
+    library = known_library(options.rosdistro)
     for package, folder in library.packages().items():
         names = list(names_in(package, folder, library.rosdistro))
-        if any(name.kind == kind for name in names) if kind else names:
+        if any(name.kind in kinds for name in names) if kinds else names:
             print(package)
     return 0
 
 
-def _show(options: argparse.Namespace) -> int:
+def _show(options: _ShowOptions) -> int:
     from forge.interfaces.show import Comments, parse_type_name, show
 
-    library = known_library(options)
+    library = known_library(options.rosdistro)
     text = sys.stdin.readline().strip() if options.type == "-" else options.type
     name = parse_type_name(text, library.names)
     path = _definition(name, library)
@@ -124,12 +132,12 @@ def _show(options: argparse.Namespace) -> int:
     return 0
 
 
-def _proto(options: argparse.Namespace) -> int:
+def _proto(options: _ProtoOptions) -> int:
     from forge.interfaces.prototype import to_yaml
     from forge.interfaces.resolve.resolution import nested_messages
     from forge.interfaces.show import parse_type_name
 
-    library = known_library(options)
+    library = known_library(options.rosdistro)
     name = parse_type_name(options.type, library.names)
     path = _definition(name, library)
     parsed = library.find(name)

@@ -5,14 +5,17 @@ from __future__ import annotations
 import os
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from forge.base.env_vars import compiled_templates
 from forge.base.errors import InterfaceError, Problem, print_warnings, raise_if_any
+from forge.base.frozen import frozen
+from forge.base.options import option, options_of
 from forge.base.standard_interfaces import EMBEDDED
 from forge.base.templating import keep_compiled
 from forge.base.text import counted
-from forge.cli.commands.interface.inputs import add_inputs, catalog_of, library_of
+from forge.cli.commands.interface.inputs import InputOptions, catalog_of, library_of
+from forge.cli.options import add_verb
 from forge.interfaces.fingerprints import fingerprints
 from forge.interfaces.output_state import STATE_FOLDER, OutputState, generator_digest, read_states
 from forge.interfaces.read.keywords import python_keywords
@@ -22,64 +25,57 @@ from forge.interfaces.resolve.dependencies import dependency_catalogs, undeclare
 from forge.interfaces.writing import write, write_depfile, write_stamp
 
 if TYPE_CHECKING:
-    import argparse
     from collections.abc import Iterable
 
-    from forge.cli.commands.interface.inputs import Verbs
-    from forge.cli.main import Parser
     from forge.interfaces.model import Catalog
 
 _DEFAULT_LANGUAGES = ("python", "cpp")
 
 
-def register(verbs: Verbs) -> None:
-    summary = "compile definitions to Python, C++, C, .idl, .json or Markdown"
-    more = "@FILE reads arguments from FILE, one per line"
-    generate = verbs.add_parser(
-        "generate", help=summary, description=summary, epilog=more, fromfile_prefix_chars="@"
+@frozen
+class _Options:
+    source: str | None = option(
+        "folder with subfolders msg, srv or action", positional=True, nargs="?", metavar="SOURCE_DIR"
     )
-    generate.add_argument(
-        "source", metavar="SOURCE_DIR", nargs="?", help="folder with subfolders msg, srv or action"
-    )
-    add_inputs(generate)
-    _add_outputs(generate)
-    generate.set_defaults(verb=_generate)
-
-
-def _add_outputs(parser: Parser) -> None:
-    parser.add_argument(
-        "--output",
-        metavar="DIR",
-        type=Path,
+    inputs: InputOptions = options_of(InputOptions)
+    output: Path = option(
+        "output folder; files go to python/NAME, cpp/NAME and so on",
+        parse=Path,
         required=True,
-        help="output folder; files go to python/NAME, cpp/NAME and so on",
+        metavar="DIR",
     )
-    default = " and ".join(_DEFAULT_LANGUAGES)
-    parser.add_argument(
-        "--lang",
+    languages: tuple[str, ...] | None = option(
+        "output to generate: python, cpp, c, idl, json or docs; repeatable (default: "
+        f"{' and '.join(_DEFAULT_LANGUAGES)})",
+        flag="--lang",
+        repeats=True,
         metavar="LANG",
-        dest="languages",
-        action="append",
-        help=f"output to generate: python, cpp, c, idl, json or docs; repeatable (default: {default})",
     )
-    parser.add_argument(
-        "--no-runtime",
-        action="store_true",
-        help="do not write run-time files and types of other packages; allow only types of included packages",
+    no_runtime: bool = option(
+        "do not write run-time files and types of other packages; allow only types of included packages",
+        default=False,
     )
-    parser.add_argument("--stamp", metavar="FILE", type=Path, help="file to touch after success")
-    parser.add_argument(
-        "--depfile", metavar="FILE", type=Path, help="write a make rule with all files read to this file"
+    stamp: Path | None = option("file to touch after success", parse=Path, metavar="FILE")
+    depfile: Path | None = option(
+        "write a make rule with all files read to this file", parse=Path, metavar="FILE"
     )
 
 
-def _generate(options: argparse.Namespace) -> int:
-    library = library_of(options)
-    bases = (options.source, *(base for base, _ in options.files))
+def register(verbs: Any) -> None:
+    summary = "compile definitions to Python, C++, C, .idl, .json or Markdown"
+    parser = add_verb(verbs, "generate", summary, _Options, _generate)
+    parser.epilog = "@FILE reads arguments from FILE, one per line"
+    parser.fromfile_prefix_chars = "@"
+
+
+def _generate(options: _Options) -> int:
+    inputs = options.inputs
+    library = library_of(inputs.others)
+    bases = (options.source, *(base for base, _ in inputs.files))
     library.manifest = next((Path(base) / "package.xml" for base in bases if base), None)
-    catalog = catalog_of(options, options.source, library)
+    catalog = catalog_of(inputs, options.source, library)
     if options.no_runtime:
-        raise_if_any(undeclared_dependencies(catalog, dict(options.includes), library), InterfaceError)
+        raise_if_any(undeclared_dependencies(catalog, dict(inputs.others.includes), library), InterfaceError)
     print_warnings(python_keywords(catalog.interfaces.values()))
     needed = () if options.no_runtime else dependency_catalogs(catalog, library)
     others = () if options.no_runtime else _others(catalog, options)
@@ -106,7 +102,7 @@ def _generate(options: argparse.Namespace) -> int:
     return 0
 
 
-def _others(catalog: Catalog, options: argparse.Namespace) -> tuple[Catalog, ...]:
+def _others(catalog: Catalog, options: _Options) -> tuple[Catalog, ...]:
     """Return the types of other packages that the packages in the output folder need.
 
     Several packages may share the output folder: one run must not remove files that another package needs.
@@ -115,7 +111,8 @@ def _others(catalog: Catalog, options: argparse.Namespace) -> tuple[Catalog, ...
     states = read_states(options.output)
     states.pop(catalog.package, None)
     whole = {catalog.package, *states}
-    library = library_of(options, dict(pair for state in states.values() for pair in state.folders.items()))
+    folders = dict(pair for state in states.values() for pair in state.folders.items())
+    library = library_of(options.inputs.others, folders)
     needs = []
     for package, state in states.items():
         partial = [name for name in state.needs if name.package not in whole]

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from forge.base.errors import ForgeError, InterfaceError, Problem
+from forge.base.frozen import frozen
 from forge.base.names import did_you_mean
+from forge.base.options import option, options_of
 from forge.cli.commands.interface.inputs import (
-    add_includes,
-    add_inputs,
+    IncludeOptions,
+    InputOptions,
     catalog_of,
-    includes_of,
     known_library,
     require_built,
 )
+from forge.cli.options import add_verb
 from forge.interfaces.hashing import hashes
 from forge.interfaces.model import Catalog, TypeName
 from forge.interfaces.resolve.dependencies import require
@@ -23,46 +25,57 @@ from forge.interfaces.schema import ENCODINGS, schema_text
 from forge.interfaces.show import parse_type_name
 
 if TYPE_CHECKING:
-    import argparse
-
-    from forge.cli.commands.interface.inputs import Verbs
     from forge.interfaces.read.sources import Library
 
 
-def register(verbs: Verbs) -> None:
-    summary = "print type hashes (RIHS01) of types or of a folder of definitions"
-    hashing = verbs.add_parser("hash", help=summary, description=summary)
-    hashing.add_argument(
-        "what",
+@frozen
+class _HashOptions:
+    what: tuple[str, ...] = option(
+        "names of types; with --package a folder of definitions",
+        default=(),
+        positional=True,
         metavar="TYPE|SOURCE_DIR",
-        nargs="*",
-        help="names of types; with --package a folder of definitions",
     )
-    hashing.add_argument("--json", action="store_true", help="print one JSON object")
-    add_inputs(hashing)
-    hashing.set_defaults(verb=_hash)
-    summary = "print a definition with all definitions it refers to, as stored in MCAP and rosbag2 files"
-    schema = verbs.add_parser("schema", help=summary, description=summary)
-    schema.add_argument("type", metavar="TYPE", help="full name of the type")
-    schema.add_argument(
-        "--encoding",
-        choices=ENCODINGS,
-        default=ENCODINGS[0],
-        help="format of the definitions (default: %(default)s)",
-    )
-    add_includes(schema)
-    schema.set_defaults(verb=_schema)
+    json: bool = option("print one JSON object", default=False)
+    inputs: InputOptions = options_of(InputOptions)
 
 
-def _hash(options: argparse.Namespace) -> int:
-    library = known_library(options, includes_of(options))
-    if not (options.package or options.files or options.what):
+@frozen
+class _SchemaOptions:
+    type: str = option("full name of the type", positional=True, metavar="TYPE")
+    encoding: str = option(
+        "format of the definitions (default: %(default)s)", default=ENCODINGS[0], choices=tuple(ENCODINGS)
+    )
+    others: IncludeOptions = options_of(IncludeOptions)
+
+
+def register(verbs: Any) -> None:
+    add_verb(
+        verbs,
+        "hash",
+        "print type hashes (RIHS01) of types or of a folder of definitions",
+        _HashOptions,
+        _hash,
+    )
+    add_verb(
+        verbs,
+        "schema",
+        "print a definition with all definitions it refers to, as stored in MCAP and rosbag2 files",
+        _SchemaOptions,
+        _schema,
+    )
+
+
+def _hash(options: _HashOptions) -> int:
+    inputs = options.inputs
+    library = known_library(inputs.others.rosdistro, inputs.others.folders)
+    if not (inputs.package or inputs.files or options.what):
         hint = "name types, or a folder of definitions with --package"
         raise ForgeError(Problem("missing names of types", hint=hint))
-    if options.files and not options.package:
+    if inputs.files and not inputs.package:
         raise ForgeError(Problem("missing package name for --file", hint="add --package NAME"))
-    if options.package:
-        found = hashes(catalog_of(options, _folder(options), library))
+    if inputs.package:
+        found = hashes(catalog_of(inputs, _folder(options), library))
     else:
         found = {name: _hash_of(name, library) for name in map(parse_type_name, options.what)}
     if options.json:
@@ -73,7 +86,7 @@ def _hash(options: argparse.Namespace) -> int:
     return 0
 
 
-def _folder(options: argparse.Namespace) -> str | None:
+def _folder(options: _HashOptions) -> str | None:
     """Return the folder of definitions for --package, None without one."""
     if options.what[1:]:
         hint = "without --package, arguments are names of types"
@@ -81,8 +94,8 @@ def _folder(options: argparse.Namespace) -> str | None:
     return options.what[0] if options.what else None
 
 
-def _schema(options: argparse.Namespace) -> int:
-    library = known_library(options, includes_of(options))
+def _schema(options: _SchemaOptions) -> int:
+    library = known_library(options.others.rosdistro, options.others.folders)
     name = parse_type_name(options.type)
     parsed = library.find(name) or _missing(name, library)
     nested_messages(parsed, library)

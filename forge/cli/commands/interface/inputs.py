@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import argparse
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.ament_index import prefixes
-from forge.base.distributions import VARIABLE, check_distribution, distribution_in
+from forge.base.distributions import VARIABLE, check_distribution, distribution_in, distribution_option
 from forge.base.errors import ForgeError, InterfaceError, Problem, raise_if_any
-from forge.cli.options import DistributionOptions, add_options
+from forge.base.frozen import frozen
+from forge.base.options import option, options_of
 from forge.cli.preparation import known_rosdistro
 from forge.environment.installed import known_prefixes
 from forge.interfaces.read.declarations import LOWER_NAME
@@ -22,77 +22,77 @@ from forge.workspace.root import find_install, find_root, is_root, source_packag
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from forge.cli.main import Parser
     from forge.interfaces.model import Catalog
 
-    Verbs = argparse._SubParsersAction[Parser]
+
+def _pair(mark: str, split: Callable[[str, str], tuple[str, str, str]]) -> Callable[[str], tuple[str, str]]:
+    """Return a function that parses 'LEFT<mark>RIGHT'."""
+
+    def read(text: str) -> tuple[str, str]:
+        left, _, right = split(text, mark)
+        if not left or not right:
+            raise ValueError(f"'{text}' is not of the form LEFT{mark}RIGHT")
+        return left, right
+
+    return read
 
 
-def add_inputs(parser: Parser) -> None:
-    """Add the options that select definitions."""
-    parser.add_argument(
-        "--package", metavar="NAME", help="name of the package that the definitions belong to"
-    )
-    add_includes(parser)
-    parser.add_argument(
-        "--file",
-        metavar="BASE:RELATIVE",
-        dest="files",
-        action="append",
-        default=[],
-        type=_pair(":", str.rpartition),
-        help="a single definition, such as /src/p:msg/X.msg, instead of a folder; repeatable",
-    )
-    parser.add_argument(
-        "--strict",
-        action="store_true",
-        help="reject error-prone definitions; the command reference lists them",
-    )
+@frozen
+class IncludeOptions:
+    """The options for definitions of other packages."""
 
-
-def add_includes(parser: Parser) -> None:
-    """Add the option for folders of other packages."""
-    parser.add_argument(
-        "--include",
+    includes: tuple[tuple[str, str], ...] = option(
+        "folder with subfolders msg, srv and action of another package; repeatable",
+        default=(),
+        flag="--include",
+        repeats=True,
+        parse=_pair("=", str.partition),
         metavar="PKG=DIR",
-        dest="includes",
-        action="append",
-        default=[],
-        type=_pair("=", str.partition),
-        help="folder with subfolders msg, srv and action of another package; repeatable",
     )
-    add_distribution(parser)
+    rosdistro: str | None = distribution_option()
+
+    @property
+    def folders(self) -> dict[str, Path]:
+        """Return the folders of definitions by package."""
+        return {package: Path(folder) for package, folder in self.includes}
 
 
-def add_distribution(parser: Parser) -> None:
-    """Add the option for the ROS distribution of embedded definitions."""
-    add_options(parser, DistributionOptions)
+@frozen
+class InputOptions:
+    """The options that select definitions."""
+
+    package: str | None = option("name of the package that the definitions belong to", metavar="NAME")
+    others: IncludeOptions = options_of(IncludeOptions)
+    files: tuple[tuple[str, str], ...] = option(
+        "a single definition, such as /src/p:msg/X.msg, instead of a folder; repeatable",
+        default=(),
+        flag="--file",
+        repeats=True,
+        parse=_pair(":", str.rpartition),
+        metavar="BASE:RELATIVE",
+    )
+    strict: bool = option("reject error-prone definitions; the command reference lists them", default=False)
 
 
-def includes_of(options: argparse.Namespace) -> dict[str, Path]:
-    """Return the folders of definitions by package."""
-    return {package: Path(folder) for package, folder in options.includes}
-
-
-def library_of(options: argparse.Namespace, recorded: Mapping[str, Path] | None = None) -> Library:
+def library_of(options: IncludeOptions, recorded: Mapping[str, Path] | None = None) -> Library:
     """Return the searchable definitions; `recorded` folders of earlier runs are used unless overridden.
 
     Builds generate code with it: only what is included or sourced counts, as for other compilers.
     """
     return Library(
-        includes={**(recorded or {}), **includes_of(options)},
+        includes={**(recorded or {}), **options.folders},
         prefixes=prefixes(os.environ),
-        rosdistro=distribution_of(options),
+        rosdistro=distribution_of(options.rosdistro),
     )
 
 
-def known_library(options: argparse.Namespace, includes: Mapping[str, Path] | None = None) -> Library:
+def known_library(rosdistro: str | None, includes: Mapping[str, Path] | None = None) -> Library:
     """Return the definitions that can be asked about: in addition those of the enclosing workspace."""
     install = find_install(Path.cwd(), Path.home())
     return Library(
         includes=includes or {},
         prefixes=known_prefixes(os.environ, install),
-        rosdistro=distribution_of(options),
+        rosdistro=distribution_of(rosdistro),
     )
 
 
@@ -104,13 +104,13 @@ def require_built(package: str, library: Library) -> None:
         raise InterfaceError(Problem(message, hint=f"run: forge build --packages-up-to {package}"))
 
 
-def distribution_of(options: argparse.Namespace) -> str:
+def distribution_of(rosdistro: str | None) -> str:
     """Return the distribution of embedded definitions: chosen here, or by the enclosing workspace.
 
     The workspace is only looked for if neither --rosdistro nor ROS_DISTRO is set: in builds it always is, and
     the files that a search looks at would be inputs of the package.
     """
-    return distribution_in_folder(options.rosdistro, Path.cwd())
+    return distribution_in_folder(rosdistro, Path.cwd())
 
 
 def distribution_in_folder(rosdistro: str | None, folder: Path) -> str:
@@ -123,9 +123,9 @@ def distribution_in_folder(rosdistro: str | None, folder: Path) -> str:
     return distribution_in({VARIABLE: chosen} if chosen else {})
 
 
-def catalog_of(options: argparse.Namespace, folder: str | None, library: Library) -> Catalog:
+def catalog_of(options: InputOptions, folder: str | None, library: Library) -> Catalog:
     """Return the resolved definitions named on the command line; raises ForgeError."""
-    package: str | None = options.package
+    package = options.package
     if not package:
         raise ForgeError(Problem("missing package name", hint="add --package NAME"))
     if not LOWER_NAME.fullmatch(package):
@@ -151,15 +151,3 @@ def catalog_of(options: argparse.Namespace, folder: str | None, library: Library
         {path.stem: f"msg/{path.name}" for path in beside if f"msg/{path.name}" not in named},
         events=library.has_events,
     )
-
-
-def _pair(mark: str, split: Callable[[str, str], tuple[str, str, str]]) -> Callable[[str], tuple[str, str]]:
-    """Return an argparse type that parses 'LEFT<mark>RIGHT'."""
-
-    def read(text: str) -> tuple[str, str]:
-        left, _, right = split(text, mark)
-        if not left or not right:
-            raise argparse.ArgumentTypeError(f"'{text}' is not of the form LEFT{mark}RIGHT")
-        return left, right
-
-    return read
