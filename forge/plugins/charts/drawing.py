@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from forge.plugins.charts.graph_formats import PackageGraph
-    from forge.plugins.charts.layering import Spot
     from forge.workspace.model import Package
 
 _KINDS = {"ament_cmake": "cmake", "cmake": "cmake", "ament_python": "python", "python": "python"}
@@ -82,16 +81,33 @@ def drawn(chart: PackageGraph, graph: Mapping[str, Sequence[str]], seconds: Mapp
     sizes = {node: _size(node, times, longest) for node in shown}
     layout = lay_out(graph, sizes)
     numbers = {node: number for number, node in enumerate(shown)}
-    used = {kind_of(chart.packages[node]) for node in shown}
+    kinds = {node: kind_of(chart.packages[node]) for node in shown}
+    nodes = []
+    for node, number in numbers.items():
+        spot, (width, height) = layout.spots[node], sizes[node]
+        x, middle = spot.x + _MARGIN, spot.y + _MARGIN
+        nodes.append(
+            Node(
+                number=number,
+                name=printable(name_of(node)),
+                time=duration(times[node]) if node in times else "",
+                kind=kinds[node],
+                layer=spot.layer,
+                x=_number(x),
+                y=_number(middle - height / 2),
+                width=_number(width),
+                height=_number(height),
+                text_x=_number(x + _PADDING),
+                time_x=_number(x + width - _PADDING),
+                middle=_number(middle),
+            )
+        )
     return Picture(
-        nodes=tuple(
-            _node(chart.packages[node], number, layout.spots[node], sizes[node], times.get(node))
-            for node, number in numbers.items()
-        ),
+        nodes=tuple(nodes),
         lines=tuple(
             Line(numbers[need], numbers[user], _path(points)) for (user, need), points in layout.lines.items()
         ),
-        kinds=tuple((kind, word) for kind, word in KINDS.items() if kind in used),
+        kinds=tuple((kind, word) for kind, word in KINDS.items() if kind in kinds.values()),
         width=_number(layout.width + 2 * _MARGIN),
         height=_number(layout.height + 2 * _MARGIN + _LEGEND),
         legend=_number(layout.height + 2 * _MARGIN + _LEGEND / 2),
@@ -146,27 +162,6 @@ def _plain_text(description: str) -> str:
 
 def _width(text: str) -> float:
     return sum(_LETTER * _SHARES.get(letter, 1.0 if letter.isascii() else 2.0) for letter in text)
-
-
-def _node(
-    package: Package, number: int, spot: Spot, size: tuple[float, float], seconds: float | None
-) -> Node:
-    width, height = size
-    x, middle = spot.x + _MARGIN, spot.y + _MARGIN
-    return Node(
-        number=number,
-        name=printable(package.name),
-        time="" if seconds is None else duration(seconds),
-        kind=kind_of(package),
-        layer=spot.layer,
-        x=_number(x),
-        y=_number(middle - height / 2),
-        width=_number(width),
-        height=_number(height),
-        text_x=_number(x + _PADDING),
-        time_x=_number(x + width - _PADDING),
-        middle=_number(middle),
-    )
 
 
 def _path(points: Sequence[tuple[float, float]]) -> str:

@@ -176,7 +176,10 @@ def _assign_positions(
     Relative to a column without gaps, positions must not decrease: neighbours that would share their mean
     (isotonic regression).
     """
-    offsets = list(_offsets(column, heights))
+    offsets, below = [], 0.0
+    for vertex in column:
+        offsets.append(below + heights[vertex] / 2.0)
+        below += heights[vertex] + _GAP
     blocks: list[tuple[float, float, int]] = []
     for vertex, wish, offset in zip(column, wishes, offsets, strict=True):
         mean, weight, count = wish - offset, weights[vertex], 1
@@ -188,13 +191,6 @@ def _assign_positions(
     means = (mean for mean, _, count in blocks for _ in range(count))
     for vertex, mean, offset in zip(column, means, offsets, strict=True):
         levels[vertex] = mean + offset
-
-
-def _offsets(column: Sequence[Vertex], heights: Mapping[Vertex, float]) -> Iterator[float]:
-    below = 0.0
-    for vertex in column:
-        yield below + heights[vertex] / 2.0
-        below += heights[vertex] + _GAP
 
 
 def _drawn(
