@@ -6,6 +6,7 @@ import re
 import sys
 from dataclasses import replace
 from functools import cache
+from itertools import chain
 from typing import TYPE_CHECKING
 
 from forge.base.cmake_syntax import cmake_arguments
@@ -18,7 +19,6 @@ from forge.build.up_to_date import LINKS, MANIFEST
 from forge.toolchain.untested import VARIABLE, is_defined
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
     from pathlib import Path
 
     from forge.base.frozen import Pairs
@@ -87,7 +87,12 @@ class BuildContext:
         Embedded packages compile nothing, so options that only affect compilation are removed for them.
         """
         if package.embedded:
-            arguments = tuple(_without_compiling(self.cmake_args))
+            kept = (
+                argument.words
+                for argument in cmake_arguments(self.cmake_args)
+                if not (argument.definition and re.fullmatch(_COMPILING, argument.definition[0]))
+            )
+            arguments = tuple(chain.from_iterable(kept))
             return replace(self, cmake_args=arguments, ament_cmake_args=(), test_results=None, path_maps=())
         arguments = (*self.cmake_args, *package.option_values("cmake-args"))
         if package.build_type == "ament_cmake":
@@ -146,7 +151,7 @@ def install_tree(package: Package, context: BuildContext, staged: Path) -> Step:
     return Step(StepKind.INSTALL, argv, build)
 
 
-COMPILING = (
+_COMPILING = (
     r"BUILD_TESTING|CMAKE_(BUILD_TYPE|EXPORT_COMPILE_COMMANDS|VERBOSE_MAKEFILE|COLOR_(DIAGNOSTICS|MAKEFILE)"
     r"|(C|CXX|CUDA|Fortran)_(COMPILER|COMPILER_LAUNCHER|FLAGS|FLAGS_[A-Z]+|STANDARD|STANDARD_REQUIRED|EXTENSIONS)"
     r"|(EXE|SHARED|MODULE|STATIC)_LINKER_FLAGS(_[A-Z]+)?|POSITION_INDEPENDENT_CODE|INTERPROCEDURAL_OPTIMIZATION"
@@ -154,13 +159,6 @@ COMPILING = (
     r"|UNITY_BUILD|LINKER_TYPE|BUILD_RPATH|INSTALL_RPATH|INSTALL_RPATH_USE_LINK_PATH)"
 )
 """CMake variables that only affect compiling, linking, tests, or the output meanwhile."""
-
-
-def _without_compiling(arguments: Sequence[str]) -> Iterator[str]:
-    """Yield the CMake arguments without definitions that only affect compilation."""
-    for argument in cmake_arguments(arguments):
-        if not (argument.definition and re.fullmatch(COMPILING, argument.definition[0])):
-            yield from argument.words
 
 
 def common_options(package: Package, context: BuildContext) -> tuple[str, ...]:

@@ -42,6 +42,7 @@ def initial_cache(context: BuildContext, manifest: Path, further: Pairs = ()) ->
     python = quoted(str(context.python))
     found = _PYTHON_VERSION.search(context.site_packages)
     version = found[1] if found else ""
+    targets = ("python", "cpp", *(("c",) if is_installed(TARGETS, "c") else ()), "idl", "json")
     launchers = launcher_variables(context.launcher)
     entries = (
         ("Python3_EXECUTABLE", python, "FILEPATH", "The workspace's Python interpreter"),
@@ -51,7 +52,7 @@ def initial_cache(context: BuildContext, manifest: Path, further: Pairs = ()) ->
         ("FORGE_COMMAND", quoted(*context.generator), "STRING", "The command that runs forge"),
         ("FORGE_VERSION", quoted(__version__), "STRING", "A new version regenerates interfaces"),
         ("FORGE_MANIFEST", quoted(str(manifest)), "FILEPATH", "This package's package.xml as variables"),
-        ("FORGE_INTERFACE_TARGETS", quoted(*_targets()), "STRING", "The languages of generated interfaces"),
+        ("FORGE_INTERFACE_TARGETS", quoted(*targets), "STRING", "The languages of generated interfaces"),
         *((name, quoted(value), "STRING", "Set by forge") for name, value in further),
         *((name, quoted(value), "STRING", "The compiler launcher") for name, value in launchers if value),
     )
@@ -60,11 +61,6 @@ def initial_cache(context: BuildContext, manifest: Path, further: Pairs = ()) ->
         entries=[(name, value, type_, quoted(doc)) for name, value, type_, doc in entries],
         gone=[name for name, value in launchers if not value],
     )
-
-
-def _targets() -> tuple[str, ...]:
-    """Return the interface targets for the embedded rosidl: C needs its plugin."""
-    return ("python", "cpp", *(("c",) if is_installed(TARGETS, "c") else ()), "idl", "json")
 
 
 def manifest_variables(manifest: Manifest) -> str:
