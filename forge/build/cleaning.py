@@ -29,6 +29,7 @@ from forge.base.layout import (
 )
 from forge.base.text import counted, listed
 from forge.build.build_dir import set_aside_path
+from forge.build.copies import foreign_entries
 from forge.build.folder_marks import (
     has_package_marks,
     is_own_build_base,
@@ -44,17 +45,10 @@ from forge.build.folder_marks import (
     sources_in,
 )
 from forge.build.install_manifests import MANIFESTS
+from forge.build.installed_lists import package_markers, read_installed_list, write_installed_list
 from forge.build.journal import open_journal
 from forge.build.markers import remove_empty, remove_file
-from forge.build.prefix import (
-    PrefixExchange,
-    foreign_entries,
-    leftover_backups,
-    package_markers,
-    read_installed_list,
-    tidy,
-    write_installed_list,
-)
+from forge.build.prefix import PrefixExchange, leftover_backups, tidy
 from forge.environment.prefixes import PACKAGES
 from forge.environment.shells import SHELLS
 

@@ -15,7 +15,8 @@ from forge.base.layout import INSTALL_STATE_FILE
 from forge.build.build_types import build_type_of
 from forge.build.inputs.depfiles import written_by_backend
 from forge.build.install_manifests import listed_files
-from forge.build.prefix import PrefixExchange, package_markers
+from forge.build.installed_lists import package_markers
+from forge.build.prefix import PrefixExchange
 from forge.environment import scripts
 from forge.environment.dsv import PackageEdits
 from forge.environment.hooks import package_hooks

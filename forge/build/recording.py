@@ -25,8 +25,8 @@ from forge.build.inputs.fingerprints import (
 )
 from forge.build.installation import InstalledFiles
 from forge.build.installed_files import remove_stale, set_file_times
+from forge.build.installed_lists import write_installed_list
 from forge.build.model import BuildRecord
-from forge.build.prefix import write_installed_list
 from forge.build.up_to_date import UNKNOWN
 from forge.toolchain.programs import CMAKE_TYPES
 

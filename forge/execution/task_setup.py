@@ -13,7 +13,8 @@ from forge.base.errors import WorkspaceError, raise_if_any
 from forge.base.frozen import frozen
 from forge.build import installation
 from forge.build.deferred import defer_build, tests_need_build
-from forge.build.prefix import PrefixExchange, package_markers
+from forge.build.installed_lists import package_markers
+from forge.build.prefix import PrefixExchange
 from forge.build.up_to_date import FOR_COMPILERS
 from forge.environment.config_folders import config_folders, config_variables
 from forge.environment.sourcing import build_environment, package_edits

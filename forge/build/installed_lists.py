@@ -1,0 +1,118 @@
+"""Read and write the lists of what forge has installed for each package; it removes nothing else."""
+
+from __future__ import annotations
+
+import json
+import os
+from typing import TYPE_CHECKING
+
+from forge.base.ament_index import INDEX
+from forge.base.files import replace_file
+from forge.base.frozen import frozen
+from forge.base.layout import INSTALLED_LISTS_DIR
+from forge.environment.prefixes import PACKAGES
+from forge.environment.shells import SHELLS
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterable, Iterator, Mapping
+    from pathlib import Path
+
+    from forge.base.layout import Layout
+
+_VERSION = 1
+
+
+@frozen
+class InstalledList:
+    """What forge installed for a package: the content of each file by absolute path, and empty folders.
+
+    `links` are the links that lead from the prefix to these files, with their targets: a link that appears
+    there later belongs to somebody else. `unclaimed` files appeared during the build, but it is unknown
+    whether the package or another program has written them: they count as installed, and are never removed.
+    `workspace` is the root of the workspace that built the package, relative to the install folder, which it
+    may share with others; '' if an earlier version wrote the list.
+    """
+
+    files: Mapping[str, str]
+    folders: tuple[str, ...] = ()
+    links: tuple[tuple[str, str], ...] = ()
+    unclaimed: frozenset[str] = frozenset()
+    workspace: str = ""
+
+
+def read_installed_list(name: str, layout: Layout) -> InstalledList | None:
+    """Return the list of a package's files below the install folder; None if there is none."""
+    return read_list(list_file(name, layout), str(layout.install))
+
+
+def read_list(file: Path, base: str) -> InstalledList | None:
+    """Return the content of a list, or of a copy of it; `base` is the install folder."""
+    try:
+        data = json.loads(file.read_bytes())
+        if data["version"] != _VERSION:
+            return None
+        return InstalledList(
+            {f"{base}/{path}": str(content) for path, content in data["files"].items()},
+            tuple(f"{base}/{path}" for path in data["folders"]),
+            tuple((f"{base}/{path}", str(target)) for path, target in data["links"].items()),
+            frozenset(f"{base}/{path}" for path in data["unclaimed"]),
+            str(data.get("workspace", "")),
+        )
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
+        return None
+
+
+def write_installed_list(
+    name: str,
+    layout: Layout,
+    contents: Mapping[str, str],
+    folders: Iterable[str],
+    unclaimed: Collection[str] = (),
+    workspace: str = "",
+) -> None:
+    """Record the installed files of a package, with their contents as by `contents_of`.
+
+    `workspace` is the root of the workspace.
+    """
+    base = str(layout.install)
+    inside = [path for path in contents if path.startswith(f"{base}/") and path not in unclaimed]
+    parents = {parent for path in inside for parent in folders_above(path, base)}
+    data = {
+        "version": _VERSION,
+        "files": {path[len(base) + 1 :]: identity(path, contents[path]) for path in inside},
+        "folders": [path.rstrip("/")[len(base) + 1 :] for path in folders if path.startswith(f"{base}/")],
+        "links": {
+            path[len(base) + 1 :]: os.readlink(path) for path in sorted(parents) if os.path.islink(path)
+        },
+        "unclaimed": [path[len(base) + 1 :] for path in sorted(unclaimed)],
+        "workspace": workspace and os.path.relpath(os.path.realpath(workspace), os.path.realpath(base)),
+    }
+    replace_file(list_file(name, layout), json.dumps(data).encode())
+
+
+def package_markers(name: str, layout: Layout) -> tuple[str, ...]:
+    """Return the files that mark a package as installed; the one that is read first comes first."""
+    prefix = layout.prefix(name)
+    scripts_of_it = (f"{prefix}/share/{name}/package.{extension}" for extension in ("dsv", *SHELLS))
+    return (*scripts_of_it, f"{prefix}/{PACKAGES}/{name}", f"{prefix}/{INDEX}/packages/{name}")
+
+
+def forget_installed_list(name: str, layout: Layout) -> None:
+    """Remove the list of a package that was removed."""
+    list_file(name, layout).unlink(missing_ok=True)
+
+
+def identity(path: str, content: str) -> str:
+    """Return what tells a file from another one at its path: the target of a link, else the digest."""
+    return f"-> {os.readlink(path)}" if content.startswith("link ") else content.rpartition(" ")[2]
+
+
+def list_file(name: str, layout: Layout) -> Path:
+    """Return the path of a package's list."""
+    return layout.install / INSTALLED_LISTS_DIR / f"{name}.json"
+
+
+def folders_above(path: str, root: str) -> Iterator[str]:
+    """Yield the folders between a file and a folder that contains it."""
+    while (path := os.path.dirname(path)).startswith(f"{root}/"):
+        yield path
