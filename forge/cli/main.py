@@ -243,14 +243,7 @@ def parser_of(arguments: Sequence[str]) -> argparse.ArgumentParser:
             path = f"forge.cli.commands.{word.replace('-', '_')}"
             module = find(PLUGINS, word, "command") if in_plugin else import_module(path)
             command.words = requested[1:]
-            if hasattr(module, "Options"):
-                from forge.cli.options import set_command
-
-                set_command(command, module.Options, module.run)
-            else:
-                module.register(command)
-                # Each verb has a function of its own.
-                command.set_defaults(run=getattr(module, "run", None))
+            _add_own(command, module)
             command.verb = word if word in _IN_WORKSPACE else None
     if asked is not None and asked not in COMMANDS:
         add_plugin(commands, PLUGINS, asked, "command")
@@ -258,7 +251,7 @@ def parser_of(arguments: Sequence[str]) -> argparse.ArgumentParser:
 
 
 class Command(Protocol):
-    """The module of a command, and of a verb of `forge interface`. Its docstring begins with the summary."""
+    """The module of a plugin's command or verb. Its docstring begins with the summary."""
 
     def register(self, parser: Parser) -> None:
         """Add the arguments."""
@@ -275,11 +268,21 @@ def add_plugin(commands: Any, group: str, word: str, kind: str) -> None:
     summary = (module.__doc__ or "").strip().partition("\n")[0]
     command = commands.add_parser(word, help=summary, description=summary, fromfile_prefix_chars=None)
     if word in OWN[group]:
-        module.register(command)
-        command.set_defaults(run=module.run)
+        _add_own(command, module)
     else:
         call(f"the {kind} '{word}'", module.register, command)
         command.set_defaults(run=partial(call, f"the {kind} '{word}'", module.run))
+
+
+def _add_own(command: Parser, module: Any) -> None:
+    """Add the options and the function of a command or verb of forge; verbs have a function of their own."""
+    if hasattr(module, "Options"):
+        from forge.cli.options import set_command
+
+        set_command(command, module.Options, module.run)
+    else:
+        module.register(command)
+        command.set_defaults(run=getattr(module, "run", None))
 
 
 def _print_help(parser: argparse.ArgumentParser) -> int:

@@ -31,7 +31,7 @@ LOG_LEVELS = {"debug": 10, "info": 20, "warning": 30, "error": 40, "critical": 5
 """Log levels: info explains why packages are built, debug also prints every command."""
 
 
-def add_options(parser: Parser, cls: Any) -> None:
+def add_options(parser: argparse.ArgumentParser, cls: Any) -> None:
     """Add an argument for each option of a dataclass, in groups with their titles."""
     exclusive: dict[str, Any] = {}
     for declared in fields(cls):
@@ -69,16 +69,20 @@ def read_options(cls: Callable[..., _Options], namespace: argparse.Namespace) ->
 def set_command(parser: Parser, cls: Callable[..., _Options], run: Callable[[_Options], int | None]) -> None:
     """Add the options of a command or verb, which calls `run` with them."""
     add_options(parser, cls)
+    parser.usage, parser.epilog = getattr(cls, "USAGE", None), getattr(cls, "EPILOG", None)
     parser.set_defaults(run=lambda namespace: run(read_options(cls, namespace)) or 0)
 
 
 def add_verb(
-    verbs: Any, word: str, summary: str, cls: Callable[..., _Options], run: Callable[[_Options], int | None]
-) -> Parser:
-    """Add a verb of a command and return its parser."""
-    parser: Parser = verbs.add_parser(word, help=summary, description=summary)
-    set_command(parser, cls, run)
-    return parser
+    verbs: Any,
+    word: str,
+    summary: str,
+    cls: Callable[..., _Options],
+    run: Callable[[_Options], int | None],
+    **more: Any,
+) -> None:
+    """Add a verb of a command; `more` are arguments for its parser."""
+    set_command(verbs.add_parser(word, **{"help": summary, "description": summary, **more}), cls, run)
 
 
 def _flag(declared: Field[Any], each: Option) -> str:

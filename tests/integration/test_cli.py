@@ -11,6 +11,7 @@ import pytest
 
 from forge.base.errors import ForgeError, Location, Problem, raise_if_any, share_hints
 from forge.cli import commands, main
+from forge.cli.options import NoOptions
 from tests.conftest import Forge
 
 
@@ -67,12 +68,11 @@ def test_all_spellings_of_help_work(forge: Forge) -> None:
 class Failing:
     """A command that ends in a given way."""
 
+    Options = NoOptions
+
     def __init__(self, error: BaseException) -> None:
         """Remember how."""
         self.error = error
-
-    def register(self, parser: main.Parser) -> None:
-        """Add nothing."""
 
     def run(self, _options: object) -> int:
         """Raise."""

@@ -26,6 +26,7 @@ from installer.sources import WheelFile
 from forge.base.errors import Location, Problem, WorkspaceError
 from forge.base.files import listed_paths, naming, read_file, read_text, replace_file
 from forge.base.frozen import frozen
+from forge.base.options import option
 from forge.build.observed_writes import note_written
 from forge.build.wheels.backends import (
     SetupInstall,
@@ -60,20 +61,18 @@ _STARTED_BY_SHELL = b"""#!/bin/sh
 class WheelInstall:
     """The parameters of an installation."""
 
-    source: Path
-    package: str
-    build: Path
-    prefix: Path
-    python: str
-    """The interpreter to build with and for."""
-    site_packages: str
-    """Relative to the prefix."""
-    scripts: str | None = None
-    """The script folder of a package without a setup.py, relative to the prefix; None for lib/PACKAGE."""
-    link: bool = False
-    """Symlink files to their sources instead of copying."""
-    target: str = ""
-    """The platform, '' for this machine."""
+    source: Path = option("folder of the package", positional=True, parse=Path, metavar="SOURCE")
+    package: str = option("name of the package", required=True)
+    build: Path = option("build folder of the package", required=True, parse=Path, metavar="DIR")
+    prefix: Path = option("prefix to install into", required=True, parse=Path, metavar="DIR")
+    python: str = option("interpreter to build with and for", required=True, metavar="PATH")
+    site_packages: str = option("site-packages folder, relative to the prefix", required=True, metavar="DIR")
+    scripts: str | None = option(
+        "folder for scripts of packages without setup.py, relative to the prefix (default: lib/PACKAGE)",
+        metavar="DIR",
+    )
+    target: str = option("platform, if it is not this machine", default="", metavar="TARGET")
+    link: bool = option("install symbolic links instead of copies", default=False)
 
 
 def install_wheel(options: WheelInstall) -> tuple[Problem, ...]:

@@ -13,6 +13,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.errors import ForgeError, HostError, Problem
+from forge.base.frozen import frozen
+from forge.base.options import option
 from forge.environment.executable_hints import missing_executable_hint, refuse_windows_line_endings
 from forge.environment.install_state import python_of
 from forge.environment.installed import (
@@ -35,21 +37,21 @@ _SHOWN_NAMES = 10
 _BY_ENV = ([b"#!/usr/bin/env", b"python3"], [b"#!/usr/bin/env", b"python"])
 
 
-def register(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--prefix",
+@frozen
+class Options:
+    USAGE = "%(prog)s [-h] [--prefix COMMAND] PACKAGE EXECUTABLE [ARGUMENT ...]"
+    EPILOG = "All arguments after the name of the executable are passed to it, including options."
+    prefix: str | None = option(
+        "command to run the executable with, such as 'gdb --args'; must precede the package name",
         metavar="COMMAND",
-        help="command to run the executable with, such as 'gdb --args'; must precede the package name",
     )
     # A single positional argument, because argparse removes a '--' between two of them.
-    parser.add_argument("words", nargs=argparse.REMAINDER, help=argparse.SUPPRESS)
-    parser.usage = "%(prog)s [-h] [--prefix COMMAND] PACKAGE EXECUTABLE [ARGUMENT ...]"
-    parser.epilog = "All arguments after the name of the executable are passed to it, including options."
+    words: tuple[str, ...] = option(None, default=(), positional=True, nargs=argparse.REMAINDER)
 
 
-def run(options: argparse.Namespace) -> int:
+def run(options: Options) -> int:
     """Run the executable; returns its exit code, or the negative number of the signal that ended it."""
-    words = options.words[1:] if options.words[:1] == ["--"] else options.words
+    words = options.words[1:] if options.words[:1] == ("--",) else options.words
     if not words:
         hint = "list them with 'forge pkg executables'"
         raise ForgeError(Problem("missing arguments PACKAGE and EXECUTABLE", hint=hint))

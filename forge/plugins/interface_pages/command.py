@@ -3,24 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
 from forge.base.layout import INTERFACE_PAGES_DIR
 from forge.base.options import option, options_of
 from forge.cli.commands.interface.inputs import IncludeOptions
-from forge.cli.options import add_options, read_options
-
-if TYPE_CHECKING:
-    import argparse
-
-    from forge.cli.main import Parser
 
 _OUTPUT = Path("build") / INTERFACE_PAGES_DIR
 
 
 @frozen
 class Options:
+    EPILOG = "Types that the interfaces refer to are documented, too, so that all links work."
     packages: tuple[str, ...] = option(
         "document only these packages, which may be outside of the workspace",
         default=(),
@@ -34,14 +28,8 @@ class Options:
     others: IncludeOptions = options_of(IncludeOptions)
 
 
-def register(parser: Parser) -> None:
-    """Add the options of `forge interface docs`."""
-    parser.epilog = "Types that the interfaces refer to are documented, too, so that all links work."
-    add_options(parser, Options)
-
-
-def run(namespace: argparse.Namespace) -> int:
+def run(options: Options) -> int:
     """Write the pages."""
     from forge.plugins.interface_pages.documenting import make_site
 
-    return make_site(read_options(Options, namespace), _OUTPUT)
+    return make_site(options, _OUTPUT)

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import os
 import sys
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from forge.base.env_vars import home, without_passwords
 from forge.base.errors import Problem, SelectionError, WorkspaceError, raise_if_any
+from forge.base.frozen import frozen
 from forge.base.names import did_you_mean
+from forge.base.options import option
 from forge.cli.mixins import mixin_folders, read_mixins
+from forge.cli.options import add_verb
 from forge.plugins.mixins.repositories import MixinRepositories
 
 if TYPE_CHECKING:
-    import argparse
     from collections.abc import Iterable
     from pathlib import Path
 
@@ -21,56 +23,64 @@ if TYPE_CHECKING:
     from forge.cli.mixins import Mixin
     from forge.plugins.mixins.repositories import Change
 
-_OF_REPOSITORIES = (
-    ("add", "add a repository of mixins"),
-    ("update", "fetch the mixins of repositories"),
-    ("remove", "remove a repository and its mixins"),
-)
 _SIGNS = "+ new, * changed, . unchanged, - renamed to *.obsolete"
+_ONLY = "only this repository (default: all)"
+
+
+def _files() -> Any:
+    return option("additional mixin files", default=(), metavar="FILE")
+
+
+@frozen
+class _AddOptions:
+    name: str = option("name for the repository", positional=True, metavar="NAME")
+    url: str = option("URL or path of its index, such as '.../index.yaml'", positional=True, metavar="URL")
+
+
+@frozen
+class _UpdateOptions:
+    name: str | None = option(_ONLY, positional=True, nargs="?", metavar="REPOSITORY")
+
+
+@frozen
+class _RemoveOptions:
+    name: str = option("name of the repository", positional=True, metavar="REPOSITORY")
+
+
+@frozen
+class _ListOptions:
+    name: str | None = option(_ONLY, positional=True, nargs="?", metavar="REPOSITORY")
+    mixin_files: tuple[str, ...] = _files()
+
+
+@frozen
+class _ShowOptions:
+    of: str | None = option(
+        "only mixins of this command, or so named", positional=True, nargs="?", metavar="COMMAND"
+    )
+    name: str | None = option("only this mixin", positional=True, nargs="?", metavar="MIXIN")
+    mixin_files: tuple[str, ...] = _files()
 
 
 def register(parser: Parser) -> None:
     """Add the verbs of `forge mixin`."""
     verbs = parser.add_subparsers(metavar="VERB", required=True)
-    adding, updating, removing = (
-        verbs.add_parser(word, help=summary, description=summary) for word, summary in _OF_REPOSITORIES
-    )
-    adding.add_argument("name", metavar="NAME", help="name for the repository")
-    adding.add_argument("url", metavar="URL", help="URL or path of its index, such as '.../index.yaml'")
-    adding.set_defaults(verb=_add)
-    updating.description = f"fetch the mixins of repositories: {_SIGNS}"
-    updating.add_argument("name", nargs="?", metavar="REPOSITORY", help="only this repository (default: all)")
-    updating.set_defaults(verb=_update)
-    removing.add_argument("name", metavar="REPOSITORY", help="name of the repository")
-    removing.set_defaults(verb=_remove)
+    add_verb(verbs, "add", "add a repository of mixins", _AddOptions, _add)
+    summary = "fetch the mixins of repositories"
+    add_verb(verbs, "update", summary, _UpdateOptions, _update, description=f"{summary}: {_SIGNS}")
+    add_verb(verbs, "remove", "remove a repository and its mixins", _RemoveOptions, _remove)
     summary = "list repositories, mixin files, and the names of all mixins"
-    listing = verbs.add_parser("list", help=summary, description=summary)
-    listing.add_argument("name", nargs="?", metavar="REPOSITORY", help="only this repository (default: all)")
-    listing.set_defaults(verb=_list)
-    summary = "print the options of mixins"
-    showing = verbs.add_parser("show", help=summary, description=summary)
-    showing.add_argument("of", nargs="?", metavar="COMMAND", help="only mixins of this command, or so named")
-    showing.add_argument("name", nargs="?", metavar="MIXIN", help="only this mixin")
-    showing.set_defaults(verb=_show)
-    for verb in (listing, showing):
-        verb.add_argument(
-            "--mixin-files", nargs="*", default=[], metavar="FILE", help="additional mixin files"
-        )
+    add_verb(verbs, "list", summary, _ListOptions, _list)
+    add_verb(verbs, "show", "print the options of mixins", _ShowOptions, _show)
 
 
-def run(options: argparse.Namespace) -> int:
-    """Run the verb; raises ForgeError for problems the user can fix."""
-    options.verb(options)
-    return 0
-
-
-def _add(options: argparse.Namespace) -> None:
+def _add(options: _AddOptions) -> None:
     MixinRepositories(home(os.environ)).add(options.name, options.url)
     if sys.stderr.isatty():
         print(f"hint: 'forge mixin update {options.name}' fetches its mixins", file=sys.stderr)
 
 
-def _update(options: argparse.Namespace) -> None:
+def _update(options: _UpdateOptions) -> None:
     """Fetch all repositories in spite of problems, then raise these."""
     repositories = MixinRepositories(home(os.environ))
     problems: list[Problem] = []
@@ -87,7 +97,7 @@ def _update(options: argparse.Namespace) -> None:
     raise_if_any(problems, SelectionError)
 
 
-def _remove(options: argparse.Namespace) -> None:
+def _remove(options: _RemoveOptions) -> None:
     for change in MixinRepositories(home(os.environ)).remove(options.name):
         _print_change(change)
 
@@ -96,7 +106,7 @@ def _print_change(change: Change) -> None:
     print(f"  {change.sign} {change.path}{' -> *.obsolete' if change.sign == '-' else ''}", flush=True)
 
 
-def _list(options: argparse.Namespace) -> None:
+def _list(options: _ListOptions) -> None:
     """Print colcon's lines, and below each file the names of its mixins."""
     repositories = MixinRepositories(home(os.environ))
     mixins = _all_mixins(options)
@@ -128,7 +138,7 @@ def _print_names(mixins: Iterable[Mixin]) -> None:
         print(f"    {verb}: {', '.join(own)}")
 
 
-def _show(options: argparse.Namespace) -> None:
+def _show(options: _ShowOptions) -> None:
     mixins = _all_mixins(options)
     chosen = [mixin for mixin in mixins if _matches(mixin, options)]
     # A single word is a command, else a mixin of any command.
@@ -138,7 +148,7 @@ def _show(options: argparse.Namespace) -> None:
         verbs = () if options.name else (mixin.verb for mixin in mixins)
         known = (*verbs, *(mixin.name for mixin in mixins))
         raise SelectionError(
-            Problem(f"unknown mixin {wanted}", hint=did_you_mean(options.name or options.of, known))
+            Problem(f"unknown mixin {wanted}", hint=did_you_mean(options.name or options.of or "", known))
         )
     verb = None
     for mixin in chosen:
@@ -150,10 +160,10 @@ def _show(options: argparse.Namespace) -> None:
             print(f"  {key}: {value}")
 
 
-def _all_mixins(options: argparse.Namespace) -> list[Mixin]:
+def _all_mixins(options: _ListOptions | _ShowOptions) -> list[Mixin]:
     mixins = read_mixins(mixin_folders(os.environ), options.mixin_files)
     return [mixins[key] for key in sorted(mixins)]
 
 
-def _matches(mixin: Mixin, options: argparse.Namespace) -> bool:
+def _matches(mixin: Mixin, options: _ShowOptions) -> bool:
     return options.of in {None, mixin.verb} and options.name in {None, mixin.name}

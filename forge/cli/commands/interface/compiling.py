@@ -34,6 +34,7 @@ _DEFAULT_LANGUAGES = ("python", "cpp")
 
 @frozen
 class _Options:
+    EPILOG = "@FILE reads arguments from FILE, one per line"
     source: str | None = option(
         "folder with subfolders msg, srv or action", positional=True, nargs="?", metavar="SOURCE_DIR"
     )
@@ -63,9 +64,7 @@ class _Options:
 
 def register(verbs: Any) -> None:
     summary = "compile definitions to Python, C++, C, .idl, .json or Markdown"
-    parser = add_verb(verbs, "generate", summary, _Options, _generate)
-    parser.epilog = "@FILE reads arguments from FILE, one per line"
-    parser.fromfile_prefix_chars = "@"
+    add_verb(verbs, "generate", summary, _Options, _generate, fromfile_prefix_chars="@")
 
 
 def _generate(options: _Options) -> int:
