@@ -29,14 +29,15 @@ _COUNTERS = struct.Struct("=QQ")
 class ObservedWrites:
     """What the steps wrote and `removed`, as absolute paths; a folder renamed away stands for what was in it.
 
-    They tried to change what is `refused`, behind links of somebody else. `complete` is False if some process
-    could not be observed.
+    They tried to change what is `refused`, behind links of somebody else. `started` is True if steps were
+    observed, and `complete` is False if some process could not be.
     """
 
     files: frozenset[str] = frozenset()
     folders: frozenset[str] = frozenset()
     removed: frozenset[str] = frozenset()
     refused: frozenset[str] = frozenset()
+    started: bool = False
     complete: bool = False
 
     def take_away(self, path: str) -> bool:
@@ -73,7 +74,7 @@ def read_log(log: Path, prefix: Path) -> ObservedWrites:
             complete = False
     complete = complete and steps > 0 and loaded == executed + steps
     files, folders, removed, refused = (frozenset(words[kind]) for kind in (b"W", b"D", b"U", b"L"))
-    return ObservedWrites(files, folders, removed, refused, complete)
+    return ObservedWrites(files, folders, removed, refused, steps > 0, complete)
 
 
 def begin_log(log: Path) -> None:

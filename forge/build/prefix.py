@@ -282,11 +282,14 @@ class PrefixExchange:
         """Keep the earlier contents of files of others that a step may have changed without being observed.
 
         They may as well be changed by their owner, so that they stay, too. What was appended changes nothing.
+        Where no step is observed, files in a merged prefix may be the package's own, which no manifest lists.
         """
         writes = self.writes()
+        if writes.complete or (self._layout.merged and not writes.started):
+            return ()
         others, unclaimed = self._known_others()
         kept = []
-        for copy, path, status in () if writes.complete or not others else self._others.entries():
+        for copy, path, status in self._others.entries() if others else ():
             is_known = path in unclaimed or path in writes.files or stats_of(path) == status
             if is_known or not stat.S_ISREG(status[MODE]) or begins_with(path, copy):
                 continue

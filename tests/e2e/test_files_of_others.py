@@ -640,6 +640,23 @@ def test_what_a_program_that_cannot_be_observed_changes_is_kept(
     assert sorted(path.name for path in share.glob("*build*")) == ["mine.before_build"]
 
 
+def test_code_of_a_merged_package_that_is_not_observed_leaves_no_copies(
+    forge: Forge, tree: Tree, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without a compiler, no step is observed, and no list names what code installs."""
+    code = 'install(CODE "file(WRITE \\${CMAKE_INSTALL_PREFIX}/share/a/code %s)")'
+    root = tree({**plain(code % 1), "bin/.keep": ""})
+    for name in ("cmake", "ninja", "make", "python3", "sh"):
+        (root / "bin" / name).symlink_to(shutil.which(name) or "/none")
+    monkeypatch.setenv("PATH", str(root / "bin"))
+    monkeypatch.setenv("FORGE_CACHE_DIR", str(root / "cache"))
+    for number in (1, 2):
+        (root / "src/a/CMakeLists.txt").write_text(plain(code % number)["src/a/CMakeLists.txt"])
+        assert forge("build", "--merge-install", cwd=root).code == 0
+        assert (root / "install/share/a/code").read_text() == str(number)
+    assert not [*(root / "install").rglob("*.before_build")]
+
+
 def test_nothing_is_installed_before_the_first_build_of_a_package(forge: Forge, tree: Tree) -> None:
     """A link in a merged prefix leads to files that are named like those of forge."""
     mine = {f"precious/share/a/{name}": "mine" for name in ("package.sh", "package.dsv", "hook/x.sh")}
