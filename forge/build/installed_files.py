@@ -55,8 +55,12 @@ def set_file_times(
 def remove_stale(
     task: Task, files: tuple[str, ...], layout: Layout, records: Mapping[str, BuildRecord]
 ) -> None:
-    """Remove files that a package no longer installs, unless another package does."""
-    stale = set(task.earlier).difference(files)
+    """Remove files that a package no longer installs, unless another package does.
+
+    Those in its own prefix were moved aside before the build: whatever is there now was written by another
+    package or by somebody else.
+    """
+    stale = PrefixExchange(task.name, layout).copied_files().intersection(task.earlier).difference(files)
     left = frozenset(path for path in stale if os.path.islink(path) or os.path.isfile(path))  # noqa: PTH113, PTH114
     if not left:
         return

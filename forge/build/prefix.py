@@ -151,6 +151,10 @@ class PrefixExchange:
             found[path] = (str(copy), copy.lstat())
         return found
 
+    def copied_files(self) -> frozenset[str]:
+        """Return the paths of the files of the last build that were copied instead of moved."""
+        return frozenset(path for _, path, _ in self._copies.entries())
+
     def others(self) -> dict[str, list[int]]:
         """Return the stats of what was in the prefix when the build started without being the package's."""
         return {path: status for _, path, status in self._others.entries()}

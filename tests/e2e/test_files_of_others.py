@@ -608,6 +608,25 @@ def test_a_step_that_removes_its_prefix_removes_no_file_of_others(
         assert path.read_text() == "mine"
 
 
+@MERGED
+def test_a_file_written_where_a_package_no_longer_installs_one_stays(
+    forge: Forge, tree: Tree, options: tuple[str, ...]
+) -> None:
+    """Another package, or its owner, may write it while the package is built."""
+    root = tree(plain("install(FILES d/f DESTINATION share/a)"))
+    assert forge("build", *options, cwd=root).code == 0
+    mine = root / "install" / ("" if options else "a") / "share/a/f"
+    slow = "add_custom_target(slow ALL COMMAND sleep 2)"
+    (root / "src/a/CMakeLists.txt").write_text(plain(slow)["src/a/CMakeLists.txt"])
+    words = [sys.executable, "-m", "forge", "build", *options]
+    with subprocess.Popen(words, cwd=root, stdout=subprocess.DEVNULL):
+        while mine.exists():
+            time.sleep(0.05)
+        mine.parent.mkdir(parents=True, exist_ok=True)
+        mine.write_text("mine")
+    assert mine.read_text() == "mine"
+
+
 STATIC = """#include <fcntl.h>
 #include <unistd.h>
 int main(int count, char **words) {
