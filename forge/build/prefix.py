@@ -421,10 +421,15 @@ class PrefixExchange:
             self._part.rename(self._moved)
 
     def _move_back(self, source: Path) -> None:
-        """Move files to their original paths, replacing whatever the build created there since."""
-        others = self.others()
+        """Move files to their original paths, replacing whatever the build created there since.
+
+        What another package has installed there meanwhile stays.
+        """
+        others, installed = self.others(), self._of_other_packages()
         for path, _ in tree_below(str(source))[0]:
             destination = f"{self._prefix}{path[len(str(source)) :]}"
+            if destination in installed and os.path.lexists(destination):
+                continue
             for parent in reversed([*folders_above(destination, self._prefix)]):
                 if os.path.lexists(parent) and not os.path.isdir(parent) and parent not in others:
                     os.unlink(parent)

@@ -52,3 +52,18 @@ def test_with_strict_a_conflict_is_an_error_every_time(forge: Forge, tree: Tree)
     for _ in range(3):
         ran = build(forge, tree, {"a": "one", "b": "two"}, "--merge-install", "--strict")
         assert (ran.code, ran.err) == (2, f"error{TOLD}")
+
+
+@pytest.mark.parametrize("end", ["true", "false"], ids=["well", "failing"])
+def test_a_file_may_move_to_a_package_that_is_built_at_the_same_time(
+    forge: Forge, tree: Tree, end: str
+) -> None:
+    """The package that had it ends last, and neither removes nor restores it."""
+    assert build(forge, tree, {"a": "one"}, "--merge-install").code == 0
+    had = CMAKE.format(name="a").replace("install(FILES words", "# install(FILES words")
+    slow = f"add_custom_target(slow ALL COMMAND sleep 1 COMMAND {end})\n"
+    has = {"src/b/package.xml": manifest_text("b", build_type="cmake"), "src/b/words": "two"}
+    root = tree({"src/a/CMakeLists.txt": had + slow, "src/b/CMakeLists.txt": CMAKE.format(name="b"), **has})
+    ran = forge("build", "--merge-install", "--continue-on-error", "--parallel-workers", "2", cwd=root)
+    assert ran.code == (end == "false")
+    assert (root / "install/share/common/words").read_text() == "two"
