@@ -29,6 +29,7 @@ PACKAGES = (
         "environment",
         "workspace",
         "toolchain",
+        "engine",
         "build",
         "cache",
         "execution",

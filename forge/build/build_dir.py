@@ -16,6 +16,7 @@ import json
 import os
 import time
 from dataclasses import replace
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from forge.base.files import delete_tree, replace_file
@@ -43,21 +44,27 @@ from forge.build.build_notes import (
 )
 from forge.build.inputs.input_manifest import Changes, compare, read_manifest, write_manifest
 from forge.build.inputs.native_graph import cmake_edge, read_native_graph
+from forge.build.observed_commands import COMMANDS, COMMANDS_BEFORE
 from forge.build.reuse import (
     Decision,
     Reuse,
     decide,
+    is_known,
     read_or_nothing,
     restorable_outputs,
     undeclared_readers,
+    with_side_outputs,
 )
 from forge.build.side_outputs import files_below, find_side_outputs, record_configured
+from forge.engine.commands import NOT_OBSERVED, read_commands, write_commands
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
     from pathlib import Path
 
     from forge.build.inputs.input_manifest import InputManifest
+    from forge.build.inputs.native_graph import NativeGraph
+    from forge.engine.commands import ObservedCommands
 
 _DROPPED = "dropped.json"
 _KEPT = (
@@ -120,14 +127,17 @@ def prepare_build_dir(
         _discard(build)
         before.rename(build)
     decision = _decision(build, inputs, checks, reconfigure=reconfigure) if can_reuse else _NOTHING
+    seen = read_commands(build / SCRATCH_DIR / COMMANDS)
     if decision.reuse is Reuse.EVERYTHING:
         _remove_below(build, decision.dropped)
         _touch_build_ninja(build)
     else:
         _begin_empty(build, decision, inputs.kept)
     folder = build / SCRATCH_DIR
-    for name in (ENDED, DEFERRED_BUILD_FILE):
+    for name in (ENDED, DEFERRED_BUILD_FILE, COMMANDS):
         (folder / name).unlink(missing_ok=True)
+    # If this build is killed, nothing is known of the commands that it has run.
+    write_commands(folder / COMMANDS_BEFORE, seen if decision.reuse is not Reuse.NOTHING else NOT_OBSERVED)
     write_manifest(folder / SOURCES, inputs.sources)
     note = {
         "began": time.time_ns(),
@@ -158,11 +168,18 @@ def _restore(build: Path, before: Path) -> None:
     note_data = read_json(build / SCRATCH_DIR / _DROPPED)
     dropped = frozenset(note_data.get("dropped", ()))
     graph, then = read_native_graph(build), read_native_graph(before, build)
-    side_outputs = find_side_outputs(before, build, then, graph, _KEPT)
+    seen = _of_same_commands(read_commands(build / SCRATCH_DIR / COMMANDS_BEFORE), then, graph)
+    observed = {
+        edge.outputs[0]: seen.edges[edge.outputs[0]].written for edge in then.edges if is_known(edge, seen)
+    }
+    claimed = frozenset(path for paths in observed.values() for path in paths)
+    side_outputs = find_side_outputs(before, build, then, graph, _KEPT, claimed)
     graph = replace(graph, reported=then.reported)
-    dropped |= undeclared_readers(graph, _generated_changes(build, before), read_or_nothing)
-    for product in restorable_outputs(graph, dropped | side_outputs.dropped):
-        for path in (product, *side_outputs.beside.get(product, ())):
+    dropped |= undeclared_readers(graph, _generated_changes(build, before), read_or_nothing, seen)
+    dropped |= side_outputs.dropped | _readers_of_generated(build, before, graph, seen)
+    dropped = with_side_outputs(graph, dropped, seen)
+    for product in restorable_outputs(graph, dropped, seen):
+        for path in (product, *side_outputs.beside.get(product, ()), *observed.get(product, ())):
             if path.startswith(f"{build}/"):
                 _move(path, path.replace(str(build), str(before), 1))
     for path in note_data.get("generated", ()):
@@ -173,6 +190,36 @@ def _restore(build: Path, before: Path) -> None:
     _trash(build).parent.mkdir(exist_ok=True)
     before.rename(_trash(build))
     _discard(_trash(build))
+
+
+def _of_same_commands(seen: ObservedCommands, then: NativeGraph, now: NativeGraph) -> ObservedCommands:
+    """Return what is known of the commands that are still the same."""
+    texts = {edge.outputs: edge.text for edge in then.edges}
+    same = {edge.outputs[0] for edge in now.edges if texts.get(edge.outputs) == edge.text}
+    return replace(seen, edges={name: each for name, each in seen.edges.items() if name in same})
+
+
+def _readers_of_generated(
+    build: Path, before: Path, graph: NativeGraph, seen: ObservedCommands
+) -> frozenset[str]:
+    """Return the outputs of observed commands that read what CMake now generates otherwise, or no longer."""
+    commands = [edge for edge in graph.edges if is_known(edge, seen)]
+    made = {path for edge in graph.edges for path in edge.outputs}
+    made.update(path for edge in commands for path in seen.edges[edge.outputs[0]].written)
+
+    @cache
+    def differs(path: str) -> bool:
+        if not path.startswith(f"{build}/") or path in made or os.path.isdir(path):
+            return False
+        earlier = path.replace(str(build), str(before), 1)
+        return (os.path.lexists(path) or os.path.lexists(earlier)) and not _same(path, earlier)
+
+    return frozenset(
+        output
+        for edge in commands
+        if any(map(differs, seen.edges[edge.outputs[0]].read))
+        for output in edge.outputs
+    )
 
 
 def set_aside_path(build: Path) -> Path:
@@ -209,7 +256,11 @@ def _decision(build: Path, inputs: BuildDirInputs, checks: FileChecks, *, reconf
     external_paths = (path for path in graph.known() - then.keys() if not path.startswith(f"{build}/"))
     if needed_changes is None or not graph.tool or _externals_changed(build, external_paths, note, checks):
         return _NOTHING
-    decision = decide(graph, own, needed_changes, read_or_nothing, checks.is_cmake_module)
+    seen = read_commands(build / SCRATCH_DIR / COMMANDS)
+    if {*note["needs"]} != {*inputs.needs}:
+        # Other prefixes are in the search paths: nothing was looked for in them.
+        seen = NOT_OBSERVED
+    decision = decide(graph, own, needed_changes, read_or_nothing, checks.is_cmake_module, seen)
     must_configure = reconfigure or note.get("shape") != inputs.shape
     if must_configure and decision.reuse is Reuse.EVERYTHING:
         return Decision(Reuse.PRODUCTS if graph.tool == "ninja" else Reuse.NOTHING, decision.dropped)

@@ -1,28 +1,32 @@
 """Read the log of what the steps of a package wrote below its prefix.
 
-The records are described in forge/execution/observer.c, the library that writes most of them; forge's own
-installers write the others.
+The library of forge/engine logs what the processes of a step do. forge's own installers run without it and
+note what they write in a file beside the log: a letter and a word that ends with NUL for each.
 """
 
 from __future__ import annotations
 
 import contextlib
 import os
-import struct
+from dataclasses import field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.files import naming
 from forge.base.frozen import frozen
+from forge.engine.observation import ALL_KINDS, LOG_VARIABLE, ObservedStep, observe, read_log
+from forge.engine.observation import begin_log as begin_library_log
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-LOG_VARIABLE = "FORGE_OBSERVER_LOG"
-PREFIX_VARIABLE, REAL_PREFIX_VARIABLE = "FORGE_OBSERVER_PREFIX", "FORGE_OBSERVER_REAL_PREFIX"
-LINKS_VARIABLE = "FORGE_OBSERVER_LINKS"
+NOTES = ".notes"
+"""The suffix of the file beside a log:
 
-_COUNTERS = struct.Struct("=QQ")
+P pid kind   forge has started a step; P alone: forge's worker has started a program of one
+W path   a file that forge has written, D path: a folder
+E name   a program that was not observed
+"""
 
 
 @frozen
@@ -50,36 +54,70 @@ class ObservedWrites:
         return True
 
 
-def read_log(log: Path, prefix: Path) -> ObservedWrites:
-    """Return what a log says; nothing, and not complete, if there is none."""
+@frozen
+class ObservedSteps:
+    """What a log and the notes beside it say of the steps of a package; `kinds` has the kind of each by its
+    process, `files` and `folders` are what forge itself has written.
+    """
+
+    observed: ObservedStep
+    kinds: Mapping[int, str] = field(default_factory=dict)
+    files: frozenset[str] = frozenset()
+    folders: frozenset[str] = frozenset()
+    started: bool = False
+    complete: bool = False
+
+
+def read_steps(log: Path, kinds: str = ALL_KINDS) -> ObservedSteps:
+    """Return the records of some kinds, and forge's own notes."""
     try:
-        content = log.read_bytes()
-        executed, loaded = _COUNTERS.unpack_from(content)
-    except (OSError, struct.error):
-        return ObservedWrites()
-    records = content[_COUNTERS.size :].split(b"\0")
-    below, real = f"{prefix}/", ""
-    words: dict[bytes, set[str]] = {b"W": set(), b"D": set(), b"U": set(), b"L": set()}
-    steps, complete = 0, records.pop() == b""
-    for record in records:
-        kind, word = record[:1], os.fsdecode(record[1:])
-        if kind == b"P":
-            steps += 1
-        elif kind in words:
-            if not word.startswith(below):
-                real = real or os.path.realpath(prefix)
-                word = f"{prefix}{word[len(real) :]}" if f"{word}/".startswith(f"{real}/") else word
-            words[kind].add(word)
-        else:
-            complete = False
-    complete = complete and steps > 0 and loaded == executed + steps
-    files, folders, removed, refused = (frozenset(words[kind]) for kind in (b"W", b"D", b"U", b"L"))
-    return ObservedWrites(files, folders, removed, refused, steps > 0, complete)
+        notes = log.with_name(f"{log.name}{NOTES}").read_bytes().split(b"\0")
+    except OSError:
+        return ObservedSteps(ObservedStep((), ("there is no log",)))
+    words = [(note[:1], os.fsdecode(note[1:])) for note in notes]
+    starts = [word for kind, word in words if kind == b"P"]
+    roots = {int(pid): kind for pid, _, kind in (word.partition(" ") for word in starts) if pid}
+    observed = read_log(log, frozenset(roots), starts.count(""), kinds=kinds)
+    files, folders = (frozenset(word for kind, word in words if kind == each) for each in (b"W", b"D"))
+    is_noted = notes[-1] == b"" and bool(starts) and all(kind != b"E" for kind, _ in words)
+    unseen = any(kind == "B" for process in observed.processes for _, kind, _ in process.records)
+    complete = is_noted and not observed.blind and not unseen
+    return ObservedSteps(observed, roots, files, folders, bool(starts), complete)
+
+
+def read_writes(log: Path, prefix: Path) -> ObservedWrites:
+    """Return what a log says of a prefix; nothing, and not complete, if there is none."""
+    steps = read_steps(log, kinds="WDUEB")
+    seen = observe(steps.observed.processes, steps.observed.blind)
+    real = os.path.realpath(prefix)
+
+    def below(paths: frozenset[str]) -> frozenset[str]:
+        """Return those in the prefix, as paths below its name without resolved links."""
+        found = {path for path in paths if f"{path}/".startswith(f"{prefix}/")}
+        if real != str(prefix):
+            found |= {f"{prefix}{path[len(real) :]}" for path in paths if f"{path}/".startswith(f"{real}/")}
+        return frozenset(found)
+
+    return ObservedWrites(
+        files=below(seen.written | steps.files),
+        folders=below(seen.folders | steps.folders),
+        removed=below(seen.removed),
+        refused=below(seen.refused),
+        started=steps.started,
+        complete=steps.complete,
+    )
 
 
 def begin_log(log: Path) -> None:
     """Create an empty log."""
-    log.write_bytes(bytes(_COUNTERS.size))
+    begin_library_log(log)
+    log.with_name(f"{log.name}{NOTES}").write_bytes(b"")
+
+
+def remove_log(log: Path) -> None:
+    """Remove a log and the notes beside it."""
+    log.unlink(missing_ok=True)
+    log.with_name(f"{log.name}{NOTES}").unlink(missing_ok=True)
 
 
 def note_written(path: str) -> None:
@@ -90,7 +128,7 @@ def note_written(path: str) -> None:
 def note_start(variables: Mapping[str, str]) -> None:
     """Log that this process is about to start a program of a step that the library observes.
 
-    The library itself counts the programs that an observed process starts; forge's worker is none.
+    The library itself logs the programs that an observed process starts; forge's worker is none.
     """
     if "LD_PRELOAD" in variables and not _is_observed():
         append(variables.get(LOG_VARIABLE), b"P")
@@ -110,13 +148,13 @@ def note_unobserved(program: str) -> None:
         append(os.environ.get(LOG_VARIABLE), b"E" + os.fsencode(program))
 
 
-def append(log: str | None, *records: bytes) -> None:
-    """Append records to a log that exists."""
+def append(log: str | None, *notes: bytes) -> None:
+    """Append notes to those of a log that exists."""
     with contextlib.suppress(FileNotFoundError):
-        descriptor = os.open(log, os.O_WRONLY | os.O_APPEND | os.O_CLOEXEC) if log else -1
+        descriptor = os.open(f"{log}{NOTES}", os.O_WRONLY | os.O_APPEND | os.O_CLOEXEC) if log else -1
         if descriptor >= 0:
             try:
                 with naming(Path(log or "")):
-                    os.write(descriptor, b"".join(b"%s\0" % record for record in records))
+                    os.write(descriptor, b"".join(b"%s\0" % note for note in notes))
             finally:
                 os.close(descriptor)

@@ -47,7 +47,7 @@ from forge.build.installed_lists import (
     read_installed_list,
     read_list,
 )
-from forge.build.observed_writes import ObservedWrites, append, begin_log, read_log
+from forge.build.observed_writes import ObservedWrites, append, begin_log, read_writes, remove_log
 from forge.environment.prefixes import PACKAGES
 
 if TYPE_CHECKING:
@@ -161,7 +161,7 @@ class PrefixExchange:
 
     def writes(self) -> ObservedWrites:
         """Return what the steps have written below the prefix, as far as it was observed."""
-        return read_log(written_log(self._name, self._layout), Path(self._prefix))
+        return read_writes(written_log(self._name, self._layout), Path(self._prefix))
 
     def in_the_way(self, paths: Iterable[str]) -> Iterator[Problem]:
         """Yield a problem for each file of somebody else where the package is about to install one."""
@@ -317,8 +317,8 @@ class PrefixExchange:
                 remove_tree(str(trash))
                 folder.rename(trash)
                 remove_tree(str(trash))
-        log, links = written_log(self._name, self._layout), guarded_links(self._name, self._layout)
-        for file in (self._state, self._list, log, links):
+        remove_log(written_log(self._name, self._layout))
+        for file in (self._state, self._list, guarded_links(self._name, self._layout)):
             file.unlink(missing_ok=True)
 
     def _recover(self) -> tuple[Problem, ...]:

@@ -27,6 +27,7 @@ from forge.build.installation import InstalledFiles
 from forge.build.installed_files import remove_stale, set_file_times
 from forge.build.installed_lists import write_installed_list
 from forge.build.model import BuildRecord
+from forge.build.observed_commands import record_commands
 from forge.build.up_to_date import UNKNOWN
 from forge.toolchain.programs import CMAKE_TYPES
 
@@ -53,6 +54,8 @@ class PackageRecorder:
         self._layout = state.layout
         self._table = state.table
         self._begun_builds: dict[str, BegunBuild] = {}
+        self._external: dict[str, frozenset[str]] = {}
+        """What was observed to be read outside of the workspace, by package."""
         self.kept: tuple[Problem, ...] = ()
         """Files that packages no longer install, but that stay because somebody has edited them."""
 
@@ -91,6 +94,11 @@ class PackageRecorder:
             reconfigure=task.reconfigure,
         )
 
+    def record_commands(self, task: Task) -> None:
+        """Record what the steps of a CMake package have read and written, successful or not."""
+        if task.package.build_type in CMAKE_TYPES:
+            self._external[task.name] = record_commands(task, self._state.source(task), self._layout)
+
     def make_record(self, task: Task, installed: InstalledFiles) -> BuildRecord:
         """Remove stale installed files and return the record of a successful task.
 
@@ -102,6 +110,7 @@ class PackageRecorder:
         declared = (self._state.source(task), build, self._layout.build / TOOLCHAIN_DIR, *prefixes)
         searched = (self._layout.install,)
         found = external_inputs(build, self._state.source(task), declared, searched)
+        found = tuple(sorted({*found, *self._external.pop(task.name, ())}))
         if self._layout.merged:
             found = (*found, *self._undeclared(task, build))
         externals = file_manifest(found, self._table)

@@ -17,16 +17,19 @@ from __future__ import annotations
 import enum
 import os
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
+from forge.engine.commands import NOT_OBSERVED
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
     from forge.build.inputs.input_manifest import Changes
     from forge.build.inputs.native_graph import Edge, NativeGraph
+    from forge.engine.commands import Accesses, ObservedCommands
 
 
 class Reuse(enum.Enum):
@@ -80,11 +83,13 @@ def decide(
     needed: Changes,
     read: Callable[[str], bytes],
     is_cmake_module: Callable[[str], bool],
+    seen: ObservedCommands = NOT_OBSERVED,
 ) -> Decision:
     """Return how much of a build folder can be reused after the package or its dependencies changed.
 
     `own` are the changes of the package's sources, `needed` those of its dependencies' installed files.
     `read` returns the current content of a file; `is_cmake_module` returns True for CMake's own modules.
+    Of CMake and commands that were observed it is known what they read; of others it is inferred.
     """
     changes = own | needed
     if not changes:
@@ -93,20 +98,75 @@ def decide(
         return Decision(Reuse.NOTHING)
     known = graph.known()
     code = frozenset(graph.read_by_cmake)
+    if seen.configure and not seen.configure.blind:
+        again = _is_affected(seen.configure, seen, changes)
+    else:
+        again = (
+            bool(changes.names)
+            or any(path.endswith(".pc") for path in needed.modified)
+            or _configure_reads(own.modified, needed.modified, code, read, is_cmake_module)
+        )
     again = (
-        bool(changes.names)
+        again
         or bool(changes.all & code)
-        or any(path.endswith(".pc") for path in needed.modified)
         or any(_STEPS.search(output) for output in _made_from(graph, changes.all & known))
-        or any(_may_have_read(edge, graph, changes.all, read) for edge in graph.opaque())
-        or _configure_reads(own.modified, needed.modified, code, read, is_cmake_module)
+        or any(
+            _may_have_read(edge, graph, changes.all, read)
+            for edge in graph.opaque()
+            if not is_known(edge, seen)
+        )
     )
     if again and graph.tool != "ninja":
         return Decision(Reuse.NOTHING)
-    dropped = _made_from(graph, changes.all & known) | undeclared_readers(graph, changes, read)
+    dropped = _made_from(graph, changes.all & known) | undeclared_readers(graph, changes, read, seen)
+    dropped = with_side_outputs(graph, dropped, seen)
     if not again:
         return Decision(Reuse.EVERYTHING, dropped)
-    return Decision(Reuse.PRODUCTS, dropped | _always_dirty_outputs(graph))
+    return Decision(Reuse.PRODUCTS, dropped | _always_dirty_outputs(graph, seen))
+
+
+def is_known(edge: Edge, seen: ObservedCommands) -> bool:
+    """Return True if all is known that a command read and wrote, and it wrote to the build folder only."""
+    accesses = seen.edges.get(edge.outputs[0])
+    return accesses is not None and accesses.outputs_known and not any(map(_STEPS.search, edge.outputs))
+
+
+def _is_affected(accesses: Accesses, seen: ObservedCommands, changes: Changes) -> bool:
+    return seen.affected(accesses, changes.added, changes.removed, changes.modified)
+
+
+def with_side_outputs(graph: NativeGraph, dropped: frozenset[str], seen: ObservedCommands) -> frozenset[str]:
+    """Add what the commands of `dropped` outputs wrote beside them, and what was made from that.
+
+    The native tool knows neither. A command that runs again because of its inputs begins without its side
+    outputs, too.
+    """
+    known = [(edge, seen.edges[edge.outputs[0]]) for edge in graph.edges if is_known(edge, seen)]
+    users = graph.users() if known and dropped else {}
+    dirty: set[str] = set()
+    more = set(dropped)
+    while more - dirty:
+        waiting = [*more]
+        while waiting:
+            path = waiting.pop()
+            if path not in dirty:
+                dirty.add(path)
+                waiting += (output for edge in users.get(path, ()) for output in edge.outputs)
+        kept = []
+        for edge, each in known:
+            # What two commands wrote, both write again; what a command read of another, it reads again.
+            again = (
+                not more.isdisjoint(edge.outputs)
+                or (not dirty.isdisjoint(edge.outputs) and not each.written.issubset(edge.outputs))
+                or not more.isdisjoint(each.written)
+                or not (dirty & each.read).issubset(graph.inputs_of(edge))
+            )
+            if again:
+                more.update(each.written, edge.outputs)
+            else:
+                kept.append((edge, each))
+        known = kept
+    return frozenset(more)
 
 
 def is_own_code(path: str, is_cmake_module: Callable[[str], bool]) -> bool:
@@ -145,23 +205,35 @@ def installs_what_others_installed(
     return any(path.startswith(below) for path in copied)
 
 
-def undeclared_readers(graph: NativeGraph, changes: Changes, read: Callable[[str], bytes]) -> frozenset[str]:
-    """Return the outputs of compilers and linkers that may have read or looked for changed files unreported.
+def undeclared_readers(
+    graph: NativeGraph, changes: Changes, read: Callable[[str], bytes], seen: ObservedCommands = NOT_OBSERVED
+) -> frozenset[str]:
+    """Return the outputs of commands that read or looked for changed files unreported, or may have.
 
     What one target lists as a library, another may find by '-l'. What is included in one place is asked for
     by __has_include in another.
     """
+    observed = [edge for edge in graph.edges if is_known(edge, seen)]
+    affected = frozenset(
+        output
+        for edge in observed
+        if _is_affected(seen.edges[edge.outputs[0]], seen, changes)
+        for output in edge.outputs
+    )
+    others = replace(graph, edges=tuple(edge for edge in graph.edges if not is_known(edge, seen)))
     known = graph.reported_by_compilers().union(graph.read_by_cmake)
-    return _mentioning(graph, changes.names | (changes.modified - known), changes.all, read)
+    return affected | _mentioning(others, changes.names | (changes.modified - known), changes.all, read)
 
 
-def restorable_outputs(graph: NativeGraph, dropped: frozenset[str]) -> tuple[str, ...]:
+def restorable_outputs(
+    graph: NativeGraph, dropped: frozenset[str], seen: ObservedCommands = NOT_OBSERVED
+) -> tuple[str, ...]:
     """Return the outputs in the newly configured graph that can be restored from the earlier build.
 
     Commands that may write undeclared outputs are excluded, because only the declared ones could be restored.
     """
-    made_again = _always_dirty_outputs(graph)
-    kept = (edge.outputs for edge in graph.edges if edge.outputs_known)
+    made_again = _always_dirty_outputs(graph, seen)
+    kept = (edge.outputs for edge in graph.edges if edge.outputs_known or is_known(edge, seen))
     return tuple(
         output
         for outputs in kept
@@ -170,13 +242,18 @@ def restorable_outputs(graph: NativeGraph, dropped: frozenset[str]) -> tuple[str
     )
 
 
-def _always_dirty_outputs(graph: NativeGraph) -> frozenset[str]:
+def _always_dirty_outputs(graph: NativeGraph, seen: ObservedCommands) -> frozenset[str]:
     """Return the outputs of commands that must rerun, and all outputs that depend on them.
 
     Ninja detects most of these by their times, but not if a command writes its output later than its rule
     says, as ExternalProject steps do.
     """
-    made = {output for edge in graph.edges if not edge.outputs_known for output in edge.outputs}
+    made = {
+        output
+        for edge in graph.edges
+        if not edge.outputs_known and not is_known(edge, seen)
+        for output in edge.outputs
+    }
     while True:
         more = {
             output

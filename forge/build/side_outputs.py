@@ -60,16 +60,24 @@ def files_below(build: Path, kept: Collection[str]) -> Iterator[str]:
 
 
 def find_side_outputs(
-    before: Path, build: Path, then: NativeGraph, now: NativeGraph, kept: Collection[str]
+    before: Path,
+    build: Path,
+    then: NativeGraph,
+    now: NativeGraph,
+    kept: Collection[str],
+    claimed: Collection[str] = (),
 ) -> SideOutputs:
     """Return what the files in the folder that was set aside mean for its products; see `SideOutputs`.
 
-    `then` and `now` are the graphs before and after CMake ran, both with paths below `build`.
+    `then` and `now` are the graphs before and after CMake ran, both with paths below `build`. Which commands
+    wrote the `claimed` files was observed.
     """
     found = SideOutputs()
     commands = _Commands(build, then)
     texts = {edge.outputs: edge.text for edge in now.edges}
     for path in _undeclared(before, build, then, kept):
+        if path in claimed:
+            continue
         folder, name = os.path.split(path)
         edge = commands.compilation(folder, name)
         if edge is not None and texts.get(edge.outputs) == edge.text:

@@ -268,7 +268,7 @@ class LocalExecutor:
                     if self._last_signal is not None:  # it started during an interrupt
                         _signal_group(process.pid, self._last_signal)
                 if self._observer:
-                    self._observer.note_process(variables, process.pid)
+                    self._observer.note_process(variables, process.pid, step)
                 try:
                     with process:  # which closes both pipes in the end
                         _read_lines(

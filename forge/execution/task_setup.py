@@ -144,6 +144,7 @@ class TaskSetup(TaskLifecycle):
         # A dependency that an embedded package provides under another name is recorded by the package's name.
         packages = self.resolution.packages
         needs |= {need for need in self.resolution.needs[task.name] if packages[need].embedded}
+        self.recorder.record_commands(task)
         installed = installation.installed_files(task.package, self.layout, task.earlier)
         own = installation.install_package(
             task.package, self.layout, tuple(sorted(needs)), self.interpreter, installed.files

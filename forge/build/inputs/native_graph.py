@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import re
 import struct
+from collections import defaultdict
 from dataclasses import field
 from functools import partial
 from pathlib import Path
@@ -105,6 +106,14 @@ class NativeGraph:
     def inputs_of(self, edge: Edge) -> tuple[str, ...]:
         """Return all known inputs of an edge, including reported ones."""
         return (*edge.inputs, *(path for output in edge.outputs for path in self.reported.get(output, ())))
+
+    def users(self) -> Mapping[str, list[Edge]]:
+        """Return the edges that have a path as an input, by the path."""
+        found: dict[str, list[Edge]] = defaultdict(list)
+        for edge in self.edges:
+            for path in self.inputs_of(edge):
+                found[path].append(edge)
+        return found
 
     def known(self) -> frozenset[str]:
         """Return every path that is an input of some edge."""

@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from forge.base.layout import Layout
-from forge.build.observed_writes import ObservedWrites, begin_log, read_log
+from forge.build.observed_writes import NOTES, ObservedWrites, begin_log, read_writes
 from forge.build.prefix import written_log
-from forge.build.tasks import Task
+from forge.build.tasks import Step, StepKind, Task
 from forge.execution.observer import Observer, open_observer
 from tests.packages import package
 
@@ -33,13 +33,14 @@ WRITERS = {
     "make": "printf 'all:\\n\\techo x > a\\n' | make -f -",
     "system": 'python3 -c \'import os; os.system("echo x > a"); os.popen("echo x > b").close()\'',
     "execl": "perl -e 'exec(q(sh), q(-c), q(echo x > a))'",
+    "cleared environment": "env -i /bin/sh -c 'echo x > a'",
+    "variable removed": "env -u LD_PRELOAD sh -c 'echo x > a'",
+    "killed": "sh -c 'echo x > a; kill -9 $$' || true",
     "link": "ln -sfn \"$PWD\" ../other; cp /etc/passwd ../other/a; python3 -c \"open('../other/c', 'w')\"",
     "background": "(sleep 0.1; echo x > a) & wait",
 }
 UNSEEN = {
     "static": "{static} a",
-    "cleared environment": "env -i /bin/sh -c 'echo x > a'",
-    "variable removed": "env -u LD_PRELOAD sh -c 'echo x > a'",
 }
 
 
@@ -68,9 +69,9 @@ def run(script: str, observed: tuple[Layout, Task, Observer]) -> ObservedWrites:
     layout, task, observer = observed
     variables = observer.variables(task, os.environ)
     with subprocess.Popen(("sh", "-ec", script), cwd=task.prefix, env=variables) as process:
-        observer.note_process(variables, process.pid)
+        observer.note_process(variables, process.pid, Step(StepKind.BUILD, (), task.prefix))
     assert process.returncode == 0
-    return read_log(written_log("a", layout), task.prefix)
+    return read_writes(written_log("a", layout), task.prefix)
 
 
 @pytest.mark.parametrize("writer", WRITERS)
@@ -148,10 +149,23 @@ def test_writes_are_not_observed_without_a_compiler(
     assert "LD_PRELOAD" not in observer.variables(task, {})
 
 
-def test_a_truncated_log_is_incomplete(tmp_path: Path) -> None:
-    log = tmp_path / "log"
-    log.write_bytes(struct.pack("=QQ", 2, 3) + b"P1\0W/p/a\0")
-    assert read_log(log, Path("/p")).complete
-    for text in (b"", b"P1\0", bytes(16), bytes(16) + b"P1\0", struct.pack("=QQ", 0, 1) + b"P1\0W/p"):
-        log.write_bytes(text)
-        assert not read_log(log, Path("/p")).complete
+@pytest.mark.parametrize("damage", ["shorter", "more records", "no space", "no notes", "unfinished notes"])
+def test_a_damaged_log_is_incomplete(observed: tuple[Layout, Task, Observer], damage: str) -> None:
+    assert run("echo x > a; echo x > b", observed).complete
+    log = written_log("a", observed[0])
+    notes = log.with_name(f"{log.name}{NOTES}")
+    with log.open("rb") as file:
+        content = file.read(1 << 16)
+    end, count, lost = struct.unpack_from("=QQQ", content)
+    match damage:
+        case "shorter":
+            log.write_bytes(content[:4096])
+        case "more records":
+            log.write_bytes(struct.pack("=QQQ", end, count + 1, lost) + content[24:end])
+        case "no space":
+            log.write_bytes(struct.pack("=QQQ", end, count, 1) + content[24:end])
+        case "no notes":
+            notes.unlink()
+        case _:
+            notes.write_bytes(notes.read_bytes()[:-1])
+    assert not read_writes(log, observed[1].prefix).complete

@@ -9,6 +9,7 @@ import pytest
 
 from forge.base.files import remove_tree
 from forge.base.layout import BACKUP_DIR, Layout
+from forge.build.observed_writes import append
 from forge.build.prefix import PrefixExchange, leftover_backups, tidy, written_log
 from tests.installs import Made, make_install
 
@@ -73,9 +74,7 @@ def test_a_failed_first_install_leaves_no_package(tmp_path: Path) -> None:
     prefix = layout.prefix("walker")
     PrefixExchange("walker", layout).begin([])
     (prefix / "share").mkdir(parents=True)
-    written_log("walker", layout).write_bytes(
-        bytes(16) + b"D%s\0D%s\0" % (bytes(prefix), bytes(prefix / "share"))
-    )
+    append(str(written_log("walker", layout)), b"D" + bytes(prefix), b"D" + bytes(prefix / "share"))
     PrefixExchange("walker", layout).roll_back()
     assert not prefix.exists()
     prefix.write_text("mine")

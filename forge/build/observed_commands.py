@@ -1,0 +1,69 @@
+"""Record what CMake and the commands of a build folder read and wrote, as their steps were observed."""
+
+from __future__ import annotations
+
+import os
+import re
+from typing import TYPE_CHECKING
+
+from forge.base.layout import PACKAGE, SCRATCH_DIR
+from forge.build.inputs.depfiles import cmake_root
+from forge.build.inputs.native_graph import read_native_graph
+from forge.build.observed_writes import read_steps
+from forge.build.prefix import written_log
+from forge.engine.commands import Folders, commands_of, read_commands, write_commands
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from forge.base.layout import Layout
+    from forge.build.inputs.native_graph import NativeGraph
+    from forge.build.tasks import Task
+    from forge.engine.observation import Process
+
+COMMANDS, COMMANDS_BEFORE = "commands.json", "commands_before.json"
+"""What is known of the commands whose products are in a build folder, and what was before this build."""
+_CACHES = (f"{PACKAGE}/", *(f"{os.path.expanduser(folder)}/" for folder in ("~/.cache", "~/.ccache")))  # noqa: PTH111
+_COMMAND = re.compile(r"^  COMMAND = (.*)$", re.MULTILINE)
+_ESCAPE = re.compile(r"\$([ :$])")
+
+
+def record_commands(task: Task, source: Path, layout: Layout) -> frozenset[str]:
+    """Record what the steps of a task have done, successful or not.
+
+    Returns the files that they, or earlier steps whose products are kept, read outside of the workspace.
+    """
+    build = task.build_dir
+    steps = read_steps(written_log(task.name, layout))
+    if not steps.kinds:
+        return frozenset()
+    graph = read_native_graph(build)
+    cmakes = cmake_root(build)
+    folders = Folders(
+        build, (source, layout.install, layout.build), (*_CACHES, *((cmakes,) if cmakes else ()))
+    )
+    found = commands_of(steps.observed, steps.kinds, _Edges(graph), folders)
+    outputs = frozenset(edge.outputs[0] for edge in graph.edges)
+    before = read_commands(build / SCRATCH_DIR / COMMANDS_BEFORE)
+    commands = before.merged(found, outputs)
+    write_commands(build / SCRATCH_DIR / COMMANDS, commands)
+    return commands.all_external()
+
+
+class _Edges:
+    """Finds the edge that a process below ninja runs."""
+
+    def __init__(self, graph: NativeGraph) -> None:
+        self._by_output = {output: edge for edge in graph.edges for output in edge.outputs}
+        self._by_command = {
+            _ESCAPE.sub(r"\1", match[1]): edge
+            for edge in graph.edges
+            if (match := _COMMAND.search(edge.text)) is not None
+        }
+
+    def __call__(self, process: Process, written: frozenset[str]) -> tuple[str, frozenset[str]] | None:
+        """Return the first output of the edge and all of its outputs; None if it is unknown."""
+        edge = self._by_command.get(process.command)
+        if edge is None:
+            edge = next((self._by_output[path] for path in written if path in self._by_output), None)
+        return None if edge is None else (edge.outputs[0], frozenset(edge.outputs))

@@ -1,0 +1,1 @@
+"""What the steps of a build read, write and execute, and what follows for the next build."""

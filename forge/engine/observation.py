@@ -1,0 +1,244 @@
+"""Read the log of an observed step: which process asked what of the file system.
+
+`observer.c` describes the records, which the processes of a step write through `LD_PRELOAD`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import struct
+from collections import defaultdict
+from dataclasses import dataclass, field
+from heapq import merge
+from typing import TYPE_CHECKING
+
+from forge.base.frozen import frozen
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+    from pathlib import Path
+
+LOG_VARIABLE = "FORGE_OBSERVER_LOG"
+LINKS_VARIABLE = "FORGE_OBSERVER_LINKS"
+LOG_BYTES = 1 << 30
+"""The size of a log, which is a sparse file: the library maps all of it."""
+
+_HEADER = struct.Struct("=QQQ")
+_HEADER_BYTES = 4096
+_CHUNK = struct.Struct("=II")
+_RECORD = struct.Struct("=IIc")
+_NINJA = frozenset({"ninja", "ninja-build", "samu"})
+
+
+@frozen
+class Observation:
+    """What some processes asked of the file system, as absolute paths.
+
+    `found` exist but were not opened; `missing` end with the first name that did not exist. What the
+    processes wrote before they read it is no input and in `written` only; a renamed folder stands for all
+    that is in it. `folders` were created, `removed` were removed or renamed, `loaded` are shared
+    libraries, `refused` are changes that were
+    not allowed. `variables` were asked for by name. `blind` says what was not observed; if it is empty,
+    nothing else was read or written.
+    """
+
+    read: frozenset[str] = frozenset()
+    found: frozenset[str] = frozenset()
+    listed: frozenset[str] = frozenset()
+    missing: frozenset[str] = frozenset()
+    written: frozenset[str] = frozenset()
+    folders: frozenset[str] = frozenset()
+    removed: frozenset[str] = frozenset()
+    executed: frozenset[str] = frozenset()
+    loaded: frozenset[str] = frozenset()
+    refused: frozenset[str] = frozenset()
+    variables: frozenset[str] = frozenset()
+    blind: tuple[str, ...] = ()
+
+
+@dataclass(eq=False, slots=True)
+class Process:
+    """A process and its programs, one after another; `records` have a number that orders all of a log."""
+
+    pid: int
+    parent: Process | None = None
+    programs: list[str] = field(default_factory=list)
+    command: str = ""
+    """What it runs, if its first program is a shell."""
+    records: list[tuple[int, str, str]] = field(default_factory=list)
+    children: list[Process] = field(default_factory=list)
+
+    @property
+    def is_ninja(self) -> bool:
+        """Return True if the last program is ninja."""
+        return bool(self.programs) and os.path.basename(self.programs[-1]) in _NINJA
+
+    def family(self) -> list[Process]:
+        """Return the process and all its descendants."""
+        found = [self]
+        for process in found:
+            found += process.children
+        return found
+
+
+@frozen
+class ObservedStep:
+    """The processes of a step. `blind` says what is known to be missing, whichever process it belongs to."""
+
+    processes: tuple[Process, ...]
+    blind: tuple[str, ...] = ()
+
+    def edges(self) -> tuple[Process, ...]:
+        """Return the processes that ninja has started, one for each edge that it ran."""
+        return tuple(each for each in self.processes if each.parent and each.parent.is_ninja)
+
+
+def begin_log(log: Path) -> None:
+    """Create an empty log, which takes no space until records are written.
+
+    Where no file may be that long, nothing is observed.
+    """
+    log.parent.mkdir(parents=True, exist_ok=True)
+    with log.open("wb") as file:
+        file.write(_HEADER.pack(_HEADER_BYTES, 0, 0).ljust(_HEADER_BYTES, b"\0"))
+        with contextlib.suppress(OSError):
+            file.truncate(LOG_BYTES)
+
+
+ALL_KINDS = "RYTLNWDUVEB"
+
+
+def read_log(
+    log: Path, roots: frozenset[int], more_roots: int = 0, *, kinds: str = ALL_KINDS
+) -> ObservedStep:
+    """Return what a log says of all processes.
+
+    `roots` are the processes that forge started, and `more_roots` the number of those it does not know by
+    number. Records of other `kinds` are left out.
+    """
+    processes: list[Process] = []
+    running: dict[int, Process] = {}
+    pending = dict.fromkeys(roots, "the step")
+    """Programs that were started and have not loaded the library, by process."""
+    spawned: dict[int, Process] = {}
+    parents: list[tuple[Process, int]] = []
+    resolve = _resolver()
+    last_kind: dict[int, str] = {}
+    records, blind = _records(log, f"POCXFS{kinds}")
+    for number, pid, kind, word in records:
+        process = running.get(pid)
+        executes = kind == "P" and pending.pop(pid, None) is not None
+        if process is None or (kind == "P" and not executes) or (kind == "O" and last_kind[pid] != "P"):
+            process = running[pid] = Process(pid)
+            processes.append(process)
+        last_kind[pid] = kind
+        match kind:
+            case "P":
+                spawned.pop(pid, None)
+                process.programs.append(word)
+            case "O" if process.parent is None:
+                parents.append((process, int(word)))
+                process.parent = running.get(int(word))
+                if process.parent:
+                    process.parent.children.append(process)
+            case "C" if len(process.programs) == 1:
+                process.command = word
+            case "X":
+                pending[pid] = word
+            case "F":
+                pending.pop(pid, None)
+            case "S" if int(word) not in running:
+                spawned[int(word)] = process
+            case "B" | "V" if kind in kinds:
+                process.records.append((number, kind, word))
+            case _ if kind in kinds:
+                process.records.append((number, kind, resolve(word)))
+    unknown = [process for process in processes if process.parent is None and process.pid not in roots]
+    if sum(bool(process.programs) for process in unknown) < more_roots:
+        blind.append("a program cannot be observed")
+    unseen = [(running.get(pid), f"'{program}' cannot be observed") for pid, program in pending.items()]
+    unseen += [(process, "a program cannot be observed") for process in spawned.values()]
+    for each, what in unseen:
+        if each is None or (each.parent is None and each.pid not in roots):
+            blind.append(what)
+        else:
+            each.records.append((len(records), "B", what))
+    return ObservedStep(tuple(processes), tuple(blind))
+
+
+def _records(log: Path, kinds: str) -> tuple[list[tuple[int, int, str, str]], list[str]]:
+    """Return the records of some kinds in order, each with its number and its process; and what is lost."""
+    try:
+        with log.open("rb") as file:
+            end, count, lost = _HEADER.unpack(file.read(_HEADER.size))
+            file.seek(_HEADER_BYTES)
+            content = file.read(max(0, min(end, LOG_BYTES) - _HEADER_BYTES))
+    except (OSError, struct.error):
+        return [], ["there is no log"]
+    found: list[tuple[int, int, str, str]] = []
+    at = number = 0
+    while at + _CHUNK.size <= len(content):
+        length, pid = _CHUNK.unpack_from(content, at)
+        if not length:
+            at += _HEADER_BYTES  # a process was killed before it used this page
+            continue
+        limit = min(at + length, len(content))
+        at += _CHUNK.size
+        while at + _RECORD.size < limit:
+            size, order, letter = _RECORD.unpack_from(content, at)
+            if not _RECORD.size < size <= limit - at:
+                break
+            number += 1
+            kind = letter.decode("latin-1")
+            if kind in kinds:
+                start = at + _RECORD.size
+                found.append((order, pid, kind, os.fsdecode(content[start : content.index(0, start)])))
+            at += size
+        at = limit
+    found.sort()
+    is_whole = number == count and not lost and end <= LOG_BYTES
+    return found, [] if is_whole else ["the log is incomplete"]
+
+
+def observe(processes: Iterable[Process], blind: tuple[str, ...] = ()) -> Observation:
+    """Return what these processes asked for together."""
+    processes = tuple(processes)
+    words: dict[str, set[str]] = defaultdict(set)
+    unknown = dict.fromkeys(blind)
+    for _, kind, word in merge(*(process.records for process in processes)):
+        if kind == "B":
+            unknown[word] = None
+        elif kind not in "RTL" or word not in words["W"]:
+            words[kind].add(word)
+    return Observation(
+        read=frozenset(words["R"]),
+        found=frozenset(words["T"] - words["R"]),
+        listed=frozenset(words["L"]),
+        missing=frozenset(words["N"]),
+        written=frozenset(words["W"]),
+        folders=frozenset(words["D"]),
+        removed=frozenset(words["U"]),
+        executed=frozenset(program for process in processes for program in process.programs),
+        loaded=frozenset(words["Y"]),
+        refused=frozenset(words["E"]),
+        variables=frozenset(words["V"]),
+        blind=tuple(unknown),
+    )
+
+
+def _resolver() -> Callable[[str], str]:
+    """Return a function that removes '..' from paths as the kernel does: the folder before may be a link."""
+    folders: dict[str, str] = {}
+
+    def resolve(path: str) -> str:
+        if "/.." not in path:
+            return path
+        folder, _, name = path.rpartition("/")
+        if name == "..":
+            folder, name = path, ""
+        if folder not in folders:
+            folders[folder] = os.path.realpath(folder)
+        return f"{folders[folder].rstrip('/')}/{name}" if name else folders[folder]
+
+    return resolve

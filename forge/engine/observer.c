@@ -1,0 +1,1138 @@
+/* Log what the processes of a step ask of the file system.
+ *
+ * LD_PRELOAD loads this library into every process of a step. FORGE_OBSERVER_LOG names a log that all of
+ * them map into memory: a record is written without a system call, and none is lost if a process is killed.
+ * The log is a header and chunks, each of one process, which hold records until a size of 0 or the chunk's end.
+ * A chunk's space is allocated before it is used, since a process whose disk is full must not die of it.
+ * Records follow, a letter and a word that ends with NUL:
+ *
+ *   P path   this process has loaded the library, as it began to run this program
+ *   O pid    the parent of this process, after P or as a copy of its parent
+ *   C words  the command that a shell runs
+ *   X path   this process is about to execute a program
+ *   F path   ... and could not
+ *   S pid    this process has started a program in another process
+ *   R path   a file was opened for reading
+ *   Y path   a shared library was loaded
+ *   T path   a file or folder was found, but not opened
+ *   L path   the names in a folder were read
+ *   N path   nothing was found; `path` ends with the first name that is missing
+ *   W path   a file or link was written, or renamed to this path, also as a part of a folder
+ *   D path   a folder was created, or renamed to this path
+ *   U path   a file, link or folder was removed, or renamed to another path
+ *   V name   an environment variable was asked for
+ *   B what   something that cannot be observed
+ *   E path   this call was refused, since a link of somebody else leads out of the prefix there
+ *
+ * Paths are absolute; ".." is kept, since the folder before it may be a link. A process says each record once,
+ * as far as a small table can tell.
+ *
+ * No step removes or renames the folder of the log, in which copies of what others have in a merged prefix lie:
+ * such a call fails with EACCES, so that 'rm -r' of the whole prefix loses nothing.
+ *
+ * FORGE_OBSERVER_LINKS names a file with links of others below the prefix, each ending with NUL. To write through
+ * one would change files that forge can neither know nor give back, so that the call fails with EACCES.
+ */
+#define _GNU_SOURCE
+#include <alloca.h>
+#include <dirent.h>
+#include <dlfcn.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <ftw.h>
+#include <glob.h>
+#include <limits.h>
+#include <link.h>
+#include <pthread.h>
+#include <spawn.h>
+#include <stdarg.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <sys/syscall.h>
+#include <sys/types.h>
+#include <unistd.h>
+
+#define EXPORT __attribute__((visibility("default")))
+/* The next definition of a function, which this library hides. */
+#define NEXT(name)                                                              \
+    (__extension__({                                                            \
+        static __typeof__(&name) found_##name;                                  \
+        if (!found_##name)                                                      \
+            found_##name = (__typeof__(&name))dlsym(RTLD_NEXT, #name);          \
+        found_##name;                                                           \
+    }))
+#define LOG "FORGE_OBSERVER_LOG="
+#define LINKS "FORGE_OBSERVER_LINKS="
+#define PRELOAD "LD_PRELOAD="
+
+extern char **environ;
+
+#define HEADER 4096
+
+struct header {
+    uint64_t end;     /* of the last chunk */
+    uint64_t records; /* that were begun */
+    uint64_t lost;    /* not 0 if a process found no space */
+};
+
+struct chunk {
+    uint32_t size, pid;
+};
+
+struct record {
+    uint32_t size, order;
+    char kind, path[];
+};
+
+static char log_variable[sizeof LOG + PATH_MAX], links_variable[sizeof LINKS + PATH_MAX];
+static char library[PATH_MAX];
+static char backups[2 * PATH_MAX], moved[PATH_MAX]; /* the folder of the log, also without links; a name below */
+static char *map;
+static size_t map_size;
+static const char *links, *links_end;
+
+static struct {
+    uint64_t at, end;
+    size_t size;
+    uint32_t pid;
+    char busy;
+} chunk;
+
+/* Allocate space at the end of the log; return its offset, 0 if there is none. */
+static uint64_t allocate(size_t size)
+{
+    struct header *header = (struct header *)map;
+    uint64_t at = __atomic_fetch_add(&header->end, size, __ATOMIC_RELAXED);
+    int descriptor, done = 0;
+
+    if (at + size <= map_size) {
+        descriptor = syscall(SYS_openat, AT_FDCWD, log_variable + strlen(LOG), O_WRONLY | O_CLOEXEC);
+        if (descriptor >= 0) {
+            done = !syscall(SYS_fallocate, descriptor, 0, at, size);
+            if (!done && (errno == EOPNOTSUPP || errno == ENOSYS)) {
+                static const char zeros[HEADER];
+                for (size_t each = done = 1; each * HEADER <= size && done; each++)
+                    done = syscall(SYS_pwrite64, descriptor, zeros, HEADER, at + (each - 1) * HEADER) == HEADER;
+            }
+            syscall(SYS_close, descriptor);
+        }
+    }
+    if (done)
+        return at;
+    __atomic_store_n(&header->lost, 1, __ATOMIC_RELAXED);
+    return 0;
+}
+
+/* Return space for a record: in this process's chunk, or in one of its own if another thread or a signal's
+ * handler is just here. */
+static char *reserve(size_t size, uint32_t pid)
+{
+    int alone = !__atomic_test_and_set(&chunk.busy, __ATOMIC_ACQUIRE);
+    uint64_t at;
+
+    if (alone && chunk.pid == pid && chunk.at + size <= chunk.end) {
+        at = chunk.at;
+        chunk.at += size;
+    } else {
+        size_t more = sizeof(struct chunk) + size, length;
+        if (alone && chunk.pid == pid && chunk.size < 16 * HEADER)
+            chunk.size *= 4;
+        else if (alone && chunk.pid != pid)
+            chunk.size = HEADER;
+        length = alone && more <= chunk.size ? chunk.size : (more + HEADER - 1) / HEADER * HEADER;
+        at = allocate(length);
+        if (at) {
+            struct chunk *head = (struct chunk *)(map + at);
+            head->pid = pid;
+            head->size = (uint32_t)length;
+            if (alone) {
+                chunk.pid = pid;
+                chunk.end = at + length;
+                chunk.at = at + more;
+            }
+            at += sizeof *head;
+        }
+    }
+    if (alone)
+        __atomic_clear(&chunk.busy, __ATOMIC_RELEASE);
+    return at ? map + at : NULL;
+}
+
+static void say(char kind, const char *word, size_t length)
+{
+    size_t size = (sizeof(struct record) + length + 1 + 3) & ~(size_t)3;
+    struct record *record;
+    int saved = errno;
+
+    if (!map)
+        return;
+    record = (struct record *)reserve(size, (uint32_t)syscall(SYS_getpid));
+    if (record) {
+        record->order = (uint32_t)__atomic_fetch_add(&((struct header *)map)->records, 1, __ATOMIC_RELAXED);
+        record->kind = kind;
+        memcpy(record->path, word, length);
+        record->path[length] = 0;
+        __atomic_store_n(&record->size, (uint32_t)size, __ATOMIC_RELEASE);
+    }
+    errno = saved;
+}
+
+/* What this process has said: a table without locks, in which a newer entry replaces an older one. */
+
+#define ENTRIES (1 << 14)
+static uint64_t entries[ENTRIES];
+
+static uint64_t hash(char kind, const char *word, size_t length)
+{
+    uint64_t value = 14695981039346656037ULL ^ (unsigned char)kind;
+
+    for (size_t at = 0; at < length; at++)
+        value = (value ^ (unsigned char)word[at]) * 1099511628211ULL;
+    value ^= value >> 32;
+    return value | 1;
+}
+
+static int remember(char kind, const char *word, size_t length)
+{
+    uint64_t value = hash(kind, word, length), *entry = &entries[(value >> 1) % ENTRIES];
+
+    if (__atomic_load_n(entry, __ATOMIC_RELAXED) == value)
+        return 0;
+    __atomic_store_n(entry, value, __ATOMIC_RELAXED);
+    return 1;
+}
+
+static void forget(char kind, const char *word, size_t length)
+{
+    uint64_t value = hash(kind, word, length), *entry = &entries[(value >> 1) % ENTRIES];
+
+    if (__atomic_load_n(entry, __ATOMIC_RELAXED) == value)
+        __atomic_store_n(entry, 0, __ATOMIC_RELAXED);
+}
+
+static void note(char kind, const char *word)
+{
+    size_t length = strlen(word);
+
+    if (map && remember(kind, word, length))
+        say(kind, word, length);
+}
+
+/* Store the absolute path of a name; return its length, 0 if it has none. */
+static size_t locate(int folder, const char *path, char *absolute)
+{
+    char *to = absolute;
+    const char *from = path;
+    ssize_t size = 0;
+
+    if (!path || !*path)
+        return 0;
+    if (*path != '/') {
+        if (folder == AT_FDCWD)
+            size = syscall(SYS_getcwd, absolute, PATH_MAX) > 0 ? (ssize_t)strlen(absolute) : -1;
+        else {
+            char link[40];
+            snprintf(link, sizeof link, "/proc/self/fd/%d", folder);
+            size = syscall(SYS_readlinkat, AT_FDCWD, link, absolute, PATH_MAX - 1);
+        }
+        if (size <= 0 || *absolute != '/')
+            return 0;
+        to += size == 1 ? 0 : size;
+    }
+    if (size + strlen(path) + 2 > PATH_MAX)
+        return 0;
+    while (*from) {
+        size_t length;
+        while (*from == '/')
+            from++;
+        length = strcspn(from, "/");
+        if (length && !(length == 1 && *from == '.')) {
+            *to++ = '/';
+            memcpy(to, from, length);
+            to += length;
+        }
+        from += length;
+    }
+    if (to == absolute)
+        *to++ = '/';
+    *to = 0;
+    return to - absolute;
+}
+
+static int is_below(const char *path, const char *folder)
+{
+    size_t size = strlen(folder);
+
+    return size && !strncmp(path, folder, size) && (!path[size] || path[size] == '/');
+}
+
+/* What the kernel shows of processes and devices is no input. */
+static int is_input(const char *path)
+{
+    return strncmp(path, "/proc/", 6) && strncmp(path, "/dev/", 5) && strncmp(path, "/sys/", 5);
+}
+
+static void found(char kind, int folder, const char *path)
+{
+    char absolute[PATH_MAX];
+    int saved = errno;
+
+    if (map && locate(folder, path, absolute) && is_input(absolute))
+        note(kind, absolute);
+    errno = saved;
+}
+
+static void changed(char kind, int folder, const char *path)
+{
+    char absolute[PATH_MAX];
+    size_t length;
+    int saved = errno;
+
+    if (map && (length = locate(folder, path, absolute)) && is_input(absolute)) {
+        /* A file that is written, removed and read again is a new one each time. */
+        forget(kind == 'U' ? 'W' : 'U', absolute, length);
+        forget('R', absolute, length);
+        note(kind, absolute);
+    }
+    errno = saved;
+}
+
+static int is_there(const char *path)
+{
+    return syscall(SYS_faccessat, AT_FDCWD, path, F_OK) == 0;
+}
+
+/* Note the first name of a path that is missing: as long as it is, the others cannot appear. */
+static void missing(int folder, const char *path)
+{
+    char absolute[PATH_MAX];
+    size_t length;
+    int saved = errno;
+
+    if (!map || (saved != ENOENT && saved != ENOTDIR))
+        return;
+    length = locate(folder, path, absolute);
+    if (length && is_input(absolute)) {
+        for (;;) {
+            size_t parent = length;
+            char slash;
+            if (!remember('N', absolute, length))
+                break;
+            while (parent > 1 && absolute[parent - 1] != '/')
+                parent--;
+            parent -= parent > 1;
+            slash = absolute[parent];
+            absolute[parent] = 0;
+            if (parent == 1 || !remember('f', absolute, parent) || is_there(absolute)) {
+                absolute[parent] = slash;
+                say('N', absolute, length);
+                break;
+            }
+            forget('f', absolute, parent);
+            length = parent;
+        }
+    }
+    errno = saved;
+}
+
+/* Return 1 with EACCES if a link of somebody else leads out of the prefix here. */
+static int refused(int folder, const char *path)
+{
+    char absolute[PATH_MAX];
+    int saved = errno;
+
+    if (!links)
+        return 0;
+    if (locate(folder, path, absolute))
+        for (const char *link = links; link < links_end; link += strlen(link) + 1)
+            if (is_below(absolute, link)) {
+                note('E', absolute);
+                errno = EACCES;
+                return 1;
+            }
+    errno = saved;
+    return 0;
+}
+
+/* Return 1 with EACCES if removing or renaming this path would lose the folder of the log, in which copies of
+ * what others have in a merged prefix lie; `moved` are files of the package itself. */
+static int holds_copies(int folder, const char *path)
+{
+    char absolute[PATH_MAX];
+    int saved = errno;
+
+    if (*backups && locate(folder, path, absolute))
+        for (int at = 0; at < 2; at++) {
+            size_t length = strlen(backups + at * PATH_MAX);
+            const char *spelled = backups + at * PATH_MAX;
+            int is_own = !strncmp(absolute, spelled, length) && is_below(absolute + length, moved);
+            if (is_below(spelled, absolute) || (is_below(absolute, spelled) && !is_own)) {
+                errno = EACCES;
+                return 1;
+            }
+        }
+    errno = saved;
+    return 0;
+}
+
+static int is_entry(int folder, const char *path)
+{
+    int saved = errno;
+    struct stat status;
+    int result = !NEXT(fstatat)(folder, path, &status, AT_SYMLINK_NOFOLLOW);
+
+    errno = saved;
+    return result;
+}
+
+/* Start */
+
+static int note_library(struct dl_phdr_info *info, size_t size, void *data)
+{
+    (void)size, (void)data;
+    if (info->dlpi_name && *info->dlpi_name == '/' && strcmp(info->dlpi_name, library))
+        found('Y', AT_FDCWD, info->dlpi_name);
+    return 0;
+}
+
+static int store_variable(const char *name, char *variable, size_t size)
+{
+    size_t length = strlen(name);
+
+    for (char **entry = environ; entry && *entry; entry++)
+        if (!strncmp(*entry, name, length) && strlen(*entry) < size) {
+            strcpy(variable, *entry);
+            return 1;
+        }
+    return 0;
+}
+
+static char *map_file(const char *path, int writes, size_t *size)
+{
+    int descriptor = syscall(SYS_openat, AT_FDCWD, path, (writes ? O_RDWR : O_RDONLY) | O_CLOEXEC);
+    struct stat status;
+    void *result = MAP_FAILED;
+
+    if (descriptor < 0)
+        return NULL;
+    if (!fstat(descriptor, &status) && status.st_size > 0) {
+        *size = status.st_size;
+        result = mmap(NULL, *size, writes ? PROT_READ | PROT_WRITE : PROT_READ,
+                      writes ? MAP_SHARED | MAP_NORESERVE : MAP_PRIVATE, descriptor, 0);
+    }
+    syscall(SYS_close, descriptor);
+    return result == MAP_FAILED ? NULL : result;
+}
+
+static void note_command(void)
+{
+    char words[1 << 16];
+    int descriptor = syscall(SYS_openat, AT_FDCWD, "/proc/self/cmdline", O_RDONLY | O_CLOEXEC);
+    ssize_t size, flag;
+
+    if (descriptor < 0)
+        return;
+    size = syscall(SYS_read, descriptor, words, sizeof words);
+    syscall(SYS_close, descriptor);
+    if (size <= 0 || words[size - 1])
+        return;
+    flag = strlen(words) + 1;
+    if (flag + 3 < size && !strcmp(words + flag, "-c"))
+        say('C', words + flag + 3, strlen(words + flag + 3));
+}
+
+static pid_t own_process;
+
+static void note_parent(void)
+{
+    char parent[16];
+
+    own_process = syscall(SYS_getpid);
+    say('O', parent, snprintf(parent, sizeof parent, "%ld", syscall(SYS_getppid)));
+}
+
+static void note_process(void)
+{
+    char program[PATH_MAX];
+    ssize_t size = syscall(SYS_readlinkat, AT_FDCWD, "/proc/self/exe", program, sizeof program - 1);
+    const char *name;
+
+    program[size > 0 ? size : 0] = 0;
+    say('P', program, strlen(program));
+    note_parent();
+    name = strrchr(program, '/');
+    if (name && (!strcmp(name, "/sh") || !strcmp(name, "/dash") || !strcmp(name, "/bash") || !strcmp(name, "/busybox")))
+        note_command();
+    dl_iterate_phdr(note_library, NULL);
+}
+
+static void guard_copies(void)
+{
+    char link[40];
+    int descriptor;
+    ssize_t size = 0;
+
+    strcpy(backups, log_variable + strlen(LOG));
+    strcpy(moved, strrchr(backups, '/'));
+    if (strrchr(moved, '.'))
+        *strrchr(moved, '.') = 0;
+    *strrchr(backups, '/') = 0;
+    descriptor = syscall(SYS_openat, AT_FDCWD, backups, O_PATH | O_CLOEXEC);
+    if (descriptor >= 0) {
+        snprintf(link, sizeof link, "/proc/self/fd/%d", descriptor);
+        size = syscall(SYS_readlinkat, AT_FDCWD, link, backups + PATH_MAX, PATH_MAX - 1);
+        syscall(SYS_close, descriptor);
+    }
+    if (size <= 0)
+        strcpy(backups + PATH_MAX, backups);
+}
+
+__attribute__((constructor)) static void start(void)
+{
+    int saved = errno;
+    Dl_info info;
+
+    if (!map && store_variable(LOG, log_variable, sizeof log_variable)) {
+        if (dladdr(log_variable, &info) && info.dli_fname && strlen(info.dli_fname) < sizeof library)
+            strcpy(library, info.dli_fname);
+        map = map_file(log_variable + strlen(LOG), 1, &map_size);
+        if (map) {
+            guard_copies();
+            note_process();
+            pthread_atfork(NULL, NULL, note_parent);
+        }
+        if (store_variable(LINKS, links_variable, sizeof links_variable)) {
+            size_t size;
+            links = map_file(links_variable + strlen(LINKS), 0, &size);
+            links_end = links ? links + size : NULL;
+        }
+    }
+    errno = saved;
+}
+
+/* Open */
+
+#define WRITES (O_WRONLY | O_RDWR | O_CREAT | O_TRUNC)
+
+static mode_t mode_of(int flags, va_list arguments)
+{
+    return flags & O_CREAT || (flags & O_TMPFILE) == O_TMPFILE ? va_arg(arguments, mode_t) : 0;
+}
+
+/* An open file may have a path of its own: links lead there. */
+static void note_place(int descriptor)
+{
+    char link[40], path[PATH_MAX];
+    int saved = errno;
+    ssize_t size;
+
+    snprintf(link, sizeof link, "/proc/self/fd/%d", descriptor);
+    size = syscall(SYS_readlinkat, AT_FDCWD, link, path, sizeof path - 1);
+    path[size > 0 ? size : 0] = 0;
+    if (*path == '/')
+        changed('W', AT_FDCWD, path);
+    errno = saved;
+}
+
+static void opened(int result, int folder, const char *path, int flags)
+{
+    if (result < 0)
+        missing(folder, path);
+    else if (flags & O_DIRECTORY)
+        found('T', folder, path);
+    else if (!(flags & WRITES))
+        found('R', folder, path);
+    else {
+        if ((flags & (O_ACCMODE | O_TRUNC)) == O_RDWR || (flags & (O_APPEND | O_TRUNC)) == O_APPEND)
+            found('R', folder, path);
+        changed('W', folder, path);
+        if (map)
+            note_place(result);
+    }
+}
+
+#define OPEN(name)                                                              \
+    EXPORT int name(const char *path, int flags, ...)                           \
+    {                                                                           \
+        va_list arguments;                                                      \
+        int result;                                                             \
+        mode_t mode;                                                            \
+        va_start(arguments, flags);                                             \
+        mode = mode_of(flags, arguments);                                       \
+        va_end(arguments);                                                      \
+        result = flags & WRITES && refused(AT_FDCWD, path) ? -1 : NEXT(name)(path, flags, mode); \
+        opened(result, AT_FDCWD, path, flags);                                  \
+        return result;                                                          \
+    }
+
+#define OPENAT(name)                                                            \
+    EXPORT int name(int folder, const char *path, int flags, ...)               \
+    {                                                                           \
+        va_list arguments;                                                      \
+        int result;                                                             \
+        mode_t mode;                                                            \
+        va_start(arguments, flags);                                             \
+        mode = mode_of(flags, arguments);                                       \
+        va_end(arguments);                                                      \
+        result = flags & WRITES && refused(folder, path) ? -1 : NEXT(name)(folder, path, flags, mode); \
+        opened(result, folder, path, flags);                                    \
+        return result;                                                          \
+    }
+
+#define CREAT(name)                                                             \
+    EXPORT int name(const char *path, mode_t mode)                              \
+    {                                                                           \
+        int result = refused(AT_FDCWD, path) ? -1 : NEXT(name)(path, mode);     \
+        opened(result, AT_FDCWD, path, O_WRONLY | O_CREAT | O_TRUNC);           \
+        return result;                                                          \
+    }
+
+static int flags_of(const char *mode)
+{
+    int more = strchr(mode, '+') ? O_RDWR : *mode == 'r' ? O_RDONLY : O_WRONLY;
+
+    return more | (*mode == 'w' ? O_CREAT | O_TRUNC : *mode == 'a' ? O_CREAT | O_APPEND : 0);
+}
+
+#define FOPEN(name)                                                             \
+    EXPORT FILE *name(const char *path, const char *mode)                       \
+    {                                                                           \
+        int flags = flags_of(mode);                                             \
+        FILE *result = flags & WRITES && refused(AT_FDCWD, path) ? NULL : NEXT(name)(path, mode); \
+        opened(result ? fileno(result) : -1, AT_FDCWD, path, flags);                         \
+        return result;                                                          \
+    }
+
+#define FREOPEN(name)                                                           \
+    EXPORT FILE *name(const char *path, const char *mode, FILE *stream)         \
+    {                                                                           \
+        int flags = flags_of(mode);                                             \
+        FILE *result = path && flags & WRITES && refused(AT_FDCWD, path) ? NULL : NEXT(name)(path, mode, stream); \
+        if (path)                                                               \
+            opened(result ? fileno(result) : -1, AT_FDCWD, path, flags);                     \
+        return result;                                                          \
+    }
+
+OPEN(open)
+OPENAT(openat)
+CREAT(creat)
+FOPEN(fopen)
+FREOPEN(freopen)
+#ifdef __GLIBC__
+OPEN(open64)
+OPENAT(openat64)
+CREAT(creat64)
+FOPEN(fopen64)
+FREOPEN(freopen64)
+
+/* What _FORTIFY_SOURCE makes of calls without a mode. */
+EXPORT int __open_2(const char *path, int flags) { return open(path, flags); }
+EXPORT int __open64_2(const char *path, int flags) { return open64(path, flags); }
+EXPORT int __openat_2(int folder, const char *path, int flags) { return openat(folder, path, flags); }
+EXPORT int __openat64_2(int folder, const char *path, int flags) { return openat64(folder, path, flags); }
+#endif
+
+/* Look */
+
+static void looked(int result, int folder, const char *path)
+{
+    if (result < 0)
+        missing(folder, path);
+    else if (path && *path)
+        found('T', folder, path);
+}
+
+#define LOOK(name, folder, parameters, ...)                                     \
+    EXPORT int name parameters                                                  \
+    {                                                                           \
+        int result = NEXT(name)(__VA_ARGS__);                                   \
+        looked(result, folder, path);                                           \
+        return result;                                                          \
+    }
+
+LOOK(stat, AT_FDCWD, (const char *path, struct stat *status), path, status)
+LOOK(lstat, AT_FDCWD, (const char *path, struct stat *status), path, status)
+LOOK(fstatat, folder, (int folder, const char *path, struct stat *status, int flags), folder, path, status, flags)
+LOOK(access, AT_FDCWD, (const char *path, int mode), path, mode)
+LOOK(faccessat, folder, (int folder, const char *path, int mode, int flags), folder, path, mode, flags)
+#ifdef __GLIBC__
+LOOK(stat64, AT_FDCWD, (const char *path, struct stat64 *status), path, status)
+LOOK(lstat64, AT_FDCWD, (const char *path, struct stat64 *status), path, status)
+LOOK(fstatat64, folder, (int folder, const char *path, struct stat64 *status, int flags), folder, path, status, flags)
+LOOK(euidaccess, AT_FDCWD, (const char *path, int mode), path, mode)
+LOOK(eaccess, AT_FDCWD, (const char *path, int mode), path, mode)
+LOOK(statx, folder, (int folder, const char *path, int flags, unsigned int mask, struct statx *status), folder, path, flags, mask, status)
+
+/* The names before glibc 2.33. */
+int __xstat(int, const char *, struct stat *);
+int __lxstat(int, const char *, struct stat *);
+int __xstat64(int, const char *, struct stat64 *);
+int __lxstat64(int, const char *, struct stat64 *);
+int __fxstatat(int, int, const char *, struct stat *, int);
+int __fxstatat64(int, int, const char *, struct stat64 *, int);
+LOOK(__xstat, AT_FDCWD, (int version, const char *path, struct stat *status), version, path, status)
+LOOK(__lxstat, AT_FDCWD, (int version, const char *path, struct stat *status), version, path, status)
+LOOK(__xstat64, AT_FDCWD, (int version, const char *path, struct stat64 *status), version, path, status)
+LOOK(__lxstat64, AT_FDCWD, (int version, const char *path, struct stat64 *status), version, path, status)
+LOOK(__fxstatat, folder, (int version, int folder, const char *path, struct stat *status, int flags), version, folder, path, status, flags)
+LOOK(__fxstatat64, folder, (int version, int folder, const char *path, struct stat64 *status, int flags), version, folder, path, status, flags)
+#endif
+
+#define READ_LINK(name, folder, parameters, ...)                                \
+    EXPORT ssize_t name parameters                                              \
+    {                                                                           \
+        ssize_t result = NEXT(name)(__VA_ARGS__);                               \
+        looked(result < 0 ? -1 : 0, folder, path);                              \
+        return result;                                                          \
+    }
+
+READ_LINK(readlink, AT_FDCWD, (const char *path, char *target, size_t size), path, target, size)
+READ_LINK(readlinkat, folder, (int folder, const char *path, char *target, size_t size), folder, path, target, size)
+
+EXPORT char *realpath(const char *path, char *resolved)
+{
+    char *result = NEXT(realpath)(path, resolved);
+    looked(result ? 0 : -1, AT_FDCWD, path);
+    return result;
+}
+
+#ifdef __GLIBC__
+char *__realpath_chk(const char *, char *, size_t);
+EXPORT char *__realpath_chk(const char *path, char *resolved, size_t size)
+{
+    char *result = NEXT(__realpath_chk)(path, resolved, size);
+    looked(result ? 0 : -1, AT_FDCWD, path);
+    return result;
+}
+
+EXPORT char *canonicalize_file_name(const char *path)
+{
+    char *result = NEXT(canonicalize_file_name)(path);
+    looked(result ? 0 : -1, AT_FDCWD, path);
+    return result;
+}
+#endif
+
+/* List */
+
+EXPORT DIR *opendir(const char *path)
+{
+    DIR *result = NEXT(opendir)(path);
+    if (result)
+        found('L', AT_FDCWD, path);
+    else
+        missing(AT_FDCWD, path);
+    return result;
+}
+
+EXPORT DIR *fdopendir(int descriptor)
+{
+    DIR *result = NEXT(fdopendir)(descriptor);
+    if (result)
+        found('L', descriptor, ".");
+    return result;
+}
+
+#define SCAN(name, entry)                                                       \
+    EXPORT int name(const char *path, struct entry ***names, int (*select)(const struct entry *), \
+                    int (*compare)(const struct entry **, const struct entry **)) \
+    {                                                                           \
+        int result = NEXT(name)(path, names, select, compare);                  \
+        if (result < 0)                                                         \
+            missing(AT_FDCWD, path);                                            \
+        else                                                                    \
+            found('L', AT_FDCWD, path);                                         \
+        return result;                                                          \
+    }
+
+SCAN(scandir, dirent)
+#ifdef __GLIBC__
+SCAN(scandir64, dirent64)
+#endif
+
+/* The C library lists folders by itself. A pattern is known up to the first folder with a wildcard. */
+static void note_pattern(const char *pattern, int lists_by_hooks)
+{
+    char folder[PATH_MAX];
+    size_t wildcard = strcspn(pattern, "*?[{~"), end = wildcard;
+
+    if (wildcard >= PATH_MAX)
+        return;
+    if (!pattern[wildcard]) {
+        if (is_entry(AT_FDCWD, pattern))
+            found('T', AT_FDCWD, pattern);
+        else {
+            errno = ENOENT;
+            missing(AT_FDCWD, pattern);
+        }
+        return;
+    }
+    while (end && pattern[end - 1] != '/')
+        end--;
+    if (lists_by_hooks)
+        return;
+    memcpy(folder, pattern, end);
+    folder[end] = 0;
+    if (is_entry(AT_FDCWD, end ? folder : "."))
+        found('L', AT_FDCWD, end ? folder : ".");
+    else {
+        errno = ENOENT;
+        missing(AT_FDCWD, folder);
+    }
+    if (strchr(pattern + wildcard, '/'))
+        note('B', "glob");
+}
+
+#define GLOB_CALL(name, type)                                                   \
+    EXPORT int name(const char *pattern, int flags, int (*failed)(const char *, int), type *paths) \
+    {                                                                           \
+        note_pattern(pattern, flags & GLOB_ALTDIRFUNC);                         \
+        return NEXT(name)(pattern, flags, failed, paths);                       \
+    }
+
+#define WALK(name, call, parameters, ...)                                       \
+    EXPORT int name parameters                                                  \
+    {                                                                           \
+        note('B', #name);                                                       \
+        return NEXT(name)(__VA_ARGS__);                                         \
+    }
+
+GLOB_CALL(glob, glob_t)
+WALK(ftw, ftw, (const char *path, __ftw_func_t visit, int descriptors), path, visit, descriptors)
+WALK(nftw, nftw, (const char *path, __nftw_func_t visit, int descriptors, int flags), path, visit, descriptors, flags)
+#ifdef __GLIBC__
+GLOB_CALL(glob64, glob64_t)
+WALK(ftw64, ftw64, (const char *path, __ftw64_func_t visit, int descriptors), path, visit, descriptors)
+WALK(nftw64, nftw64, (const char *path, __nftw64_func_t visit, int descriptors, int flags), path, visit, descriptors, flags)
+
+struct _ftsent;
+typedef struct fts_object FTS_OBJECT;
+FTS_OBJECT *fts_open(char *const *, int, int (*)(const struct _ftsent **, const struct _ftsent **));
+EXPORT FTS_OBJECT *fts_open(char *const *paths, int options, int (*compare)(const struct _ftsent **, const struct _ftsent **))
+{
+    note('B', "fts_open");
+    return NEXT(fts_open)(paths, options, compare);
+}
+#endif
+
+EXPORT void *dlopen(const char *path, int flags)
+{
+    void *result = NEXT(dlopen)(path, flags);
+    int saved = errno;
+
+    if (result && path)
+        dl_iterate_phdr(note_library, NULL);
+    errno = saved;
+    return result;
+}
+
+/* Change */
+
+static int note_entry(const char *path, const struct stat *status, int kind, struct FTW *place)
+{
+    (void)status, (void)place;
+    changed(kind == FTW_D || kind == FTW_DNR ? 'D' : 'W', AT_FDCWD, path);
+    return 0;
+}
+
+/* Log what was renamed and all that is in it: what others put there later is not the step's. */
+static void renamed(int folder, const char *path)
+{
+    char absolute[PATH_MAX];
+    int saved = errno;
+
+    if (map && locate(folder, path, absolute) && NEXT(nftw)(absolute, note_entry, 16, FTW_PHYS | FTW_MOUNT))
+        changed('W', AT_FDCWD, absolute);
+    errno = saved;
+}
+
+#define RENAME(name, from, folder, parameters, ...)                             \
+    EXPORT int name parameters                                                  \
+    {                                                                           \
+        int result = holds_copies(from, old) || refused(from, old) || refused(folder, path) \
+            ? -1 : NEXT(name)(__VA_ARGS__);                                     \
+        if (!result) {                                                          \
+            changed('U', from, old);                                            \
+            renamed(folder, path);                                              \
+        }                                                                       \
+        return result;                                                          \
+    }
+
+RENAME(rename, AT_FDCWD, AT_FDCWD, (const char *old, const char *path), old, path)
+RENAME(renameat, from, folder, (int from, const char *old, int folder, const char *path), from, old, folder, path)
+#ifdef __GLIBC__
+RENAME(renameat2, from, folder, (int from, const char *old, int folder, const char *path, unsigned int flags), from, old, folder, path, flags)
+#endif
+
+#define CHANGE(name, kind, guard, folder, parameters, ...)                      \
+    EXPORT int name parameters                                                  \
+    {                                                                           \
+        int keep = (guard) && (refused(folder, path) || (kind == 'U' && holds_copies(folder, path))); \
+        int result = keep ? -1 : NEXT(name)(__VA_ARGS__);                       \
+        if (!result)                                                            \
+            changed(kind, folder, path);                                        \
+        return result;                                                          \
+    }
+
+CHANGE(unlink, 'U', is_entry(AT_FDCWD, path), AT_FDCWD, (const char *path), path)
+CHANGE(rmdir, 'U', is_entry(AT_FDCWD, path), AT_FDCWD, (const char *path), path)
+CHANGE(remove, 'U', is_entry(AT_FDCWD, path), AT_FDCWD, (const char *path), path)
+CHANGE(unlinkat, 'U', is_entry(folder, path), folder, (int folder, const char *path, int flags), folder, path, flags)
+CHANGE(symlink, 'W', 1, AT_FDCWD, (const char *target, const char *path), target, path)
+CHANGE(symlinkat, 'W', 1, folder, (const char *target, int folder, const char *path), target, folder, path)
+CHANGE(mkfifo, 'W', 1, AT_FDCWD, (const char *path, mode_t mode), path, mode)
+CHANGE(mkdir, 'D', !is_entry(AT_FDCWD, path), AT_FDCWD, (const char *path, mode_t mode), path, mode)
+CHANGE(mkdirat, 'D', !is_entry(folder, path), folder, (int folder, const char *path, mode_t mode), folder, path, mode)
+CHANGE(truncate, 'W', 1, AT_FDCWD, (const char *path, off_t size), path, size)
+#ifdef __GLIBC__
+CHANGE(truncate64, 'W', 1, AT_FDCWD, (const char *path, off64_t size), path, size)
+#endif
+CHANGE(chmod, 'W', 1, AT_FDCWD, (const char *path, mode_t mode), path, mode)
+CHANGE(fchmodat, 'W', 1, folder, (int folder, const char *path, mode_t mode, int flags), folder, path, mode, flags)
+
+EXPORT int link(const char *old, const char *path)
+{
+    int result = refused(AT_FDCWD, path) ? -1 : NEXT(link)(old, path);
+    if (!result) {
+        found('R', AT_FDCWD, old);
+        changed('W', AT_FDCWD, path);
+    }
+    return result;
+}
+
+EXPORT int linkat(int from, const char *old, int folder, const char *path, int flags)
+{
+    int result = refused(folder, path) ? -1 : NEXT(linkat)(from, old, folder, path, flags);
+    if (!result) {
+        found('R', from, old);
+        changed('W', folder, path);
+    }
+    return result;
+}
+
+#define TEMPORARY(name, kind, type, failed, parameters, ...)                    \
+    EXPORT type name parameters                                                 \
+    {                                                                           \
+        type result = NEXT(name)(__VA_ARGS__);                                  \
+        if (result != failed)                                                   \
+            changed(kind, AT_FDCWD, path);                                      \
+        return result;                                                          \
+    }
+
+TEMPORARY(mkstemp, 'W', int, -1, (char *path), path)
+TEMPORARY(mkostemp, 'W', int, -1, (char *path, int flags), path, flags)
+TEMPORARY(mkstemps, 'W', int, -1, (char *path, int length), path, length)
+TEMPORARY(mkostemps, 'W', int, -1, (char *path, int length, int flags), path, length, flags)
+TEMPORARY(mkdtemp, 'D', char *, NULL, (char *path), path)
+#ifdef __GLIBC__
+TEMPORARY(mkstemp64, 'W', int, -1, (char *path), path)
+TEMPORARY(mkostemp64, 'W', int, -1, (char *path, int flags), path, flags)
+#endif
+
+/* Variables. Shells and Python copy all of them at their start and ask for none. */
+
+EXPORT char *getenv(const char *name)
+{
+    if (map)
+        note('V', name);
+    return NEXT(getenv)(name);
+}
+
+#ifdef __GLIBC__
+EXPORT char *secure_getenv(const char *name)
+{
+    if (map)
+        note('V', name);
+    return NEXT(secure_getenv)(name);
+}
+#endif
+
+/* Programs */
+
+static int has_variable(char *const *variables, const char *variable)
+{
+    size_t length = strcspn(variable, "=") + 1;
+
+    for (; *variables; variables++)
+        if (!strncmp(*variables, variable, length))
+            return length == sizeof PRELOAD - 1 ? strstr(*variables, library) != NULL : 1;
+    return 0;
+}
+
+/* Programs that clear the environment, as `env -i` does, pass these on nevertheless. */
+#define WITH_OBSERVER(variables)                                                \
+    char preload[sizeof PRELOAD + PATH_MAX];                                    \
+    do {                                                                        \
+        size_t count = 0, at = 0;                                               \
+        char **copy;                                                            \
+        if (!map)                                                               \
+            break;                                                              \
+        if (variables && has_variable(variables, PRELOAD) && has_variable(variables, LOG)) \
+            break;                                                              \
+        while (variables && variables[count])                                   \
+            count++;                                                            \
+        copy = alloca((count + 4) * sizeof *copy);                              \
+        for (size_t each = 0; each < count; each++)                             \
+            if (strncmp(variables[each], PRELOAD, sizeof PRELOAD - 1) && strncmp(variables[each], LOG, sizeof LOG - 1)) \
+                copy[at++] = variables[each];                                   \
+        snprintf(preload, sizeof preload, PRELOAD "%s", library);               \
+        copy[at++] = preload;                                                   \
+        copy[at++] = log_variable;                                              \
+        if (*links_variable)                                                    \
+            copy[at++] = links_variable;                                        \
+        copy[at] = NULL;                                                        \
+        variables = copy;                                                       \
+    } while (0)
+
+/* execvp() and posix_spawnp() look for a program where the C library is not observed. */
+static void note_search(const char *file)
+{
+    const char *path = strchr(file, '/') ? NULL : NEXT(getenv)("PATH");
+    char candidate[PATH_MAX];
+    int saved = errno;
+
+    while (path && *path) {
+        size_t length = strcspn(path, ":");
+        if (length + strlen(file) + 2 < sizeof candidate) {
+            snprintf(candidate, sizeof candidate, "%.*s%s%s", (int)length, path, length ? "/" : "", file);
+            if (is_there(candidate))
+                break;
+            errno = ENOENT;
+            missing(AT_FDCWD, candidate);
+        }
+        path += length + (path[length] == ':');
+    }
+    errno = saved;
+}
+
+static void executing(char kind, const char *file)
+{
+    char absolute[PATH_MAX];
+    int saved = errno;
+
+    if (map) {
+        const char *path = strchr(file, '/') && locate(AT_FDCWD, file, absolute) ? absolute : file;
+        if (kind == 'X' && own_process != syscall(SYS_getpid)) { /* after vfork(), in the parent's memory */
+            pid_t parent = own_process;
+            note_parent();
+            own_process = parent;
+        }
+        say(kind, path, strlen(path));
+        if (kind == 'X' && path == absolute && is_input(path))
+            note('R', path);
+    }
+    errno = saved;
+}
+
+EXPORT int execve(const char *file, char *const argv[], char *const envp[])
+{
+    char *const *variables = envp;
+    int result;
+
+    WITH_OBSERVER(variables);
+    executing('X', file);
+    result = NEXT(execve)(file, argv, (char *const *)variables);
+    executing('F', file);
+    missing(AT_FDCWD, file);
+    return result;
+}
+
+#ifdef __GLIBC__
+EXPORT int execvpe(const char *file, char *const argv[], char *const envp[])
+{
+    char *const *variables = envp;
+    int result;
+
+    WITH_OBSERVER(variables);
+    if (map)
+        note_search(file);
+    executing('X', file);
+    result = NEXT(execvpe)(file, argv, (char *const *)variables);
+    executing('F', file);
+    return result;
+}
+#else
+int execvpe(const char *, char *const[], char *const[]);
+#endif
+
+EXPORT int fexecve(int descriptor, char *const argv[], char *const envp[])
+{
+    char *const *variables = envp;
+    int result;
+
+    WITH_OBSERVER(variables);
+    executing('X', "a descriptor");
+    result = NEXT(fexecve)(descriptor, argv, (char *const *)variables);
+    executing('F', "a descriptor");
+    return result;
+}
+
+EXPORT int execv(const char *file, char *const argv[]) { return execve(file, argv, environ); }
+EXPORT int execvp(const char *file, char *const argv[]) { return execvpe(file, argv, environ); }
+
+/* The C library's execl() does not call the functions above. */
+#define ARGUMENTS(first)                                                        \
+    va_list arguments;                                                          \
+    size_t count = 1;                                                           \
+    char **argv;                                                                \
+    va_start(arguments, first);                                                 \
+    while (va_arg(arguments, char *))                                           \
+        count++;                                                                \
+    va_end(arguments);                                                          \
+    argv = alloca((count + 1) * sizeof *argv);                                  \
+    argv[0] = (char *)first;                                                    \
+    va_start(arguments, first);                                                 \
+    for (size_t at = 1; at <= count; at++)                                      \
+        argv[at] = va_arg(arguments, char *)
+
+EXPORT int execl(const char *file, const char *first, ...)
+{
+    ARGUMENTS(first);
+    va_end(arguments);
+    return execve(file, argv, environ);
+}
+
+EXPORT int execlp(const char *file, const char *first, ...)
+{
+    ARGUMENTS(first);
+    va_end(arguments);
+    return execvpe(file, argv, environ);
+}
+
+EXPORT int execle(const char *file, const char *first, ...)
+{
+    char **variables;
+
+    ARGUMENTS(first);
+    variables = va_arg(arguments, char **);
+    va_end(arguments);
+    return execve(file, argv, variables);
+}
+
+#define SPAWN(name, searches)                                                             \
+    EXPORT int name(pid_t *process, const char *file, const posix_spawn_file_actions_t *actions, \
+                    const posix_spawnattr_t *attributes, char *const argv[], char *const envp[]) \
+    {                                                                                     \
+        char *const *variables = envp;                                                    \
+        char word[16];                                                                    \
+        pid_t own, *started = process ? process : &own;                                   \
+        int result;                                                                       \
+        WITH_OBSERVER(variables);                                                         \
+        if (map && searches)                                                              \
+            note_search(file);                                                            \
+        result = NEXT(name)(started, file, actions, attributes, argv, (char *const *)variables); \
+        if (!result)                                                                      \
+            say('S', word, snprintf(word, sizeof word, "%d", (int)*started));             \
+        else if (result == ENOENT) {                                                      \
+            errno = ENOENT;                                                               \
+            missing(AT_FDCWD, file);                                                      \
+        }                                                                                 \
+        return result;                                                                    \
+    }
+
+SPAWN(posix_spawn, 0)
+SPAWN(posix_spawnp, 1)

@@ -1,0 +1,122 @@
+"""A command could see something else only if what it read, found, listed or missed has changed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from forge.engine.commands import (
+    NOT_OBSERVED,
+    Accesses,
+    Folders,
+    ObservedCommands,
+    commands_of,
+    read_commands,
+    write_commands,
+)
+from forge.engine.observation import ObservedStep, Process
+
+SEEN = Accesses(
+    read=frozenset({"/s/a.c"}),
+    found=frozenset({"/s/b.c", "/s/d"}),
+    listed=frozenset({"/s/l"}),
+    searched=frozenset({"/s"}),
+)
+COMMANDS = ObservedCommands(missing=frozenset({"/s/config.h", "/s/inc", "/t/other.h"}))
+
+
+@pytest.mark.parametrize("path", ["/s/a.c"])
+def test_a_command_is_affected_by_what_it_read(path: str) -> None:
+    assert COMMANDS.affected(SEEN, (), (), {path})
+    assert COMMANDS.affected(SEEN, (), {path}, ())
+
+
+def test_a_command_that_only_found_a_file_is_affected_if_it_goes() -> None:
+    assert COMMANDS.affected(SEEN, (), {"/s/b.c"}, ())
+    assert COMMANDS.affected(SEEN, (), {"/s/d/"}, ())
+    assert not COMMANDS.affected(SEEN, (), (), {"/s/b.c"})
+
+
+@pytest.mark.parametrize("path", ["/s/l/new", "/s/l/folder/", "/s/config.h", "/s/inc/x/y.h", "/s/inc/"])
+def test_a_command_is_affected_by_new_names_that_it_listed_or_missed(path: str) -> None:
+    assert COMMANDS.affected(SEEN, {path}, (), ())
+
+
+@pytest.mark.parametrize("path", ["/s/new", "/s/d/l", "/t/other.h", "/s/l/deep/new", "/s/config.hpp"])
+def test_a_command_is_not_affected_by_other_new_names(path: str) -> None:
+    assert not COMMANDS.affected(SEEN, {path}, (), ())
+
+
+def test_a_later_build_replaces_what_its_commands_did_before() -> None:
+    old, new = Accesses(read=frozenset({"/old"})), Accesses(read=frozenset({"/new"}))
+    before = ObservedCommands(SEEN, {"a": old, "b": old, "gone": old}, frozenset({"/m"}))
+    merged = before.merged(ObservedCommands(None, {"a": new}, frozenset({"/n"})), {"a", "b"})
+    assert merged == ObservedCommands(SEEN, {"a": new, "b": old}, frozenset({"/m", "/n"}))
+
+
+def test_what_is_known_survives_on_disk(tmp_path: Path) -> None:
+    commands = ObservedCommands(
+        SEEN, {"x": Accesses(blind=True), "y": SEEN}, frozenset({"/m"}), frozenset({"/e"})
+    )
+    write_commands(tmp_path / "commands.json", commands)
+    assert read_commands(tmp_path / "commands.json") == commands
+
+
+@pytest.mark.parametrize(
+    "text", ["", "[]", "{}", '{"version": 0}', '{"version": 1, "paths": []}', "[" * 9999]
+)
+def test_a_damaged_file_says_nothing(tmp_path: Path, text: str) -> None:
+    (tmp_path / "commands.json").write_text(text)
+    assert read_commands(tmp_path / "commands.json") == NOT_OBSERVED
+
+
+def process(pid: int, parent: Process | None, program: str, *records: tuple[str, str]) -> Process:
+    found = Process(pid, parent, [program], "", [(number, *record) for number, record in enumerate(records)])
+    if parent:
+        parent.children.append(found)
+    return found
+
+
+def test_the_children_of_ninja_are_the_commands(tmp_path: Path) -> None:
+    build, source, other = tmp_path / "b", tmp_path / "s", tmp_path / "other"
+    for folder in (build, source, other):
+        folder.mkdir()
+    output, external = build / "x.o", other / "h.h"
+    for path in (output, external):
+        path.touch()
+    cmake = process(1, None, "/usr/bin/cmake")
+    ninja = process(2, cmake, "/usr/bin/ninja", ("R", str(build / "build.ninja")))
+    shell = process(3, ninja, "/bin/sh")
+    gcc = process(
+        4,
+        shell,
+        "/usr/bin/gcc",
+        ("R", str(source / "x.c")),
+        ("R", str(external)),
+        ("N", str(source / "y.h")),
+        ("W", str(output)),
+        ("R", str(output)),
+    )
+    step = ObservedStep((cmake, ninja, shell, gcc))
+    folders = Folders(build, (source,))
+    found = commands_of(step, {1: "build"}, lambda _, written: (str(output), written), folders)
+    accesses = found.edges[str(output)]
+    assert accesses.read == {str(source / "x.c")}
+    assert accesses.written == {str(output)}
+    assert accesses.searched == {str(source)}
+    assert found.missing == {str(source / "y.h")}
+    assert found.all_external() == {str(external)}
+    assert accesses.outputs_known
+    found = commands_of(step, {1: "build"}, lambda *_: (str(output), frozenset({"/elsewhere"})), folders)
+    assert not found.edges[str(output)].outputs_known
+
+
+def test_paths_are_those_of_the_spelled_folders(tmp_path: Path) -> None:
+    (tmp_path / "real/deep").mkdir(parents=True)
+    (tmp_path / "link").symlink_to("real")
+    folders = Folders(tmp_path / "link/b", (tmp_path / "link",))
+    assert folders.path(f"{tmp_path}/real/deep/x") == f"{tmp_path}/link/deep/x"
+    assert folders.path(f"{tmp_path}/link/deep/x") == f"{tmp_path}/link/deep/x"
+    assert folders.path(f"{tmp_path}/real") == f"{tmp_path}/link"
+    assert folders.path(f"{tmp_path}/realx") is None
