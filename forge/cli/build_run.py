@@ -114,7 +114,8 @@ def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
             job_pool,
             StartedProcesses(context.layout.build),
             audit.launch if audit else unwrapped,
-            open_observer(plan.tasks.values(), context.layout, own, build.variables),
+            # An audit sees what programs ask for, and should not see what the observer does.
+            open_observer(() if audit else plan.tasks.values(), context.layout, own, build.variables),
         )
         # Each package that is built on this machine holds a job.
         runner = TaskRunner(lifecycle, executor, None if remote else job_pool)

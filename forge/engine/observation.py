@@ -24,7 +24,7 @@ LINKS_VARIABLE = "FORGE_OBSERVER_LINKS"
 LOG_BYTES = 1 << 30
 """The size of a log, which is a sparse file: the library maps all of it."""
 
-_HEADER = struct.Struct("=QQQ")
+_HEADER = struct.Struct("=QQQQ")
 _HEADER_BYTES = 4096
 _CHUNK = struct.Struct("=II")
 _RECORD = struct.Struct("=IIc")
@@ -101,7 +101,7 @@ def begin_log(log: Path) -> None:
     """
     log.parent.mkdir(parents=True, exist_ok=True)
     with log.open("wb") as file:
-        file.write(_HEADER.pack(_HEADER_BYTES, 0, 0).ljust(_HEADER_BYTES, b"\0"))
+        file.write(_HEADER.pack(_HEADER_BYTES, 0, 0, _HEADER_BYTES).ljust(_HEADER_BYTES, b"\0"))
         with contextlib.suppress(OSError):
             file.truncate(LOG_BYTES)
 
@@ -171,7 +171,7 @@ def _records(log: Path, kinds: str) -> tuple[list[tuple[int, int, str, str]], li
     """Return the records of some kinds in order, each with its number and its process; and what is lost."""
     try:
         with log.open("rb") as file:
-            end, count, lost = _HEADER.unpack(file.read(_HEADER.size))
+            end, count, lost, _ = _HEADER.unpack(file.read(_HEADER.size))
             file.seek(_HEADER_BYTES)
             content = file.read(max(0, min(end, LOG_BYTES) - _HEADER_BYTES))
     except (OSError, struct.error):

@@ -3,7 +3,7 @@
  * LD_PRELOAD loads this library into every process of a step. FORGE_OBSERVER_LOG names a log that all of
  * them map into memory: a record is written without a system call, and none is lost if a process is killed.
  * The log is a header and chunks, each of one process, which hold records until a size of 0 or the chunk's end.
- * A chunk's space is allocated before it is used, since a process whose disk is full must not die of it.
+ * Space is allocated before it is used, since a process whose disk is full must not die of it.
  * Records follow, a letter and a word that ends with NUL:
  *
  *   P path   this process has loaded the library, as it began to run this program
@@ -73,10 +73,13 @@ extern char **environ;
 
 #define HEADER 4096
 
+#define ALLOCATED_AT_ONCE (1 << 20)
+
 struct header {
-    uint64_t end;     /* of the last chunk */
-    uint64_t records; /* that were begun */
-    uint64_t lost;    /* not 0 if a process found no space */
+    uint64_t end;       /* of the last chunk */
+    uint64_t records;   /* that were begun */
+    uint64_t lost;      /* not 0 if a process found no space */
+    uint64_t allocated; /* up to here, the disk has space */
 };
 
 struct chunk {
@@ -102,26 +105,32 @@ static struct {
     char busy;
 } chunk;
 
-/* Allocate space at the end of the log; return its offset, 0 if there is none. */
-static uint64_t allocate(size_t size)
+/* Let the disk have space up to an offset; return 0 if it has not. */
+static int allocate(struct header *header, uint64_t end)
+{
+    uint64_t allocated = __atomic_load_n(&header->allocated, __ATOMIC_ACQUIRE);
+    int descriptor, done;
+
+    if (end <= allocated)
+        return 1;
+    end = (end + ALLOCATED_AT_ONCE) / ALLOCATED_AT_ONCE * ALLOCATED_AT_ONCE;
+    descriptor = syscall(SYS_openat, AT_FDCWD, log_variable + strlen(LOG), O_WRONLY | O_CLOEXEC);
+    done = descriptor >= 0 && !syscall(SYS_fallocate, descriptor, 0, allocated, end - allocated);
+    if (descriptor >= 0)
+        syscall(SYS_close, descriptor);
+    while (done && allocated < end)
+        if (__atomic_compare_exchange_n(&header->allocated, &allocated, end, 0, __ATOMIC_RELEASE, __ATOMIC_ACQUIRE))
+            break;
+    return done;
+}
+
+/* Return the offset of space at the end of the log, 0 if there is none. */
+static uint64_t extend(size_t size)
 {
     struct header *header = (struct header *)map;
     uint64_t at = __atomic_fetch_add(&header->end, size, __ATOMIC_RELAXED);
-    int descriptor, done = 0;
 
-    if (at + size <= map_size) {
-        descriptor = syscall(SYS_openat, AT_FDCWD, log_variable + strlen(LOG), O_WRONLY | O_CLOEXEC);
-        if (descriptor >= 0) {
-            done = !syscall(SYS_fallocate, descriptor, 0, at, size);
-            if (!done && (errno == EOPNOTSUPP || errno == ENOSYS)) {
-                static const char zeros[HEADER];
-                for (size_t each = done = 1; each * HEADER <= size && done; each++)
-                    done = syscall(SYS_pwrite64, descriptor, zeros, HEADER, at + (each - 1) * HEADER) == HEADER;
-            }
-            syscall(SYS_close, descriptor);
-        }
-    }
-    if (done)
+    if (at + size + ALLOCATED_AT_ONCE <= map_size && allocate(header, at + size))
         return at;
     __atomic_store_n(&header->lost, 1, __ATOMIC_RELAXED);
     return 0;
@@ -144,7 +153,7 @@ static char *reserve(size_t size, uint32_t pid)
         else if (alone && chunk.pid != pid)
             chunk.size = HEADER;
         length = alone && more <= chunk.size ? chunk.size : (more + HEADER - 1) / HEADER * HEADER;
-        at = allocate(length);
+        at = extend(length);
         if (at) {
             struct chunk *head = (struct chunk *)(map + at);
             head->pid = pid;

@@ -30,7 +30,7 @@ def compile_library(folder: Path, variables: Mapping[str, str]) -> Path | None:
     if compiler is None:
         return None
     draft = library.with_name(f".{name}.{os.urandom(4).hex()}.so")
-    flags = ("-x", "c", "-std=gnu11", "-O2", "-shared", "-fPIC", "-fvisibility=hidden")
+    flags = ("-x", "c", "-std=gnu11", "-O1", "-shared", "-fPIC", "-fvisibility=hidden")
     argv = (compiler, *flags, "-o", str(draft), str(_SOURCE), "-ldl", "-lpthread")
     try:
         folder.mkdir(parents=True, exist_ok=True)

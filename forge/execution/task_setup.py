@@ -158,6 +158,7 @@ class TaskSetup(TaskLifecycle):
         raise_if_any(PrefixExchange(task.name, self.layout).refused(), WorkspaceError)
 
     def undo(self, task: Task) -> None:
+        self.recorder.record_commands(task)
         try:
             self.recorder.kept += PrefixExchange(task.name, self.layout).roll_back()
         except OSError:

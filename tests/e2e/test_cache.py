@@ -120,10 +120,15 @@ def test_a_restored_tree_is_the_built_one(users: Users, tmp_path: Path, layout: 
 
 
 def test_unlisted_files_in_a_merged_prefix_are_not_cached(users: Users, tmp_path: Path) -> None:
-    """Here, a program that is not observed writes it."""
-    unseen = "env -i sh -c 'echo x > ${CMAKE_INSTALL_PREFIX}/share/library/unseen'"
-    lists = LIBRARY + f"install(CODE [[execute_process(COMMAND {unseen})]])\n".replace("'", '"')
-    root = write(tmp_path / "ws", {**PLAIN, "src/library/CMakeLists.txt": lists})
+    """Here, a static program writes it, which cannot be observed."""
+    lists = (
+        f"{LIBRARY}add_executable(writer writer.cpp)\ntarget_link_options(writer PRIVATE -static)\n"
+        "install(CODE [[execute_process(COMMAND ./writer ${CMAKE_INSTALL_PREFIX}/share/library/unseen)]])\n"
+    )
+    code = '#include <cstdio>\nint main(int, char **words) { return !std::fopen(words[1], "w"); }\n'
+    root = write(
+        tmp_path / "ws", {**PLAIN, "src/library/CMakeLists.txt": lists, "src/library/writer.cpp": code}
+    )
     ran = users.build(root, "--merge-install", "--explain", "--executor", "sequential")
     assert (
         "library: not in the cache; not cached: 'share/library/unseen' appeared during the build" in ran.out

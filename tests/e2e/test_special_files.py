@@ -167,7 +167,8 @@ def test_results_of_tests_are_not_waited_for(root: Path) -> None:
     os.mkfifo(root / "build/a/result.xml")
     os.mkfifo(root / "build/a/CTestTestfile.cmake")
     assert run(root, "test")[0] == 0
-    assert run(root, "test-result") == (0, "Summary: 0 tests, 0 errors, 0 failures, 0 skipped\n")
+    code, said = run(root, "test-result")
+    assert (code, said.splitlines()[-1]) == (0, "Summary: 0 tests, 0 errors, 0 failures, 0 skipped")
 
 
 def test_sources_can_be_larger_than_memory(root: Path) -> None:
