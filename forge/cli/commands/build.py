@@ -16,7 +16,7 @@ from forge.base.layout import TEMPLATES_DIR
 from forge.base.templating import keep_compiled
 from forge.build.cleaning import stale_package_warnings
 from forge.build.folder_marks import is_own_install_base
-from forge.build.markers import create_output_folders
+from forge.build.markers import create_output_folders, other_layout
 from forge.build.planning import make_whole_plan
 from forge.build.snapshot import take_snapshot
 from forge.build.state import open_state
@@ -118,6 +118,8 @@ def build(options: BuildOptions, mode: BuildMode) -> int:
         closing(open_state(root, layout, interpreter)) as state,
     ):
         began += waited + waited_again
+        # Another forge may have begun to install here with the other layout at the same time.
+        raise_if_any(filter(None, (other_layout(layout),)), WorkspaceError)
         plan, announcements = _make_plan(options, loaded, names, context, variables, state)
         check_plan(plan, loaded, context, variables, mode.warn)
         if not mode.quiet:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from forge.base.layout import LOCK_FILE, PROCESSES_FILE
+from forge.base.layout import LAYOUT_MARKER, LOCK_FILE, PROCESSES_FILE
 from forge.execution.lock import lock_build_dir, lock_install_dir
 from forge.execution.started import StartedProcesses
 from tests.conftest import Forge, Tree
@@ -121,3 +121,19 @@ def test_builds_into_one_install_folder_wait_for_each_other(tree: Tree, forge: F
         assert ran.code == 2
         assert "the install folder" in ran.err
         assert "--install-base" in ran.err
+
+
+def test_the_layout_is_checked_again_after_waiting(tree: Tree) -> None:
+    root = tree(cmake_package("a"))
+    (root / "install").mkdir()
+    with lock_install_dir(root / "install"):
+        argv = (sys.executable, "-m", "forge", "build")
+        waiting = subprocess.Popen(
+            argv, cwd=root, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True
+        )
+        assert waiting.stderr is not None
+        assert "to release the lock on the install folder" in waiting.stderr.readline()
+        (root / "install" / LAYOUT_MARKER).write_text("merged\n")
+    _, message = waiting.communicate()
+    assert waiting.returncode == 2
+    assert "has the merged layout, not the isolated one" in message
