@@ -361,9 +361,14 @@ def _modified(path: str) -> int:
 
 
 def _remove_below(build: Path, paths: Iterable[str]) -> None:
-    for path in paths:
-        if path.startswith(f"{build}/") and os.path.lexists(path):
-            _discard_path(path)
+    """Remove files, and folders of which only the names are given; of those that end with '/', empty ones."""
+    for path in sorted(paths, reverse=True):
+        if path.startswith(f"{build}/") and os.path.lexists(path.rstrip("/")):
+            if path.endswith("/"):
+                with contextlib.suppress(OSError):
+                    os.rmdir(path)
+            else:
+                _discard_path(path)
 
 
 def _discard_path(path: str) -> None:
@@ -374,7 +379,11 @@ def _discard_path(path: str) -> None:
 
 
 def _move(path: str, source: str) -> None:
-    if os.path.lexists(source) and not os.path.lexists(path):
+    """Move a file back; of a folder that ends with '/', only the folder itself: others may lie in it."""
+    if path.endswith("/"):
+        if os.path.isdir(source):
+            os.makedirs(path, exist_ok=True)
+    elif os.path.lexists(source) and not os.path.lexists(path):
         os.makedirs(os.path.dirname(path), exist_ok=True)
         os.rename(source, path)
 

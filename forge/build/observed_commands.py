@@ -11,7 +11,7 @@ from forge.build.inputs.depfiles import cmake_root
 from forge.build.inputs.native_graph import read_native_graph
 from forge.build.observed_writes import read_steps
 from forge.build.prefix import written_log
-from forge.engine.commands import Folders, commands_of, read_commands, write_commands
+from forge.engine.commands import NOT_OBSERVED, Folders, commands_of, read_commands, write_commands
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 COMMANDS, COMMANDS_BEFORE = "commands.json", "commands_before.json"
 """What is known of the commands whose products are in a build folder, and what was before this build."""
-_CACHES = (f"{PACKAGE}/", *(f"{os.path.expanduser(folder)}/" for folder in ("~/.cache", "~/.ccache")))  # noqa: PTH111
+_CACHES = ("~/.cache", "~/.ccache")
 _COMMAND = re.compile(r"^  COMMAND = (.*)$", re.MULTILINE)
 _ESCAPE = re.compile(r"\$([ :$])")
 
@@ -38,13 +38,13 @@ def record_commands(task: Task, source: Path, layout: Layout) -> frozenset[str]:
     if not steps.kinds:
         return frozenset()
     graph = read_native_graph(build)
-    cmakes = cmake_root(build)
-    folders = Folders(
-        build, (source, layout.install, layout.build), (*_CACHES, *((cmakes,) if cmakes else ()))
-    )
+    tracked = (f"{PACKAGE}/", cmake_root(build), *(f"{os.path.expanduser(cache)}/" for cache in _CACHES))
+    folders = Folders(build, (source, layout.install, layout.build), filter(None, tracked))
     found = commands_of(steps.observed, steps.kinds, _Edges(graph), folders)
     outputs = frozenset(edge.outputs[0] for edge in graph.edges)
-    before = read_commands(build / SCRATCH_DIR / COMMANDS_BEFORE)
+    # Which commands ran is unknown if a part of the log is missing.
+    is_whole = not steps.observed.blind
+    before = read_commands(build / SCRATCH_DIR / COMMANDS_BEFORE) if is_whole else NOT_OBSERVED
     commands = before.merged(found, outputs)
     write_commands(build / SCRATCH_DIR / COMMANDS, commands)
     return commands.all_external()

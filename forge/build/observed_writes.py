@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.files import naming
 from forge.base.frozen import frozen
-from forge.engine.observation import ALL_KINDS, LOG_VARIABLE, ObservedStep, observe, read_log
+from forge.engine.observation import ALL_KINDS, LOG_VARIABLE, ObservedStep, end_log, observe, read_log
 from forge.engine.observation import begin_log as begin_library_log
 
 if TYPE_CHECKING:
@@ -116,7 +116,7 @@ def begin_log(log: Path) -> None:
 
 def remove_log(log: Path) -> None:
     """Remove a log and the notes beside it."""
-    log.unlink(missing_ok=True)
+    end_log(log)
     log.with_name(f"{log.name}{NOTES}").unlink(missing_ok=True)
 
 

@@ -31,7 +31,8 @@ class Accesses:
 
     `searched` is what it looked for in vain; of commands of the native tool, which share most of it, only the
     folders in which it did. All these lie in the folders that
-    matter; `external` are other files that it read. `outside` is True if it wrote to
+    matter; `external` are other files that it read. `written` has created folders, too, which end with '/'.
+    `outside` is True if it wrote to
     another folder than the build folder, and `blind` if not all is known.
     """
 
@@ -148,7 +149,7 @@ def commands_of(
         if edge is not None:
             output, outputs = edge
             # A server has written what the command itself did not.
-            blind = accesses.blind or not outputs <= accesses.written
+            blind = accesses.blind or not outputs <= {path.rstrip("/") for path in accesses.written}
             # A command may look how old a file is.
             read = accesses.read | accesses.found
             edges[output] = replace(accesses, read=read, found=frozenset(), blind=blind)
@@ -198,7 +199,10 @@ class Folders:
 
     def accesses(self, seen: Observation) -> Accesses:
         """Return what matters of an observation."""
-        kept = [path for path in seen.written | seen.folders if os.path.lexists(path)]
+        kept = [path for path in seen.written if os.path.lexists(path) and not _CACHED.match(path)]
+        kept += [
+            f"{path}/" for path in seen.folders if os.path.isdir(path) and not path.endswith("/__pycache__")
+        ]
         written = self.paths(kept)
         return Accesses(
             read=self.paths(seen.read | seen.executed),

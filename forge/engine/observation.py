@@ -24,7 +24,7 @@ LINKS_VARIABLE = "FORGE_OBSERVER_LINKS"
 LOG_BYTES = 1 << 30
 """The size of a log, which is a sparse file: the library maps all of it."""
 
-_HEADER = struct.Struct("=QQQQ")
+_HEADER, _END = struct.Struct("=QQQQ"), struct.Struct("=Q")
 _HEADER_BYTES = 4096
 _CHUNK = struct.Struct("=II")
 _RECORD = struct.Struct("=IIc")
@@ -100,10 +100,19 @@ def begin_log(log: Path) -> None:
     Where no file may be that long, nothing is observed.
     """
     log.parent.mkdir(parents=True, exist_ok=True)
+    # A server that a killed build has left may still map the former log: to truncate that would kill it.
+    log.unlink(missing_ok=True)
     with log.open("wb") as file:
         file.write(_HEADER.pack(_HEADER_BYTES, 0, 0, _HEADER_BYTES).ljust(_HEADER_BYTES, b"\0"))
         with contextlib.suppress(OSError):
             file.truncate(LOG_BYTES)
+
+
+def end_log(log: Path) -> None:
+    """Remove a log; processes that outlive the steps write no more to it."""
+    with contextlib.suppress(OSError), log.open("r+b") as file:
+        file.write(_END.pack(LOG_BYTES))
+    log.unlink(missing_ok=True)
 
 
 ALL_KINDS = "RYTLNWDUVEB"
@@ -122,7 +131,6 @@ def read_log(
     pending = dict.fromkeys(roots, "the step")
     """Programs that were started and have not loaded the library, by process."""
     spawned: dict[int, Process] = {}
-    parents: list[tuple[Process, int]] = []
     resolve = _resolver()
     last_kind: dict[int, str] = {}
     records, blind = _records(log, f"POCXFS{kinds}")
@@ -138,7 +146,6 @@ def read_log(
                 spawned.pop(pid, None)
                 process.programs.append(word)
             case "O" if process.parent is None:
-                parents.append((process, int(word)))
                 process.parent = running.get(int(word))
                 if process.parent:
                     process.parent.children.append(process)

@@ -43,8 +43,8 @@ NOTHING_CHANGED = {
 LINE_CHANGED = {"files read": 450, "folders listed": 180, "stat calls": 3400}
 """What forge itself asks beyond a build of nothing when a line has changed.
 
-Of the folders 36 are the prefix of before, compared with the new one and removed. A third of the
-stat calls is for files of the system that the compilers were observed to read.
+Of the folders 36 are the prefix of before, compared with the new one and removed. Many of the
+stat calls are for files of the system that the compilers were observed to read.
 """
 
 ONE_LINE = {"cmake": 2, "ninja": 1, "cc1plus": 1, "c++": 3}

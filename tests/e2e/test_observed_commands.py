@@ -141,6 +141,32 @@ def test_builds_after_a_change_match_clean_ones(forge: Forge, tree: Tree, name: 
     assert is_as_clean(forge, root)
 
 
+SHARED = HEAD + (
+    "add_custom_command(OUTPUT a.stamp COMMAND sh ${CMAKE_SOURCE_DIR}/a.sh ${CMAKE_SOURCE_DIR} VERBATIM)\n"
+    "add_custom_command(OUTPUT b.stamp COMMAND sh ${CMAKE_SOURCE_DIR}/b.sh ${CMAKE_SOURCE_DIR}"
+    " DEPENDS a.stamp VERBATIM)\nadd_custom_target(all_of_it ALL DEPENDS b.stamp)\n"
+    "install(DIRECTORY ${CMAKE_BINARY_DIR}/gen DESTINATION share)\n"
+)
+
+
+@pytest.mark.parametrize("edits", [("value.txt", "CMakeLists.txt"), ("value.txt",), ("other.txt",)])
+def test_commands_may_write_into_one_folder(forge: Forge, tree: Tree, edits: tuple[str, ...]) -> None:
+    """The first one creates it; what the other writes in it stays or goes with the other."""
+    files = {
+        **FILES,
+        "src/a/CMakeLists.txt": SHARED,
+        "src/a/a.sh": 'mkdir -p gen\ncat "$1/other.txt" > gen/a.txt\ntouch a.stamp\n',
+        "src/a/b.sh": 'read v < "$1/value.txt"\necho "$v" > gen/b.txt\n'
+        'ln -s b.txt "gen/link $v"\ntouch b.stamp\n',
+    }
+    root = tree(files)
+    built(forge, root)
+    for name in edits:
+        edit(root, name, "# 4\n" + files[f"src/a/{name}"])
+    built(forge, root)
+    assert is_as_clean(forge, root)
+
+
 def test_a_file_outside_of_the_workspace_is_an_input(forge: Forge, tree: Tree) -> None:
     files = {
         **FILES,

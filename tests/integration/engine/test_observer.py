@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from forge.engine.observation import LOG_VARIABLE, ObservedStep, begin_log, observe, read_log
+from forge.engine.observation import LOG_VARIABLE, ObservedStep, begin_log, end_log, observe, read_log
 from forge.engine.observer import compile_library
 from tests.conftest import Tree
 
@@ -214,3 +214,26 @@ def _is_covered(path: str, missing: set[str]) -> bool:
             return True
         path = os.path.dirname(path)
     return False
+
+
+def test_a_server_that_outlives_its_step_goes_on(tmp_path: Path, library: Path) -> None:
+    """Neither does it fail, nor does the removed log grow."""
+    log = tmp_path / "log/observed"
+    begin_log(log)
+    code = "import os\ninput()\nfor n in range(50_000): os.path.exists(f'/none{n}')\nprint('ok')"
+    environment = {**os.environ, "LD_PRELOAD": str(library), LOG_VARIABLE: str(log)}
+    with subprocess.Popen(
+        (sys.executable, "-c", code),
+        env=environment,
+        text=True,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+    ) as server:
+        while not read_log(log, frozenset({server.pid})).processes:
+            pass
+        with log.open("rb") as kept:
+            end_log(log)
+            begin_log(log)
+            assert server.communicate("go\n")[0] == "ok\n"
+            assert os.fstat(kept.fileno()).st_blocks * 512 < 4 << 20
+    assert server.returncode == 0
