@@ -27,6 +27,7 @@ EXTERNALS = "externals.json"
 SOURCES = "sources.json"
 """The sources at the start of the last build, successful or not."""
 _GENERATED = (
+    "CMakeCache.txt",
     "build.ninja",
     "CMakeFiles/rules.ninja",
     "Makefile",

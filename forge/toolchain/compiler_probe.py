@@ -19,7 +19,7 @@ import threading
 from typing import TYPE_CHECKING
 
 from forge.base.digests import digest
-from forge.base.files import remove_tree, replace_file, text_or_nothing
+from forge.base.files import has_text, remove_tree, replace_file, text_or_nothing
 from forge.base.layout import TOOLCHAIN_DIR
 from forge.toolchain.cmake_warnings import unused_variables
 from forge.toolchain.programs import calls_make
@@ -37,7 +37,7 @@ _PROJECT = """\
 cmake_minimum_required(VERSION 3.18)
 project(forge_toolchain {languages})
 """
-_UNUSED = "unused_variables"
+_DIGEST, _UNUSED = "digest", "unused_variables"
 """The variables of CMake's arguments that the reference project does not use, one per line."""
 
 _FIND_PYTHON = "find_package(Python3 COMPONENTS Interpreter QUIET)\n"
@@ -107,7 +107,7 @@ class Toolchain:
 
     def _configure(self, variables: Mapping[str, str]) -> None:
         """Configure the reference project, unless an earlier build did."""
-        if self._results() is not None:
+        if self._results() is not None and has_text(self._home / _DIGEST, self._digest()):
             return
         remove_tree(str(self._home))
         replace_file(self._home / "CMakeLists.txt", self._project.encode())
@@ -115,6 +115,13 @@ class Toolchain:
             self._argv, env=dict(variables), stdin=subprocess.DEVNULL, capture_output=True, check=False
         )
         replace_file(self._home / _UNUSED, "\n".join(sorted(unused_variables(done.stderr))).encode())
+        replace_file(self._home / _DIGEST, self._digest().encode())
+
+    def _digest(self) -> str:
+        """Return a digest of the results, by which damaged ones are noticed."""
+        build = self._home / "build"
+        files = (self._home / _UNUSED, build / "CMakeCache.txt", *sorted(build.glob("CMakeFiles/[0-9]*/*")))
+        return digest(*(path.read_bytes().hex() for path in files if path.is_file()))
 
     def _results(self) -> Path | None:
         """Return the folder of results; None if there are none and packages detect compilers themselves."""

@@ -167,6 +167,16 @@ def test_commands_may_write_into_one_folder(forge: Forge, tree: Tree, edits: tup
     assert is_as_clean(forge, root)
 
 
+@pytest.mark.parametrize("text", ["", "[]", "CMAKE_GENERATOR<"])
+def test_a_build_folder_with_a_damaged_cache_starts_empty(forge: Forge, tree: Tree, text: str) -> None:
+    root = tree({**FILES, "src/a/CMakeLists.txt": GENERATES})
+    built(forge, root)
+    (root / "build/a/CMakeCache.txt").write_text(text)
+    edit(root, "value.txt", "4\n")
+    built(forge, root)
+    assert is_as_clean(forge, root)
+
+
 def test_a_file_outside_of_the_workspace_is_an_input(forge: Forge, tree: Tree) -> None:
     files = {
         **FILES,

@@ -66,15 +66,22 @@ def test_the_first_flags_are_those_of_the_step(tree: Tree) -> None:
 
 
 @pytest.mark.needs("cmake", "ninja", "g++")
-def test_damaged_results_are_no_crash(tree: Tree) -> None:
+def test_damaged_results_are_made_anew(tree: Tree) -> None:
     root = tree({"src/CMakeLists.txt": LISTS, "src/x.cpp": "int main() {}\n"})
-    toolchain = Toolchain(root / "cache", Path(shutil.which("cmake") or ""), ("-G", "Ninja"), ())
-    (root / "one").mkdir()
-    assert toolchain.seed(root / "src", root / "one", os.environ)
+
+    def seeded(name: str) -> dict[str, bytes]:
+        (root / name).mkdir()
+        toolchain = Toolchain(root / "cache", Path(shutil.which("cmake") or ""), ("-G", "Ninja"), ())
+        assert toolchain.seed(root / "src", root / name, os.environ)
+        files = (path for path in (root / name).rglob("*") if path.is_file())
+        return {str(path.relative_to(root / name)): path.read_bytes() for path in files}
+
+    whole = seeded("one")
     for path in (path for path in (root / "cache").rglob("*") if path.is_file()):
         path.write_bytes(b"\xf1\x00" + path.read_bytes())
-    (root / "two").mkdir()
-    assert toolchain.seed(root / "src", root / "two", os.environ)
+    damaged = seeded("two")
+    assert damaged.keys() == whole.keys()
+    assert [name for name in whole if b"\xf1\x00" in damaged[name]] == []
 
 
 def _what_matters(build: Path) -> dict[str, object]:
