@@ -168,6 +168,36 @@ def test_the_core_imports_no_plugin_and_no_plugin_another(module: str) -> None:
     assert not foreign
 
 
+def public_modules(package: str) -> Iterator[str]:
+    """Yield the modules in `__all__` of a package, and for packages among them, those in theirs."""
+    for node in modules()[package].body if package in modules() else ():
+        match node:
+            case ast.Assign(targets=[ast.Name("__all__")], value=value):
+                for name in ast.literal_eval(value):
+                    module = f"{package}.{name}"
+                    yield from list(public_modules(module)) or [module]
+
+
+PUBLIC = {module for package in PACKAGES[:-1] for module in public_modules(package)}
+
+
+def test_public_names_exist() -> None:
+    assert PUBLIC - modules().keys() == {"interfaces.Types", "interfaces.load"}
+
+
+@pytest.mark.parametrize("module", [module for module in modules() if plugin_of(module)])
+def test_a_plugin_imports_public_modules_of_the_core(module: str) -> None:
+    core = [arrow for arrow in arrows(module) if not arrow.target.startswith((":", ".", "plugins."))]
+    assert not [f"line {arrow.line}: {arrow.target}" for arrow in core if arrow.target not in PUBLIC]
+
+
+@pytest.mark.parametrize("module", modules())
+def test_no_module_imports_private_names_of_another(module: str) -> None:
+    imports = [node for node in ast.walk(modules()[module]) if isinstance(node, ast.ImportFrom)]
+    names = [name.name for node in imports for name in node.names if (node.module or "").startswith("forge")]
+    assert not [name for name in names if name.startswith("_") and not name.endswith("__")]
+
+
 def test_pyproject_announces_the_plugins_that_forge_finds() -> None:
     project = read_toml((ROOT / "pyproject.toml").read_bytes(), ROOT / "pyproject.toml")["project"]
     assert project["entry-points"] == OWN

@@ -2,3 +2,23 @@
 
 Knows nothing of ROS, packages or builds, and imports nothing else of forge.
 """
+
+__all__ = [
+    "ament_index",
+    "cmake_syntax",
+    "distributions",
+    "env_vars",
+    "errors",
+    "files",
+    "formats",
+    "frozen",
+    "graph",
+    "layout",
+    "names",
+    "options",
+    "own_environment",
+    "standard_interfaces",
+    "templating",
+    "text",
+    "xml",
+]

@@ -5,3 +5,5 @@ inputs file by file, `inputs.native_graph` reads the dependency graphs of ninja 
 which outputs remain valid, and `build_dir` applies that decision. Imports nothing from `execution`, `cache`
 or `cli`.
 """
+
+__all__ = ["build_types", "events", "inputs", "journal", "markers", "recipes", "tasks", "tests", "up_to_date"]

@@ -2,3 +2,5 @@
 
 Start with `package_cache` and `opening`.
 """
+
+__all__ = ["action_result", "model"]

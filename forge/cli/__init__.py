@@ -3,3 +3,5 @@
 `main` selects the command, `commands` contains a module for each, `session` runs a build plan. May import all
 other packages.
 """
+
+__all__ = ["commands", "mixins", "options", "package_options", "preparation"]

@@ -2,3 +2,5 @@
 
 May import `base` and `interfaces`.
 """
+
+__all__ = ["installed", "prefixes"]

@@ -3,3 +3,14 @@
 `loop.execute` is the entry point. May import the packages above it in docs/explanation/architecture.md, up to
 `cache`.
 """
+
+__all__ = [
+    "executor",
+    "fork_server",
+    "job_pool",
+    "jobserver",
+    "options",
+    "runner",
+    "started",
+    "worker_client",
+]

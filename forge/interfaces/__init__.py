@@ -11,6 +11,20 @@ if TYPE_CHECKING:
     from forge.interfaces.loading import Types as Types
     from forge.interfaces.loading import load as load
 
+__all__ = [
+    "Types",
+    "cpp",
+    "hashing",
+    "load",
+    "model",
+    "notation",
+    "read",
+    "resolve",
+    "type_description",
+    "wire",
+    "writing",
+]
+
 
 def __getattr__(name: str) -> object:
     """Import `load` and `Types` lazily, so that the compiler does not load them."""

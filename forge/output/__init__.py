@@ -2,3 +2,5 @@
 
 All reporters listen to the events in `build.events`.
 """
+
+__all__ = ["reporters"]

@@ -2,3 +2,14 @@
 
 May import the packages above it in docs/explanation/architecture.md, up to `workspace`.
 """
+
+__all__ = [
+    "compiler_launchers",
+    "interpreter",
+    "languages",
+    "os_release",
+    "programs",
+    "python_modules",
+    "resources",
+    "targets",
+]

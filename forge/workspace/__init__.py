@@ -2,3 +2,16 @@
 
 Start reading at `load`. May import `base`, `interfaces` and `environment`.
 """
+
+__all__ = [
+    "discovery",
+    "identity",
+    "load",
+    "manifest",
+    "model",
+    "plain_packages",
+    "references",
+    "resolve",
+    "root",
+    "selection",
+]

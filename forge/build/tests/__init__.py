@@ -2,3 +2,5 @@
 
 `unittests` is a separate program that runs unittest.
 """
+
+__all__ = ["recipes"]

@@ -16,10 +16,10 @@ from forge.cli.options import add_verb
 from forge.plugins.mixins.repositories import MixinRepositories
 
 if TYPE_CHECKING:
+    import argparse
     from collections.abc import Iterable
     from pathlib import Path
 
-    from forge.cli.main import Parser
     from forge.cli.mixins import Mixin
     from forge.plugins.mixins.repositories import Change
 
@@ -62,7 +62,7 @@ class _ShowOptions:
     mixin_files: tuple[str, ...] = _files()
 
 
-def register(parser: Parser) -> None:
+def register(parser: argparse.ArgumentParser) -> None:
     """Add the verbs of `forge mixin`."""
     verbs = parser.add_subparsers(metavar="VERB", required=True)
     add_verb(verbs, "add", "add a repository of mixins", _AddOptions, _add)

@@ -11,6 +11,8 @@ from forge.cli.main import add_plugin
 if TYPE_CHECKING:
     from forge.cli.main import Parser
 
+__all__ = ["inputs"]
+
 
 def register(parser: Parser) -> None:
     verbs = parser.add_subparsers(metavar="VERB", required=True, parser_class=type(parser))
