@@ -26,6 +26,7 @@ from forge.base.errors import (
 )
 from forge.base.extensions import COMMANDS as PLUGINS
 from forge.base.extensions import OWN, call, find
+from forge.base.layout import docs_url, templates_folder
 from forge.base.signals import handle_signals, interrupt, is_writable
 from forge.cli.colcon_options import classified
 from forge.cli.config import GENERAL, configured
@@ -169,15 +170,15 @@ class Parser(argparse.ArgumentParser):
 
     def format_help(self) -> str:
         """Return the help with examples at the end; shorten the usage line of commands with many options."""
-        from forge.cli.examples import examples
-
         positionals = [action for action in self._actions if not action.option_strings or action.required]
         if self.usage is None and len(self._actions) - len(positionals) > _MANY:
             formatter = self._get_formatter()
             formatter.add_usage(None, positionals, [], prefix="")
             words = formatter.format_help().strip().removeprefix(self.prog)
             self.usage = f"{self.prog} [OPTION ...]{words}"
-        return super().format_help() + examples(self.prog.partition(" ")[2])
+        examples, page = help_endings().get(self.prog, ("", ""))
+        end = f"\nexamples:\n{examples}\n\ndocumentation: {docs_url(page)}\n" if page else ""
+        return super().format_help() + end
 
     def _gathered(self, options: argparse.Namespace, rest: list[str]) -> tuple[argparse.Namespace, list[str]]:
         """Assign positional arguments that follow an option to the variadic positional argument.
@@ -214,6 +215,13 @@ class Parser(argparse.ArgumentParser):
         kind = "commands" if "command '" in message else "verbs" if message.endswith(" VERB") else "options"
         print_problem(Problem(message, hint=hint or f"'{self.prog} --help' lists all {kind}"))
         raise SystemExit(EXIT_USER)
+
+
+def help_endings() -> dict[str, tuple[str, str]]:
+    """Return two examples and the page below docs/ for each command, such as 'forge pkg create'."""
+    text = (templates_folder() / "help/examples.txt").read_text(encoding="utf-8")
+    entries = (entry.split("\n", 1) for entry in text.strip().split("\n\n"))
+    return {head.partition(": ")[0]: (lines, head.partition(": ")[2]) for head, lines in entries}
 
 
 def parser_of(arguments: Sequence[str]) -> argparse.ArgumentParser:
