@@ -1,12 +1,16 @@
-"""Print names for shell completion: `python -S -E completion_words.py KIND [NAME]`.
+"""Answers the completion scripts of shells: `python -S -E completion_words.py KIND [WORD ...]`.
 
-The completion scripts run this program for each completion, so it imports as little as possible, and most
-modules only for the kinds that need them. Names of a workspace's packages are cached with the modification
-times of their manifests.
+With `complete` or `describe`, the words are those of the command line after `forge`, and stdin contains the
+table of `forge.cli.commands.completion`. All other kinds print names.
+
+Shells start this program for each completion, so it imports as little as possible, and most modules only for
+the kinds that need them. Names of a workspace's packages are cached with the modification times of their
+manifests.
 """
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import sys
@@ -17,13 +21,13 @@ if __name__ == "__main__":
     sys.path[0] = os.path.abspath(f"{__file__}/../../..")
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from forge.workspace.root import find_install, find_root, is_root
 from forge.workspace.source_names import is_environment, may_contain_packages
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 _IGNORED = frozenset({"COLCON_IGNORE", "AMENT_IGNORE", "CATKIN_IGNORE"})
 _KINDS = ("package.xml", "CMakeLists.txt", "pyproject.toml", "setup.py")
@@ -36,15 +40,61 @@ _INTERFACES = ("msg", "srv", "action")
 
 
 def main(words: Sequence[str], variables: Mapping[str, str]) -> int:
-    """Print the requested names, or the root of the workspace, one per line."""
+    """Print candidates, names, or the root of the workspace, one per line."""
+    lines: Iterable[str]
     if words[:1] == ["root"]:
         root = find_root(Path.cwd(), Path.home())
-        sys.stdout.write(f"{root}\n" if is_root(root) else "")
-        return 0
-    # A shell inserts the names unquoted.
-    for name in sorted(name for name in set(_names(words, variables)) if _TYPED.fullmatch(name)):
-        sys.stdout.write(f"{name}\n")
+        lines = (str(root),) if is_root(root) else ()
+    elif words[:1] in (["complete"], ["describe"]):
+        found = _candidates(json.load(sys.stdin), words[1:-1], words[-1], variables)
+        described = words[0] == "describe"
+        lines = (f"{word}\t{summary}" if described and summary else word for word, summary in found)
+    else:
+        lines = _safe_names(words, variables)
+    for line in lines:
+        sys.stdout.write(f"{line}\n")
     return 0
+
+
+def _candidates(
+    table: Mapping[str, Any], words: Sequence[str], current: str, variables: Mapping[str, str]
+) -> Iterator[tuple[str, str]]:
+    """Yield what can follow the words, each with a summary; shells expand '@folders' and '@files'."""
+    path, named = "", ""
+    expected: Sequence[str] = ()
+    """Whether the option before takes one, many or passed-on values, their kind, and more words."""
+    for word in words:
+        context = table[path]
+        number = expected[0] if expected else ""
+        if word.startswith("-"):
+            if number != "passed" or word.partition("=")[0] in context["ends"]:
+                expected = context["options"].get(word, [""])[1:]
+        elif number == "one":
+            expected = ()
+        elif not number and word in context["words"]:
+            path = f"{path} {word}".strip()
+        elif not number:
+            named = word
+    context = table[path]
+    kind, *more = (expected or context["rest"])[1:] or ("anything",)
+    if kind == "runnable" and named:
+        kind, more = "executables", [named]
+    values = {"words": more, "folders": ["@folders"], "files": ["@files"]}.get(kind)
+    yield from (
+        (value, "") for value in (_safe_names((kind, *more), variables) if values is None else values)
+    )
+    if expected[:1] == ["one"]:
+        return
+    passed = expected[:1] == ["passed"]
+    yield from () if passed else context["words"].items()
+    for option, (summary, *_) in context["options"].items() if current.startswith("-") else ():
+        if summary is not None and (not passed or option in context["ends"]):
+            yield option, summary
+
+
+def _safe_names(words: Sequence[str], variables: Mapping[str, str]) -> list[str]:
+    """Return the sorted names of a kind that shells can insert unquoted."""
+    return sorted(name for name in set(_names(words, variables)) if _TYPED.fullmatch(name))
 
 
 def _names(words: Sequence[str], variables: Mapping[str, str]) -> Iterator[str]:

@@ -1,99 +1,118 @@
-"""`forge completion`: print a shell completion script."""
+"""`forge completion`: print a shell completion script.
+
+The script contains a table of all options and fixed words, and passes it to `completion_words.py`, which also
+finds names, such as those of packages.
+"""
 
 from __future__ import annotations
 
 import argparse
-import re
+import json
+import shlex
 import sys
-from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from forge.base.extensions import COMMANDS as PLUGINS
 from forge.base.extensions import OWN, is_installed
 from forge.base.frozen import frozen
 from forge.base.options import option
+from forge.base.templating import render
 from forge.cli import main
 from forge.cli.colcon_options import COLCON_OPTIONS, PASSED_ON
-from forge.cli.completing import (
-    ANYTHING,
-    FILES,
-    FOLDERS,
-    INSTALLED,
-    INTERFACE_PACKAGES,
-    INTERFACES,
-    MIXINS,
-    PACKAGES,
-    PROFILES,
-    REPOSITORIES,
-    RUNNABLE,
-    SHELLS,
-    WORDS,
-    CompletionContext,
-    CompletionOption,
-    Expected,
-    completion,
-)
 from forge.output.handlers import HANDLERS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-_METAVARS = {
-    "PKG": PACKAGES,
-    "DIR": FOLDERS,
-    "PATH": FILES,
-    "FILE": FILES,
-    "SOURCE_DIR": FOLDERS,
-    "REPOSITORY": REPOSITORIES,
-    "TYPE": INTERFACES,
-    "TYPE|SOURCE_DIR": INTERFACES,
+_KINDS = {
+    "PKG": "packages",
+    "DIR": "folders",
+    "PATH": "files",
+    "FILE": "files",
+    "SOURCE_DIR": "folders",
+    "REPOSITORY": "repositories",
+    "TYPE": "interfaces",
+    "TYPE|SOURCE_DIR": "interfaces",
+}
+"""Kinds of values by metavar: names that completion_words.py finds, and paths that shells complete."""
+_POSITIONAL_KINDS = {
+    "run": "runnable",
+    "pkg executables": "installed",
+    "pkg prefix": "installed",
+    "pkg xml": "installed",
+    "interface package": "interface_packages",
+    "interface docs": "interface_packages",
 }
 _CMAKE_BUILD_TYPES = ("Debug", "Release", "RelWithDebInfo", "MinSizeRel")
 
 
 @frozen
 class Options:
-    shell: str = option("shell to print the script for", positional=True, choices=SHELLS)
+    shell: str = option("shell to print the script for", positional=True, choices=("bash", "zsh", "fish"))
 
 
 def run(options: Options) -> int:
-    helper_command = (sys.executable, "-S", "-E", str(Path(main.__file__).with_name("completion_words.py")))
-    print(completion(options.shell, list(_contexts()), helper_command), end="")
+    table = json.dumps(dict(_contexts()), separators=(",", ":"))
+    if options.shell == "fish":
+        table = table.replace("\\", "\\\\").replace("'", "\\'")
+        table = f"'{table}'"
+    else:
+        table = shlex.quote(table)
+    program = Path(main.__file__).with_name("completion_words.py")
+    answer = shlex.join((sys.executable, "-S", "-E", str(program)))
+    print(render(f"completion/{options.shell}.j2", answer=answer, table=table), end="")
     return 0
 
 
-def _contexts() -> Iterator[CompletionContext]:
-    """Yield the completions for each command and verb, derived from the parsers."""
+def _contexts() -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield what can follow each command and verb, derived from the parsers."""
+    yield "", _context("", main.parser_of([]))
     for word in main.COMMANDS:
         if word in OWN[PLUGINS] and not is_installed(PLUGINS, word):
             continue
-        whole = main.parser_of([word])
-        commands = _verbs(whole)
-        if word == next(iter(main.COMMANDS)):
-            yield _context((), whole)
-        command = commands.choices[word] if commands else whole
-        yield _context((word,), command)
+        commands = _verbs(main.parser_of([word]))
+        assert commands is not None
+        command = commands.choices[word]
+        yield word, _context(word, command)
         verbs = _verbs(command)
         for verb, parser in verbs.choices.items() if verbs else ():
-            yield _context((word, verb), parser)
+            yield f"{word} {verb}", _context(f"{word} {verb}", parser)
         for verb in _first_words(command):
-            yield replace(_context((word, verb), command), words=())
+            yield f"{word} {verb}", {**_context(f"{word} {verb}", command), "words": {}}
 
 
-def _context(path: tuple[str, ...], parser: argparse.ArgumentParser) -> CompletionContext:
+def _context(path: str, parser: argparse.ArgumentParser) -> dict[str, Any]:
+    """Return subcommands, options, positional values, and the options that end a list of arguments.
+
+    An option that is not offered has no summary.
+    """
     actions = [action for action in parser._actions if action.help != argparse.SUPPRESS]
     verbs = _verbs(parser)
-    options = tuple(_option(action, path) for action in actions if action.option_strings)
     positionals = [action for action in actions if not action.option_strings and action is not verbs]
-    words = tuple((a.dest, a.help or "") for a in verbs._choices_actions) if verbs else ()
-    first = _first_words(parser)
-    if first:
-        words = tuple((word, "") for word in first)
+    words = {a.dest: a.help or "" for a in verbs._choices_actions} if verbs else {}
+    if first := _first_words(parser):
+        words = dict.fromkeys(first, "")
         # Package names follow only the choice 'packages', as in `clean packages a b`.
-        positionals = positionals[1:] if path[-1] == PACKAGES else []
-    ends_list = COLCON_OPTIONS.get(" ".join(path), frozenset())
-    return CompletionContext(path, words, options, _positional(path, positionals), ends_list)
+        positionals = positionals[1:] if path.endswith(" packages") else []
+    options: dict[str, list[str | None]] = {}
+    for action in actions:
+        long = [flag for flag in action.option_strings if flag.startswith("--")]
+        for flag in action.option_strings:
+            offered = flag in long or not long
+            summary = (action.help or "").replace("%%", "%") if offered else None
+            options[flag] = [summary, *(_expected(action, path) if action.nargs != 0 else ())]
+    rest = _expected(positionals[0], path) if positionals else []
+    if path == "help":
+        rest = ["many", "words", *main.COMMANDS]
+    elif path in _POSITIONAL_KINDS:
+        rest = ["many", _POSITIONAL_KINDS[path]]
+    ends = sorted(COLCON_OPTIONS.get(path, ()))
+    return {"words": words, "options": options, "rest": rest, "ends": ends}
+
+
+def _verbs(parser: argparse.ArgumentParser) -> argparse._SubParsersAction[argparse.ArgumentParser] | None:
+    return next((a for a in parser._actions if isinstance(a, argparse._SubParsersAction)), None)
 
 
 def _first_words(parser: argparse.ArgumentParser) -> tuple[str, ...]:
@@ -102,43 +121,21 @@ def _first_words(parser: argparse.ArgumentParser) -> tuple[str, ...]:
     return tuple(positionals[0].choices or ()) if len(positionals) > 1 else ()
 
 
-def _positional(path: tuple[str, ...], actions: list[argparse.Action]) -> Expected | None:
-    if path == ("run",):
-        return Expected(RUNNABLE)
-    if path == ("help",):
-        return Expected(WORDS, words=tuple(main.COMMANDS))
-    if path[:1] == ("pkg",) and actions and actions[0].dest == "package":
-        return Expected(INSTALLED)
-    if path in {("interface", "package"), ("interface", "docs")}:
-        return Expected(INTERFACE_PACKAGES)
-    return _expected(actions[0], path) if actions else None
-
-
-def _option(action: argparse.Action, path: tuple[str, ...]) -> CompletionOption:
-    summary = re.sub(r"%%", "%", action.help or "")
-    return CompletionOption(
-        tuple(action.option_strings), summary, None if action.nargs == 0 else _expected(action, path)
-    )
-
-
-def _expected(action: argparse.Action, path: tuple[str, ...]) -> Expected:
-    several = action.nargs in {"*", "+"}
+def _expected(action: argparse.Action, path: str) -> list[str]:
+    """Return the value of an option or positional argument: one, many or passed on, its kind, and words."""
+    number = "many" if action.nargs in {"*", "+"} else "one"
     if action.dest == "mixin":
-        return Expected(MIXINS, several, path[:1])
+        return [number, "mixins", path.partition(" ")[0]]
     if action.dest == "profile":
-        return Expected(PROFILES, several)
+        return [number, "profiles"]
+    if action.dest == "cmake_args":
+        return ["passed", "words", *(f"-DCMAKE_BUILD_TYPE={word}" for word in _CMAKE_BUILD_TYPES)]
     if not PASSED_ON.isdisjoint(action.option_strings):
-        words = [f"-DCMAKE_BUILD_TYPE={word}" for word in _CMAKE_BUILD_TYPES]
-        words = words if action.dest == "cmake_args" else []
-        return Expected(WORDS if words else ANYTHING, several, tuple(words), passed_on=True)
+        return ["passed", "anything"]
     if action.dest == "event_handlers":
-        opposite = (f"{name}{'-' if on else '+'}" for name, on in HANDLERS.items())
-        return Expected(WORDS, several, tuple(opposite))
+        return [number, "words", *(f"{name}{'-' if on else '+'}" for name, on in HANDLERS.items())]
     if action.choices:
-        return Expected(WORDS, several, tuple(map(str, action.choices)))
-    folders = action.dest in {"base_paths", "paths"}
-    return Expected(FOLDERS if folders else _METAVARS.get(str(action.metavar), ANYTHING), several)
-
-
-def _verbs(parser: argparse.ArgumentParser) -> argparse._SubParsersAction[argparse.ArgumentParser] | None:
-    return next((a for a in parser._actions if isinstance(a, argparse._SubParsersAction)), None)
+        return [number, "words", *map(str, action.choices)]
+    if action.dest in {"base_paths", "paths"}:
+        return [number, "folders"]
+    return [number, _KINDS.get(str(action.metavar), "anything")]
