@@ -16,7 +16,7 @@ from forge.cli.package_options import OptionSources
 from forge.execution.executor import ExecutorOptions
 from forge.execution.options import JobOptions
 from forge.output.handlers import ReportOptions
-from forge.toolchain.compiler_launchers.choice import LAUNCHERS, NONE, selected_launcher
+from forge.toolchain.compiler_launchers import LAUNCHERS, NONE, selected_launcher
 from forge.toolchain.targets import CrossOptions
 from forge.workspace.selection import Query
 

@@ -28,13 +28,11 @@ from forge.execution.runner import LocalExecutor, TaskRunner, unwrapped
 from forge.execution.scheduler import Scheduler
 from forge.execution.started import StartedProcesses
 from forge.execution.task_setup import TaskSetup
-from forge.toolchain.cmake_warnings import defined
-from forge.toolchain.compiler_launchers.launcher_stats import LauncherStats, open_launcher_stats
+from forge.toolchain.cmake_variables import defined
+from forge.toolchain.compiler_launchers import LauncherStats, open_launcher_stats
 from forge.toolchain.compiler_probe import Toolchain
-from forge.toolchain.gcc_heap import LIBRARY_PATH_BELOW, gcc_heap
-from forge.toolchain.languages import any_enables_cxx
-from forge.toolchain.programs import CMAKE_TYPES, ninja_first, program_of
-from forge.toolchain.resources import memory
+from forge.toolchain.programs import CMAKE_TYPES, any_enables_cxx, ninja_first, program_of
+from forge.toolchain.resources import LIBRARY_PATH_BELOW, gcc_heap, memory
 from forge.workspace.downloads import announced_downloads
 from forge.workspace.missing import missing_dependencies
 from forge.workspace.resolve import GENERATORS
@@ -87,7 +85,7 @@ def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
                 context,
                 build.variables,
                 compiles=_compiles(plan),
-                remote_slots=launcher_stats.host_pool.slots,
+                remote_slots=launcher_stats.slots,
                 warn=mode.warn,
             )
         ) as job_pool,

@@ -41,8 +41,8 @@ from forge.environment.prefixes import PACKAGES, find_underlays, spellings, tidy
 from forge.environment.underlay_python import lacks_modules
 from forge.environment.underlays import lost_underlays, other_distributions, unusable_overlays
 from forge.execution.makeflags import read_make_flags
-from forge.toolchain.cmake_warnings import suspicious_arguments, unset_definitions
-from forge.toolchain.compiler_launchers.choice import selected_launcher
+from forge.toolchain.cmake_variables import suspicious_arguments, unset_definitions
+from forge.toolchain.compiler_launchers import selected_launcher
 from forge.toolchain.interpreter import find_interpreter, other_than_recorded, own_command
 from forge.toolchain.programs import CMAKE_TYPES, PYTHON_TYPES, condensed, find_tools, identities
 from forge.workspace.discovery import ROS_DEFAULTS, special_files

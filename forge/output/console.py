@@ -18,7 +18,7 @@ from forge.build.events import Aborted, Finished, Fresh, Output, Skipped, Starte
 from forge.build.tasks import TEST_FAILURES, StepKind, environment_file, step_line
 from forge.cache.model import RESTORED
 from forge.output.package_warnings import CompilerWarnings, RepeatedWarnings
-from forge.toolchain.cmake_warnings import UnusedVariables, well_known
+from forge.toolchain.cmake_variables import UnusedVariables, well_known
 from forge.toolchain.programs import CMAKE_TYPES
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from forge.build.tasks import BuildPlan
     from forge.output.first_error import FirstError
     from forge.testing.outcomes import Counts
-    from forge.toolchain.compiler_launchers.launcher_stats import LauncherSummary
+    from forge.toolchain.compiler_launchers import LauncherSummary
     from forge.workspace.model import Package
 
 

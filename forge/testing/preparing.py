@@ -22,11 +22,11 @@ from forge.environment.prefixes import PACKAGES, find_underlays, provider
 from forge.execution.job_pool import JobPool
 from forge.execution.jobserver import join_pool
 from forge.execution.makeflags import read_make_flags
+from forge.toolchain.cmake_variables import was_built_without_tests
 from forge.toolchain.interpreter import find_interpreter
 from forge.toolchain.programs import CMAKE_TYPES, PYTHON_TYPES, compiled_packages, find_ctest
 from forge.toolchain.python_modules import install_command, missing_modules
 from forge.toolchain.resources import is_overloaded, processors
-from forge.toolchain.untested import was_built_without_tests
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

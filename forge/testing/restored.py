@@ -15,8 +15,8 @@ from forge.build.journal import open_journal
 from forge.build.model import BuildInputs, BuildRecord
 from forge.build.tasks import BuildPlan, Task
 from forge.execution.runner import TaskLifecycle
+from forge.toolchain.cmake_variables import was_built_without_tests
 from forge.toolchain.programs import CMAKE_TYPES
-from forge.toolchain.untested import was_built_without_tests
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -6,7 +6,6 @@ May import the packages above it in docs/explanation/architecture.md, up to `wor
 __all__ = [
     "compiler_launchers",
     "interpreter",
-    "languages",
     "os_release",
     "programs",
     "python_modules",

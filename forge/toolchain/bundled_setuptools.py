@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, distribution
 from importlib.util import find_spec
 from pathlib import Path
@@ -34,30 +35,20 @@ def setuptools_path(python: str, folder: Path, *, wheels: bool) -> Path | None:
         (python, "-c", _PROBE), capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL
     )
     version, _, word = asked.stdout.strip().partition(" ")
-    lacking = {"nothing", "setuptools"} if wheels else {"nothing"}
-    own = _own_setuptools(version) if word in lacking else None
-    if own is None:
+    own = find_spec("setuptools")
+    if word not in ({"nothing", "setuptools"} if wheels else {"nothing"}) or own is None or not own.origin:
+        return None
+    home, required = Path(own.origin).parent, "<0"
+    with suppress(PackageNotFoundError):
+        required = distribution("setuptools").metadata["Requires-Python"] or ""
+    from packaging.specifiers import SpecifierSet
+
+    if not (SpecifierSet(required).contains(version) and (home / "command/bdist_wheel.py").is_file()):
         return None
     folder.mkdir(parents=True, exist_ok=True)
     for pattern in _NEEDED:
-        for path in own.glob(pattern):
+        for path in home.parent.glob(pattern):
             link = folder / path.name
             link.unlink(missing_ok=True)
             link.symlink_to(path)
     return folder
-
-
-def _own_setuptools(version: str) -> Path | None:
-    """Return the folder of forge's setuptools if it builds wheels and supports that version of Python."""
-    from packaging.specifiers import SpecifierSet
-
-    found = find_spec("setuptools")
-    if found is None or found.origin is None:
-        return None
-    home = Path(found.origin).parent
-    try:
-        required = distribution("setuptools").metadata["Requires-Python"] or ""
-    except PackageNotFoundError:
-        return None
-    fits = SpecifierSet(required).contains(version)
-    return home.parent if fits and (home / "command/bdist_wheel.py").is_file() else None

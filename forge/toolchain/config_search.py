@@ -39,16 +39,11 @@ class ConfigSearch:
         yield from (f"{prefix}{below}" for below in _INSIDE)
         for entry in self._named(prefix, name):
             yield from (f"{prefix}/{entry}{below}" for below in _INSIDE)
-        for base in self._bases(prefix):
+        bases = [f"{prefix}/lib/{entry}" for _, entry in self._listed(f"{prefix}/lib") if "-linux-" in entry]
+        for base in (*bases, *(f"{prefix}/{folder}" for folder in _LIBRARIES)):
             yield from (f"{base}/cmake/{entry}" for entry in self._named(f"{base}/cmake", name))
             for entry in self._named(base, name):
                 yield from (f"{base}/{entry}{below}" for below in _INSIDE)
-
-    def _bases(self, prefix: str) -> Iterator[str]:
-        yield from (
-            f"{prefix}/lib/{entry}" for _, entry in self._listed(f"{prefix}/lib") if "-linux-" in entry
-        )
-        yield from (f"{prefix}/{base}" for base in _LIBRARIES)
 
     def _named(self, folder: str, name: str) -> Iterator[str]:
         listed = self._listed(folder)

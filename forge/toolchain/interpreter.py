@@ -41,6 +41,12 @@ _ENVIRONMENT = "the active virtual environment"
 _CONDA = "the active conda environment"
 _KEPT = frozenset({OPTION, LAST_BUILD, _ENVIRONMENT, _CONDA})
 """Choices of one program, also if that is a script which starts another one."""
+_OTHER_VERSION = {
+    OPTION: "pass '--python {0}'",
+    _ENVIRONMENT: "run 'deactivate', or activate one of {0}: {0} -m venv --system-site-packages .venv",
+    _CONDA: "run 'conda deactivate', or source an underlay for this environment",
+}
+"""What to do about an underlay for another version, by what chose the interpreter."""
 
 
 @frozen
@@ -67,10 +73,8 @@ class Interpreter:
         return is_own(self.path)
 
 
-@frozen
-class _Choice:
-    path: Path
-    origin: str
+_Choice = tuple[Path, str]
+"""A program and what chose it."""
 
 
 def own_path() -> Path:
@@ -102,29 +106,33 @@ def find_interpreter(
     Raises HostError if the interpreter is missing, does not run, is too old, or of another version
     than an underlay.
     """
-    named = None
     if python:
         found = shutil.which(python, path=variables.get("PATH"))
         if found is None:
             hint = "pass an existing program to '--python'"
             raise HostError(Problem(f"python '{python}' not found", hint=hint))
         # Links are not resolved, because they identify virtual environments.
-        named = _Choice(Path(found).absolute(), OPTION)
-    choice = (
-        named
-        or (_Choice(Path(recorded), LAST_BUILD) if recorded and not _is_of_tool(Path(recorded)) else None)
-        or _active(variables)
-        or _of_underlays(underlays, variables)
-        or _on_path(variables)
-    )
-    interpreter = _examined(choice)
+        choice = Path(found).absolute(), OPTION
+    elif recorded and not _is_of_tool(Path(recorded)):
+        choice = Path(recorded), LAST_BUILD
+    else:
+        choice = _active(variables) or _of_underlays(underlays, variables) or _on_path(variables)
+    interpreter = _examined(*choice)
     if interpreter.version < OLDEST:
-        problem = Problem(
-            f"python {interpreter.release} at '{interpreter.path}' is too old",
-            hint="forge requires python 3.10 or newer",
-        )
-        raise HostError(problem)
-    _refuse_other_version(interpreter, underlays)
+        message = f"python {interpreter.release} at '{interpreter.path}' is too old"
+        raise HostError(Problem(message, hint="forge requires python 3.10 or newer"))
+    for root in underlays:
+        versions = python_versions(root)
+        if versions and interpreter.version not in versions:
+            program = "python{}.{}".format(*max(versions))
+            usual = "source only underlays for the same version, or rebuild one of them"
+            raise HostError(
+                Problem(
+                    f"the underlay '{root}' is for {_listed(versions)}, but {interpreter.origin} is python "
+                    f"{interpreter.release} ('{interpreter.path}')",
+                    hint=_OTHER_VERSION.get(interpreter.origin, usual).format(program),
+                )
+            )
     return interpreter
 
 
@@ -167,18 +175,15 @@ def _active(variables: Mapping[str, str]) -> _Choice | None:
     if active and Path(active).resolve() != _own_tool():
         path = _program_in(Path(active))
         if path is None:
-            raise HostError(
-                Problem(
-                    f"the active virtual environment '{active}' has no 'bin/python'",
-                    hint="run 'deactivate', or choose an interpreter with '--python'",
-                )
-            )
-        return _Choice(path, _ENVIRONMENT)
+            message = f"the active virtual environment '{active}' has no 'bin/python'"
+            hint = "run 'deactivate', or choose an interpreter with '--python'"
+            raise HostError(Problem(message, hint=hint))
+        return path, _ENVIRONMENT
     conda = variables.get("CONDA_PREFIX")
     if not conda or variables.get("CONDA_DEFAULT_ENV") in _BASE_OF_CONDA:
         return None
     path = _program_in(Path(conda))
-    return _Choice(path, _CONDA) if path else None
+    return (path, _CONDA) if path else None
 
 
 def _program_in(environment: Path) -> Path | None:
@@ -199,7 +204,7 @@ def _of_underlays(underlays: Sequence[Path], variables: Mapping[str, str]) -> _C
         if path is None or _is_of_tool(path):
             path = _of_version(root, variables)
         if path is not None:
-            return _Choice(_usual_name(path), f"the underlay '{root}'")
+            return _usual_name(path), f"the underlay '{root}'"
     return None
 
 
@@ -209,16 +214,15 @@ def _of_version(root: Path, variables: Mapping[str, str]) -> Path | None:
     if not versions:
         return None
     with contextlib.suppress(HostError):
-        usual = _examined(_on_path(variables))
+        usual = _examined(*_on_path(variables))
         if usual.version in versions:
             return usual.path
     name = "python{}.{}".format(*max(versions))
     found = _which(name, variables)
     if found is None:
         message = f"the underlay '{root}' is for {_listed(versions)}, but '{name}' is not on PATH"
-        raise HostError(
-            Problem(message, hint="install it, or pass the path of such an interpreter to '--python'")
-        )
+        hint = "install it, or pass the path of such an interpreter to '--python'"
+        raise HostError(Problem(message, hint=hint))
     return found
 
 
@@ -227,15 +231,15 @@ def _on_path(variables: Mapping[str, str]) -> _Choice:
     if path is None:
         hint = "install Python, activate a virtual environment, or pass an interpreter to '--python'"
         raise HostError(Problem("'python3' is not on PATH", hint=hint))
-    return _Choice(_usual_name(path), ON_PATH)
+    return _usual_name(path), ON_PATH
 
 
 def _which(program: str, variables: Mapping[str, str]) -> Path | None:
     """Return a program on PATH, except in the environment of a tool, which `uvx` prepends."""
     tool = _own_tool()
     folders = filter(None, variables.get("PATH", os.defpath).split(os.pathsep))
-    kept = [folder for folder in folders if tool is None or Path(folder).parent.resolve() != tool]
-    found = shutil.which(program, path=os.pathsep.join(kept))
+    others = [folder for folder in folders if tool is None or Path(folder).parent.resolve() != tool]
+    found = shutil.which(program, path=os.pathsep.join(others))
     return Path(found).absolute() if found else None
 
 
@@ -251,59 +255,25 @@ def _own_tool() -> Path | None:
     return prefix if marked or _CACHED_BY_UV in prefix.parts else None
 
 
-def _examined(choice: _Choice) -> Interpreter:
-    """Return the interpreter with its version, and without a process if a name tells the version."""
-    path = choice.path
+def _examined(path: Path, origin: str) -> Interpreter:
+    """Return the interpreter with its version, without starting a process if a name tells the version."""
     if is_own(path):
-        return Interpreter(path, sys.version_info[:2], choice.origin)
-    version = _version_by_name(path)
-    if version is not None:
-        return Interpreter(path, version, choice.origin)
-    answer = ask_python(path, _PROGRAM, isolated=True).splitlines()
-    words = answer[0].split() if answer else []
-    if len(words) != 2 or not all(word.isdecimal() for word in words):
-        raise HostError(Problem(f"'{path}' is not a python interpreter"))
-    # The shims of pyenv, asdf and mise start another program, which depends on the current folder.
-    if choice.origin not in _KEPT and answer[1:] and Path(answer[1]).is_file():
-        path = _usual_name(Path(answer[1]))
-    return Interpreter(path, (int(words[0]), int(words[1])), choice.origin)
-
-
-def _version_by_name(path: Path) -> tuple[int, int] | None:
-    """Return the version in the name of the program that a path leads to, None for a script."""
+        return Interpreter(path, sys.version_info[:2], origin)
     real = path.resolve()
     match = _VERSIONED.fullmatch(real.name)
     with contextlib.suppress(OSError):
         if match and os.access(real, os.X_OK):
             with real.open("rb") as stream:
-                return None if stream.read(2) == b"#!" else (int(match[1]), int(match[2]))
-    return None
-
-
-def _refuse_other_version(interpreter: Interpreter, underlays: Sequence[Path]) -> None:
-    for root in underlays:
-        versions = python_versions(root)
-        if versions and interpreter.version not in versions:
-            message = f"the underlay '{root}' is for {_listed(versions)}, but {interpreter.origin} is python "
-            raise HostError(
-                Problem(
-                    f"{message}{interpreter.release} ('{interpreter.path}')",
-                    hint=_remedy(interpreter.origin, max(versions)),
-                )
-            )
-
-
-def _remedy(origin: str, version: tuple[int, int]) -> str:
-    program = "python{}.{}".format(*version)
-    if origin == OPTION:
-        return f"pass '--python {program}'"
-    if origin == _ENVIRONMENT:
-        return (
-            f"run 'deactivate', or activate one of {program}: {program} -m venv --system-site-packages .venv"
-        )
-    if origin == _CONDA:
-        return "run 'conda deactivate', or source an underlay for this environment"
-    return "source only underlays for the same version, or rebuild one of them"
+                if stream.read(2) != b"#!":
+                    return Interpreter(path, (int(match[1]), int(match[2])), origin)
+    answer = ask_python(path, _PROGRAM, isolated=True).splitlines()
+    words = answer[0].split() if answer else []
+    if len(words) != 2 or not all(word.isdecimal() for word in words):
+        raise HostError(Problem(f"'{path}' is not a python interpreter"))
+    # The shims of pyenv, asdf and mise start another program, which depends on the current folder.
+    if origin not in _KEPT and answer[1:] and Path(answer[1]).is_file():
+        path = _usual_name(Path(answer[1]))
+    return Interpreter(path, (int(words[0]), int(words[1])), origin)
 
 
 def _listed(versions: frozenset[tuple[int, int]]) -> str:

@@ -1,11 +1,16 @@
-"""Finds the programs of a build: CMake, Ninja, make and compilers."""
+"""Finds the programs of a build: CMake, Ninja, make, compilers, and what they start.
+
+The identity of a program is its path, size and time: packages are rebuilt when one of them changes.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import importlib.util
 import os
 import re
 import shutil
+import stat
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,16 +18,15 @@ from typing import TYPE_CHECKING
 from forge.base.cmake_syntax import definitions
 from forge.base.digests import digest
 from forge.base.errors import HostError, Problem, raise_if_any
-from forge.base.files import text_or_nothing
+from forge.base.files import open_regular, text_or_nothing
 from forge.base.frozen import frozen
 from forge.base.own_environment import extra_command, install_beside_forge
 from forge.base.text import counted
-from forge.toolchain.compiler_launchers.choice import not_found
-from forge.toolchain.program_lookup import ProgramLookup
-from forge.workspace.cmake_text import calls
+from forge.toolchain.compiler_launchers import LAUNCHERS
+from forge.workspace.cmake_text import calls, cmake_files
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from forge.base.frozen import Pairs
     from forge.workspace.model import Package
@@ -33,6 +37,12 @@ PYTHON_TYPES = frozenset({"ament_python", "python"})
 _COMPILERS = ("c++", "g++", "clang++", "cc", "gcc", "clang")
 _BEFORE_PROJECT = frozenset({"cmake_minimum_required", "cmake_policy", "message", "set"})
 PROJECT_DETAILS = frozenset({"COMPAT_VERSION", "DESCRIPTION", "HOMEPAGE_URL", "SPDX_LICENSE", "VERSION"})
+_ENABLING = frozenset({"enable_language", "project"})
+_WITHOUT_CXX = frozenset({"ASM", "C", "Fortran", "NONE", "OPTIONAL"})
+"""Languages that need no C++ compiler, and words beside them. Any other word may also be a variable."""
+_LARGEST_SCRIPT = 1 << 16
+_LAUNCHERS = frozenset({"ccache", "distcc", "icecc", "sccache", "colorgcc", "ccache-swig"})
+"""Programs that may be named like a compiler and start the next program with that name on PATH."""
 _NAMES_COMPILER = re.compile(r"COMPILER|TOOLCHAIN|INCLUDE|--toolchain|--preset|(?:^| )-C")
 _NAMES_BUILDER = re.compile(r"CMAKE_MAKE_PROGRAM|TOOLCHAIN|--toolchain|--preset|(?:^| )-[CG]")
 
@@ -69,7 +79,10 @@ def find_tools(
     if not cmake_packages:
         return None
     arguments = {
-        package.name: " ".join((*cmake_args, *_own_arguments(package))) for package in cmake_packages
+        package.name: " ".join(
+            (*cmake_args, *package.option_values("cmake-args"), *package.option_values("ament-cmake-args"))
+        )
+        for package in cmake_packages
     }
     cmake = find_cmake(variables)
     ninja = find_ninja(variables)
@@ -84,9 +97,15 @@ def find_tools(
         problems += [no_builder(without)] if without else []
     launcher_path = find_program(launcher, variables) if launcher else None
     if launcher and launcher_path is None:
-        problems.append(not_found(launcher))
+        hint = LAUNCHERS[launcher]
+        problems.append(Problem(f"compiler launcher '{launcher}' not found on PATH", hint=hint))
     texts = [(package, _project_text(package)) for package in cmake_packages if not package.embedded]
-    if not (has_compiler or _has_compiler(variables) or "CMAKE_TOOLCHAIN_FILE" in variables):
+    path = variables.get("PATH", os.defpath)
+    if not (
+        has_compiler
+        or not {"CC", "CXX", "CMAKE_TOOLCHAIN_FILE"}.isdisjoint(variables)
+        or any(shutil.which(name, path=path) for name in _COMPILERS)
+    ):
         compiled = [
             package
             for package, text in texts
@@ -99,10 +118,6 @@ def find_tools(
     return Tools(cmake, ninja, make, only_make, launcher_path)
 
 
-def _own_arguments(package: Package) -> tuple[str, ...]:
-    return (*package.option_values("cmake-args"), *package.option_values("ament-cmake-args"))
-
-
 def no_cmake(packages: Sequence[Package]) -> Problem:
     return Problem(f"CMake not found; {_dependents(packages)} it", hint=_cmake_hint())
 
@@ -112,7 +127,6 @@ def _cmake_hint() -> str:
 
 
 def no_builder(packages: Sequence[Package]) -> Problem:
-    """Return a problem for missing Ninja and make."""
     hint = f"install Ninja, `{install_beside_forge('ninja')}`, or make with your distribution's package"
     return Problem(f"neither Ninja nor make found; {_dependents(packages)} one", hint=hint)
 
@@ -126,6 +140,27 @@ def compiled_packages(packages: Iterable[Package]) -> list[Package]:
     """Return the packages whose project() enables a language."""
     cmake_packages = (package for package in packages if package.build_type in CMAKE_TYPES)
     return [package for package in cmake_packages if _compiles(_project_text(package))]
+
+
+def any_enables_cxx(packages: Iterable[Package]) -> bool:
+    """Tell whether one of the packages may enable C++ in any of its CMake files."""
+    for package in compiled_packages(packages):
+        has_project = any(call.command in _ENABLING for call in calls(_project_text(package)))
+        if not has_project or any(map(enables_cxx, map(text_or_nothing, cmake_files(package.path)))):
+            return True
+    return False
+
+
+def enables_cxx(text: str) -> bool:
+    """Tell whether a CMake file may enable C++, as project() does unless it lists other languages."""
+    for call in calls(text):
+        words = [word for word in call.words if word != "LANGUAGES"]
+        if call.command == "project":
+            details = [at for at, word in enumerate(words) if word in PROJECT_DETAILS]
+            words = [word for at, word in enumerate(words) if at and not {at, at - 1} & {*details}]
+        if call.command in _ENABLING and (not words or not _WITHOUT_CXX.issuperset(words)):
+            return True
+    return False
 
 
 def compiler_words(variables: Mapping[str, str]) -> list[str]:
@@ -180,10 +215,11 @@ def identities(
     """
     found = {"python": _identity(python), **{str(program): _identity(program) for program in more}}
     lookup = ProgramLookup(variables)
-    cmake = tools.cmake if tools else find_cmake(variables)
-    ninja = tools.ninja if tools else find_ninja(variables)
-    make = tools.make if tools else find_program("make", variables)
-    for name, program in (("cmake", cmake), ("ninja", ninja), ("make", make)):
+    for name, program in (
+        ("cmake", tools.cmake if tools else find_cmake(variables)),
+        ("ninja", tools.ninja if tools else find_ninja(variables)),
+        ("make", tools.make if tools else find_program("make", variables)),
+    ):
         if program:
             found[name] = _identity(program)
     for name, variable in _COMPILING.items():
@@ -303,20 +339,12 @@ def find_cmake(variables: Mapping[str, str]) -> Path | None:
     return found
 
 
-def _has_compiler(variables: Mapping[str, str]) -> bool:
-    if "CXX" in variables or "CC" in variables:
-        return True
-    path = variables.get("PATH", os.defpath)
-    return any(shutil.which(compiler, path=path) for compiler in _COMPILERS)
-
-
 def calls_make(text: str) -> bool:
     """Tell whether a CMakeLists.txt calls $(MAKE), which only makefiles support, as for external projects."""
     return "$(MAKE)" in text
 
 
 def _project_text(package: Package) -> str:
-    """Return the text of a package's CMakeLists.txt, empty if it is unreadable."""
     return text_or_nothing(package.path / "CMakeLists.txt")
 
 
@@ -343,3 +371,90 @@ def _dependents(packages: Sequence[Package]) -> str:
         return "CMake packages need"
     first, rest = f"'{packages[0].name}'", len(packages) - 1
     return f"{first} and {counted(rest, 'more package')} need" if rest else f"{first} needs"
+
+
+class ProgramLookup:
+    """Looks up programs on one PATH; results are cached, so that a build sees a consistent state."""
+
+    def __init__(self, variables: Mapping[str, str]) -> None:
+        path = variables.get("PATH", os.defpath)
+        self.folders = tuple(dict.fromkeys(folder for folder in path.split(os.pathsep) if folder))
+        self._real: dict[str, str] = {}
+        self._identities: dict[str, str] = {}
+        self._names: frozenset[str] | None = None
+
+    @property
+    def names(self) -> frozenset[str]:
+        if self._names is None:
+            names: set[str] = set()
+            for folder in self.folders:
+                with contextlib.suppress(OSError):
+                    names.update(os.listdir(folder))
+            self._names = frozenset(names)
+        return self._names
+
+    def stamp(self) -> str:
+        """Return a value that changes with PATH, and when files are added to or removed from its folders."""
+        return digest("\n".join(f"{folder} {_time(folder)}" for folder in self.folders), size=16)
+
+    def identity(self, word: str) -> str:
+        """Return path, size and time of a program given by name or path, '' if it does not exist.
+
+        The path is normalized, so that links between folders such as /bin and /usr/bin make no difference.
+        """
+        if word not in self._identities:
+            self._identities[word] = next(self._all(word), "")
+        return self._identities[word]
+
+    def behind(self, word: str) -> tuple[str, ...]:
+        """Return the identities of a compiler and of the programs it starts.
+
+        A launcher named like a compiler starts the next program with that name, a script those named in its
+        text.
+        """
+        found: dict[str, None] = {}
+        for identity in self._all(word):
+            found[identity] = None
+            path = identity.rsplit(" ", 2)[0]
+            text = _script(path)
+            if text:
+                from forge.workspace.references import in_shell
+
+                started = map(self.identity, sorted(in_shell(text).words))
+                found |= dict.fromkeys(filter(None, started))
+            if not text and os.path.basename(os.path.realpath(path)) not in _LAUNCHERS:
+                break
+        return tuple(found)
+
+    def _all(self, word: str) -> Iterator[str]:
+        """Yield the identity of each program with that name, in the order of PATH."""
+        paths = [word] if os.sep in word else [f"{folder}/{word}" for folder in self.folders]
+        for path in paths:
+            try:
+                status = os.stat(path)
+            except (OSError, ValueError):
+                continue
+            if stat.S_ISREG(status.st_mode) and status.st_mode & 0o111:
+                folder, _, name = path.rpartition("/")
+                if folder not in self._real:
+                    self._real[folder] = os.path.realpath(folder)
+                yield f"{self._real[folder]}/{name} {status.st_size} {status.st_mtime_ns}"
+
+
+def _time(folder: str) -> str:
+    try:
+        status = os.stat(folder)
+    except OSError:
+        return ""
+    return f"{status.st_ino} {status.st_mtime_ns}"
+
+
+def _script(path: str) -> str:
+    """Return the text of a script, '' for other programs."""
+    try:
+        with open(path, "rb", opener=open_regular) as stream:
+            if stream.read(2) != b"#!":
+                return ""
+            return stream.read(_LARGEST_SCRIPT).decode(errors="replace")
+    except OSError:
+        return ""

@@ -31,27 +31,21 @@ _MISSING = "import importlib.util as u, sys; print(*(n for n in sys.argv[1:] if 
 
 _ON_INDEX = {"cv2": "opencv-python", "em": "empy<4", "pytest_cov": "pytest-cov", "yaml": "PyYAML"}
 """Distributions on PyPI that have another name than their module."""
-_DISTRIBUTIONS: Mapping[str, tuple[str, str]] = {
-    "catkin_pkg": ("python3-catkin-pkg", "python3-catkin_pkg"),
-    "coverage": ("python3-coverage", "python3-coverage"),
-    "cv2": ("python3-opencv", "python3-opencv"),
-    "em": ("python3-empy", "python3-empy"),
-    "lark": ("python3-lark", "python3-lark-parser"),
-    "numpy": ("python3-numpy", "python3-numpy"),
-    "pytest": ("python3-pytest", "python3-pytest"),
-    "pytest_cov": ("python3-pytest-cov", "python3-pytest-cov"),
-    "setuptools": ("python3-setuptools", "python3-setuptools"),
-    "wheel": ("python3-wheel", "python3-wheel"),
-    "yaml": ("python3-yaml", "python3-pyyaml"),
+_USUAL_NAMES = frozenset({"coverage", "numpy", "pytest", "pytest_cov", "setuptools", "wheel"})
+_OTHER_NAMES = {
+    "catkin_pkg": {"apt": "catkin-pkg", "dnf": "catkin_pkg"},
+    "cv2": {"apt": "opencv", "dnf": "opencv"},
+    "em": {"apt": "empy", "dnf": "empy"},
+    "lark": {"apt": "lark", "dnf": "lark-parser"},
+    "yaml": {"apt": "yaml", "dnf": "pyyaml"},
 }
-"""The packages of Debian and Fedora, and of systems like them, that contain a module."""
+"""The packages of Debian and Fedora, and of systems like them, after 'python3-'."""
 _SYSTEM = (Path("/usr/bin"), Path("/bin"))
 
 
 def require_modules(python: Path, names: Iterable[str]) -> None:
     """Raise HostError with the modules that an interpreter lacks and how to install them."""
-    missing = missing_modules(python, names)
-    if missing:
+    if missing := missing_modules(python, names):
         raise HostError(missing_modules_problem(python, missing))
 
 
@@ -72,15 +66,14 @@ def install_command(python: Path, modules: Sequence[str], system: Mapping[str, s
     is needed. All others have pip, except for environments made by uv. `system` are the fields of os-release,
     by default this machine's.
     """
-    column, manager = _manager(python, system)
     words = " ".join(shlex.quote(_ON_INDEX.get(name, name)) for name in modules)
     program = shlex.quote(str(python))
-    if manager:
-        sudo = "" if os.geteuid() == 0 else "sudo "
-        usual = {name: (f"python3-{name.lower().replace('_', '-')}",) * 2 for name in modules}
-        names = ({**usual, **_DISTRIBUTIONS}[name][column] for name in modules)
-        command = f"{sudo}{manager} install {shlex.join(names)}"
-        if all(name in _DISTRIBUTIONS for name in modules):
+    if manager := _package_manager(python, system):
+        usual = {name: name.lower().replace("_", "-") for name in modules}
+        names = (_OTHER_NAMES.get(name, {}).get(manager, usual[name]) for name in modules)
+        packages = shlex.join(f"python3-{name}" for name in names)
+        command = f"{'' if os.geteuid() == 0 else 'sudo '}{manager} install {packages}"
+        if _USUAL_NAMES.union(_OTHER_NAMES).issuperset(modules):
             return command
         activated = f"{program} -m venv --system-site-packages .venv && . .venv/bin/activate"
         return f"{command}; if there is no such package: {activated} && pip install {words}"
@@ -105,17 +98,12 @@ def missing_modules(python: Path, names: Iterable[str]) -> list[str]:
     return ask_python(python, _MISSING, *names).split()
 
 
-def _manager(python: Path, system: Mapping[str, str] | None) -> tuple[int, str]:
-    """Return the package manager for the system's own interpreter with its column above, '' for others."""
-    if python.parent not in _SYSTEM or not _is_default(python):
-        return 0, ""
-    kin = families(os_release() if system is None else system)
-    return (0, "apt") if not DEBIAN.isdisjoint(kin) else (1, "" if RED_HAT.isdisjoint(kin) else "dnf")
-
-
-def _is_default(python: Path) -> bool:
-    """Tell whether this is the version for which the system has packages."""
+def _package_manager(python: Path, system: Mapping[str, str] | None) -> str:
+    """Return the package manager of the system's own interpreter, '' for others."""
     try:
-        return python.samefile(python.with_name("python3"))
+        # The system has packages for one version only.
+        is_default = python.parent in _SYSTEM and python.samefile(python.with_name("python3"))
     except OSError:
-        return False
+        return ""
+    kin = families(os_release() if system is None else system) if is_default else ()
+    return "apt" if not DEBIAN.isdisjoint(kin) else "" if RED_HAT.isdisjoint(kin) else "dnf"

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
+from forge.base.layout import templates_folder
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -19,6 +20,18 @@ if TYPE_CHECKING:
 ROOT = Path("/")
 _UNITS = {"": 1, "K": 1 << 10, "M": 1 << 20, "G": 1 << 30, "T": 1 << 40}
 _LEAST_SHARE, _LEAST_BYTES = 0.1, 1 << 30
+
+CXX_LAUNCHER = "FORGE_CXX"
+"""What precedes the command lines of C++ compilers, in the environment of builds."""
+HEAP_VARIABLE = "FORGE_GCC_HEAP"
+"""The heap size in kB."""
+LIBRARY_PATH_BELOW = "FORGE_LIBRARY_PATH_BELOW"
+"""LD_LIBRARY_PATH without the packages of the workspace."""
+_GCC_DEFAULT_HEAP = 128 << 20
+_LARGEST_HEAP = 512 << 20
+"""With more than that, the compilers of rclcpp save no more time."""
+_HEAP_SHARE = 8
+"""Since GCC allocates twice the size, all jobs together use at most a quarter of the memory."""
 
 
 @frozen
@@ -67,10 +80,8 @@ def processors(root: Path = ROOT) -> int:
         if words := text_or_nothing(folder / "cpu.max").split():
             quota, period = int(words[0]) if words[0].isdigit() else -1, int(words[1])
         else:
-            quota, period = (
-                _first_number(folder, "cpu.cfs_quota_us"),
-                _first_number(folder, "cpu.cfs_period_us"),
-            )
+            quota = _first_number(folder, "cpu.cfs_quota_us")
+            period = _first_number(folder, "cpu.cfs_period_us")
         if quota > 0 and period > 0:
             usable = min(usable, -(-quota // period))
     return max(1, usable)
@@ -103,6 +114,21 @@ def is_overloaded(limit: MemoryLimit | None, load_limit: float | None) -> bool:
         return True
     now = memory()
     return now is not None and (limit or default_memory_limit(now)).exceeded(now)
+
+
+def gcc_heap(memory: Memory | None, jobs: int) -> dict[str, str]:
+    """Return the variables by which `jobs` C++ compilers share the memory; empty for GCC's default.
+
+    GCC collects garbage for the first time when it has allocated twice `ggc-min-heapsize`, which is 128 MB on
+    every machine with more than 1 GB. Sources that include rclcpp allocate 300 to 700 MB, and collecting
+    takes 3 to 15 % of their compile time. The heap size does not change what is compiled.
+    """
+    size = min(_LARGEST_HEAP, memory.total // (_HEAP_SHARE * jobs)) if memory else 0
+    script = str(templates_folder() / "cmake/compile_cxx.sh")
+    # The shell splits the value, and would expand patterns in it.
+    if size <= _GCC_DEFAULT_HEAP or any(character in script for character in " \t\n*?["):
+        return {}
+    return {CXX_LAUNCHER: f"sh {script}", HEAP_VARIABLE: str(size >> 10)}
 
 
 def _folders(controller: str, root: Path) -> Iterator[Path]:

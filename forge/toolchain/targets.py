@@ -31,7 +31,6 @@ def _absolute(path: str) -> Path:
 
 
 def _python_version(text: str) -> tuple[int, int]:
-    """Return a version; raises ValueError for anything else."""
     major, _, minor = text.partition(".")
     if major != "3" or not minor.isdecimal():
         message = f"expected a version such as '3.10', not '{text}'"

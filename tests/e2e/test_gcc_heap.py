@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from forge.base.layout import templates_folder
-from forge.toolchain.gcc_heap import LIBRARY_PATH_BELOW, gcc_heap
-from forge.toolchain.resources import Memory
+from forge.toolchain.resources import LIBRARY_PATH_BELOW, Memory, gcc_heap
 from tests.packages import manifest_text
 
 if TYPE_CHECKING:

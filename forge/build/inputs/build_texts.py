@@ -31,7 +31,7 @@ from forge.workspace.references import (
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
-    from forge.toolchain.program_lookup import ProgramLookup
+    from forge.toolchain.programs import ProgramLookup
     from forge.workspace.model import Package
 
 _LARGEST = 1 << 19

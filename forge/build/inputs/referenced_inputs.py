@@ -28,8 +28,7 @@ from forge.build.inputs.named_entries import (
     is_text,
 )
 from forge.build.up_to_date import FOUND_BY_PATH, WITHOUT_EFFECT, ExtraInputs, is_relevant
-from forge.toolchain.program_lookup import ProgramLookup
-from forge.toolchain.programs import programs_in
+from forge.toolchain.programs import ProgramLookup, programs_in
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence

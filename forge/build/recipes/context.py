@@ -16,7 +16,7 @@ from forge.base.frozen import frozen
 from forge.base.layout import PACKAGE
 from forge.build.tasks import Step, StepKind
 from forge.build.up_to_date import LINKS, MANIFEST
-from forge.toolchain.untested import VARIABLE, is_defined
+from forge.toolchain.cmake_variables import BUILD_TESTING, defined
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -98,8 +98,8 @@ class BuildContext:
         if package.build_type == "ament_cmake":
             arguments += (*self.ament_cmake_args, *package.option_values("ament-cmake-args"))
         # Other packages have no such option, so that it does not rebuild them.
-        if self.no_test_dependencies and package.only_tested_with and not is_defined(arguments):
-            arguments += (f"-D{VARIABLE}=OFF",)
+        if self.no_test_dependencies and package.only_tested_with and BUILD_TESTING not in defined(arguments):
+            arguments += (f"-D{BUILD_TESTING}=OFF",)
         if not package.settings and arguments == self.cmake_args:
             return self
         return replace(

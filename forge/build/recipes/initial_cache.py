@@ -10,7 +10,7 @@ from forge.base.cmake_syntax import quoted
 from forge.base.extensions import TARGETS, is_installed
 from forge.base.names import is_safe_name
 from forge.base.templating import render
-from forge.toolchain.compiler_launchers.choice import launcher_variables
+from forge.toolchain.compiler_launchers import launcher_variables
 from forge.workspace.model import DependencyKind
 
 if TYPE_CHECKING:

@@ -37,7 +37,7 @@ from forge.cli.preparation import (
 from forge.environment.install_state import forget_underlays
 from forge.execution.lock import lock_build_dir, lock_install_dir
 from forge.output.console import ConsoleReporter
-from forge.toolchain.untested import builds_tests
+from forge.toolchain.cmake_variables import builds_tests
 from forge.workspace.load import load_workspace
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ import networkx as nx
 from forge.base.frozen import frozen
 from forge.cache.model import RESTORED
 from forge.plugins.charts.graph_formats import reduced_among
-from forge.toolchain.compiler_launchers.launcher_stats import LauncherSummary
+from forge.toolchain.compiler_launchers import LauncherSummary
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence

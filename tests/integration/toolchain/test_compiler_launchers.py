@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from forge.base.layout import COMPILATIONS_FILE
-from forge.toolchain.compiler_launchers.launcher_stats import HostPool, LauncherSummary, open_launcher_stats
+from forge.toolchain.compiler_launchers import LauncherSummary, open_launcher_stats
 from tests.conftest import Forge, Tree
 from tests.unit.toolchain.test_compiler_launchers import PACKAGE
 
@@ -31,7 +31,7 @@ def test_forge_counts_slots_as_distcc_does(said: str, here: int, tmp_path: Path)
     variables = {"PATH": "/usr/bin:/bin", "HOME": str(tmp_path), "DISTCC_HOSTS": said}
     counted = subprocess.run(["distcc", "-j"], env=variables, capture_output=True, check=True, text=True)
     stats = open_launcher_stats(Path("/usr/bin/distcc"), tmp_path, tmp_path, variables)
-    assert (stats.host_pool.slots, stats.problem) == (int(counted.stdout) - here, None)
+    assert (stats.slots, stats.problem) == (int(counted.stdout) - here, None)
 
 
 @pytest.mark.needs("distcc")
@@ -39,14 +39,14 @@ def test_forge_counts_slots_as_distcc_does(said: str, here: int, tmp_path: Path)
 def test_a_distcc_without_hosts_is_a_problem(said: str, tmp_path: Path) -> None:
     variables = {"HOME": str(tmp_path), "DISTCC_HOSTS": said}
     stats = open_launcher_stats(Path("/usr/bin/distcc"), tmp_path, tmp_path, variables)
-    assert stats.host_pool == HostPool()
+    assert stats.slots == 0
     assert stats.problem
     assert "distcc reports no remote hosts" in stats.problem.message
 
 
 def test_a_distcc_that_does_not_answer_has_no_hosts(tmp_path: Path) -> None:
     stats = open_launcher_stats(tmp_path / "distcc", tmp_path, tmp_path, {})
-    assert stats.host_pool == HostPool()
+    assert stats.slots == 0
     assert stats.problem
 
 
@@ -107,7 +107,7 @@ def test_distcc_behind_ccache_counts(tmp_path: Path) -> None:
         "DISTCC_HOSTS": "red/8 blue/2",
     }
     launcher_stats = open_launcher_stats(Path("/usr/bin/ccache"), tmp_path, tmp_path, variables)
-    assert launcher_stats.host_pool == HostPool(hosts=2, slots=10)
+    assert launcher_stats.slots == 10
     assert launcher_stats.finish() == (LauncherSummary("distcc", hosts=2, slots=10),)
 
 

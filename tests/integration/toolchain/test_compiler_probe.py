@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from forge.toolchain.cmake_warnings import unused_variables
+from forge.toolchain.cmake_variables import unused_variables
 from forge.toolchain.compiler_probe import Toolchain
 from tests.conftest import Tree
 

@@ -12,7 +12,7 @@ import pytest
 
 from forge.base.templating import render
 from forge.plugins.fast_rosidl.precompiled_headers import HEADERS_VARIABLE, prepare_precompiled_headers
-from forge.toolchain.gcc_heap import LIBRARY_PATH_BELOW
+from forge.toolchain.resources import LIBRARY_PATH_BELOW
 
 if TYPE_CHECKING:
     from collections.abc import Callable

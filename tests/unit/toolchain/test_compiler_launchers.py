@@ -14,12 +14,13 @@ from forge.build.up_to_date import relevant_environment
 from forge.execution.job_pool import JobPool
 from forge.execution.opening import open_job_pool
 from forge.execution.options import JobOptions
-from forge.toolchain.compiler_launchers.choice import LAUNCHERS, launcher_variables, selected_launcher
-from forge.toolchain.compiler_launchers.launcher_stats import (
-    HostPool,
+from forge.toolchain.compiler_launchers import (
+    LAUNCHERS,
     LauncherSummary,
+    launcher_variables,
     open_launcher_stats,
-    read_hosts,
+    remote_slots,
+    selected_launcher,
 )
 from forge.toolchain.resources import processors
 from tests.conftest import Forge, Tree
@@ -62,7 +63,7 @@ def test_a_missing_launcher_is_one_problem_with_a_hint(forge: Forge, tree: Tree)
     assert ran.code == 2
     assert ran.err.splitlines() == [
         "error: compiler launcher 'recc' not found on PATH",
-        f"hint: {LAUNCHERS['recc'].hint}",
+        f"hint: {LAUNCHERS['recc']}",
     ]
 
 
@@ -110,28 +111,28 @@ def test_the_initial_cache_sets_the_launcher_and_removes_a_former_one() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "hosts", "slots"),
+    ("text", "slots"),
     [
-        ("", 0, 0),
-        ("localhost\nlocalhost/3\n", 0, 0),
-        ("127.0.0.1\n", 1, 4),
-        ("red/8,lzo\nblue:4000/3\n[::1]:4000/7\n", 3, 18),
-        ("old/6:4001,lzo,cpp\n", 1, 6),
-        ("someone@red/5:/opt/bin/distccd,lzo\n@blue:/opt/9/distccd\n", 2, 9),
+        ("", []),
+        ("localhost\nlocalhost/3\n", []),
+        ("127.0.0.1\n", [4]),
+        ("red/8,lzo\nblue:4000/3\n[::1]:4000/7\n", [8, 3, 7]),
+        ("old/6:4001,lzo,cpp\n", [6]),
+        ("someone@red/5:/opt/bin/distccd,lzo\n@blue:/opt/9/distccd\n", [5, 4]),
     ],
 )
-def test_distcc_host_lists_are_parsed(text: str, hosts: int, slots: int) -> None:
-    assert read_hosts(text) == HostPool(hosts, slots)
+def test_distcc_host_lists_are_parsed(text: str, slots: list[int]) -> None:
+    assert remote_slots(text) == slots
 
 
 @pytest.mark.parametrize("name", ["icecc", "recc"])
 def test_launchers_without_statistics_add_no_slots(name: str, tmp_path: Path) -> None:
     stats = open_launcher_stats(tmp_path / name, tmp_path, tmp_path, {})
-    assert (stats.host_pool, stats.problem, stats.finish()) == (HostPool(), None, ())
+    assert (stats.slots, stats.problem, stats.finish()) == (0, None, ())
 
 
 @pytest.mark.parametrize(
-    ("outcome", "words"),
+    ("summary", "words"),
     [
         (
             LauncherSummary("ccache", compilations=140, from_cache=120),
@@ -145,21 +146,19 @@ def test_launchers_without_statistics_add_no_slots(name: str, tmp_path: Path) ->
         (LauncherSummary("distcc", hosts=1, slots=1), "distcc: 1 host with 1 slot"),
     ],
 )
-def test_an_outcome_is_one_line(outcome: LauncherSummary, words: str) -> None:
-    assert outcome.words == words
+def test_the_summary_of_a_launcher_is_one_line(summary: LauncherSummary, words: str) -> None:
+    assert summary.words == words
 
 
-def budget_of(host_pool: HostPool, jobs: int | None = None, **variables: str) -> JobPool:
+def job_pool_of(jobs: int | None = None, **variables: str) -> JobPool:
     options = JobOptions(jobs=jobs)
-    return open_job_pool(
-        options, context_of(None), variables, compiles=False, remote_slots=host_pool.slots, warn=print
-    )
+    return open_job_pool(options, context_of(None), variables, compiles=False, remote_slots=10, warn=print)
 
 
 def test_remote_slots_are_added_to_the_local_processors() -> None:
-    budget = budget_of(HostPool(hosts=2, slots=10))
-    assert (budget.jobs, budget.local) == (processors() + 10, processors())
-    budget.close()
+    job_pool = job_pool_of()
+    assert (job_pool.jobs, job_pool.local) == (processors() + 10, processors())
+    job_pool.close()
 
 
 @pytest.mark.parametrize(
@@ -167,9 +166,9 @@ def test_remote_slots_are_added_to_the_local_processors() -> None:
     [(3, {}), (None, {"MAKEFLAGS": "-j3"}), (None, {"CMAKE_BUILD_PARALLEL_LEVEL": "3"})],
 )
 def test_an_explicit_number_of_jobs_is_used(jobs: int | None, variables: dict[str, str]) -> None:
-    budget = budget_of(HostPool(hosts=2, slots=10), jobs, **variables)
-    assert (budget.jobs, budget.local) == (3, 3)
-    budget.close()
+    job_pool = job_pool_of(jobs, **variables)
+    assert (job_pool.jobs, job_pool.local) == (3, 3)
+    job_pool.close()
 
 
 def test_other_hosts_do_not_cause_a_rebuild() -> None:

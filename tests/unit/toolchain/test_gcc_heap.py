@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 
 from forge.base.layout import templates_folder
-from forge.toolchain.gcc_heap import CXX_LAUNCHER, HEAP_VARIABLE, gcc_heap
-from forge.toolchain.resources import Memory
+from forge.toolchain.resources import CXX_LAUNCHER, HEAP_VARIABLE, Memory, gcc_heap
 
 GIB = 1 << 30
 
@@ -36,5 +35,5 @@ def test_without_known_memory_gcc_decides() -> None:
 
 
 def test_a_path_that_the_shell_would_split_is_not_used(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("forge.toolchain.gcc_heap.templates_folder", lambda: templates_folder() / "a folder")
+    monkeypatch.setattr("forge.toolchain.resources.templates_folder", lambda: templates_folder() / "a folder")
     assert gcc_heap(Memory(64 * GIB, 0), 2) == {}

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from forge.toolchain.languages import any_enables_cxx, enables_cxx
+from forge.toolchain.programs import any_enables_cxx, enables_cxx
 from tests.conftest import Tree
 from tests.packages import package
 

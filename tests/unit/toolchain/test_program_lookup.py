@@ -9,8 +9,7 @@ import pytest
 
 from forge.build.up_to_date import relevant_environment
 from forge.toolchain.config_search import ConfigSearch
-from forge.toolchain.program_lookup import ProgramLookup
-from forge.toolchain.programs import Tools, cmake_root, identities, programs_in
+from forge.toolchain.programs import ProgramLookup, Tools, cmake_root, identities, programs_in
 from tests.conftest import Tree
 
 PROGRAM = "#!/bin/true\n"

@@ -1,4 +1,4 @@
-"""Statistics of a compiler launcher in one build, its remote hosts, and the variables it needs."""
+"""Compiler launchers: programs that cache compilations or distribute them to other machines."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.base.errors import Problem
+from forge.base.errors import Problem, SelectionError
 from forge.base.frozen import frozen
 from forge.base.layout import COMPILATIONS_FILE
 from forge.base.text import counted
@@ -20,6 +20,22 @@ from forge.base.text import counted
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
+    from forge.base.frozen import Pairs
+
+NONE = "none"
+"""Overrides a launcher set in a file or variable."""
+
+_PACKAGE = "install the package '{}' of your distribution, or remove '--compiler-launcher'"
+LAUNCHERS: Mapping[str, str] = {
+    "ccache": _PACKAGE.format("ccache"),
+    "sccache": "install it with `cargo install sccache` or your distribution's package 'sccache'; it must be "
+    "on PATH",
+    "distcc": _PACKAGE.format("distcc"),
+    "icecc": _PACKAGE.format("icecc"),
+    "recc": "it is part of BuildBox; put it on PATH, or remove '--compiler-launcher'",
+}
+"""The values of --compiler-launcher, and how to install each."""
+_CUDA_LAUNCHERS = frozenset({"ccache", "sccache"})
 
 _TIMEOUT_SECONDS = 10
 _SETTING = re.compile(r"^\(.*?\) (\w+) = (.*)$", re.MULTILINE)
@@ -28,7 +44,30 @@ _NO_COMPILATIONS = frozenset({"called_for_link", "called_for_preprocessing", "no
 _DEFAULT_LIMIT = 4
 """distcc's default number of jobs per host."""
 _LOCALHOST = re.compile(r"localhost(/\d+)?$")
-_LIMIT = re.compile(r"/(\d+)")
+
+
+def selected_launcher(word: str | None) -> str:
+    """Return the selected launcher, '' for none; raises SelectionError for an unknown one."""
+    if not word or word == NONE:
+        return ""
+    if word not in LAUNCHERS:
+        # Command line and files are validated when parsed: the name is from the environment.
+        hint = f"use {', '.join(LAUNCHERS)} or {NONE}"
+        raise SelectionError(
+            Problem(f"FORGE_COMPILER_LAUNCHER: unknown compiler launcher '{word}'", hint=hint)
+        )
+    return word
+
+
+def launcher_variables(program: Path | None) -> Pairs:
+    """Return CMake's variables for each language; the value is empty for languages without launcher.
+
+    The launcher's absolute path is used, independent of later changes of PATH.
+    """
+    word = str(program or "")
+    cuda = word if program and program.name in _CUDA_LAUNCHERS else ""
+    values = {"C": word, "CXX": word, "CUDA": cuda}
+    return tuple((f"CMAKE_{language}_COMPILER_LAUNCHER", value) for language, value in values.items())
 
 
 @frozen
@@ -45,28 +84,20 @@ class LauncherSummary:
     def words(self) -> str:
         """The summary as a line of text."""
         if self.compilations is not None:
-            whole = counted(self.compilations, "compilation")
-            return f"{self.launcher}: {self.from_cache} of {whole} from the cache"
+            total = counted(self.compilations, "compilation")
+            return f"{self.launcher}: {self.from_cache} of {total} from the cache"
         return f"{self.launcher}: {counted(self.hosts or 0, 'host')} with {counted(self.slots or 0, 'slot')}"
 
 
 @frozen
-class HostPool:
-    """Remote machines that compile for this one, and their total job slots."""
-
-    hosts: int = 0
-    slots: int = 0
-
-
-@frozen
 class LauncherStats:
-    """The launcher of one build: the `variables` of its programs, its remote hosts, and a problem with them.
+    """The launcher of one build: the `variables` of its programs, and the job slots of remote hosts.
 
-    `finish` returns the statistics at the end of the build.
+    `problem` is a warning about its hosts. `finish` returns the statistics at the end of the build.
     """
 
     variables: Mapping[str, str] = field(default_factory=dict)
-    host_pool: HostPool = HostPool()
+    slots: int = 0
     problem: Problem | None = None
     finish: Callable[[], tuple[LauncherSummary, ...]] = tuple
 
@@ -90,34 +121,33 @@ def open_launcher_stats(
             return LauncherStats()
 
 
-def read_hosts(text: str) -> HostPool:
-    """Parse the output of `distcc --show-hosts`, one entry per line.
+def remote_slots(hosts: str) -> list[int]:
+    """Return the job slots of each remote host in the output of `distcc --show-hosts`, one entry per line.
 
-    The word localhost stands for this machine, whose processors are counted elsewhere; 127.0.0.1 is a remote
-    host.
+    Entries are HOST[:PORT][/LIMIT], HOST[/LIMIT][:PORT] or [USER]@HOST[/LIMIT][:COMMAND], and options after a
+    comma. The word localhost stands for this machine, whose processors are counted elsewhere; 127.0.0.1 is a
+    remote host.
     """
-    limits = [_limit(entry) for entry in text.split() if not _LOCALHOST.match(entry)]
-    return HostPool(len(limits), sum(limits))
-
-
-def _limit(entry: str) -> int:
-    """Return the limit in HOST[:PORT][/LIMIT], HOST[/LIMIT][:PORT] or [USER]@HOST[/LIMIT][:COMMAND]."""
-    address = entry.partition(",")[0]
-    if "@" in address:
-        address = re.sub(r"(\[[^]]*\]|[^]:]*):.*", r"\1", address)
-    found = _LIMIT.search(address)
-    return int(found[1]) if found else _DEFAULT_LIMIT
+    slots = []
+    for entry in hosts.split():
+        address = entry.partition(",")[0]
+        if "@" in address:
+            address = re.sub(r"(\[[^]]*\]|[^]:]*):.*", r"\1", address)
+        if not _LOCALHOST.match(entry):
+            limit = re.search(r"/(\d+)", address)
+            slots.append(int(limit[1]) if limit else _DEFAULT_LIMIT)
+    return slots
 
 
 def _distcc_stats(program: Path, variables: Mapping[str, str]) -> LauncherStats:
     """Return the hosts that distcc would use, which respects its files, variables and zeroconf."""
-    host_pool = read_hosts(_output([program, "--show-hosts"], variables))
-    if not host_pool.hosts:
+    slots = remote_slots(_output([program, "--show-hosts"], variables))
+    if not slots:
         hint = "list hosts in DISTCC_HOSTS or ~/.distcc/hosts; `distcc --show-hosts` shows the result"
         message = "distcc reports no remote hosts, so all compilations run on this machine"
         return LauncherStats(problem=Problem(message, hint=hint))
-    summary = LauncherSummary("distcc", hosts=host_pool.hosts, slots=host_pool.slots)
-    return LauncherStats(host_pool=host_pool, finish=lambda: (summary,))
+    summary = LauncherSummary("distcc", hosts=len(slots), slots=sum(slots))
+    return LauncherStats(slots=sum(slots), finish=lambda: (summary,))
 
 
 def _ccache_stats(launcher: Path, root: Path, log: Path, variables: Mapping[str, str]) -> LauncherStats:
@@ -128,14 +158,14 @@ def _ccache_stats(launcher: Path, root: Path, log: Path, variables: Mapping[str,
         # Relative paths in compiler messages would not be found by users or editors.
         added = {"CCACHE_BASEDIR": str(root), "CCACHE_ABSSTDERR": "1"}
     word = next(iter(settings.get("prefix_command", "").split()), "")
-    found = shutil.which(word, path=variables.get("PATH")) if Path(word).name == "distcc" else None
-    distcc = _distcc_stats(Path(found), variables) if found else LauncherStats()
+    program = shutil.which(word, path=variables.get("PATH")) if Path(word).name == "distcc" else None
+    distcc = _distcc_stats(Path(program), variables) if program else LauncherStats()
     finish = distcc.finish
     if not settings.get("stats_log"):  # the user's own log contains other builds as well
         log.unlink(missing_ok=True)
         added["CCACHE_STATSLOG"] = str(log)
         finish = partial(_finish_ccache, log, distcc)
-    return LauncherStats(added, distcc.host_pool, distcc.problem, finish)
+    return LauncherStats(added, distcc.slots, distcc.problem, finish)
 
 
 def _finish_ccache(log: Path, distcc: LauncherStats) -> tuple[LauncherSummary, ...]:
@@ -161,9 +191,7 @@ def _finish_sccache(
 
 
 def _cache_summary(launcher: str, compilations: int, hits: int) -> tuple[LauncherSummary, ...]:
-    if compilations <= 0:
-        return ()
-    return (LauncherSummary(launcher, compilations=compilations, from_cache=hits),)
+    return (LauncherSummary(launcher, compilations, hits),) if compilations > 0 else ()
 
 
 def _sccache_counts(launcher: Path, variables: Mapping[str, str]) -> tuple[int, int] | None:

@@ -1,7 +1,7 @@
-"""Definitions on CMake's command line: wrong ones, and CMake's warning about unused variables.
+"""CMake variables on the command line: mistakes, unused ones, and BUILD_TESTING.
 
-Variables in --cmake-args apply to all packages, but only some of them use each variable. These warnings are
-hidden for single packages, and reported once if no package used a variable.
+Variables in --cmake-args apply to all packages, but only some of them use each variable. CMake's warnings
+about unused variables are hidden for single packages, and reported once if no package used a variable.
 """
 
 from __future__ import annotations
@@ -11,19 +11,28 @@ from typing import TYPE_CHECKING
 
 from forge.base.cmake_syntax import cmake_arguments, definitions
 from forge.base.errors import Problem
+from forge.base.files import text_or_nothing
 from forge.base.names import nearest
+from forge.toolchain.programs import CMAKE_TYPES
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
+    from pathlib import Path
+
+    from forge.workspace.model import Package
 
 _WITHOUT_D = re.compile(r"[A-Za-z_]\w*(?::[A-Z]+)?=")
 _SIMILAR = 0.85
 _POLICY_DEFAULT = "CMAKE_POLICY_DEFAULT_"
-_COMPLAINT = re.compile(
+_UNUSED = re.compile(
     rb"CMake Warning(?: \(unused-cli\))?:\r?\n"
     rb"  Manually-specified variables were not used by the project:\r?\n\r?\n"
     rb"((?:    \S+\r?\n)+)(?:\r?\n)*"
 )
+
+BUILD_TESTING = "BUILD_TESTING"
+_FALSE = re.compile(r"(0|OFF|NO|FALSE|N|IGNORE|(.*-)?NOTFOUND)?", re.IGNORECASE)
+_CACHED = re.compile(rf"^{BUILD_TESTING}:\w+=(.*)$", re.MULTILINE)
 
 _WELL_KNOWN = (
     *("BUILD_SHARED_LIBS", "BUILD_TESTING", "CMAKE_BUILD_TYPE", "CMAKE_CXX_COMPILER", "CMAKE_CXX_FLAGS"),
@@ -64,8 +73,29 @@ def well_known(name: str) -> str | None:
 
 def unused_variables(output: bytes) -> frozenset[str]:
     """Return the variables that CMake warns about in the output of one configure run."""
-    found = (match[1].decode(errors="replace").split() for match in _COMPLAINT.finditer(output))
+    found = (match[1].decode(errors="replace").split() for match in _UNUSED.finditer(output))
     return frozenset(name for names in found for name in names)
+
+
+def builds_tests(package: Package, cmake_args: Sequence[str], ament_cmake_args: Sequence[str]) -> bool | None:
+    """Tell whether CMake's arguments, for all packages and its own, turn the tests of a package on or off.
+
+    Returns None if they do not set BUILD_TESTING. Packages that are not built by CMake follow the arguments
+    for all packages.
+    """
+    words = [*cmake_args]
+    if package.build_type in CMAKE_TYPES:
+        words += package.option_values("cmake-args")
+    if package.build_type == "ament_cmake":
+        words += (*ament_cmake_args, *package.option_values("ament-cmake-args"))
+    value = dict(definitions(words)).get(BUILD_TESTING)
+    return None if value is None else _FALSE.fullmatch(value) is None
+
+
+def was_built_without_tests(build_dir: Path) -> bool:
+    """Tell whether the last build of a CMake package left out its tests."""
+    match = _CACHED.search(text_or_nothing(build_dir / "CMakeCache.txt"))
+    return match is not None and _FALSE.fullmatch(match[1].strip()) is not None
 
 
 class UnusedVariables:
@@ -90,7 +120,7 @@ class UnusedVariables:
             lines = "".join(f"    {name}\n" for name in own).encode()
             return match[0].replace(match[1], lines)
 
-        rest = _COMPLAINT.sub(without_shared, output)
+        rest = _UNUSED.sub(without_shared, output)
         self._used |= self._shared - unused
         self._asked = True
         return rest

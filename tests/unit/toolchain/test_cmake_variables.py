@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from forge.toolchain.cmake_warnings import UnusedVariables, defined, unset_definitions
+from forge.toolchain.cmake_variables import UnusedVariables, defined, unset_definitions
 
 
 def complaint(*names: str, kind: str = "") -> bytes:
