@@ -19,7 +19,7 @@ from forge.base.graph import closure
 from forge.environment.prefixes import SYSTEM
 from forge.toolchain.config_search import ConfigSearch, prefixes_of_path
 from forge.toolchain.programs import CMAKE_TYPES
-from forge.workspace.cmake_metadata import changes_search, requirements
+from forge.workspace.cmake_text import changes_search, requirements
 from forge.workspace.resolve import INTERFACE_GROUP, is_ros_name
 
 if TYPE_CHECKING:

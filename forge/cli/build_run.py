@@ -33,7 +33,7 @@ from forge.toolchain.compiler_launchers import LauncherStats, open_launcher_stat
 from forge.toolchain.compiler_probe import Toolchain
 from forge.toolchain.programs import CMAKE_TYPES, any_enables_cxx, ninja_first, program_of
 from forge.toolchain.resources import LIBRARY_PATH_BELOW, gcc_heap, memory
-from forge.workspace.downloads import announced_downloads
+from forge.workspace.cmake_text import announced_downloads
 from forge.workspace.missing import missing_dependencies
 from forge.workspace.resolve import GENERATORS
 from forge.workspace.whereabouts import Whereabouts

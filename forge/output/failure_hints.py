@@ -21,8 +21,7 @@ from forge.output.first_error import COLOUR
 from forge.output.platform_hints import remedy_for_platform
 from forge.toolchain.config_search import ConfigSearch
 from forge.toolchain.python_modules import install_command
-from forge.workspace.cmake_metadata import cmake_dependencies, linked_packages, targets, used_by_tests_only
-from forge.workspace.cmake_text import calls
+from forge.workspace.cmake_text import calls, cmake_dependencies, linked_packages, targets, used_by_tests_only
 from forge.workspace.discovery import discover_embedded
 from forge.workspace.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS
 from forge.workspace.resolve import (

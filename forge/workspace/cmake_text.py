@@ -1,7 +1,7 @@
-"""Reads the commands of a CMake file from its text, without running it.
+"""Reads CMake files as text: the calls in them, and what these name.
 
-Comments, strings and bracket arguments are told apart by CMake's grammar. Variables, loops and conditions are
-not evaluated, so that the commands of a text are advice: CMake may run each of them, or none.
+The tokenizer follows CMake's grammar for comments, strings and bracket arguments. Variables, loops and
+conditions are not evaluated: CMake may run each of the calls, or none.
 """
 
 from __future__ import annotations
@@ -10,21 +10,57 @@ import os
 import re
 from typing import TYPE_CHECKING
 
+from forge.base.errors import Problem
+from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
+from forge.base.text import counted
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterable, Iterator
     from pathlib import Path
 
-_GAP = re.compile(r"[ \t\r\n\f\v;\ufeff]*")
-_LINE_COMMENT = re.compile(r"#[^\n]*")
-_BRACKET = re.compile(r"\[(=*)\[")
-_STRING = re.compile(r'"((?:[^"\\]|\\.)*)"', re.DOTALL)
-_WORD = re.compile(r'(?:[^\s()#"\\;]|\\.)+(?:"(?:[^"\\]|\\.)*"(?:[^\s()#"\\;]|\\.)*)*', re.DOTALL)
+    from forge.workspace.model import Package
+
+_TOKEN = re.compile(
+    r"(?P<gap>[ \t\r\n\f\v;\ufeff]+|\#\[(=*)\[.*?\]\2\]|\#(?!\[=*\[)[^\n]*)"
+    r"|(?P<parenthesis>[()])"
+    r"|\[(?P<level>=*)\[(?P<bracket>.*?)\](?P=level)\]"
+    r'|"(?P<string>(?:[^"\\]|\\.)*)"'
+    r'|(?P<word>(?!\[=*\[)(?:[^\s()#"\\;]|\\.)+(?:"(?:[^"\\]|\\.)*"(?:[^\s()#"\\;]|\\.)*)*)',
+    re.DOTALL,
+)
 _OPENING = frozenset({"block", "elseif", "else", "foreach", "function", "if", "macro", "while"})
 _CLOSING = frozenset(
     {"elseif", "else", "endblock", "endforeach", "endfunction", "endif", "endmacro", "endwhile"}
 )
+
+_LITERAL = re.compile(r"[a-zA-Z0-9_-]+")
+_PACKAGE = re.compile(r"[a-zA-Z][a-zA-Z0-9_-]*")
+_PKG_CONFIG = frozenset({"pkg_check_modules", "pkg_search_module"})
+_PKG_CONFIG_FLAGS = frozenset(
+    {"GLOBAL", "IMPORTED_TARGET", "NO_CMAKE_ENVIRONMENT_PATH", "NO_CMAKE_PATH", "QUIET", "REQUIRED"}
+)
+_SCOPES = frozenset({"PUBLIC", "PRIVATE", "INTERFACE", "SYSTEM"})
+_OPAQUE = frozenset({"include", "add_subdirectory", "macro", "function", "cmake_language"})
+"""Commands that may call others."""
+_INERT = frozenset(
+    {"add_compile_definitions", "add_compile_options", "add_definitions", "add_executable", "add_library"}
+    | {"add_link_options", "cmake_minimum_required", "else", "elseif", "enable_testing", "endforeach"}
+    | {"endif", "endwhile", "foreach", "if", "include_directories", "install", "link_directories", "list"}
+    | {"mark_as_advanced", "math", "message", "option", "project", "set", "set_target_properties", "string"}
+    | {"target_compile_definitions", "target_compile_features", "target_compile_options"}
+    | {"target_include_directories", "target_link_libraries", "target_sources", "unset", "while"}
+)
+"""Commands that find_package() does not depend on, unless they change a variable of its search."""
+_SETTING = frozenset({"foreach", "list", "option", "set", "string", "unset"})
+_SEARCH = re.compile(r"_(?:DIR|PATH|PREFIX|ROOT)\b|_INCLUDE|FIND_|PROVIDER|SYSROOT|TOOLCHAIN")
+_ELSEWHERE = frozenset({"CONFIGS", "HINTS", "NAMES", "PATHS"})
+"""Arguments of find_package() that name other packages or folders."""
+_DOWNLOADING = frozenset(
+    {"ament_vendor", "cpmaddpackage", "externalproject_add", "fetchcontent_declare", "fetchcontent_populate"}
+)
+_REMOTE = re.compile(r"(?:https?|ftp|git|ssh)://\S+|[\w.-]+@[\w.-]+:\S+")
+_URLS_SHOWN = 10
 
 
 @frozen
@@ -40,29 +76,50 @@ class Call:
     conditions: tuple[str, ...] = ()
 
 
+@frozen
+class PackageReference:
+    """A package that a CMakeLists.txt names, and the line.
+
+    `required` tells whether it is required at the top level of the file, `testing` whether only tests use it.
+    """
+
+    name: str
+    line: int
+    required: bool
+    testing: bool
+
+
 def calls(text: str) -> Iterator[Call]:
     """Yield the calls in order, up to the first text that CMake cannot parse."""
     conditions: list[str] = []
-    command, words, depth = "", [], 0
-    line, counted, start = 1, 0, 0
-    for kind, word, at in _tokens(text):
+    words: list[str] = []
+    command, depth, end = "", 0, 0
+    line, counted_to, start = 1, 0, 0
+    for token in _TOKEN.finditer(text):
+        if token.start() != end:
+            return
+        end = token.end()
+        kind = token.lastgroup or ""
+        word = token[kind]
+        if kind == "gap":
+            continue
         if depth:
-            depth += {"(": 1, ")": -1}.get(kind, 0)
+            depth += (word == "(") - (word == ")") if kind == "parenthesis" else 0
             if depth:
                 words.append(word)
                 continue
-            line += text.count("\n", counted, start)
-            counted = start
+            line += text.count("\n", counted_to, start)
+            counted_to = start
             if command in _CLOSING and conditions:
                 conditions.pop()
             yield Call(command, tuple(words), line, tuple(conditions))
             if command in _OPENING:
                 conditions.append(" ".join(words))
             command = ""
-        elif kind == "(" and command:
+        elif word == "(" and kind == "parenthesis" and command:
             words, depth = [], 1
         elif kind == "word" and not command:
-            command, start = word.lower(), at
+            command, start = word.lower(), token.start()
         else:
             return
 
@@ -75,38 +132,129 @@ def cmake_files(folder: Path) -> Iterator[str]:
                 yield f"{place}/{name}"
 
 
-def _tokens(text: str) -> Iterator[tuple[str, str, int]]:
-    """Yield kind, text and position: of words, of strings without their quotes, and of parentheses."""
-    at = 0
-    while (at := _gap(text, at)) < len(text):
-        if text[at] in "()":
-            yield text[at], text[at], at
-            at += 1
-        elif bracket := _BRACKET.match(text, at):
-            end = text.find(f"]{bracket[1]}]", bracket.end())
-            if end < 0:
-                return
-            yield "string", text[bracket.end() : end], at
-            at = end + len(bracket[0])
-        elif found := _STRING.match(text, at):
-            yield "string", found[1], at
-            at = found.end()
-        elif found := _WORD.match(text, at):
-            yield "word", found[0], at
-            at = found.end()
-        else:
-            return
+def project_name(text: str) -> str | None:
+    """Return the literal name of the first project() that has one, '' if none has, None without project()."""
+    name = None
+    for call in calls(text):
+        if call.command == "project":
+            if call.words and _LITERAL.fullmatch(call.words[0]):
+                return call.words[0]
+            name = ""
+    return name
 
 
-def _gap(text: str, at: int) -> int:
-    """Return the position after blanks and comments, the end of the text in an unterminated comment."""
-    while True:
-        gap = _GAP.match(text, at)
-        at = gap.end() if gap else at
-        if not text.startswith("#", at):
-            return at
-        if bracket := _BRACKET.match(text, at + 1):
-            end = text.find(f"]{bracket[1]}]", bracket.end())
-            at = end + len(bracket[0]) if end >= 0 else len(text)
-        elif found := _LINE_COMMENT.match(text, at):
-            at = found.end()
+def is_catkin_toplevel(text: str) -> bool:
+    """Tell whether this is the file that catkin_make creates above a source folder."""
+    return project_name(text) == "Project" and "catkin_workspace()" in text.splitlines()
+
+
+def cmake_dependencies(texts: Iterable[str]) -> frozenset[str]:
+    """Return the literal names passed to find_package and pkg-config."""
+    found: set[str] = set()
+    for text in texts:
+        if not ("ind_package" in text or "pkg_" in text or "IND_PACKAGE" in text):
+            continue  # reading all words of large files takes time
+        for call in calls(text):
+            # Also wrappers such as catkin_find_package.
+            if call.command.endswith("find_package"):
+                found.update(filter(_LITERAL.fullmatch, call.words[:1]))
+            elif call.command in _PKG_CONFIG:
+                modules = (word for word in call.words[1:] if word not in _PKG_CONFIG_FLAGS)
+                found.update(re.split("[<>=]", module, maxsplit=1)[0] for module in modules)
+    return frozenset(filter(None, found))
+
+
+def may_register_package(text: str) -> bool:
+    """Tell whether ament_package() is called, or may be called by another file or a macro."""
+    commands = {call.command for call in calls(text)} - {"find_package", "ament_python_install_package"}
+    return not commands.isdisjoint(_OPAQUE) or any("package" in name for name in commands)
+
+
+def targets(text: str) -> tuple[str, ...]:
+    """Return the targets with literal names, in order; ${PROJECT_NAME} is expanded."""
+    name = project_name(text) or ""
+    made = (call for call in calls(text) if call.command in {"add_executable", "add_library"} and call.words)
+    return tuple(call.words[0].replace("${PROJECT_NAME}", name) for call in made)
+
+
+def linked_packages(text: str) -> frozenset[str]:
+    """Return the packages that targets link, by name or by a target such as NAME::NAME."""
+    linking = {"ament_target_dependencies", "target_link_libraries"}
+    words = (word for call in calls(text) if call.command in linking for word in call.words[1:])
+    return frozenset(word.partition("::")[0] for word in words)
+
+
+def package_references(text: str) -> Iterator[PackageReference]:
+    """Yield the packages referenced by a literal name; none is required after a return()."""
+    returned = False
+    for call in calls(text):
+        returned = returned or call.command == "return"
+        testing = any("BUILD_TESTING" in condition for condition in call.conditions)
+        names: tuple[str, ...] = ()
+        if call.command == "find_package":
+            names = call.words[:1]
+        elif call.command == "ament_target_dependencies":
+            names = call.words[1:]
+        elif call.command == "rosidl_generate_interfaces" and "DEPENDENCIES" in call.words:
+            names = call.words[call.words.index("DEPENDENCIES") + 1 :]
+        optional = call.command == "find_package" and "REQUIRED" not in call.words
+        required = not (call.conditions or returned or optional)
+        for name in names:
+            if _PACKAGE.fullmatch(name) and name not in _SCOPES:
+                yield PackageReference(name, call.line, required, testing)
+
+
+def used_by_tests_only(text: str) -> frozenset[str]:
+    """Return the packages that are referenced only below if(BUILD_TESTING)."""
+    references = tuple(package_references(text))
+    others = {each.name for each in references if not each.testing}
+    return frozenset(each.name for each in references if each.testing) - others
+
+
+def requirements(text: str, is_inert: Callable[[str], bool] = lambda _: True) -> frozenset[str]:
+    """Return the packages that CMake certainly looks for, and without which it certainly fails.
+
+    They are those of find_package(NAME REQUIRED) outside of all blocks and before any command that may change
+    what is found, or that may end the file: included files, macros, return(), variables of the search.
+    `is_inert(name)` tells whether finding another package before them changes nothing.
+    """
+    found: set[str] = set()
+    for call in calls(text):
+        words = call.words
+        if call.command == "find_package" and words:
+            if not call.conditions and "REQUIRED" in words and _ELSEWHERE.isdisjoint(words):
+                found.add(words[0])
+            if not is_inert(words[0]):
+                break
+        elif call.command not in _INERT or (
+            call.command in _SETTING and (changes_search(words) or "$" in "".join(words[:2]))
+        ):
+            break
+    return frozenset(filter(_PACKAGE.fullmatch, found))
+
+
+def changes_search(words: Iterable[str]) -> bool:
+    """Tell whether one of the words may be a variable that changes what find_package() finds."""
+    return any(map(_SEARCH.search, words))
+
+
+def announced_downloads(packages: Iterable[Package]) -> Problem | None:
+    """Return a note on the literal addresses in commands that may download, None if there are none.
+
+    Some of the commands may be in branches that are not taken.
+    """
+    urls: dict[tuple[str, str], None] = {}
+    for package in packages:
+        for text in map(text_or_nothing, cmake_files(package.path)):
+            if "://" not in text and "@" not in text:
+                continue  # reading all words of large files takes time
+            for call in calls(text):
+                if call.command in _DOWNLOADING or (
+                    call.command == "file" and call.words[:1] == ("DOWNLOAD",)
+                ):
+                    urls.update(((package.name, url), None) for url in filter(_REMOTE.fullmatch, call.words))
+    if not urls:
+        return None
+    shown = ", ".join(f"{url} ('{name}')" for name, url in list(urls)[:_URLS_SHOWN])
+    rest = f" and {len(urls) - _URLS_SHOWN} more" if len(urls) > _URLS_SHOWN else ""
+    return Problem(f"this build may download {counted(len(urls), 'thing')}: {shown}{rest}")

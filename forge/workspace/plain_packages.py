@@ -11,12 +11,7 @@ from forge.base.errors import Location, Problem
 from forge.base.extensions import BUILD_TYPES, PACKAGE_FILES, absent
 from forge.base.files import not_regular_reason, text_or_nothing
 from forge.base.formats import read_toml
-from forge.workspace.cmake_metadata import (
-    cmake_dependencies,
-    is_catkin_toplevel,
-    names_no_literal,
-    project_name,
-)
+from forge.workspace.cmake_text import cmake_dependencies, is_catkin_toplevel, project_name
 from forge.workspace.finders import identify_with
 from forge.workspace.identity import Identity
 from forge.workspace.model import Dependency, DependencyKind, Manifest, Package
@@ -98,7 +93,7 @@ def cmake_package(folder: Folder) -> Identity | None:
             ),
         )
     name = project_name(text)
-    notes = () if name or folder.name or not names_no_literal(text) else (_no_literal(folder, path),)
+    notes = (_no_literal(folder, path),) if name == "" and not folder.name else ()
     name = name or folder.absolute.resolve().name
     # As in colcon, dependencies are not read if the user assigned both name and type.
     assigned = folder.name and folder.type

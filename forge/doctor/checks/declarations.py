@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from forge.base.errors import GroupedProblems, Location, Problem
 from forge.base.frozen import frozen
 from forge.base.graph import closure
-from forge.workspace.cmake_metadata import uses
+from forge.workspace.cmake_text import package_references
 from forge.workspace.model import TEST_KINDS, DependencyKind
 from forge.workspace.python_metadata import imported_modules, mentioned_modules
 from forge.workspace.resolve import ALL_KINDS, is_ros_name
@@ -65,7 +65,7 @@ def undeclared_in_cmake(package: Package, text: str, path: Path, around: KnownPa
     below = closure(around.needs, around.needs.get(package.name, frozenset()))
     errors, warnings, notes = [], [], []
     reported: set[str] = set()
-    for use in uses(text):
+    for use in package_references(text):
         if use.name in declared or use.name in reported or not around.knows(use.name):
             continue
         reported.add(use.name)

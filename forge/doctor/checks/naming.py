@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from forge.base.errors import GroupedProblems, Location, Problem
 from forge.base.text import counted
 from forge.doctor.checks.model import CheckResult
-from forge.workspace.cmake_metadata import may_register_package, project_name
+from forge.workspace.cmake_text import may_register_package, project_name
 from forge.workspace.python_metadata import read_setup_py
 
 if TYPE_CHECKING:

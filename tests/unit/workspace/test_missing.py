@@ -11,7 +11,7 @@ import pytest
 from forge.base.errors import Problem
 from forge.base.layout import Layout
 from forge.build.certain_failures import CMakeSearch
-from forge.workspace.cmake_metadata import requirements, used_by_tests_only
+from forge.workspace.cmake_text import requirements, used_by_tests_only
 from forge.workspace.manifest import parse_manifest
 from forge.workspace.missing import MissingDependencies, missing_dependencies
 from forge.workspace.model import Package

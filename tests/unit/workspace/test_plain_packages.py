@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from forge.workspace.cmake_metadata import cmake_dependencies, project_name
+from forge.workspace.cmake_text import cmake_dependencies, project_name
 from forge.workspace.discovery import discover
 from forge.workspace.model import DependencyKind, Package, Workspace
 from forge.workspace.overrides import Overrides
@@ -36,7 +36,7 @@ def only(root: Path) -> Package:
         ('PROJECT ( "a-b_1" VERSION 1 LANGUAGES C )', "a-b_1"),
         ("# project(no)\nproject(yes)", "yes"),
         ('message("# no comment") project(a)', "a"),
-        ("project(${NAME})", None),
+        ("project(${NAME})", ""),
         ("project(\n  a\n)", "a"),
         ("", None),
     ],
