@@ -14,7 +14,7 @@ import pytest
 from forge.base.files import write_if_changed
 from forge.base.standard_interfaces import EMBEDDED
 from forge.interfaces.model import Catalog, Source
-from forge.interfaces.python import modules, target
+from forge.interfaces.python import target
 from forge.interfaces.read.parsing import parse_all
 from forge.interfaces.read.sources import Library, read_folder
 from forge.interfaces.resolve.dependencies import dependency_catalogs
@@ -94,7 +94,7 @@ def run_python(folder: Path, code: str, *options: str) -> str:
 def classes_of(message: Message) -> dict[str, Any]:
     """Return what the generated module of a message defines, executed where it stands."""
     catalog = Catalog(message.name.package, {message.name: message}, {message.name: message}, {})
-    text = next(file.text for file in modules.files(catalog) if "/_" in file.path.replace("__init__", ""))
+    text = next(file.text for file in target.files(catalog) if "/_" in file.path.replace("__init__", ""))
     names: dict[str, Any] = {"__name__": str(message.name).replace("/", ".")}
     exec(compile(text, str(message.name), "exec"), names)
     return names

@@ -1,30 +1,30 @@
-"""Compute RIHS01 type hashes, as used since ROS 2 Iron (REP 2011)."""
+"""RIHS01 type hashes and the target 'json': type descriptions with hashes, as since ROS 2 Iron (REP 2011)."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
 
 from forge.interfaces.model import (
     Action,
     Array,
+    Catalog,
     Field,
+    File,
+    Interface,
     Message,
     Named,
     Primitive,
     Sequence,
     Service,
     String,
+    Type,
     TypeName,
     element_of,
     messages_of,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
-    from forge.interfaces.model import Catalog, Interface, Type
 
 Description = dict[str, Any]
 """The JSON object that is hashed: the name and the fields of a type."""
@@ -68,23 +68,6 @@ class Hasher:
 
     def referenced(self, name: TypeName) -> list[TypeName]:
         """Return all types that `name` refers to, directly or indirectly, sorted by name."""
-        return sorted(self._closure(name), key=str)
-
-    def fields(self, name: TypeName) -> tuple[Field, ...]:
-        return self._structures[name]
-
-    def described_fields(self, name: TypeName) -> list[Description]:
-        return [
-            {"name": member.name, "type": _described_type(member.type)} for member in self._structures[name]
-        ]
-
-    def _text(self, name: TypeName) -> str:
-        if name not in self._texts:
-            description = {"type_name": str(name), "fields": self.described_fields(name)}
-            self._texts[name] = json.dumps(description)
-        return self._texts[name]
-
-    def _closure(self, name: TypeName) -> frozenset[TypeName]:
         waiting = [name]
         while waiting:
             elements = (element_of(member.type) for member in self._structures[waiting[-1]])
@@ -94,11 +77,16 @@ class Hasher:
             else:
                 below = frozenset(inner).union(*(self._closures[each] for each in inner))
                 self._closures[waiting.pop()] = below
-        return self._closures[name]
+        return sorted(self._closures[name], key=str)
 
-    def _inner(self, name: TypeName) -> list[TypeName]:
-        elements = (element_of(member.type) for member in self._structures[name])
-        return [element.name for element in elements if isinstance(element, Named)]
+    def fields(self, name: TypeName) -> tuple[Field, ...]:
+        return self._structures[name]
+
+    def _text(self, name: TypeName) -> str:
+        if name not in self._texts:
+            fields = [{"name": each.name, "type": _described_type(each.type)} for each in self.fields(name)]
+            self._texts[name] = json.dumps({"type_name": str(name), "fields": fields})
+        return self._texts[name]
 
 
 def hashes(catalog: Catalog) -> dict[TypeName, str]:
@@ -170,3 +158,42 @@ def _described_type(type_: Type) -> Description:
         "string_capacity": string_capacity,
         "nested_type_name": nested,
     }
+
+
+def interface_files(catalog: Catalog) -> Callable[[Interface], Iterator[File]]:
+    """Return a function that yields the file of one interface."""
+    hasher = Hasher(catalog)
+
+    def files_of(interface: Interface) -> Iterator[File]:
+        name = interface.name
+        text = json.dumps(describe(hasher, name), indent=2) + "\n"
+        yield File(f"{name.package}/{name.kind}/{name.name}.json", text)
+
+    return files_of
+
+
+def describe(hasher: Hasher, name: TypeName) -> Description:
+    """Return the description of a type and all referenced types, with the hash of each."""
+    referenced = hasher.referenced(name)
+    return {
+        "type_description_msg": {
+            "type_description": described_type(hasher, name),
+            "referenced_type_descriptions": [described_type(hasher, each) for each in referenced],
+        },
+        "type_hashes": [
+            {"type_name": str(each), "hash_string": hasher.hash(each)} for each in (name, *referenced)
+        ],
+    }
+
+
+def described_type(hasher: Hasher, name: TypeName) -> Description:
+    """Return the description of a type with default values, which are not part of the hash."""
+    fields = [
+        {
+            "name": member.name,
+            "type": _described_type(member.type),
+            "default_value": "" if member.default is None else str(member.default),
+        }
+        for member in hasher.fields(name)
+    ]
+    return {"type_name": str(name), "fields": fields}

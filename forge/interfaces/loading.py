@@ -9,30 +9,25 @@ from __future__ import annotations
 import hashlib
 import os
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from importlib import import_module
 from importlib.abc import InspectLoader, MetaPathFinder
 from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from types import CodeType
+from typing import Any
 
 from forge.base.distributions import check_distribution, distribution_in
 from forge.base.errors import InterfaceError, Problem
 from forge.base.standard_interfaces import EMBEDDED
-from forge.interfaces.python.modules import module_name
+from forge.interfaces.model import Catalog, TypeName
 from forge.interfaces.python.target import files
+from forge.interfaces.python.types import module_name
 from forge.interfaces.read.parsing import Parsed, parse_all
 from forge.interfaces.read.sources import Library, read_folder
-from forge.interfaces.resolve.dependencies import dependency_catalogs
+from forge.interfaces.resolve.dependencies import DefinitionLookup, dependency_catalogs
 from forge.interfaces.resolve.resolution import resolve
 from forge.interfaces.schema import parse_name, read_schema
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
-    from types import CodeType
-
-    from forge.interfaces.model import Catalog, TypeName
-    from forge.interfaces.resolve.dependencies import DefinitionLookup
 
 _RUNTIME = EMBEDDED / "rosidl_default_runtime" / "python"
 

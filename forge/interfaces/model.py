@@ -5,17 +5,13 @@ Type names follow IDL ('boolean', 'octet', 'float', 'double'), as rosidl's gener
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from pathlib import Path
 
+from forge.base.errors import Location
 from forge.base.frozen import frozen
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
-    from pathlib import Path
-
-    from forge.base.errors import Location
 
 HIDDEN_MEMBER = "structure_needs_at_least_one_member"
 

@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
-from forge.interfaces.model import Array, Named, Primitive, Sequence, String, TypeName
-
-if TYPE_CHECKING:
-    from forge.interfaces.model import Element, Type, Value
+from forge.interfaces.model import Array, Element, Named, Primitive, Sequence, String, Type, TypeName, Value
 
 KINDS = {"msg": ("message", "messages"), "srv": ("service", "services"), "action": ("action", "actions")}
 """The singular and plural name of each kind of interface."""

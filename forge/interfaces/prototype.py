@@ -4,25 +4,24 @@ from __future__ import annotations
 
 import struct
 import sys
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
 
 from forge.base.errors import InterfaceError, Problem
 from forge.interfaces.model import (
     Action,
     Array,
+    Element,
+    Field,
+    Interface,
     Message,
     Named,
     Primitive,
     Sequence,
     Service,
     String,
+    TypeName,
     element_of,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from forge.interfaces.model import Element, Field, Interface, TypeName
 
 LARGEST = 1_000_000
 """The maximum number of values; nested arrays multiply."""

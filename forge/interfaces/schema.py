@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base.errors import InterfaceError, Location, Problem
 from forge.interfaces.idl.target import idl_text
 from forge.interfaces.model import Source, TypeName, nested_types, sections_of
 from forge.interfaces.read.declarations import LOWER_NAME
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
-    from forge.interfaces.read.parsing import Parsed
+from forge.interfaces.read.parsing import Parsed
 
 ENCODINGS = ("ros2msg", "ros2idl")
 

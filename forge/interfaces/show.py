@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Iterator
 from enum import Enum
-from typing import TYPE_CHECKING
 
 from forge.base.errors import InterfaceError, Problem
 from forge.interfaces.model import Named, TypeName, element_of
 from forge.interfaces.read.declarations import read_declaration
 from forge.interfaces.read.errors import ParseError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
-
 
 MAX_LINES = 1_000_000
 """The maximum number of lines, which grows exponentially with the nesting of messages."""

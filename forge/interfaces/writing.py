@@ -1,19 +1,106 @@
-"""Write rendered files to a folder: write only changed files and remove obsolete ones."""
+"""Write rendered files to a folder: only changed ones; obsolete ones are removed.
+
+The state of an output folder contains the files that earlier runs generated, and hashes of their inputs.
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import hashlib
+import json
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import field
+from functools import cache
+from pathlib import Path
 
+from forge import __version__
 from forge.base.errors import HostError, Location, Problem
 from forge.base.files import write_if_changed
 from forge.base.frozen import frozen
-from forge.interfaces.output_state import OutputState, PartState, file_stat, read_states, write_state
+from forge.base.layout import templates_folder
+from forge.interfaces.model import TypeName
+from forge.interfaces.rendering import Part
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-    from pathlib import Path
+STATE_FOLDER = ".forge"
+"""The folder with the state, inside the output folder."""
 
-    from forge.interfaces.rendering import Part
+_VERSION = 3
+
+
+@frozen
+class PartState:
+    """The digest of the inputs of a part, and size and modification time of each of its files."""
+
+    digest: str | None
+    stats: Mapping[str, tuple[int, int] | None]
+
+
+@frozen
+class OutputState:
+    """The state of a package in an output folder: its files by part, and types of other packages it needs."""
+
+    parts: Mapping[str, PartState] = field(default_factory=dict)
+    needs: tuple[TypeName, ...] = ()
+    folders: Mapping[str, Path] = field(default_factory=dict)
+    """The folders with the definitions of needed packages."""
+
+    @property
+    def files(self) -> Iterator[str]:
+        for part in self.parts.values():
+            yield from part.stats
+
+    def up_to_date(self, part: str, digest: str | None, out: Path) -> PartState | None:
+        """Return the state of a part if its digest matches and all its files exist unchanged, else None."""
+        state = self.parts.get(part)
+        if state is None or digest is None or state.digest != digest:
+            return None
+        unchanged = all(stat and file_stat(out, path) == stat for path, stat in state.stats.items())
+        return state if unchanged else None
+
+
+def file_stat(out: Path, path: str) -> tuple[int, int] | None:
+    """Return size and modification time of a file, or None if it does not exist."""
+    try:
+        status = os.stat(f"{out}/{path}")  # noqa: PTH116  (thousands of them: Path takes three times as long)
+    except OSError:
+        return None
+    return status.st_size, status.st_mtime_ns
+
+
+def read_states(out: Path) -> dict[str, OutputState]:
+    """Return the state of each package generated into a folder; unreadable files are ignored."""
+    return {path.stem: _read(path) for path in sorted((out / STATE_FOLDER).glob("*.json"))}
+
+
+@cache
+def generator_digest() -> str:
+    """Return a hash of the generator: the version, and size and time of each module and template."""
+    digest = hashlib.sha256(__version__.encode())
+    for root in (Path(__file__).parent, templates_folder()):
+        for folder, below, names in os.walk(root):
+            below.sort()
+            for name in sorted(names):
+                if not name.endswith(".pyc"):
+                    path = os.path.relpath(f"{folder}/{name}", root)
+                    digest.update(f"{path} {file_stat(root, path)}".encode())
+    return digest.hexdigest()[:32]
+
+
+def _read(path: Path) -> OutputState:
+    try:
+        state = json.loads(path.read_text(encoding="utf-8"))
+        if state["version"] != _VERSION:
+            return OutputState()
+        return OutputState(
+            {
+                key: PartState(digest, {name: tuple(stat) if stat else None for name, stat in stats.items()})
+                for key, (digest, stats) in state["parts"].items()
+            },
+            tuple(TypeName(*name.split("/")) for name in state["needs"]),
+            {name: Path(folder) for name, folder in state["folders"].items()},
+        )
+    except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError):
+        return OutputState()
 
 
 @frozen
@@ -46,14 +133,20 @@ def write(parts: Iterable[Part], out: Path, package: str, state: OutputState | N
                     stats[file.path] = file_stat(out, file.path)
                 current = PartState(part.digest, stats)
             written[part.key] = current
-        languages = {_language(key) for key in written}
+        languages = {key.partition(" ")[0] for key in written}
         total = sum(len(each.stats) for each in written.values())
-        written |= {key: each for key, each in before.parts.items() if _language(key) not in languages}
-        new = OutputState(written, *((state.needs, state.folders) if state else ()))
+        others = {k: each for k, each in before.parts.items() if k.partition(" ")[0] not in languages}
+        new = OutputState(written | others, *((state.needs, state.folders) if state else ()))
         current_files = {*new.files, *(path for each in states.values() for path in each.files)}
         for path in set(before.files) - current_files:
             (out / path).unlink(missing_ok=True)
-        write_state(out, package, new)
+        content = {
+            "version": _VERSION,
+            "needs": sorted(map(str, new.needs)),
+            "folders": {name: str(folder) for name, folder in sorted(new.folders.items())},
+            "parts": {key: [part.digest, part.stats] for key, part in sorted(new.parts.items())},
+        }
+        write_if_changed(out / STATE_FOLDER / f"{package}.json", json.dumps(content) + "\n")
     except OSError as error:
         raise unwritable(error, out) from error
     return Written(tuple(changed), total)
@@ -83,10 +176,6 @@ def write_stamp(path: Path) -> None:
     """Create an empty file, or update its modification time."""
     path.parent.mkdir(parents=True, exist_ok=True)
     path.touch()
-
-
-def _language(key: str) -> str:
-    return key.partition(" ")[0]
 
 
 def _for_make(path: Path) -> str:

@@ -48,11 +48,11 @@ from forge.execution.makeflags import read_make_flags
 from forge.interfaces.hashing import hashes
 from forge.interfaces.idl.target import idl_text
 from forge.interfaces.model import Source, TypeName
-from forge.interfaces.output_state import read_states
 from forge.interfaces.read.parsing import Parsed, parse, parse_all
 from forge.interfaces.read.sources import Library, read_source
 from forge.interfaces.resolve.resolution import resolve
 from forge.interfaces.schema import read_schema
+from forge.interfaces.writing import read_states
 from forge.testing.collecting import collect
 from forge.workspace import conditions
 from forge.workspace.discovery import ROS_DEFAULTS, discover

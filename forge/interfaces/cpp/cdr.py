@@ -2,55 +2,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import field
-from itertools import chain
-from typing import TYPE_CHECKING
+from types import SimpleNamespace
 
 from forge.base.frozen import frozen
 from forge.interfaces.cpp.text import qualified
-from forge.interfaces.model import Array, Named, Sequence, String
+from forge.interfaces.model import Array, Named, Sequence, String, TypeName
 from forge.interfaces.wire.layout import (
     UNKNOWN,
     InlineArray,
+    LayoutBuilder,
+    LayoutStep,
     Length,
     Loop,
+    Member,
     MessageCall,
+    MessageLayout,
+    Path,
     PrimitiveElements,
     Run,
     Scalar,
     StringData,
 )
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
-
-    from forge.interfaces.model import TypeName
-    from forge.interfaces.wire.flattening import LayoutBuilder
-    from forge.interfaces.wire.layout import LayoutStep, Member, MessageLayout, Path
-
 _WIDTH = 100
 _NEVER_COPIED = frozenset({"boolean", "wchar"})
 """Not every byte is a valid bool, and a wchar is serialized with twice its size in memory."""
-
-
-@frozen
-class MembersView:
-    """The specialization of forge_cdr::Members for a message."""
-
-    type: str
-    constants: tuple[str, ...]
-    storage: str
-    statements: tuple[str, ...]
-    needs: frozenset[TypeName]
-    """The messages whose specializations this one uses."""
-
-
-@frozen
-class _Leaf:
-    """A member that is copied in one piece: a value, a small array, or a message without padding."""
-
-    path: Path
-    alignment: int
 
 
 @frozen
@@ -65,13 +43,16 @@ class _Shape:
 
 @frozen
 class MembersViews:
-    """Creates the specializations for the messages of a catalog."""
+    """Creates the specializations of forge_cdr::Members for the messages of a catalog."""
 
     layouts: LayoutBuilder
     _shapes: dict[TypeName, _Shape] = field(default_factory=dict)
 
-    def of(self, name: TypeName) -> MembersView:
-        """Return the specialization for a message, which is valid at any start offset."""
+    def of(self, name: TypeName) -> SimpleNamespace:
+        """Return the specialization for a message, which is valid at any start offset.
+
+        `needs` are the messages whose specializations it uses.
+        """
         shape = self._shape(name)
         layout, size = shape.layout, shape.size
         constants = (f"least = {shape.min_size};", f"packed = {size};", f"alignment = {shape.alignment};")
@@ -84,12 +65,12 @@ class MembersViews:
             match step:
                 case MessageCall(_, needed) | Loop(_, Array(Named(needed)) | Sequence(Named(needed))):
                     needs.add(needed)
-        return MembersView(
+        return SimpleNamespace(
             type=f"{qualified(name)}_",
             constants=constants if size else constants[:2],
             storage="static" if self.layouts.is_large(name) else "[[gnu::always_inline]] static",
-            statements=tuple(chain.from_iterable(self._statements(step, wholes) for step in layout.steps)),
-            needs=frozenset(needs),
+            statements=[line for step in layout.steps for line in self._statements(step, wholes)],
+            needs=needs,
         )
 
     def _shape(self, name: TypeName) -> _Shape:
@@ -115,8 +96,17 @@ class MembersViews:
     def _statements(self, step: LayoutStep, wholes: Mapping[Path, TypeName]) -> Iterator[str]:
         match step:
             case Run(members):
-                for group in _groups(self._leaves(members, wholes)):
-                    yield _call("fixed", *(leaf.path for leaf in group))
+                # The padding between the members of a statement is known for any offset of the first one.
+                group: list[Path] = []
+                first = 0
+                for path, alignment in self._leaves(members, wholes):
+                    if group and alignment > first:
+                        yield _call("fixed", *group)
+                        group = []
+                    first = first if group else alignment
+                    group.append(path)
+                if group:
+                    yield _call("fixed", *group)
             case StringData(path, type_):
                 yield _call("text", path, bound=type_.bound)
             case PrimitiveElements(path, Array()):
@@ -130,16 +120,18 @@ class MembersViews:
             case MessageCall(path):
                 yield _call("message", path)
 
-    def _leaves(self, members: Iterable[Member], wholes: Mapping[Path, TypeName]) -> Iterator[_Leaf]:
-        """Yield the members to copy; lengths are serialized with their data."""
+    def _leaves(
+        self, members: Iterable[Member], wholes: Mapping[Path, TypeName]
+    ) -> Iterator[tuple[Path, int]]:
+        """Yield path and alignment of what is copied in one piece; lengths are serialized with their data."""
         visited: set[Path] = set()
         for member in members:
             whole = _outermost(member.path, wholes)
             if whole is None and not isinstance(member, Length):
-                yield _Leaf(member.path, member.alignment)
+                yield member.path, member.alignment
             elif whole is not None and whole not in visited:
                 visited.add(whole)
-                yield _Leaf(whole, self._shape(wholes[whole]).alignment)
+                yield whole, self._shape(wholes[whole]).alignment
 
 
 def _packed(layout: MessageLayout) -> tuple[int, int]:
@@ -148,7 +140,7 @@ def _packed(layout: MessageLayout) -> tuple[int, int]:
     Consecutive messages of this kind have no padding between them if the first one is aligned.
     """
     match layout.steps:
-        case (Run(members) as run,) if run.length is None and all(map(_is_copied, members)):
+        case (Run(members) as run,) if all(map(_is_copied, members)):
             size = sum(member.size for member in members)
             gaps = any(map(sum, (piece.paddings for piece in run.segments)))
             if len(run.segments) == 1 and not gaps and not size % run.alignment:
@@ -167,18 +159,6 @@ def _is_copied(member: Member) -> bool:
 def _outermost(path: Path, wholes: Mapping[Path, TypeName]) -> Path | None:
     """Return the path of the message in `wholes` that contains a member, or None."""
     return next((path[:length] for length in range(1, len(path) + 1) if path[:length] in wholes), None)
-
-
-def _groups(leaves: Iterable[_Leaf]) -> Iterator[list[_Leaf]]:
-    """Yield groups of members with known padding between them, for any offset of the first one."""
-    group: list[_Leaf] = []
-    for leaf in leaves:
-        if group and leaf.alignment > group[0].alignment:
-            yield group
-            group = []
-        group.append(leaf)
-    if group:
-        yield group
 
 
 def _call(word: str, *paths: Path, bound: int | None = None) -> str:

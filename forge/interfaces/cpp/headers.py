@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
 from forge.base.names import snake_case
-from forge.interfaces.model import Action, messages_of, nested_types, services_of
-
-if TYPE_CHECKING:
-    from forge.interfaces.model import Interface, TypeName
+from forge.interfaces.model import Action, Interface, TypeName, messages_of, nested_types, services_of
 
 _PART = re.compile(
     r"_(SendGoal|GetResult|((SendGoal|GetResult)_)?(Request|Response|Event)|Goal|Result|Feedback|FeedbackMessage)$"

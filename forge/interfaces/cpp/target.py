@@ -2,25 +2,33 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterable, Iterator
+from types import SimpleNamespace
 
 from forge.base.errors import InterfaceError, Problem, raise_if_any
-from forge.base.frozen import frozen
 from forge.base.templating import render
 from forge.interfaces.cpp.cdr import MembersViews
 from forge.interfaces.cpp.headers import detail_path, guard, handles, main_path, needed
-from forge.interfaces.cpp.struct import struct_needs_numeric_limits, struct_view
-from forge.interfaces.cpp.text import qualified
-from forge.interfaces.cpp.traits import type_traits, yaml_view
-from forge.interfaces.model import Action, File, Primitive, Sequence, element_of, messages_of, services_of
-from forge.interfaces.wire.flattening import LayoutBuilder
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
-
-    from forge.interfaces.model import Catalog, Interface, Message, TypeName
+from forge.interfaces.cpp.text import comment, literal, needs_numeric_limits, qualified, spell
+from forge.interfaces.model import (
+    Action,
+    Array,
+    Catalog,
+    Field,
+    File,
+    Interface,
+    Message,
+    Named,
+    Primitive,
+    Sequence,
+    String,
+    Type,
+    TypeName,
+    element_of,
+    messages_of,
+    services_of,
+)
+from forge.interfaces.wire.layout import LayoutBuilder
 
 _PARTS = ("struct", "builder", "traits", "type_support", "cdr")
 _ACTION_HEADERS = (
@@ -35,124 +43,12 @@ _LIKELY_MACROS = frozenset(
     }
 )
 
+_CLEARED = "_init == Initialization::ALL || _init == Initialization::ZERO"
+_DEFAULTED = "_init == Initialization::ALL || _init == Initialization::DEFAULTS_ONLY"
+_ZEROED = "_init == Initialization::ZERO"
 
-@frozen
-class BuilderStep:
-    """A step of a builder: the class that sets one member and moves the message to the next step."""
-
-    name: str
-    message: str
-    member: str
-    first: bool
-    result: str
-    returned: str
-
-
-@frozen
-class BuilderStart:
-    """The first step of build()."""
-
-    message: str
-    step: str
-
-
-@dataclass(frozen=True)
-class Headers:
-    """The headers of one interface."""
-
-    interface: Interface
-    wire: MembersViews
-
-    @property
-    def name(self) -> TypeName:
-        return self.interface.name
-
-    @cached_property
-    def messages(self) -> tuple[Message, ...]:
-        """All messages of the interface, including derived ones."""
-        return tuple(messages_of(self.interface))
-
-    @cached_property
-    def needed(self) -> tuple[TypeName, ...]:
-        """The other interfaces with types of members, sorted."""
-        return needed(self.interface)
-
-    def main(self) -> File:
-        return self._file(
-            main_path(self.name, "hpp"),
-            "interface",
-            headers=[_detail(self.name, part) for part in _PARTS],
-        )
-
-    def struct(self) -> File:
-        headers = ["rosidl_runtime_cpp/member_types.hpp", "rosidl_runtime_cpp/message_initialization.hpp"]
-        members = (field for message in self.messages for field in message.members)
-        bounded = any(isinstance(f.type, Sequence) and f.type.bound is not None for f in members)
-        if bounded:
-            headers.append("rosidl_runtime_cpp/bounded_vector.hpp")
-        if isinstance(self.interface, Action):
-            headers += _ACTION_HEADERS
-        headers += [_detail(name, "struct") for name in self.needed]
-        services = services_of(self.interface)
-        constants = {constant.name for message in self.messages for constant in message.constants}
-        return self._detail_file(
-            "struct",
-            headers=sorted(headers),
-            numeric_limits=any(map(struct_needs_numeric_limits, self.messages)),
-            macros=sorted(constants & _LIKELY_MACROS),
-            messages=[struct_view(message) for message in self.messages],
-            services=[service.name.name for service in services],
-            has_events=any(service.has_events for service in services),
-            actions=[self.name.name] if isinstance(self.interface, Action) else [],
-        )
-
-    def builder(self) -> File:
-        return self._detail_file(
-            "builder",
-            headers=[_detail(self.name, "struct"), "rosidl_runtime_cpp/builder.hpp"],
-            package=self.name.package,
-            steps=[step for message in self.messages for step in _steps(message)],
-            starts=[_start(message) for message in self.messages],
-        )
-
-    def traits(self) -> File:
-        needed = [_detail(name, "traits") for name in self.needed]
-        runtime = ["rosidl_runtime_cpp/traits.hpp", "rosidl_runtime_cpp/yaml.hpp"]
-        return self._detail_file(
-            "traits",
-            headers=[_detail(self.name, "struct"), *sorted([*needed, *runtime])],
-            messages=[yaml_view(message) for message in self.messages],
-            types=list(type_traits(self.interface)),
-        )
-
-    def type_support(self) -> File:
-        type_handles = handles(self.interface)
-        kinds = {handle.kind for handle in type_handles}
-        return self._detail_file(
-            "type_support",
-            headers=sorted(
-                [_visibility_path(self.name.package), _detail(self.name, "traits")]
-                + [f"rosidl_typesupport_cpp/{kind}_type_support.hpp" for kind in kinds]
-            ),
-            package=self.name.package,
-            handles=type_handles,
-        )
-
-    def cdr(self) -> File:
-        """Return the header that describes the serialized layout of messages."""
-        views = [self.wire.of(message.name) for message in self.messages]
-        own = _detail(self.name, "cdr")
-        needed = {_detail(name, "cdr") for view in views for name in view.needs} - {own}
-        headers = sorted({*needed, _detail(self.name, "struct")})
-        return self._detail_file("cdr", headers=headers, messages=views)
-
-    def _detail_file(self, part: str, **names: object) -> File:
-        namespace = f"{self.name.package}::{self.name.kind}"
-        return self._file(_detail(self.name, part), part, namespace=namespace, **names)
-
-    def _file(self, path: str, template: str, **names: object) -> File:
-        text = render(f"cpp/{template}.hpp.j2", source=str(self.name), guard=guard(path), **names)
-        return File(path, text)
+_ALLOCATED: dict[type[Type], str] = {Named: "_alloc, _init", String: "_alloc", Sequence: "_alloc"}
+"""The constructor arguments of members that take an allocator."""
 
 
 def files(catalog: Catalog) -> Iterator[File]:
@@ -168,62 +64,223 @@ def package_files(catalog: Catalog) -> Iterator[File]:
 
     Raises InterfaceError for a long double, whose serialized form depends on the platform.
     """
-    raise_if_any(_unsupported(catalog), InterfaceError)
+    problems = [
+        Problem(
+            f"the long double '{field.name}' has no portable serialization",
+            field.place,
+            "use double, or leave out --lang cpp",
+        )
+        for interface in catalog.interfaces.values()
+        for message in messages_of(interface)
+        for field in message.fields
+        if element_of(field.type) == Primitive("long double")
+    ]
+    raise_if_any(problems, InterfaceError)
     path = _visibility_path(catalog.package)
-    text = render("cpp/visibility_control.hpp.j2", guard=guard(path), package=catalog.package)
-    yield File(path, text)
+    yield File(path, render("cpp/visibility_control.hpp.j2", guard=guard(path), package=catalog.package))
 
 
 def interface_files(catalog: Catalog) -> Callable[[Interface], Iterator[File]]:
     """Return a function that yields the headers of one interface of the catalog."""
     wire = MembersViews(LayoutBuilder(catalog.known))
-
-    def headers_of(interface: Interface) -> Iterator[File]:
-        headers = Headers(interface, wire)
-        yield headers.main()
-        yield headers.struct()
-        yield headers.builder()
-        yield headers.traits()
-        yield headers.type_support()
-        yield headers.cdr()
-
-    return headers_of
+    return lambda interface: _headers(interface, wire)
 
 
-def _unsupported(catalog: Catalog) -> Iterator[Problem]:
-    for interface in catalog.interfaces.values():
-        for message in messages_of(interface):
-            for field in message.fields:
-                if element_of(field.type) == Primitive("long double"):
-                    text = f"the long double '{field.name}' has no portable serialization"
-                    yield Problem(text, field.place, "use double, or leave out --lang cpp")
+def _headers(interface: Interface, wire: MembersViews) -> Iterator[File]:
+    name = interface.name
+    messages, services = tuple(messages_of(interface)), services_of(interface)
+    is_action = isinstance(interface, Action)
+    others = needed(interface)
+    own_struct = detail_path(name, "struct", "hpp")
+
+    def header(part: str, path: str = "", **names: object) -> File:
+        path = path or detail_path(name, part, "hpp")
+        common = {"source": str(name), "package": name.package, "namespace": f"{name.package}::{name.kind}"}
+        return File(path, render(f"cpp/{part}.hpp.j2", guard=guard(path), **common, **names))
+
+    details = [detail_path(name, part, "hpp") for part in _PARTS]
+    yield header("interface", main_path(name, "hpp"), headers=details)
+
+    members = [field for message in messages for field in message.members]
+    headers = ["rosidl_runtime_cpp/member_types.hpp", "rosidl_runtime_cpp/message_initialization.hpp"]
+    if any(isinstance(field.type, Sequence) and field.type.bound is not None for field in members):
+        headers.append("rosidl_runtime_cpp/bounded_vector.hpp")
+    if is_action:
+        headers += _ACTION_HEADERS
+    headers += [detail_path(other, "struct", "hpp") for other in others]
+    constants = [constant for message in messages for constant in message.constants]
+    values = [*((field.default, field.type) for field in members), *((c.value, c.type) for c in constants)]
+    yield header(
+        "struct",
+        headers=sorted(headers),
+        numeric_limits=any(needs_numeric_limits(value, type_) for value, type_ in values),
+        macros=sorted({constant.name for constant in constants} & _LIKELY_MACROS),
+        messages=list(map(_struct, messages)),
+        services=[service.name.name for service in services],
+        has_events=any(service.has_events for service in services),
+        actions=[name.name] if is_action else [],
+    )
+    yield header(
+        "builder",
+        headers=[own_struct, "rosidl_runtime_cpp/builder.hpp"],
+        steps=[step for message in messages for step in _builder_steps(message)],
+        starts=list(map(_builder_start, messages)),
+    )
+    runtime = ["rosidl_runtime_cpp/traits.hpp", "rosidl_runtime_cpp/yaml.hpp"]
+    yield header(
+        "traits",
+        headers=[own_struct, *sorted([*(detail_path(other, "traits", "hpp") for other in others), *runtime])],
+        messages=[(message.name.name, list(map(_yaml_statement, message.fields))) for message in messages],
+        types=list(_type_traits(interface)),
+    )
+    type_handles = handles(interface)
+    support = {f"rosidl_typesupport_cpp/{handle.kind}_type_support.hpp" for handle in type_handles}
+    yield header(
+        "type_support",
+        headers=sorted({*support, _visibility_path(name.package), detail_path(name, "traits", "hpp")}),
+        handles=type_handles,
+    )
+    views = [wire.of(message.name) for message in messages]
+    nested = {detail_path(other, "cdr", "hpp") for view in views for other in view.needs}
+    nested.discard(detail_path(name, "cdr", "hpp"))
+    yield header("cdr", headers=sorted({*nested, own_struct}), messages=views)
 
 
 def _visibility_path(package: str) -> str:
     return f"{package}/msg/rosidl_generator_cpp__visibility_control.hpp"
 
 
-def _detail(name: TypeName, part: str) -> str:
-    return detail_path(name, part, "hpp")
+def _struct(message: Message) -> SimpleNamespace:
+    """Return the variables of the struct of a message: members, constants and constructors."""
+    members = message.members
+    blocks = _initializations(members)
+    nested = [f"{f.name}(_init)" for f in members if isinstance(f.type, Named)]
+    # Elements of arrays construct their own allocators.
+    allocated = [f"{f.name}({_ALLOCATED[type(f.type)]})" for f in members if type(f.type) in _ALLOCATED]
+    # Each constructor mentions unused parameters once, to avoid compiler warnings.
+    used = ["_initialize(_init);"] if blocks else [] if nested else ["(void)_init;"]
+    return SimpleNamespace(
+        name=message.name.name,
+        symbol=f"{message.name.package}__{message.name.kind}__{message.name.name}",
+        doc=comment(message.doc),
+        constants=[
+            (
+                "static inline const" if isinstance(constant.type, String) else "static constexpr",
+                f"{spell(constant.type)} {constant.name} = {literal(constant.value, constant.type)}",
+                comment(constant.doc),
+            )
+            for constant in message.constants
+        ],
+        members=[(f.name, spell(f.type), comment(f.doc, f.unit)) for f in members],
+        settable=[f.name for f in message.fields],
+        initializers=",\n    ".join(nested),
+        statements=used,
+        allocating_initializers=",\n    ".join(allocated),
+        allocating_statements=used if allocated else ["(void)_alloc;", *used],
+        blocks=blocks,
+        comparison=" &&\n           ".join(f"{f.name} == _other.{f.name}" for f in members),
+    )
 
 
-def _steps(message: Message) -> Iterable[BuilderStep]:
-    """Return the steps in reverse order, because each refers to the next one."""
-    names = [f"Init_{message.name.name}_{field.name}" for field in message.fields]
-    steps = []
-    for position, field in enumerate(message.fields):
-        last = position == len(names) - 1
-        result = "Message" if last else f"{names[position + 1]}<Message>"
-        returned = "std::move(_message)" if last else f"{result}(std::move(_message))"
-        steps.append(
-            BuilderStep(names[position], qualified(message.name), field.name, position == 0, result, returned)
+def _initializations(members: Iterable[Field]) -> list[tuple[str, list[str]]]:
+    """Return the statements that initialize members, by kind of rosidl_runtime_cpp::MessageInitialization."""
+    cleared: list[str] = []
+    defaulted: list[str] = []
+    zeroed: list[str] = []  # ZERO ignores defaults, including those of array elements
+    for field in members:
+        match field.type:
+            case Primitive():
+                clear = [f"{field.name} = {literal(0, field.type)};"]
+            case Array(Primitive() as of):
+                clear = [f"{field.name}.fill({literal(0, of)});"]
+            case _:
+                clear = []  # strings and sequences are empty by construction
+        if field.default is not None:
+            zeroed += clear
+        else:
+            cleared += clear
+            if isinstance(field.type, Array) and isinstance(field.type.of, Named):
+                zeroed.append(f"{field.name}.fill(typename _{field.name}_type::value_type(_init));")
+        if field.default not in (None, (), ""):
+            defaulted.append(f"{field.name} = {literal(field.default, field.type)};")
+    blocks = ((_CLEARED, cleared), (_DEFAULTED, defaulted), (_ZEROED, zeroed))
+    return [(condition, statements) for condition, statements in blocks if statements]
+
+
+def _builder_steps(message: Message) -> Iterator[SimpleNamespace]:
+    """Yield the classes that set one member each, in reverse order, because each refers to the next one."""
+    result, returned = "Message", "std::move(_message)"
+    for position, field in reversed(list(enumerate(message.fields))):
+        name = f"Init_{message.name.name}_{field.name}"
+        yield SimpleNamespace(
+            name=name,
+            message=qualified(message.name),
+            member=field.name,
+            first=position == 0,
+            result=result,
+            returned=returned,
         )
-    return reversed(steps)
+        result, returned = f"{name}<Message>", f"{name}<Message>(std::move(_message))"
 
 
-def _start(message: Message) -> BuilderStart:
+def _builder_start(message: Message) -> tuple[str, str]:
+    """Return the C++ type of a message and that of its first builder step."""
     spelled = qualified(message.name)
     if not message.fields:
-        return BuilderStart(spelled, spelled)
+        return spelled, spelled
     namespace = f"::{message.name.package}::{message.name.kind}::builder"
-    return BuilderStart(spelled, f"{namespace}::Init_{message.name.name}_{message.fields[0].name}<{spelled}>")
+    return spelled, f"{namespace}::Init_{message.name.name}_{message.fields[0].name}<{spelled}>"
+
+
+def _yaml_statement(field: Field) -> str:
+    many = "s" if isinstance(field.type, Array | Sequence) else ""
+    match element_of(field.type):
+        case Named():
+            kind = "message"
+        case Primitive("octet" | "char"):
+            kind = "octet"
+        case _:
+            kind = "scalar"
+    return f'_out.{kind}{many}("{field.name}", _message.{field.name});'
+
+
+def _type_traits(interface: Interface) -> Iterator[SimpleNamespace]:
+    """Yield the specializations of rosidl's traits for all types of an interface, parts before the whole."""
+    roles: dict[TypeName, str] = {}
+    services = services_of(interface)
+    for service in services:
+        roles |= {service.request.name: "is_service_request", service.response.name: "is_service_response"}
+    if isinstance(interface, Action):
+        parts = {"goal": interface.goal, "result": interface.result, "feedback": interface.feedback}
+        roles |= {message.name: f"is_action_{part}" for part, message in parts.items()}
+    for message in messages_of(interface):
+        types = [field.type for field in message.members]
+        of = [element_of(type_) for type_ in types]
+        strings = [type_ for type_ in of if isinstance(type_, String)]
+        sequences = [type_ for type_ in types if isinstance(type_, Sequence)]
+        is_bounded = None not in [*(each.bound for each in strings), *(each.bound for each in sequences)]
+        nested = {element.name for element in of if isinstance(element, Named)}
+        yield SimpleNamespace(
+            name=qualified(message.name),
+            full_name=message.name,
+            fixed=_base("has_fixed_size", nested) if not strings and not sequences else "std::false_type",
+            bounded=_base("has_bounded_size", nested) if is_bounded else "std::false_type",
+            traits=["is_message", *([roles[message.name]] if message.name in roles else [])],
+        )
+    for service in services:
+        nested = {service.request.name, service.response.name}
+        yield SimpleNamespace(
+            name=qualified(service.name),
+            full_name=service.name,
+            fixed=_base("has_fixed_size", nested),
+            bounded=_base("has_bounded_size", nested),
+            traits=["is_service"],
+        )
+    if isinstance(interface, Action):
+        yield SimpleNamespace(name=qualified(interface.name), full_name=None, traits=["is_action"])
+
+
+def _base(trait: str, nested: Iterable[TypeName]) -> str:
+    """Return the base class of a trait that holds if it holds for all nested messages."""
+    parts = " &&\n    ".join(f"{trait}<{qualified(name)}>::value" for name in sorted(nested))
+    return f"std::integral_constant<bool,\n    {parts}>" if parts else "std::true_type"

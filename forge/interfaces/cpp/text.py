@@ -5,15 +5,10 @@ from __future__ import annotations
 import math
 import re
 import struct
-from typing import TYPE_CHECKING
+from collections.abc import Sequence as Items
 
-from forge.interfaces.model import Array, Named, Primitive, Sequence, String
+from forge.interfaces.model import Array, Element, Named, Primitive, Sequence, String, Type, TypeName, Value
 from forge.interfaces.read.comments import BIDI_CONTROLS
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence as Items
-
-    from forge.interfaces.model import Element, Type, TypeName, Value
 
 _ARITHMETIC = {
     "boolean": "bool",

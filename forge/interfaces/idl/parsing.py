@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_right
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import PurePosixPath
@@ -11,17 +12,14 @@ from typing import TYPE_CHECKING, Any, cast
 
 from forge.base.errors import InterfaceError, Location, Problem, raise_if_any
 from forge.interfaces.idl.structures import StructureReader
-from forge.interfaces.model import Action, Message, Service, TypeName
+from forge.interfaces.model import Action, Interface, Message, Service, Source, TypeName
 from forge.interfaces.read.errors import ParseError
 from forge.interfaces.read.keywords import check_keyword
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
-
     from lark import Lark, Token, Tree
     from lark.exceptions import UnexpectedInput
 
-    from forge.interfaces.model import Interface, Source
 
 _SECTIONS = {2: ("_Request", "_Response"), 3: ("_Goal", "_Result", "_Feedback")}
 _DEPTH = 2

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import islice
 from typing import TYPE_CHECKING, cast
 
+from forge.base.errors import Location
 from forge.base.names import did_you_mean, python_attribute
 from forge.interfaces.idl.values import Expression, read_expression, read_size, value_of
 from forge.interfaces.model import (
@@ -20,18 +22,16 @@ from forge.interfaces.model import (
     Primitive,
     Sequence,
     String,
+    Type,
     TypeName,
+    Value,
 )
 from forge.interfaces.read.errors import ParseError
 from forge.interfaces.read.keywords import check_keyword
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
-
     from lark import Token, Tree
 
-    from forge.base.errors import Location
-    from forge.interfaces.model import Type, Value
 
 _ALIASES = {
     "short": "int16",

@@ -3,74 +3,34 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator
+from types import SimpleNamespace
 
-from forge.base.frozen import frozen
 from forge.base.templating import render
 from forge.interfaces.model import (
     Action,
     Array,
+    Catalog,
+    Element,
     File,
+    Interface,
+    Message,
     Named,
     Primitive,
     Sequence,
     String,
+    Type,
+    Value,
     nested_types,
     sections_of,
 )
 from forge.interfaces.read.comments import BIDI_CONTROLS
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
-    from forge.interfaces.model import Catalog, Element, Interface, Message, Type, Value
-
 _ESCAPES = str.maketrans(
-    {
-        "\\": r"\\",
-        '"': r"\"",
-        "\n": r"\n",
-        "\t": r"\t",
-        "\r": r"\r",
-        "\v": r"\v",
-        "\b": r"\b",
-        "\f": r"\f",
-        "\a": r"\a",
-    }
+    {sign: f"\\{word}" for sign, word in zip('\\"\n\t\r\v\b\f\a', '\\"ntrvbfa', strict=True)}
 )
 _HALVED = re.compile(r'\\{2,}|\\(?=")')
 _ACTION_INCLUDES = {"builtin_interfaces/msg/Time.idl", "unique_identifier_msgs/msg/UUID.idl"}
-
-
-@frozen
-class _Line:
-    """A member or constant: its comment as quoted lines, its annotations, its declaration."""
-
-    comment: str
-    annotations: tuple[str, ...]
-    declaration: str
-
-
-@frozen
-class _Structure:
-    """A struct with its typedefs, constants and members."""
-
-    name: str
-    comment: str
-    typedefs: tuple[str, ...]
-    constants: tuple[_Line, ...]
-    members: tuple[_Line, ...]
-
-
-def files(catalog: Catalog) -> Iterator[File]:
-    """Yield 'PACKAGE/KIND/Name.idl' for each interface."""
-    for interface in catalog.interfaces.values():
-        yield from interface_files(catalog)(interface)
-
-
-def package_files(_: Catalog) -> Iterator[File]:
-    """Yield nothing: there are no files for the package as a whole."""
-    return iter(())
 
 
 def interface_files(catalog: Catalog) -> Callable[[Interface], Iterator[File]]:
@@ -100,16 +60,7 @@ def idl_text(interface: Interface, origin: str) -> str:
     )
 
 
-def _structure(message: Message) -> _Structure:
-    constants = tuple(
-        _Line(
-            _comment(constant.doc, 8),
-            (),
-            f"{_type(constant.type)} {constant.name} = {_literal(constant.value, constant.type)}",
-        )
-        for constant in message.constants
-    )
-    typedefs = dict.fromkeys(line for member in message.members for line in _typedefs(member.type))
+def _structure(message: Message) -> SimpleNamespace:
     members = []
     for member in message.members:
         annotations = []
@@ -117,9 +68,17 @@ def _structure(message: Message) -> _Structure:
             annotations.append(f"@default (value={_literal(member.default, member.type)})")
         if member.unit is not None:
             annotations.append(f"@unit (value={_quoted(member.unit)})")
-        declaration = f"{_type(member.type)} {member.name}"
-        members.append(_Line(_comment(member.doc, 8), tuple(annotations), declaration))
-    return _Structure(message.name.name, _comment(message.doc, 6), tuple(typedefs), constants, tuple(members))
+        members.append((_comment(member.doc, 8), annotations, f"{_type(member.type)} {member.name}"))
+    return SimpleNamespace(
+        name=message.name.name,
+        comment=_comment(message.doc, 6),
+        typedefs=dict.fromkeys(line for member in message.members for line in _typedefs(member.type)),
+        constants=[
+            (_comment(each.doc, 8), f"{_type(each.type)} {each.name} = {_literal(each.value, each.type)}")
+            for each in message.constants
+        ],
+        members=members,
+    )
 
 
 def _comment(lines: tuple[str, ...], indent: int) -> str:

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
+import ast
 import re
 from typing import TYPE_CHECKING, Literal, cast
 
 from forge.base.frozen import frozen
-from forge.interfaces.model import Array, Named, Primitive, Sequence, String
+from forge.interfaces.model import Array, Element, Named, Primitive, Sequence, String, Type, Value
 from forge.interfaces.read.errors import ParseError
 from forge.interfaces.read.literals import INTEGER_RANGES, SURROGATES, escaped_character, within_bound
 
 if TYPE_CHECKING:
-    import ast
-
     from lark import Token, Tree
 
-    from forge.interfaces.model import Element, Type, Value
 
 _ESCAPE = re.compile(r"""\\(?:([\\"'nrtvbfa])|([0-7]{1,3})|x([0-9a-fA-F]{1,2}))""")
 _WIDE_ESCAPE = re.compile(_ESCAPE.pattern[:-1] + r"|u([0-9a-fA-F]{4}))")

@@ -7,13 +7,15 @@ slots. Structs check the end of the data themselves; slices do not, so the funct
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
-from forge.base.frozen import frozen
-from forge.interfaces.model import Array, Sequence
+from forge.base.names import snake_case
+from forge.interfaces.model import Array, Sequence, TypeName
 from forge.interfaces.python.cdr_text import (
     HEADER_SIZE,
+    FunctionSource,
+    Group,
     PackedGroup,
     assignment,
     group_steps,
@@ -26,7 +28,10 @@ from forge.interfaces.wire.layout import (
     InlineArray,
     Length,
     Loop,
+    Member,
     MessageCall,
+    MessageLayout,
+    Path,
     Phase,
     PrimitiveElements,
     Run,
@@ -34,30 +39,14 @@ from forge.interfaces.wire.layout import (
     StringData,
 )
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
-
-    from forge.interfaces.model import TypeName
-    from forge.interfaces.python.cdr_text import FunctionSource, Group
-    from forge.interfaces.wire.layout import Member, MessageLayout, Path
-
-
 _HEADER_CHECK = ("if encapsulation != _LITTLE_ENDIAN:", "    raise _pieces.Refused")
 
 
-@frozen
-class References:
-    """The names of message classes, and of the functions that read large messages."""
-
-    class_of: Callable[[TypeName], str]
-    shared: Callable[[TypeName], str]
-
-
-def emit_reader(lines: FunctionSource, name: TypeName, layout: MessageLayout, references: References) -> None:
+def emit_reader(lines: FunctionSource, name: TypeName, layout: MessageLayout) -> None:
     """Emit the body of a function that returns the message in a buffer."""
-    reader = _Reader(lines, references, Slots(lines, "message"), Cursor(lines, constant=HEADER_SIZE))
+    reader = _Reader(lines, Slots(lines, "message"), Cursor(lines, constant=HEADER_SIZE))
     if not any(isinstance(step, MessageCall) and not step.path for step in layout.steps):
-        lines.add(f"message = _new({references.class_of(name)})")
+        lines.add(f"message = _new({lines.module.class_of(name)})")
     if _looks_at_size(group_steps(layout.steps)):
         lines.add("size = len(buffer)", "view = memoryview(buffer)")
     first = layout.steps[0]
@@ -70,14 +59,12 @@ def emit_reader(lines: FunctionSource, name: TypeName, layout: MessageLayout, re
     lines.add("return message")
 
 
-def emit_part_reader(
-    lines: FunctionSource, name: TypeName, layout: MessageLayout, references: References
-) -> None:
+def emit_part_reader(lines: FunctionSource, name: TypeName, layout: MessageLayout) -> None:
     """Emit the body of a function that returns the message at an offset, and the offset after it."""
-    lines.add(f"message = _new({references.class_of(name)})")
+    lines.add(f"message = _new({lines.module.class_of(name)})")
     if _looks_at_size(group_steps(layout.steps)):
         lines.add("size = len(view)")
-    reader = _Reader(lines, references, Slots(lines, "message"), Cursor(lines, absolute=False))
+    reader = _Reader(lines, Slots(lines, "message"), Cursor(lines, absolute=False))
     reader.read(layout, keep_offset=True)
     lines.add("return message, o")
 
@@ -91,7 +78,6 @@ class _Reader:
     """Emits the lines that read one message, or one element of a loop."""
 
     lines: FunctionSource
-    references: References
     slots: Slots
     cursor: Cursor
     header: bool = False
@@ -105,7 +91,7 @@ class _Reader:
         for inner in () if made else layout.inlined:
             self.lines.add(
                 f"{self.slots.slot(inner.path)} = {self.slots.new_owner(inner.path)} "
-                f"= _new({self.references.class_of(inner.name)})"
+                f"= _new({self.lines.module.class_of(inner.name)})"
             )
         groups = group_steps(layout.steps)
         for index, group in enumerate(groups):
@@ -130,7 +116,8 @@ class _Reader:
                 self._loop(group, last=last)
             case MessageCall(path, name):
                 self.cursor.store()
-                read = self.references.shared(name)
+                factory = self.lines.module.factory_call("part_reader", name)
+                read = self.lines.table(f"read_{snake_case(name.name)}", factory)
                 self.lines.add(f"{self.slots.slot(path)}, o = {read}(buffer, view, o, limit)")
 
     def _run(self, run: Run) -> None:
@@ -249,7 +236,7 @@ class _Reader:
             element.read(group.body, keep_offset=True, made=True)
         else:
             name, root = self.slots.local(group.path), element.slots.root
-            append = self.lines.names.new(f"append_{root}")
+            append = self.lines.name(f"append_{root}")
             self.lines.add(f"{self.slots.slot(group.path)} = {name} = []", f"{append} = {name}.append")
             self.lines.add(f"for _ in range({number}):")
             self.lines.indent()
@@ -258,8 +245,8 @@ class _Reader:
         self.lines.dedent()
 
     def _element(self, group: Loop) -> _Reader:
-        slots = Slots(self.lines, self.lines.names.new(singular(group.path[-1])))
-        return _Reader(self.lines, self.references, slots, Cursor(self.lines, absolute=False))
+        slots = Slots(self.lines, self.lines.name(singular(group.path[-1])))
+        return _Reader(self.lines, slots, Cursor(self.lines, absolute=False))
 
     def _for_all(self, group: Loop, number: str, element: _Reader, values: tuple[Run, str] | None) -> None:
         """Emit the lines that create all elements, and the head of the loop over them.
@@ -269,7 +256,7 @@ class _Reader:
         name = self.slots.local(group.path)
         targets, sources, stores = [element.slots.root], [name], []
         for inner in group.body.inlined:
-            new_objects = f"_new, _repeat({self.references.class_of(inner.name)}"
+            new_objects = f"_new, _repeat({self.lines.module.class_of(inner.name)}"
             if not inner.path:
                 self.lines.add(f"{self.slots.slot(group.path)} = {name} = [*map({new_objects}, {number}))]")
                 continue
@@ -335,7 +322,7 @@ class Slots:
 
     def local(self, path: Path) -> str:
         """Return a new local name for the value at a path, or the existing name of the element itself."""
-        return self.lines.names.of(path, self.root) if path else self.root
+        return self.lines.name("_".join(path) or self.root) if path else self.root
 
     def unpack(self, targets: list[str], call: str) -> None:
         """Emit the line that unpacks values, and those that convert them to the types of fields."""
@@ -365,7 +352,7 @@ class Slots:
                 self.conversions.append(f"{self.slot(path)} = {self.array(member, name)}")
                 return name
             case Length(path, type_):
-                name = self._lengths[path] = self.lines.names.new(f"{'_'.join(path) or self.root}_size")
+                name = self._lengths[path] = self.lines.name(f"{'_'.join(path) or self.root}_size")
                 if isinstance(type_, Sequence) and type_.bound is not None:
                     self.conversions += [f"if {name} > {type_.bound}:", "    raise _pieces.Refused"]
                 return name
@@ -427,7 +414,7 @@ class Cursor:
     def check_available(self, length: str) -> str:
         """Emit the lines that reject data with fewer remaining bytes; return the name of the end offset."""
         self.store()
-        end = self.lines.names.new("end")
+        end = self.lines.name("end")
         self.lines.add(f"{end} = o + {length}", f"if {end} > size:", "    raise _pieces.Refused")
         return end
 

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import builtins
 import keyword
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from forge.base.frozen import frozen
-from forge.interfaces.python.types import TYPE_CODES
+from forge.interfaces.model import TypeName
+from forge.interfaces.python.types import TYPE_CODES, module_name
 from forge.interfaces.wire.layout import (
     InlineArray,
+    LayoutStep,
     Length,
     Loop,
+    Member,
     MessageCall,
     Phase,
     PrimitiveElements,
@@ -20,11 +24,6 @@ from forge.interfaces.wire.layout import (
     Scalar,
     StringData,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Sequence
-
-    from forge.interfaces.wire.layout import LayoutStep, Member, Path
 
 WIDTH: Final = 100
 HEADER_SIZE: Final = 4
@@ -121,36 +120,50 @@ def assignment(start: str, targets: Sequence[str], end: str) -> list[str]:
 
 
 @dataclass(slots=True)
-class Names:
-    """The local names of a function; names in `reserved` are not used."""
+class Module:
+    """Collects the classes and modules that a generated module refers to."""
 
-    taken: set[str] = field(default_factory=set)
-    reserved: Collection[str] = ()
-    """May contain thousands of names; shared by many functions."""
+    own: frozenset[TypeName]
+    all_classes: frozenset[str]
+    """The names of all classes of the catalog, one set for all modules."""
+    classes: dict[TypeName, str] = field(default_factory=dict)
+    modules: dict[str, str] = field(default_factory=dict)
 
-    def new(self, preferred: str) -> str:
-        """Return an unused name: the preferred one, if possible with no number appended."""
-        name, number = preferred, 1
-        while name in self.taken or name in self.reserved or name in _RESERVED:
-            number += 1
-            name = f"{preferred}_{number}"
-        self.taken.add(name)
-        return name
+    def class_of(self, name: TypeName) -> str:
+        """Return the local name of a class."""
+        if name not in self.classes:
+            taken = name.name in self.classes.values()
+            self.classes[name] = f"_{name.package}_{name.kind}_{name.name}" if taken else name.name
+        return self.classes[name]
 
-    def of(self, path: Path, root: str) -> str:
-        """Return a new name for the value at a path."""
-        return self.new("_".join(path) or root)
+    def factory_call(self, prefix: str, name: TypeName) -> str:
+        """Return the call that creates the reader or writer of a large message."""
+        if name in self.own:
+            return f"{prefix}_{name.name}()"
+        path = f"{module_name(name)}__cdr"
+        alias = self.modules.setdefault(path, f"_{path.replace('.', '_')}")
+        return f"{alias}.{prefix}_{name.name}()"
 
 
 @dataclass(slots=True)
 class FunctionSource:
     """The source of a generated function: its lines, and the tables that it looks up."""
 
-    names: Names
+    module: Module
     tables: list[str] = field(default_factory=list)
     lines: list[str] = field(default_factory=list)
     _depth: int = 0
     _known: dict[str, str] = field(default_factory=dict)
+    _names: set[str] = field(default_factory=lambda: {"message", "read", "write"})
+
+    def name(self, preferred: str) -> str:
+        """Return an unused local name: the preferred one, if possible with no number appended."""
+        name, number = preferred, 1
+        while name in self._names or name in self.module.all_classes or name in _RESERVED:
+            number += 1
+            name = f"{preferred}_{number}"
+        self._names.add(name)
+        return name
 
     def add(self, *lines: str) -> None:
         self.lines += ["    " * self._depth + line for line in lines]
@@ -164,7 +177,7 @@ class FunctionSource:
     def table(self, preferred: str, expression: str) -> str:
         """Return the name of the table that the expression creates, once for each expression."""
         if expression not in self._known:
-            name = self.names.new(preferred)
+            name = self.name(preferred)
             self._known[expression] = name
             self.tables.append(f"{name} = {expression}")
         return self._known[expression]

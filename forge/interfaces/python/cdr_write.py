@@ -8,12 +8,13 @@ matters for alignment, so `o` is reset to a constant wherever the remainder is k
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
+from forge.base.names import snake_case
 from forge.interfaces.model import Array, Primitive, Sequence, String
 from forge.interfaces.python.cdr_text import (
     HEADER_SIZE,
     FunctionSource,
+    Group,
     PackedGroup,
     group_steps,
     singular,
@@ -27,19 +28,14 @@ from forge.interfaces.wire.layout import (
     Length,
     Loop,
     MessageCall,
+    MessageLayout,
+    Path,
     Phase,
     PrimitiveElements,
     Run,
     Scalar,
     StringData,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from forge.interfaces.model import TypeName
-    from forge.interfaces.python.cdr_text import Group
-    from forge.interfaces.wire.layout import MessageLayout, Path
 
 _READABLE = 60
 """Longer calls get a separate line."""
@@ -48,13 +44,10 @@ _WIDENED = frozenset({"char", "wchar"})
 _CONVERSIONS = {"boolean": "to_flags", "octet": "to_octets", "char": "to_chars", "wchar": "to_wchars"}
 
 
-def emit_writer(lines: FunctionSource, layout: MessageLayout, shared: Callable[[TypeName], str]) -> None:
-    """Emit the body of a function that returns the bytes of a message.
-
-    `shared` returns the name of the function that writes a large message.
-    """
+def emit_writer(lines: FunctionSource, layout: MessageLayout) -> None:
+    """Emit the body of a function that returns the bytes of a message."""
     groups = group_steps(layout.steps)
-    writer = _Writer(lines, "message", shared)
+    writer = _Writer(lines, "message")
     if not (isinstance(groups[0], PackedGroup) and groups[0].before):
         writer.pieces.append("_HEADER_BYTES")
     writer.sole = not writer.pieces and len(groups) == 1
@@ -62,9 +55,9 @@ def emit_writer(lines: FunctionSource, layout: MessageLayout, shared: Callable[[
     writer.finish()
 
 
-def emit_part_writer(lines: FunctionSource, layout: MessageLayout, shared: Callable[[TypeName], str]) -> None:
+def emit_part_writer(lines: FunctionSource, layout: MessageLayout) -> None:
     """Emit the body of a function that appends the pieces of a message and returns the offset after it."""
-    writer = _Writer(lines, "message", shared, appending=True)
+    writer = _Writer(lines, "message", appending=True)
     writer.write(group_steps(layout.steps), Phase(1, 0), keep_offset=True)
     lines.add("return o")
 
@@ -101,7 +94,6 @@ class _Writer:
     lines: FunctionSource
     root: str
     """The local name of the message or element."""
-    shared: Callable[[TypeName], str]
     appending: bool = False
     """Whether to append each piece to a list, instead of joining all in one expression."""
     sole: bool = False
@@ -144,11 +136,13 @@ class _Writer:
                 self._loop(group, counting=counting)
             case MessageCall(path, name):
                 self._start_appending()
-                self.lines.add(f"o = {self.shared(name)}({self._owner(path)}, append, o)")
+                factory = self.lines.module.factory_call("part_writer", name)
+                write = self.lines.table(f"write_{snake_case(name.name)}", factory)
+                self.lines.add(f"o = {write}({self._owner(path)}, append, o)")
 
     def _piece(self, expression: str, *, counting: bool, first: bool = False) -> None:
         if counting and not expression.isidentifier():
-            name = self.lines.names.new("piece")
+            name = self.lines.name("piece")
             self.lines.add(f"{name} = {expression}")
             expression = name
         if self.appending:
@@ -179,7 +173,7 @@ class _Writer:
         else:
             packer = f"{self.lines.table('structs', f'_pieces.phased({before!r})')}[o & 7].pack"
         if counting or not group.fixed:
-            name = self.lines.names.new("piece")
+            name = self.lines.name("piece")
             self.lines.add(*wrap_arguments(f"{name} = {packer}(", values, ")"))
             self._piece(name, counting=counting, first=with_header)
         elif self.appending:
@@ -189,7 +183,7 @@ class _Writer:
         elif len(call := f"{packer}({', '.join(values)})") <= _READABLE:
             self.pieces.append(call)
         else:
-            name = self.lines.names.new("piece")
+            name = self.lines.name("piece")
             self.lines.add(*wrap_arguments(f"{name} = {packer}(", values, ")"))
             self.pieces.append(name)
 
@@ -211,7 +205,7 @@ class _Writer:
     def _block(self, block: InlineArray) -> str:
         conversion = _CONVERSIONS.get(block.of.name)
         word = self._attribute(block.path)
-        name = self.lines.names.of(block.path, self.root)
+        name = self.lines.name("_".join(block.path) or self.root)
         expression = f"_pieces.{conversion}({word})" if conversion else f"{word}.tobytes()"
         self.lines.add(
             f"{name} = {expression}", f"if len({name}) != {block.size}:", "    raise _pieces.Refused"
@@ -221,8 +215,8 @@ class _Writer:
     def _count(self, path: Path, type_: String | Sequence) -> str:
         """Emit the lines that encode a string or convert a sequence; return the length to write."""
         word = self._attribute(path)
-        name = self.lines.names.of(path, self.root) if path else self.lines.names.new("text")
-        number = self.lines.names.new(f"{name}_size")
+        name = self.lines.name("_".join(path) or self.root) if path else self.lines.name("text")
+        number = self.lines.name(f"{name}_size")
         expression, length = word, f"len({name})"
         if isinstance(type_, String):
             expression = f"_pieces.to_wide({word})" if type_.wide else f"{word}.encode()"
@@ -246,7 +240,7 @@ class _Writer:
             if block.of.name in _CONVERSIONS:
                 name = self._block(block)
             else:
-                name = self.lines.names.of(block.path, self.root)
+                name = self.lines.name("_".join(block.path) or self.root)
                 self.lines.add(
                     f"{name} = {self._attribute(block.path)}",
                     f"if {name}.nbytes != {block.size}:",
@@ -258,7 +252,7 @@ class _Writer:
             length = number if size == 1 else f"{size} * {number}"
         if group.padding is None:
             table = self.lines.table(f"padding_{size}", f"_pieces.paddings({size})")
-            padding = self.lines.names.new("padding")
+            padding = self.lines.name("padding")
             self.lines.add(f"{padding} = {table}[o & 7]{empty}")
             self._piece(padding, counting=counting)
         elif group.padding:
@@ -272,15 +266,15 @@ class _Writer:
         if group.path in self._locals:
             name = self._locals[group.path][0]
         else:
-            name = self.lines.names.of(group.path, self.root)
+            name = self.lines.name("_".join(group.path) or self.root)
             self.lines.add(f"{name} = {self._attribute(group.path)}")
         if isinstance(group.type, Array):
             self.lines.add(f"if len({name}) != {group.type.size}:", "    raise _pieces.Refused")
         groups = group_steps(group.body.steps)
-        element = self.lines.names.new(singular(group.path[-1]))
+        element = self.lines.name(singular(group.path[-1]))
         self.lines.add(f"for {element} in {name}:")
         self.lines.indent()
-        inside = _Writer(self.lines, element, self.shared, appending=True)
+        inside = _Writer(self.lines, element, appending=True)
         keep_offset = counting or _offset_needed(groups, group.body.end, keep_offset=False)[0]
         inside.write(groups, group.body.end, keep_offset=keep_offset)
         self.lines.dedent()
@@ -301,6 +295,6 @@ class _Writer:
             return self.root
         if path not in self._owners:
             word = f"{self._owner(path[:-1])}._{path[-1]}"
-            self._owners[path] = self.lines.names.of(path, self.root)
+            self._owners[path] = self.lines.name("_".join(path) or self.root)
             self.lines.add(f"{self._owners[path]} = {word}")
         return self._owners[path]

@@ -2,12 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import isinf
-from typing import TYPE_CHECKING, Final
+from types import SimpleNamespace
+from typing import Final
 
 from forge.base.frozen import frozen
 from forge.base.names import python_attribute
-from forge.interfaces.model import Array, Named, Primitive, Sequence, String, element_of
+from forge.interfaces.model import (
+    Array,
+    Field,
+    Named,
+    Primitive,
+    Sequence,
+    String,
+    Type,
+    TypeName,
+    element_of,
+)
 from forge.interfaces.python.types import (
     DTYPES,
     INTEGERS,
@@ -19,11 +31,6 @@ from forge.interfaces.python.types import (
     type_text,
     zero,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from forge.interfaces.model import Field, Type, TypeName
 
 HIGHEST: Final = {"char": 127, "wchar": 65535}
 FLOAT_MAX: Final = "3.4028234663852886e+38"
@@ -44,36 +51,21 @@ class Scope:
     """Whether the constructor can call builtins, because no field shadows one."""
 
 
-@frozen
-class FieldView:
-    """A field, for the template."""
+def view_field(field: Field, scope: Scope) -> SimpleNamespace:
+    """Return the variables of a field for the template.
 
-    name: str
-    attribute: str
-    """The name in Python code, which differs from `name` if that is a keyword."""
-    type_text: str
-    slot_type: str
-    build: tuple[str, ...]
-    accept: tuple[str, ...]
-    default: str | None
-    needs: frozenset[str]
-    """The imports that the code needs: 'array', 'arrays', 'numpy', 'zeros', 'no_double' and so on."""
-
-    @property
-    def default_name(self) -> str:
-        return f"{self.name.upper()}__DEFAULT"
-
-
-def view_field(field: Field, scope: Scope) -> FieldView:
-    default = None if field.default is None else literal(field.type, field.default)
-    return FieldView(
+    `attribute` is the name in Python code, which differs from `name` if that is a keyword; `needs` are the
+    imports that the code needs: 'array', 'arrays', 'numpy', 'zeros', 'no_double' and so on.
+    """
+    return SimpleNamespace(
         name=field.name,
         attribute=python_attribute(field.name),
         type_text=repr(type_text(field.type)),
         slot_type=slot_type(field.type),
         build=_build(field, scope),
         accept=_accept(field, scope.classes),
-        default=default,
+        default=None if field.default is None else literal(field.type, field.default),
+        default_name=f"{field.name.upper()}__DEFAULT",
         needs=_needs(field),
     )
 
@@ -91,8 +83,9 @@ def _needs(field: Field) -> frozenset[str]:
 
 def _build(field: Field, scope: Scope) -> tuple[str, ...]:
     name, slot = python_attribute(field.name), f"{scope.own}._{field.name}"
-    # The property setter reports a default that is out of range.
-    target = slot if _fits(field) else f"{scope.own}.{name}"
+    # The property setter reports a default that is out of range, as one of float32 may be.
+    size = abs(field.default) if isinstance(field.default, float) and field.type == Primitive("float") else 0
+    target = f"{scope.own}.{name}" if size > float(FLOAT_MAX) and not isinf(size) else slot
     lines = [f"if {name} is ...:", f"    {target} = {_own_value(field, scope)}"]
     if numeric(field.type) and field.default is None:
         return (*lines, "else:", f"    {slot} = {_convert(field)}")
@@ -106,39 +99,25 @@ def _build(field: Field, scope: Scope) -> tuple[str, ...]:
     return (*lines, "else:", f"    {scope.own}.{name} = {name}")
 
 
-def _fits(field: Field) -> bool:
-    """Return True if a default is in the range of its type; literals of float32 may not be."""
-    if field.type != Primitive("float") or not isinstance(field.default, float):
-        return True
-    return not abs(field.default) > float(FLOAT_MAX) or isinf(field.default)
-
-
 def _own_value(field: Field, scope: Scope) -> str:
     """Return the expression for the default of a field; messages do not share mutable values."""
     if isinstance(field.type, Array | Sequence) and field.default is not None:
         copied = ".copy()" if numeric(field.type) and isinstance(field.type, Array) else "[:]"
         return f"{scope.own}.{field.name.upper()}__DEFAULT{copied}"
     match field.type:
-        case Array():
-            return _zeros(field.type, scope)
+        case Array(of, size):
+            number = numeric(field.type)
+            if number:  # double is numpy's default, which is the fastest
+                return f"_zeros({size})" if number == "double" else f"_zeros({size}, _numpy.{DTYPES[number]})"
+            if isinstance(of, Named):
+                return f"_messages.several({scope.classes[of.name]}, {size})"
+            return f"[{zero(of)}] * {size}"
         case Sequence():
             return f"_no_{numeric(field.type)}[:]" if numeric(field.type) else "[]"
         case Named(name):
             return f"{scope.classes[name]}()"
         case single:
             return zero(single) if field.default is None else scalar(single, field.default)
-
-
-def _zeros(type_: Array, scope: Scope) -> str:
-    match numeric(type_), type_.of:
-        case "double", _:
-            return f"_zeros({type_.size})"  # double is numpy's default, which is the fastest
-        case str(number), _:
-            return f"_zeros({type_.size}, _numpy.{DTYPES[number]})"
-        case _, Named(name):
-            return f"_messages.several({scope.classes[name]}, {type_.size})"
-        case _, of:
-            return f"[{zero(of)}] * {type_.size}"
 
 
 def _convert(field: Field) -> str:

@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Set as AbstractSet
+from types import SimpleNamespace
+from typing import Final
 
 from forge.base.frozen import frozen
 from forge.base.names import python_attribute
-from forge.interfaces.model import Array, Named, Primitive, Sequence, String, element_of
+from forge.interfaces.model import (
+    Array,
+    Element,
+    Message,
+    Named,
+    Primitive,
+    Sequence,
+    String,
+    Type,
+    TypeName,
+    element_of,
+)
 from forge.interfaces.python.types import DTYPES, INTEGERS, numeric
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Mapping
-    from collections.abc import Set as AbstractSet
-
-    from forge.interfaces.model import Constant, Element, Field, Message, Type, TypeName
 
 BUILTINS: Final = frozenset(
     {"bool", "bytearray", "bytes", "float", "int", "list", "object", "property", "str"}
@@ -73,42 +81,29 @@ class StubNames:
                 return read
 
 
-@frozen
-class MemberStub:
-    """A field or a constant, for the template."""
-
-    name: str
-    """The name in Python code, which differs from that in the definition if it is a keyword."""
-    getter_type: str
-    setter_type: str
-    doc: tuple[str, ...]
-    default: str | None
-
-
-@frozen
-class MessageStub:
-    """A message class, for the template."""
-
-    name: str
-    own: str
-    doc: tuple[str, ...]
-    constants: tuple[MemberStub, ...]
-    fields: tuple[MemberStub, ...]
-    check_fields: str | None
-    """The type of the constructor's argument of this name; None if a field has the name.
-
-    Not bool: an unpacked dict[str, float] could not be passed then.
-    """
-
-
-def view_stub(message: Message, names: StubNames) -> MessageStub:
+def view_stub(message: Message, names: StubNames) -> SimpleNamespace:
+    """Return the variables of a message class for the template of stubs."""
     fields = {field.name for field in message.fields}
-    return MessageStub(
+    return SimpleNamespace(
         name=message.name.name,
         own="_self" if "self" in fields else "self",
         doc=docstring(message.doc or (f"Message class '{message.name.name}'.",)),
-        constants=tuple(_constant(constant, names) for constant in message.constants),
-        fields=tuple(_field(field, names) for field in message.fields),
+        constants=[
+            (constant.name, names.getter_type(constant.type), docstring(constant.doc))
+            for constant in message.constants
+        ],
+        fields=[
+            SimpleNamespace(
+                name=python_attribute(field.name),
+                getter_type=names.getter_type(field.type),
+                setter_type=names.setter_type(field.type),
+                doc=docstring((*field.doc, *([f"[{field.unit}]"] if field.unit else []))),
+                default=None if field.default is None else f"{field.name.upper()}__DEFAULT",
+            )
+            for field in message.fields
+        ],
+        # The type of the constructor's argument of this name, unless a field has it.
+        # Not bool: an unpacked dict[str, float] could not be passed then.
         check_fields=None if "check_fields" in fields else names.builtin("object"),
     )
 
@@ -159,20 +154,4 @@ def _safe(line: str) -> str:
     return "".join(
         character if character.isprintable() else character.encode("unicode_escape").decode()
         for character in escaped
-    )
-
-
-def _constant(constant: Constant, names: StubNames) -> MemberStub:
-    type_ = names.getter_type(constant.type)
-    return MemberStub(constant.name, type_, type_, docstring(constant.doc), None)
-
-
-def _field(field: Field, names: StubNames) -> MemberStub:
-    unit = (f"[{field.unit}]",) if field.unit else ()
-    return MemberStub(
-        name=python_attribute(field.name),
-        getter_type=names.getter_type(field.type),
-        setter_type=names.setter_type(field.type),
-        doc=docstring((*field.doc, *unit)),
-        default=None if field.default is None else f"{field.name.upper()}__DEFAULT",
     )

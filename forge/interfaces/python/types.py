@@ -3,28 +3,37 @@
 from __future__ import annotations
 
 from math import isfinite, isnan
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
-from forge.interfaces.model import Array, Named, Primitive, Sequence, String, element_of
+from forge.base.names import snake_case
+from forge.interfaces.model import (
+    Array,
+    Element,
+    Named,
+    Primitive,
+    Sequence,
+    String,
+    Type,
+    TypeName,
+    Value,
+    element_of,
+)
 from forge.interfaces.read.literals import INTEGER_RANGES
 
-if TYPE_CHECKING:
-    from forge.interfaces.model import Element, Type, Value
-
 INTEGERS: Final = {name: limits for name, limits in INTEGER_RANGES.items() if name != "octet"}
-TYPE_CODES: Final = {
-    "int8": "b",
-    "uint8": "B",
-    "int16": "h",
-    "uint16": "H",
-    "int32": "i",
-    "uint32": "I",
-    "int64": "q",
-    "uint64": "Q",
-    "float": "f",
-    "double": "d",
-}
+TYPE_CODES: Final = dict(
+    zip(
+        ("int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64", "float", "double"),
+        "bBhHiIqQfd",
+        strict=True,
+    )
+)
 DTYPES: Final = {**{name: name for name in INTEGERS}, "float": "float32", "double": "float64"}
+
+
+def module_name(name: TypeName) -> str:
+    """Return the full name of the module of an interface."""
+    return f"{name.package}.{name.kind}._{snake_case(name.name)}"
 
 
 def type_text(type_: Type) -> str:

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import re
 import textwrap
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
+from collections.abc import Iterable
 
 _BRACKET = re.compile(r"\[([^,\]]*)(\]|,|\Z)")
 """A bracket up to ']', ',' or the end of the comment; it is a unit only if it ends with ']'."""

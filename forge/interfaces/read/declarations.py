@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING, cast
 
 from forge.base.frozen import frozen
 from forge.base.names import did_you_mean, snake_case
-from forge.interfaces.model import Array, Named, Primitive, Sequence, String, TypeName
+from forge.interfaces.model import Array, Element, Named, Primitive, Sequence, String, Type, TypeName
 from forge.interfaces.read.errors import ParseError
 from forge.interfaces.read.keywords import check_keyword
 
 if TYPE_CHECKING:
     from lark import Lark, Token, Tree
 
-    from forge.interfaces.model import Element, Type
 
 PRIMITIVES = {
     "bool": "boolean",

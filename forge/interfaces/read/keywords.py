@@ -4,18 +4,13 @@ from __future__ import annotations
 
 import keyword
 import re
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem
 from forge.base.names import python_attribute
-from forge.interfaces.model import sections_of
+from forge.interfaces.model import Interface, sections_of
 from forge.interfaces.read.errors import ParseError
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
-
-    from forge.interfaces.model import Interface
 
 _CPP_KEYWORDS = """
     alignas alignof and and_eq asm auto bitand bitor bool break case catch char char16_t

@@ -6,20 +6,27 @@ forge interprets such lines as rosidl does, for identical results; `--strict` re
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable, Iterator
 from math import inf
 from pathlib import PurePosixPath
-from typing import TYPE_CHECKING
 
 from forge.base.errors import Location, Problem
-from forge.interfaces.model import HIDDEN_MEMBER, Array, Primitive, Sequence, String, element_of, sections_of
+from forge.interfaces.model import (
+    HIDDEN_MEMBER,
+    Array,
+    Constant,
+    Field,
+    Message,
+    Primitive,
+    Sequence,
+    Source,
+    String,
+    element_of,
+    sections_of,
+)
 from forge.interfaces.read.keywords import python_keywords
 from forge.interfaces.read.literals import QUOTES
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
-
-    from forge.interfaces.model import Constant, Field, Message, Source
-    from forge.interfaces.read.parsing import Parsed
+from forge.interfaces.read.parsing import Parsed
 
 _AVOIDED = {
     "it is a keyword of C++20": """

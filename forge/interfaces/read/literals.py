@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
 
 from forge.base.text import counted
-from forge.interfaces.model import Array, Named, Primitive, Sequence, String
+from forge.interfaces.model import Array, Element, Named, Primitive, Sequence, String, Type, Value
 from forge.interfaces.read.errors import ParseError
-
-if TYPE_CHECKING:
-    from forge.interfaces.model import Element, Type, Value
 
 INTEGER_RANGES = {
     "octet": (0, 255),

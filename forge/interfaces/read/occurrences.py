@@ -6,23 +6,17 @@ Lines and columns count from 0, in characters.
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from dataclasses import replace
 from enum import Enum
-from typing import TYPE_CHECKING
 
-from forge.base.errors import InterfaceError
+from forge.base.errors import InterfaceError, Location, Problem
 from forge.base.frozen import frozen
-from forge.interfaces.model import Named, TypeName, element_of, sections_of
+from forge.interfaces.idl.parsing import FileReader
+from forge.interfaces.model import Interface, Named, Source, TypeName, element_of, sections_of
 from forge.interfaces.read.declarations import read_declaration
 from forge.interfaces.read.errors import ParseError
 from forge.interfaces.read.parsing import SECTIONS, lines_of, parse_leniently, split_sections, type_name
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from forge.base.errors import Location, Problem
-    from forge.interfaces.idl.parsing import FileReader
-    from forge.interfaces.model import Interface, Source
 
 _INCLUDE = re.compile(r'["<](\w+)/(\w+)/(\w+)\.idl[">]')
 _TYPE = re.compile(r"[\w/]*")

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from itertools import zip_longest
 from pathlib import PurePosixPath
-from typing import TYPE_CHECKING
 
 from forge.base.errors import InterfaceError, Location, Problem, raise_if_any
 from forge.base.frozen import frozen
@@ -14,6 +14,7 @@ from forge.interfaces.model import (
     Action,
     Constant,
     Field,
+    Interface,
     Message,
     Primitive,
     Service,
@@ -25,11 +26,6 @@ from forge.interfaces.read.comments import read_comments
 from forge.interfaces.read.declarations import TYPE_NAME, Declaration, read_declaration
 from forge.interfaces.read.errors import ParseError
 from forge.interfaces.read.literals import read_value
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
-
-    from forge.interfaces.model import Interface
 
 ENDINGS = ("msg", "srv", "action", "idl")
 """The file name extensions of definitions."""

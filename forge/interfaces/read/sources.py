@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
-from typing import TYPE_CHECKING
 
 from forge.base.ament_index import INDEX
 from forge.base.distributions import OLDEST, has_service_events
@@ -23,9 +23,6 @@ from forge.base.standard_interfaces import (
 from forge.base.xml import parse_xml
 from forge.interfaces.model import File, Source, TypeName, with_events
 from forge.interfaces.read.parsing import ENDINGS, SECTIONS, Parsed, parse
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
 
 _RUNTIMES = {"python": ("python", "*"), "cpp": ("include", "*"), "c": ("include", "*.h")}
 """The folder and the file pattern of the run time for each language."""

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from typing import TYPE_CHECKING, Protocol
+from collections.abc import Iterable, Iterator
+from typing import Protocol
 
 from forge.base.errors import InterfaceError, Problem
-from forge.interfaces.model import Action, Catalog, Named, TypeName, element_of, messages_of
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
-
-    from forge.interfaces.model import Field, Interface
-    from forge.interfaces.read.parsing import Parsed
+from forge.interfaces.model import Action, Catalog, Field, Interface, Named, TypeName, element_of, messages_of
+from forge.interfaces.read.parsing import Parsed
 
 ACTION_DEPENDENCIES = (
     TypeName("action_msgs", "srv", "CancelGoal"),

@@ -3,23 +3,28 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from graphlib import CycleError, TopologicalSorter
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from forge.base.errors import InterfaceError, Location, Problem, raise_if_any
 from forge.base.names import nearest, snake_case
-from forge.interfaces.model import Catalog, Message, Named, element_of, messages_of, nested_types, with_events
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-    from pathlib import Path
-
-    from forge.interfaces.model import Field, Source, TypeName
-    from forge.interfaces.read.parsing import Parsed
-    from forge.interfaces.resolve.dependencies import DefinitionLookup
-
+from forge.interfaces.model import (
+    Catalog,
+    Field,
+    Message,
+    Named,
+    Source,
+    TypeName,
+    element_of,
+    messages_of,
+    nested_types,
+    with_events,
+)
+from forge.interfaces.read.parsing import Parsed
+from forge.interfaces.resolve.dependencies import DefinitionLookup
 
 MAX_EXPLAINED = 20
 """The maximum number of unknown types with a suggestion, which is expensive to compute."""

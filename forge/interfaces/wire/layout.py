@@ -1,7 +1,7 @@
 """The layout of a serialized message (XCDR1, DDS-XTypes 1.3): runs of fixed-size members and what is between.
 
-A layout is a message flattened into steps in serialization order. `forge.interfaces.wire.flattening`
-computes layouts; the serializers of all languages are generated from them:
+A layout is a message flattened into steps in serialization order: nested messages are inlined, and fixed-size
+members are merged into runs. The serializers of all languages are generated from layouts:
 
     Run                 adjacent fixed-size members, moved with one bounds check and one copy
     StringData          the characters of a string; its length is the last member of the previous run
@@ -17,14 +17,13 @@ string not at all. Where the phase is insufficient, the padding is computed at r
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from math import gcd
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from forge.base.frozen import frozen
-from forge.interfaces.model import Array, Primitive, Sequence, String
-
-if TYPE_CHECKING:
-    from forge.interfaces.model import TypeName
+from forge.interfaces.model import Array, Message, Named, Primitive, Sequence, String, Type, TypeName
 
 SIZES: Final = {
     **dict.fromkeys(("boolean", "octet", "char", "int8", "uint8"), 1),
@@ -274,3 +273,130 @@ def _min_size(step: LayoutStep) -> int:
             return 1
         case _:
             return 0
+
+
+RUN_ARRAY_LIMIT: Final = 512
+"""Larger arrays, in bytes, are moved on their own: a saved copy operation no longer matters."""
+
+INLINE_LIMIT: Final = 64
+"""Messages of more steps and members than this are not inlined into others."""
+
+
+@frozen
+class LayoutBuilder:
+    """Computes the layouts of messages; `known` contains them and all nested messages."""
+
+    known: Mapping[TypeName, Message]
+    _weights: dict[TypeName, int] = field(default_factory=dict)
+
+    def of(self, name: TypeName, start: Phase = START) -> MessageLayout:
+        """Return the layout of a message, which is flattened even if it is large."""
+        flattening = _Flattening(self, start)
+        flattening.add_members((), name)
+        return flattening.layout()
+
+    def of_element(self, type_: Type, start: Phase) -> MessageLayout:
+        """Return the layout of an element of a collection, or of a single member; its path is ()."""
+        flattening = _Flattening(self, start)
+        flattening.add((), type_)
+        return flattening.layout()
+
+    def is_large(self, name: TypeName) -> bool:
+        """Return True if the message is too large to be inlined into others."""
+        return self._weight(name) > INLINE_LIMIT
+
+    def _weight(self, name: TypeName) -> int:
+        if name not in self._weights:
+            members = self.known[name].members
+            self._weights[name] = sum(self._weight_of(member.type) for member in members)
+        return self._weights[name]
+
+    def _weight_of(self, type_: Type) -> int:
+        match type_:
+            case Array(of) | Sequence(of):
+                return 1 + self._weight_of(of)
+            case Named(name):
+                return 1 if self.is_large(name) else self._weight(name)
+            case _:
+                return 1
+
+
+@dataclass(slots=True)
+class _Flattening:
+    """Collects the steps of a layout."""
+
+    layouts: LayoutBuilder
+    start: Phase
+    steps: list[LayoutStep] = field(default_factory=list)
+    inlined: list[InlinedMessage] = field(default_factory=list)
+    run: list[Member] = field(default_factory=list)
+    phase: Phase = UNKNOWN
+    """The phase at the start of the current run."""
+
+    def __post_init__(self) -> None:
+        self.phase = self.start
+
+    def layout(self) -> MessageLayout:
+        self._close()
+        return MessageLayout(tuple(self.steps), tuple(self.inlined), self.start, self.phase)
+
+    def add_members(self, path: Path, name: TypeName) -> None:
+        message = self.layouts.known[name]
+        for member in message.members:
+            inside = (*path, member.name)
+            if message.fields:
+                self.add(inside, member.type)
+            else:
+                self.run.append(Scalar(inside, Primitive("uint8"), hidden=True))
+
+    def add(self, path: Path, type_: Type) -> None:
+        match type_:
+            case Primitive():
+                self.run.append(Scalar(path, type_))
+            case String():
+                self.run.append(Length(path, type_))
+                self._close()
+                self.steps.append(StringData(path, type_, self.phase))
+                self.phase = Phase(4, 0) if type_.wide else UNKNOWN
+            case Named(name) if self.layouts.is_large(name):
+                self._close()
+                self.steps.append(MessageCall(path, name, self.phase))
+                self.phase = UNKNOWN
+            case Named(name):
+                self.inlined.append(InlinedMessage(path, name))
+                self.add_members(path, name)
+            case Array() | Sequence():
+                self._add_collection(path, type_)
+
+    def _add_collection(self, path: Path, type_: Array | Sequence) -> None:
+        of = type_.of
+        count = type_.size if isinstance(type_, Array) else None
+        if isinstance(type_, Array) and isinstance(of, Primitive):
+            array = InlineArray(path, type_, of)
+            if array.size <= RUN_ARRAY_LIMIT:
+                self.run.append(array)
+                return
+        if isinstance(type_, Sequence):
+            self.run.append(Length(path, type_))
+        self._close()
+        start = self.phase
+        if isinstance(of, Primitive):
+            size = SIZES[of.name]
+            first = start.aligned(size)
+            end = first.after(count * size) if count else first.join(first.after(size))
+            self.steps.append(PrimitiveElements(path, type_, of, start))
+        else:
+            # The layout must be valid for the first element and for those after other elements.
+            body = self.layouts.of_element(of, start)
+            while (joined := body.start.join(body.end)) != body.start:
+                body = self.layouts.of_element(of, joined)
+            end = body.end
+            self.steps.append(Loop(path, type_, body, start))
+        self.phase = end if count else start.join(end)
+
+    def _close(self) -> None:
+        if self.run:
+            run = Run(tuple(self.run), self.phase)
+            self.steps.append(run)
+            self.phase = run.end(self.phase)
+            self.run.clear()

@@ -6,17 +6,11 @@ nested message depends on its start offset, because XCDR1 aligns primitives only
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
 
 from forge.base.frozen import frozen
-from forge.interfaces.model import Array, Named, Primitive, Sequence, String
-from forge.interfaces.wire.flattening import LayoutBuilder
-from forge.interfaces.wire.layout import MAX_ALIGNMENT, SIZES, START, Phase
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from forge.interfaces.model import Element, Message, Type, TypeName
+from forge.interfaces.model import Array, Element, Message, Named, Primitive, Sequence, String, Type, TypeName
+from forge.interfaces.wire.layout import MAX_ALIGNMENT, SIZES, START, LayoutBuilder, Phase
 
 _LENGTH = SIZES["uint32"]
 _CODE_UNIT = SIZES["wchar"]

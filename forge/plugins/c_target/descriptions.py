@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 from forge.base.frozen import frozen
 from forge.interfaces.cpp.headers import symbol
 from forge.interfaces.cpp.text import quoted
-from forge.interfaces.hashing import structures_of
+from forge.interfaces.hashing import described_type, structures_of
 from forge.interfaces.model import Action, Service
-from forge.interfaces.type_description import described_type
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

@@ -10,13 +10,12 @@ import pytest
 
 from forge.base.files import write_if_changed
 from forge.base.standard_interfaces import EMBEDDED
-from forge.interfaces.hashing import Hasher
+from forge.interfaces.hashing import Hasher, describe
 from forge.interfaces.model import Catalog, Source, TypeName
 from forge.interfaces.read.parsing import parse_all
 from forge.interfaces.read.sources import Library
 from forge.interfaces.resolve.dependencies import dependency_catalogs
 from forge.interfaces.resolve.resolution import resolve
-from forge.interfaces.type_description import describe
 from forge.plugins.c_target import target as c
 
 if TYPE_CHECKING:

@@ -7,11 +7,11 @@ import json
 import pytest
 
 from forge.base.standard_interfaces import EMBEDDED
-from forge.interfaces import type_description
 from forge.interfaces.hashing import hashes
 from forge.interfaces.model import TypeName
 from forge.interfaces.read.parsing import parse_all
 from forge.interfaces.read.sources import Library, read_folder
+from forge.interfaces.rendering import render
 from forge.interfaces.resolve.resolution import resolve
 from tests.conftest import Tree
 
@@ -56,7 +56,7 @@ def test_type_ids_follow_rep_2011(tree: Tree) -> None:
     ]
     folder = tree({"msg/All.msg": "\n".join(lines)})
     catalog = resolve("tour", parse_all(read_folder("tour", folder)), Library())
-    (file,) = type_description.files(catalog)
+    (file,) = render(catalog, "json")
     stored = json.loads(file.text)["type_description_msg"]["type_description"]
     types = [
         (f["type"]["type_id"], f["type"]["capacity"], f["type"]["string_capacity"]) for f in stored["fields"]
@@ -78,13 +78,13 @@ def test_the_stored_description_has_defaults_and_the_hash_of_each_type(tree: Tre
         {"msg/Outer.msg": "Inner inner\nbool a true\nint8[] b [1, 2]\nstring c", "msg/Inner.msg": "int8 x 50"}
     )
     catalog = resolve("tour", parse_all(read_folder("tour", folder)), Library())
-    files = {file.path: json.loads(file.text) for file in type_description.files(catalog)}
-    outer = files["tour/msg/Outer.json"]
+    files = {file.path: json.loads(file.text) for file in render(catalog, "json")}
+    outer = files["json/tour/msg/Outer.json"]
     fields = outer["type_description_msg"]["type_description"]["fields"]
     assert [f["default_value"] for f in fields] == ["", "True", "(1, 2)", ""]
     assert [t["type_name"] for t in outer["type_hashes"]] == ["tour/msg/Outer", "tour/msg/Inner"]
     (inner,) = outer["type_description_msg"]["referenced_type_descriptions"]
-    assert inner == files["tour/msg/Inner.json"]["type_description_msg"]["type_description"]
+    assert inner == files["json/tour/msg/Inner.json"]["type_description_msg"]["type_description"]
 
 
 def test_defaults_and_constants_do_not_change_a_hash(tree: Tree) -> None:

@@ -8,9 +8,8 @@ import pytest
 
 from forge.base.errors import HostError
 from forge.interfaces.model import File
-from forge.interfaces.output_state import OutputState, read_states
 from forge.interfaces.rendering import Part
-from forge.interfaces.writing import write, write_depfile
+from forge.interfaces.writing import OutputState, read_states, write, write_depfile
 
 
 def part(language: str, digest: str | None = None, **texts: str) -> Part:

@@ -16,13 +16,19 @@ from forge.base.templating import keep_compiled
 from forge.base.text import counted
 from forge.cli.commands.interface.inputs import InputOptions, catalog_of, library_of
 from forge.cli.options import add_verb
-from forge.interfaces.fingerprints import fingerprints
-from forge.interfaces.output_state import STATE_FOLDER, OutputState, generator_digest, read_states
 from forge.interfaces.read.keywords import python_keywords
 from forge.interfaces.read.sources import Library, read_runtime
-from forge.interfaces.rendering import Part, parts
+from forge.interfaces.rendering import Part, fingerprints, parts
 from forge.interfaces.resolve.dependencies import dependency_catalogs, undeclared_dependencies
-from forge.interfaces.writing import write, write_depfile, write_stamp
+from forge.interfaces.writing import (
+    STATE_FOLDER,
+    OutputState,
+    generator_digest,
+    read_states,
+    write,
+    write_depfile,
+    write_stamp,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

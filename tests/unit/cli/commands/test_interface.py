@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from forge.interfaces.idl import target as idl
 from forge.interfaces.read.parsing import parse_all
 from forge.interfaces.read.sources import Library, read_folder
+from forge.interfaces.rendering import render
 from forge.interfaces.resolve.resolution import resolve
 from tests.conftest import GOLDEN, Forge, Golden, Tree
 from tests.packages import manifest_text
@@ -406,7 +406,7 @@ def test_generate_reports_missing_definitions(
 def test_idl_text_is_as_reviewed(golden: Golden) -> None:
     folder = GOLDEN / "interfaces/idl/src"
     catalog = resolve("tour", parse_all(read_folder("tour", folder)), Library())
-    golden("interfaces/idl", {file.path: file.text for file in idl.files(catalog)})
+    golden("interfaces/idl", {file.path.removeprefix("idl/"): file.text for file in render(catalog, "idl")})
 
 
 def test_a_name_can_be_read_from_stdin(forge: Forge, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -20,7 +20,7 @@ import pytest
 from forge.base.files import write_if_changed
 from forge.interfaces.loading import load
 from forge.interfaces.python import target
-from forge.interfaces.wire.flattening import INLINE_LIMIT
+from forge.interfaces.wire.layout import INLINE_LIMIT
 from tests.generated import catalog_of, generate_embedded, importable, probe_catalog
 
 LARGE_TEXT = "\n".join(

@@ -28,7 +28,7 @@ from forge.interfaces.model import (
     String,
     TypeName,
 )
-from forge.interfaces.python import modules as python
+from forge.interfaces.python import target as python
 from tests.generated import INTEGERS, catalog_of, classes_of, generate, importable, refused
 
 FLOAT = "a float in [-3.402823466e+38, 3.402823466e+38]"

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from forge.interfaces.model import Catalog, Constant, Field, Message, Primitive, TypeName
-from forge.interfaces.python import modules as python
+from forge.interfaces.python import target as python
 from forge.interfaces.python.stubs import docstring
 
 
@@ -35,7 +35,10 @@ def test_docstrings_are_escaped(lines: list[str]) -> None:
 def test_a_constructor_takes_check_fields_unless_a_field_has_the_name(field: str, argument: str) -> None:
     name = TypeName("checked", "msg", "Speed")
     message = Message(name, (Field(field, Primitive("double"), None, (), None),), (), ())
-    files = {file.path: file.text for file in python.files(Catalog("checked", {name: message}, {}, {}))}
+    files = {
+        file.path: file.text
+        for file in python.files(Catalog("checked", {name: message}, {name: message}, {}))
+    }
     stub = files["checked/msg/_speed.pyi"]
     assert f"        {argument} = ...,\n    ) -> None: ..." in stub
     assert stub.count("check_fields: ") == 1
@@ -49,7 +52,10 @@ def test_comments_and_units_document_fields_and_constants() -> None:
         (Constant("TOP", Primitive("int8"), 9, ("no more",)),),
         ("A speed.", "", "Of anything."),
     )
-    files = {file.path: file.text for file in python.files(Catalog("documented", {name: message}, {}, {}))}
+    files = {
+        file.path: file.text
+        for file in python.files(Catalog("documented", {name: message}, {name: message}, {}))
+    }
     class_ = ast.parse(files["documented/msg/_speed.pyi"]).body[-1]
     assert isinstance(class_, ast.ClassDef)
     assert ast.get_docstring(class_) == "A speed.\n\nOf anything."

@@ -7,9 +7,10 @@ from collections.abc import Mapping
 import pytest
 
 from forge.interfaces.model import TypeName
-from forge.interfaces.wire.flattening import INLINE_LIMIT, LayoutBuilder
 from forge.interfaces.wire.layout import (
+    INLINE_LIMIT,
     START,
+    LayoutBuilder,
     MessageLayout,
     Phase,
     Run,
