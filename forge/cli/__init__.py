@@ -4,4 +4,4 @@
 other packages.
 """
 
-__all__ = ["commands", "mixins", "options", "package_options", "preparation"]
+__all__ = ["commands", "mixins", "options", "preparation"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import fields, is_dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from forge.base.distributions import check_distribution, distribution_option
@@ -11,8 +12,7 @@ from forge.base.errors import Problem, SelectionError
 from forge.base.frozen import frozen
 from forge.base.options import default_of, option, option_of, options_of
 from forge.cache.opening import CacheOptions
-from forge.cli.options import FolderOptions
-from forge.cli.package_options import OptionSources
+from forge.cli.options import FolderOptions, OptionSources
 from forge.execution.executor import ExecutorOptions
 from forge.execution.options import JobOptions
 from forge.output.handlers import ReportOptions
@@ -178,7 +178,7 @@ class BuildOptions:
         return next((word for word, given in forcing.items() if given), "")
 
     def check(self) -> None:
-        """Raise SelectionError for options that exclude each other, ForgeError for an invalid URL."""
+        """Raise ForgeError for options that exclude each other, and for invalid values."""
         check_distribution(self.rosdistro)
         self.execution.check()
         self.cache.check()
@@ -197,6 +197,11 @@ class BuildOptions:
             if self.watch and value:
                 message = f"'--watch' cannot be combined with '{word}'"
                 raise SelectionError(Problem(message, hint="remove one of them"))
+        _ = self.reporters, self.folders.level  # raises ForgeError for invalid values
+        if self.timings and self.folders.layout(Path.cwd()).logs is None:
+            hint = "remove '--timings', or choose a log folder with '--log-base'"
+            message = "--timings needs a log folder, but logs are disabled"
+            raise SelectionError(Problem(message, hint=hint))
 
     def _prevent_audit(self) -> Iterator[str]:
         if self.watch:

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 from forge.base.env_vars import SEQUENTIAL, own_cache, without_secrets
 from forge.base.errors import WorkspaceError, print_problem, raise_if_any
-from forge.base.frozen import frozen
 from forge.base.layout import OWN_CACHE_DIR, PROGRAMS_DIR
 from forge.build.compile_commands import merge_compile_commands
 from forge.build.inputs.referenced_inputs import named_by
@@ -39,62 +38,69 @@ from forge.workspace.resolve import GENERATORS
 from forge.workspace.whereabouts import Whereabouts
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator
     from contextlib import AbstractContextManager
     from pathlib import Path
 
     from forge.base.frozen import Pairs
-    from forge.build.audit.tracing import Audit
-    from forge.build.recipes.context import BuildContext
     from forge.build.state import BuildState
     from forge.build.tasks import BuildPlan
     from forge.cache.package_cache import PackageCache
-    from forge.cli.build_mode import BuildMode
-    from forge.cli.build_options import BuildOptions
+    from forge.cli.preparation import PreparedBuild
     from forge.cli.session import Session
     from forge.execution.executor import Executor
-    from forge.toolchain.interpreter import Interpreter
-    from forge.workspace.load import LoadedWorkspace
-
-
-@frozen
-class PreparedBuild:
-    """The options of a build and what was prepared for it; `began` is the monotonic start time."""
-
-    options: BuildOptions
-    loaded: LoadedWorkspace
-    context: BuildContext
-    interpreter: Interpreter
-    variables: Mapping[str, str]
-    mode: BuildMode
-    audit: Audit | None
-    began: float
 
 
 def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
     """Run the plan of a build, and finish its records; returns 1 if a package failed."""
     options, context, mode, audit = build.options, build.context, build.mode, build.audit
+    compiles = any(task.package.build_type in CMAKE_TYPES for task in plan.tasks.values())
+    if build.cross:
+        mode.warn(build.cross.prepare_compilers(task.package for task in plan.tasks.values()))
     state.begin()
-    launcher_stats = _launcher_stats(plan, build)
+    launcher_stats = LauncherStats()
+    if context.launcher and compiles:
+        launcher_stats = open_launcher_stats(
+            context.launcher, context.root, context.layout.build, without_job_variables(build.variables)
+        )
+        if launcher_stats.problem:
+            mode.warn([launcher_stats.problem])
+    own = own_cache(build.variables) or context.layout.build / OWN_CACHE_DIR
+    executor_context = ExecutorContext(
+        options.execution,
+        replace(options.jobs, load_limit=context.load_limit),
+        context.layout.build,
+        {name: program_of(identity) for name, identity in context.tools},
+        mode.warn,
+    )
     with (
-        options.execution.connected(_executor_context(build)) as remote,
-        _workers(plan, build) as worker_variables,
+        options.execution.connected(executor_context) as remote,
+        _workers(plan, build, compiles=compiles) as worker_variables,
         closing(
             open_job_pool(
                 options.jobs,
                 context,
                 build.variables,
-                compiles=_compiles(plan),
+                compiles=compiles,
                 remote_slots=launcher_stats.slots,
                 warn=mode.warn,
             )
         ) as job_pool,
         _session(plan, build, state) as session,
-        _package_cache(build, state) as cache,
+        _package_cache(build, state, own) as cache,
         closing(audit) if audit else nullcontext(),
     ):
-        added = {**launcher_stats.variables, **worker_variables}
-        variables = _variables(plan, build, added, jobs=0 if remote else job_pool.local)
+        variables = {
+            **without_job_variables(build.variables),
+            **launcher_stats.variables,
+            **worker_variables,
+        }
+        if not (audit or context.launcher):
+            # By these variables compilers run faster.
+            variables[LIBRARY_PATH_BELOW] = build.variables.get("LD_LIBRARY_PATH", "")
+            if compiles and not remote and job_pool.local:
+                variables |= gcc_heap(memory(), job_pool.local)
+        variables |= ninja_first(context.ninja, context.layout.build / PROGRAMS_DIR, build.variables)
         recorder = PackageRecorder(state)
         lifecycle = TaskSetup(
             build.loaded.resolution,
@@ -107,7 +113,6 @@ def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
             _toolchain(plan, build),
             audit,
         )
-        own = own_cache(build.variables) or context.layout.build / OWN_CACHE_DIR
         executor: Executor = remote or LocalExecutor(
             job_pool,
             StartedProcesses(context.layout.build),
@@ -150,12 +155,18 @@ def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
     if options.query.strict:
         raise_if_any(state.merged_prefix.conflicts((*plan.tasks, *plan.fresh)), WorkspaceError)
     mode.warn(state.merged_prefix.conflicts(plan.tasks))
-    untracked = _report_audit(audit, plan, build, state) if audit else 0
-    return session.report.exit_code or untracked
+    untracked = False
+    if audit:
+        from forge.build.audit.tracked import audit_report
+
+        lines, clean = audit_report(audit, plan, context, state, build.variables)
+        print(*lines, sep="\n", file=sys.stderr if options.report.json else sys.stdout, flush=True)
+        untracked = not clean
+    return session.report.exit_code or int(untracked)
 
 
 @contextmanager
-def _workers(plan: BuildPlan, build: PreparedBuild) -> Iterator[dict[str, str]]:
+def _workers(plan: BuildPlan, build: PreparedBuild, *, compiles: bool) -> Iterator[dict[str, str]]:
     """Yield the variables for the workers that run short commands of packages."""
     if build.audit:
         # Reads of a worker would belong to no step.
@@ -165,35 +176,12 @@ def _workers(plan: BuildPlan, build: PreparedBuild) -> Iterator[dict[str, str]]:
     with ExitStack() as stack:
         has_rosidl = GENERATORS not in context.embedded
         found = dict(stack.enter_context(build.mode.worker(plan, has_rosidl=has_rosidl)))
-        if context.recipes and _compiles(plan):
+        if context.recipes and compiles:
             packages = [task.package for task in plan.tasks.values()]
             variables, compilers = without_secrets(build.variables), _compilers(build)
             for extension in active_extensions(context):
                 found |= stack.enter_context(extension.running(packages, context, variables, compilers))
         yield found
-
-
-def _variables(
-    plan: BuildPlan, build: PreparedBuild, added: Mapping[str, str], jobs: int
-) -> Mapping[str, str]:
-    """Return the environment of all packages, below that of their dependencies.
-
-    `jobs` is the number of compilers that share the memory of this machine, 0 if they run on others.
-    """
-    context, variables = build.context, build.variables
-    found = {**without_job_variables(variables), **added}
-    if not (build.audit or context.launcher):
-        # By these variables compilers run faster.
-        found[LIBRARY_PATH_BELOW] = variables.get("LD_LIBRARY_PATH", "")
-        found |= gcc_heap(memory(), jobs) if jobs and _compiles(plan) else {}
-    return found | ninja_first(context.ninja, context.layout.build / PROGRAMS_DIR, variables)
-
-
-def _executor_context(build: PreparedBuild) -> ExecutorContext:
-    options, context = build.options, build.context
-    jobs = replace(options.jobs, load_limit=context.load_limit)
-    programs = {name: program_of(identity) for name, identity in context.tools}
-    return ExecutorContext(options.execution, jobs, context.layout.build, programs, build.mode.warn)
 
 
 def _session(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> AbstractContextManager[Session]:
@@ -226,7 +214,9 @@ def _session(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> Abstra
     )
 
 
-def _package_cache(build: PreparedBuild, state: BuildState) -> AbstractContextManager[PackageCache | None]:
+def _package_cache(
+    build: PreparedBuild, state: BuildState, own: Path
+) -> AbstractContextManager[PackageCache | None]:
     """Return the package cache as a context, None without one."""
     options, loaded, layout = build.options, build.loaded, build.context.layout
     if not options.cache.wanted:
@@ -236,7 +226,6 @@ def _package_cache(build: PreparedBuild, state: BuildState) -> AbstractContextMa
     from forge.cache.package_cache import CacheContext
     from forge.cache.relocation import Relocator
 
-    own = own_cache(build.variables) or layout.build / OWN_CACHE_DIR
     context = CacheContext(
         layout=layout,
         relocator=Relocator(loaded.workspace.root, layout),
@@ -250,23 +239,6 @@ def _package_cache(build: PreparedBuild, state: BuildState) -> AbstractContextMa
         values=dict(relevant_environment(build.variables)),
     )
     return open_cache(options.cache, context, state, build.variables, build.mode.warn)
-
-
-def _launcher_stats(plan: BuildPlan, build: PreparedBuild) -> LauncherStats:
-    """Return the statistics of the compiler launcher, empty if nothing is compiled."""
-    context, variables = build.context, build.variables
-    if context.launcher is None or not _compiles(plan):
-        return LauncherStats()
-    launcher_stats = open_launcher_stats(
-        context.launcher, context.root, context.layout.build, without_job_variables(variables)
-    )
-    if launcher_stats.problem:
-        build.mode.warn([launcher_stats.problem])
-    return launcher_stats
-
-
-def _compiles(plan: BuildPlan) -> bool:
-    return any(task.package.build_type in CMAKE_TYPES for task in plan.tasks.values())
 
 
 def _toolchain(plan: BuildPlan, build: PreparedBuild) -> Toolchain | None:
@@ -314,12 +286,3 @@ def warn_of_packages(plan: BuildPlan, build: PreparedBuild) -> None:
     )
     if downloads := announced_downloads(configured):
         print_problem(downloads, "note")
-
-
-def _report_audit(audit: Audit, plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
-    """Print untracked reads of the packages; return 1 if there are any."""
-    from forge.build.audit.tracked import audit_report
-
-    lines, clean = audit_report(audit, plan, build.context, state, build.variables)
-    print(*lines, sep="\n", file=sys.stderr if build.options.report.json else sys.stdout, flush=True)
-    return int(not clean)

@@ -11,11 +11,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from forge.base.env_vars import expand_home, setting
-from forge.base.errors import Problem, SelectionError
+from forge.base.errors import Problem, SelectionError, print_warnings
 from forge.base.frozen import frozen
 from forge.base.layout import Layout
-from forge.base.options import default_of, nested_options, option, option_of
+from forge.base.options import default_of, nested_options, option, option_of, options_of
 from forge.cli.colcon_options import PASSED_ON
+from forge.workspace.selection import Query
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from forge.base.options import Option
     from forge.cli.main import Parser
     from forge.toolchain.targets import Target
+    from forge.workspace.load import LoadedWorkspace
 
 _Options = TypeVar("_Options")
 
@@ -227,6 +229,40 @@ class FolderOptions:
             hint = f"use {', '.join(LOG_LEVELS)}, or a number"
             raise SelectionError(Problem(f"unknown log level '{level}'", hint=hint))
         return LOG_LEVELS[level]
+
+
+@frozen
+class OptionSources:
+    """Where options come from besides the command line: forge.cli.config reads them."""
+
+    GROUP = "options from files"
+
+    profile: str | None = option("use the options of this profile in forge.toml", metavar="NAME")
+    mixin: tuple[str, ...] | None = option(
+        "use the options of these mixins; 'forge mixin show' shows them", nargs="*", metavar="NAME"
+    )
+    mixin_files: tuple[str, ...] | None = option("additional mixin files", nargs="*", metavar="FILE")
+
+
+@frozen
+class ListingOptions:
+    """The options of commands that show packages and build none."""
+
+    query: Query = options_of(Query)
+    sources: OptionSources = options_of(OptionSources)
+    build_base: str = option(
+        "build folder, for results of earlier builds (default: build)", default="build", metavar="DIR"
+    )
+    embedded: bool = option("include the packages embedded in forge", default=False)
+    json: bool = option("print the output as JSON", default=False)
+
+    def load(self) -> LoadedWorkspace:
+        """Return the workspace in the current folder; print its warnings."""
+        from forge.workspace.load import load_workspace
+
+        loaded = load_workspace(Path.cwd(), self.query, os.environ, embedded=self.embedded)
+        print_warnings(loaded.warnings)
+        return loaded
 
 
 def displayed(path: Path | str, origin: str) -> str:

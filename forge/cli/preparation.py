@@ -1,135 +1,171 @@
-"""Prepares a build before planning: environment, tools, options, and checks."""
+"""Everything before the plan of a build runs: environment, packages, checks, tools, and the plan itself."""
 
 from __future__ import annotations
 
-import contextlib
 import os
 import shlex
 import sys
+from contextlib import nullcontext, suppress
 from dataclasses import replace
+from functools import cache, partial
 from itertools import islice
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from forge import __version__
 from forge.base.ament_index import INDEX
 from forge.base.distributions import VARIABLE, distribution_in
+from forge.base.env_vars import expand_home
 from forge.base.errors import (
+    ForgeError,
     GroupedProblems,
     Problem,
+    WarningReporter,
     WorkspaceError,
     print_problem,
     raise_if_any,
     share_hints,
 )
 from forge.base.extensions import RECIPES, installed
+from forge.base.frozen import frozen
 from forge.base.graph import closure, closures, ordered_names
 from forge.base.layout import NO_CODE, PACKAGE, own_folders
+from forge.build import folder_marks
 from forge.build.build_types import leave_out, with_toolchains
 from forge.build.certain_failures import CMakeSearch
 from forge.build.inputs.fingerprints import digest_strings, source_files, stamp_files
 from forge.build.inputs.referenced_inputs import ReferencedInputs
-from forge.build.planning import GlobalInputs, names_to_build
+from forge.build.journal import open_journal
+from forge.build.planning import GlobalInputs, make_whole_plan, names_to_build
 from forge.build.preflight import path_problems, variable_length_problems
 from forge.build.recipes.cmake import FLAGS, unfit_generator
 from forge.build.recipes.context import BuildContext
+from forge.build.snapshot import take_snapshot
 from forge.build.up_to_date import relevant_environment
-from forge.cli.build_mode import has_many_wheels
-from forge.cli.output_checks import output_problems
-from forge.environment.install_state import recorded_python, recorded_rosdistro, recorded_underlays
+from forge.environment.install_state import (
+    forget_underlays,
+    recorded_python,
+    recorded_rosdistro,
+    recorded_underlays,
+)
 from forge.environment.prefixes import PACKAGES, find_underlays, spellings, tidy_prefixes
 from forge.environment.underlay_python import lacks_modules
 from forge.environment.underlays import lost_underlays, other_distributions, unusable_overlays
 from forge.execution.makeflags import read_make_flags
-from forge.toolchain.cmake_variables import suspicious_arguments, unset_definitions
+from forge.toolchain.cmake_variables import builds_tests, suspicious_arguments, unset_definitions
 from forge.toolchain.compiler_launchers import selected_launcher
 from forge.toolchain.interpreter import find_interpreter, other_than_recorded, own_command
 from forge.toolchain.programs import CMAKE_TYPES, PYTHON_TYPES, condensed, find_tools, identities
 from forge.workspace.discovery import ROS_DEFAULTS, special_files
+from forge.workspace.load import find_packages, load_workspace
 from forge.workspace.missing import missing_dependencies
 from forge.workspace.resolve import INTERFACE_GROUP
 from forge.workspace.whereabouts import Whereabouts, submodule_remedy, unchecked_submodules
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+    from contextlib import AbstractContextManager
 
-    from forge.base.errors import WarningReporter
-    from forge.base.frozen import Pairs
     from forge.base.layout import Layout
-    from forge.build.tasks import BuildPlan, Task
+    from forge.build.audit.tracing import Audit
+    from forge.build.model import Snapshot
+    from forge.build.state import BuildState
+    from forge.build.tasks import BuildPlan
     from forge.cli.build_options import BuildOptions
+    from forge.output.console import ConsoleReporter
     from forge.toolchain.interpreter import Interpreter
     from forge.toolchain.targets import CrossBuild
     from forge.workspace.load import LoadedWorkspace
+    from forge.workspace.model import Package, Workspace
+    from forge.workspace.selection import SearchPaths
 
 
-def build_variables(
-    layout: Layout, surroundings: Mapping[str, str], rosdistro: str | None = None
-) -> dict[str, str]:
-    """Return the environment of a build: the caller's environment, ROS defaults and the recorded underlays.
+_MANY_WHEELS = 4
+"""Starting the worker takes as long as three Python packages save by it."""
 
-    Entries of this workspace are removed, so that sourcing it before a build makes no difference. Underlays
-    recorded by an earlier build are used even if they are not sourced in this shell, and those of which the
-    shell has only some variables are used as if they were sourced. The ROS distribution is `rosdistro`, else
-    that of the environment, else that of an underlay, else that of an earlier build.
+
+class BuildMode:
+    """How a single build reports its result, like colcon; `WatchLoop` overrides the methods."""
+
+    quiet = False
+    """Whether to omit progress messages; failures and stderr output of packages are printed in any case."""
+    silent_if_up_to_date = False
+    """Whether to print nothing if all packages are up to date."""
+
+    def __init__(self) -> None:
+        """Start without warnings."""
+        self.warn = WarningReporter()
+
+    def worker(self, plan: BuildPlan, *, has_rosidl: bool) -> AbstractContextManager[dict[str, str]]:
+        """Return a context that yields the environment variables for the worker of short commands.
+
+        With `has_rosidl`, the generators of a distribution compile the interfaces.
+        """
+        packages = [task.package for task in plan.tasks.values()]
+        compiles = not has_rosidl and any(INTERFACE_GROUP in each.manifest.groups for each in packages)
+        installs = _has_many_wheels(packages)
+        if not (compiles or installs):
+            return nullcontext({})
+        from forge.cli.worker import INTERFACE_MODULES, WHEEL_MODULES, worker
+
+        return worker(*INTERFACE_MODULES * compiles, *WHEEL_MODULES * installs)
+
+    def conclude(self, _plan: BuildPlan, report: ConsoleReporter, seconds: float) -> None:
+        """Print the summary of a build."""
+        report.summarise(seconds)
+
+
+@frozen
+class PreparedBuild:
+    """The options of a build and what was prepared for it."""
+
+    options: BuildOptions
+    loaded: LoadedWorkspace
+    names: tuple[str, ...]
+    """The packages to build, in topological order."""
+    context: BuildContext
+    interpreter: Interpreter
+    variables: Mapping[str, str]
+    mode: BuildMode
+    audit: Audit | None
+    cross: CrossBuild | None
+    began: float
+    """The monotonic start time."""
+
+
+def load(
+    options: BuildOptions, layout: Layout, warn: WarningReporter
+) -> tuple[LoadedWorkspace, dict[str, str]]:
+    """Return the packages with their selection, and the variables of the build; print warnings.
+
+    There are warnings about underlays that do not exist, cannot be used, or do not fit.
     """
-    own = tidy_prefixes(without_own(surroundings, layout))
-    sourced, recorded = find_underlays(own, layout.install).chain, recorded_underlays(layout.install)
-    known = rosdistro or own.get(VARIABLE) or _recorded_rosdistro((*recorded, *sourced), layout.install)
-    variables = {**ROS_DEFAULTS, "COLCON": "1", **own, **({VARIABLE: known} if known else {})}
-    real = {root.resolve() for root in sourced}
-    forgotten = [root for root in recorded if root.resolve() not in real and root.is_dir()]
-    incomplete = [root for root in sourced if lacks_modules(root, variables)]
-    if not (forgotten or incomplete):
-        return variables
-    from forge.environment.sourcing import workspace_environment
-
-    sourced_variables = workspace_environment([*incomplete, *forgotten], variables)
-    return {**sourced_variables, VARIABLE: rosdistro} if rosdistro else sourced_variables
-
-
-def warn_of_underlays(
-    layout: Layout, surroundings: Mapping[str, str], variables: Mapping[str, str], warn: WarningReporter
-) -> None:
-    """Warn about underlays that do not exist, cannot be used, or do not fit; `variables` are the build's."""
+    if options.reset_underlays and not options.dry_run and folder_marks.is_own_install_base(layout.install):
+        forget_underlays(layout.install)
+    variables = build_variables(layout, os.environ, options.rosdistro)
     warn(
         (
-            *lost_underlays(layout.install, without_own(surroundings, layout)),
-            *unusable_overlays(layout.install, find_underlays(surroundings, layout.install).overlays),
+            *lost_underlays(layout.install, without_own(os.environ, layout)),
+            *unusable_overlays(layout.install, find_underlays(os.environ, layout.install).overlays),
             *other_distributions(find_underlays(variables, layout.install).chain, variables[VARIABLE]),
         )
     )
+    loaded = load_workspace(
+        Path.cwd(),
+        options.query,
+        variables,
+        embedded=True,
+        install=layout.install,
+        tested=_builds_tests(options),
+    )
+    warn(loaded.warnings)
+    return loaded, variables
 
 
-def without_own(variables: Mapping[str, str], layout: Layout) -> dict[str, str]:
-    """Return the variables without path entries below the install folder or an overlay of this workspace.
-
-    Variables that become empty are removed.
-    """
-    install = layout.of_host.install
-    overlays = find_underlays(variables, install).overlays
-    roots = [path for root in (install, *overlays) for path in spellings(root, variables)]
-    below = tuple(f"{path}/" for path in roots)
-    cleaned = dict(variables)
-    for name, value in variables.items():
-        if any(path in value for path in roots):
-            entries = value.split(os.pathsep)
-            kept = [entry for entry in entries if not f"{entry}/".startswith(below)]
-            if kept:
-                cleaned[name] = os.pathsep.join(kept)
-            else:
-                del cleaned[name]
-    return cleaned
-
-
-def require_packages(loaded: LoadedWorkspace) -> None:
-    """Raise WorkspaceError if there are no packages at all, as outside of a workspace."""
-    if not loaded.workspace.packages:
-        hint = "change to the root of the workspace, or create a package: forge pkg create my_package"
-        if empty := unchecked_submodules(loaded.workspace.root):
-            hint = submodule_remedy(empty)
-        problem = Problem(f"no packages found below '{loaded.workspace.root}'", hint=hint)
-        raise WorkspaceError(problem)
+def _builds_tests(options: BuildOptions) -> Callable[[Package], bool | None]:
+    cmake = options.cmake
+    return partial(builds_tests, cmake_args=cmake.cmake_args, ament_cmake_args=cmake.ament_cmake_args)
 
 
 def packages_to_build(
@@ -141,9 +177,18 @@ def packages_to_build(
     """
     names, query = names_to_build(loaded.selection, loaded.resolution), options.query
     requested = frozenset(names) if query.strict else query.named
-    found, warnings = leave_out(names, loaded.packages, loaded.resolution.needs, requested)
+    selected, warnings = leave_out(names, loaded.packages, loaded.resolution.needs, requested)
     warn(warnings)
-    return found
+    if query.no_test_dependencies:
+        is_tested = _builds_tests(options)
+        packages = (loaded.packages[name] for name in selected)
+        tested = sorted(each.name for each in packages if each.only_tested_with and is_tested(each))
+        if tested:
+            which = f"'{tested[0]}'" if len(tested) == 1 else f"{len(tested)} packages, such as '{tested[0]}'"
+            message = f"'--no-test-dependencies' has no effect on {which}: BUILD_TESTING is turned on"
+            hint = "remove the option, or BUILD_TESTING from the arguments for CMake"
+            warn([Problem(message, hint=hint)])
+    return selected
 
 
 def check_before_planning(
@@ -232,88 +277,42 @@ def with_packages_of_underlays(
     return replace(loaded, resolution=replace(resolution, needs=needs))
 
 
-def report_left_out(names: Sequence[str], buildable: Sequence[str]) -> int:
-    """Report the packages that were not built for lack of dependencies; returns 1 if there are any."""
-    left_out = sorted({*names} - {*buildable})
-    if left_out:
-        message = f"not built, because dependencies are missing: {', '.join(left_out)}"
-        print_problem(Problem(message))
-    return int(bool(left_out))
-
-
-def check_plan(
-    plan: BuildPlan,
-    loaded: LoadedWorkspace,
-    context: BuildContext,
-    variables: Mapping[str, str],
-    warn: WarningReporter,
-) -> None:
-    """Raise WorkspaceError for problems of the plan that would make tasks fail or hang; print warnings."""
-    errors, warnings = variable_length_problems(
-        plan, loaded.resolution.packages, context.layout, context.site_packages, variables
-    )
-    warn(warnings)
-    own = [task for task in plan.tasks.values() if not task.embedded]
-    raise_if_any((*_unfit_generators(own, context), *errors), WorkspaceError)
-    opened_files: list[Problem] = []
-    others: list[Problem] = []
-    for package in [task.package for task in own]:
-        names = _OF_PYTHON if package.build_type in PYTHON_TYPES else ("CMakeLists.txt",)
-        opened = {package.path / name for name in names}
-        for problem in special_files(context.root, package.path):
-            is_opened = problem.location is not None and problem.location.path in opened
-            (opened_files if is_opened else others).append(problem)
-    raise_if_any(opened_files, WorkspaceError)
-    hint = "a program that opens it would wait or read without end"
-    warn(replace(problem, hint=hint) for problem in others)
-    if plan.tasks:
-        from forge.build.prefix import blocking_paths
-        from forge.toolchain.python_modules import require_modules
-
-        if any(INTERFACE_GROUP in task.package.manifest.groups for task in plan.tasks.values()):
-            require_modules(context.python, ("numpy",))
-        # CMake installs a file into an existing folder of the same name.
-        found = (p for task in plan.tasks.values() for p in blocking_paths(task, context.layout))
-        raise_if_any(found, WorkspaceError)
-
-
-_OF_PYTHON = ("setup.py", "setup.cfg", "pyproject.toml")
-
-
-def _unfit_generators(tasks: Iterable[Task], context: BuildContext) -> Iterator[Problem]:
-    """Yield a problem for the first package with an unsupported CMake generator."""
-    packages = (task.package for task in tasks if task.package.build_type in CMAKE_TYPES)
-    problems = (unfit_generator(package, context) for package in packages)
-    yield from islice(filter(None, problems), 1)
-
-
 def prepare(
     options: BuildOptions,
     loaded: LoadedWorkspace,
-    names: Sequence[str],
+    names: tuple[str, ...],
     layout: Layout,
     variables: Mapping[str, str],
-    warn: WarningReporter,
-    cross: CrossBuild | None = None,
-) -> tuple[BuildContext, Interpreter]:
-    """Return the tools and options shared by all packages; raises HostError for missing programs."""
+    mode: BuildMode,
+    began: float,
+) -> PreparedBuild:
+    """Find the tools, and collect the options shared by all packages; raises HostError for missing tools."""
+    target, cross, audit = options.folders.target, None, None
+    if target:
+        cross = target.prepare(layout, variables, options.cross)
+        variables = {**variables, **cross.variables}
     packages = [loaded.packages[name] for name in names]
     cmake = options.cmake
     cmake_args = (*cmake.cmake_args, *cmake.ament_cmake_args)
-    warn(suspicious_arguments(cmake_args))
+    mode.warn(suspicious_arguments(cmake_args))
     if any(package.build_type in CMAKE_TYPES for package in packages):
         raise_if_any(unset_definitions(cmake_args))
     launcher = selected_launcher(cmake.compiler_launcher)
     tools = find_tools(packages, variables, launcher, has_compiler=cross is not None, cmake_args=cmake_args)
     interpreter = find_interpreter(options.python, variables, find_underlays(variables, layout.install).chain)
-    warn(other_than_recorded(recorded_python(layout.install), interpreter))
+    mode.warn(other_than_recorded(recorded_python(layout.install), interpreter))
     if cross and cross.python_version:
         interpreter = replace(interpreter, version=cross.python_version)
     shared_args = (*(cross.cmake_args if cross else ()), *cmake.cmake_args)
     through_worker = (sys.executable, "-S", "-E", str(PACKAGE / "execution/worker_client.py"))
     own_recipes = () if cmake.no_fast_rosidl else installed(RECIPES)
     # Without a worker, its client would only start forge in a second step.
-    warm = through_worker if options.is_rebuild or has_many_wheels(packages) else own_command()
+    warm = through_worker if options.is_rebuild or _has_many_wheels(packages) else own_command()
+    # Caches need results that are independent of the workspace's path. Compilers use the last matching map:
+    # the root, which usually contains the others, comes first.
+    folders = ((loaded.workspace.root, "."), (layout.build, "./build"), (layout.install, "./install"))
+    maps = " ".join(shlex.quote(f"-ffile-prefix-map={folder}={name}") for folder, name in folders)
+    path_maps = tuple((language, maps) for language in FLAGS)
     context = BuildContext(
         root=loaded.workspace.root,
         layout=layout,
@@ -340,12 +339,158 @@ def prepare(
         target=cmake.cmake_target,
         skip_target=cmake.cmake_target_skip_unavailable,
         environment_generator=variables.get("CMAKE_GENERATOR"),
-        path_maps=_path_maps(loaded.workspace.root, layout) if options.cache.wanted else (),
+        path_maps=path_maps if options.cache.wanted else (),
         cargo_args=options.cargo_args,
         no_test_dependencies=options.query.no_test_dependencies,
         flags=tuple((language, variables.get(variable, "")) for language, variable in FLAGS.items()),
     )
-    return with_toolchains(context, packages, variables), interpreter
+    context = with_toolchains(context, packages, variables)
+    if options.audit:
+        from forge.build.audit.tracing import start_audit
+
+        audit = start_audit(layout.build, variables)
+    return PreparedBuild(options, loaded, names, context, interpreter, variables, mode, audit, cross, began)
+
+
+def _has_many_wheels(packages: Iterable[Package]) -> bool:
+    """Tell whether there are enough Python packages for a worker that installs them."""
+    return sum(package.build_type in PYTHON_TYPES for package in packages) >= _MANY_WHEELS
+
+
+def make_plan(build: PreparedBuild, state: BuildState) -> tuple[BuildPlan, Snapshot]:
+    """Compare all inputs with the journal, and record what is up to date."""
+    loaded, context, variables = build.loaded, build.context, build.variables
+    resolution, stamp = loaded.resolution, forge_stamp()
+    snapshot = take_snapshot(
+        context.root, loaded.packages.values(), context.layout, state.journal, state.table
+    )
+    named_inputs = ReferencedInputs(context, resolution.needs, resolution.packages, variables, stamp)
+    # Names of packages are cheap to compare, unlike their contents.
+    words: list[str] = []
+    for prefix in find_underlays(variables, context.layout.install).prefixes:
+        for folder in ("share", "lib/cmake"):
+            with suppress(OSError):
+                words += (f"{prefix}/{folder}", *sorted(os.listdir(prefix / folder)))  # noqa: PTH208
+    shared_inputs = GlobalInputs(
+        forge=stamp,
+        tools=condensed(context.tools),
+        environment=tuple((name, digest_strings(value)) for name, value in relevant_environment(variables)),
+        underlays=digest_strings(*words) if words else "",
+        force=build.options.forced_by,
+        selected=frozenset(loaded.selection.names),
+        named=named_inputs.of,
+    )
+    plan, hashes = make_whole_plan(
+        build.names,
+        resolution,
+        snapshot,
+        context,
+        shared_inputs,
+        state.merged_prefix.packages_to_reinstall,
+    )
+    named_inputs.save()
+    state.confirm_up_to_date(plan, snapshot, hashes)
+    return plan, snapshot
+
+
+def check_plan(plan: BuildPlan, build: PreparedBuild) -> None:
+    """Raise WorkspaceError for problems of the plan that would make tasks fail or hang; print warnings."""
+    context, warn = build.context, build.mode.warn
+    errors, warnings = variable_length_problems(
+        plan, build.loaded.resolution.packages, context.layout, context.site_packages, build.variables
+    )
+    warn(warnings)
+    own = [task.package for task in plan.tasks.values() if not task.embedded]
+    generators = (unfit_generator(each, context) for each in own if each.build_type in CMAKE_TYPES)
+    raise_if_any((*islice(filter(None, generators), 1), *errors), WorkspaceError)
+    opened_files: list[Problem] = []
+    others: list[Problem] = []
+    for package in own:
+        names = _OPENED_OF_PYTHON if package.build_type in PYTHON_TYPES else ("CMakeLists.txt",)
+        opened = {package.path / name for name in names}
+        for problem in special_files(context.root, package.path):
+            is_opened = problem.location is not None and problem.location.path in opened
+            (opened_files if is_opened else others).append(problem)
+    raise_if_any(opened_files, WorkspaceError)
+    hint = "a program that opens it would wait or read without end"
+    warn(replace(problem, hint=hint) for problem in others)
+    if plan.tasks:
+        from forge.build.prefix import blocking_paths
+        from forge.toolchain.python_modules import require_modules
+
+        if any(INTERFACE_GROUP in task.package.manifest.groups for task in plan.tasks.values()):
+            require_modules(context.python, ("numpy",))
+        # CMake installs a file into an existing folder of the same name.
+        blocking = (path for task in plan.tasks.values() for path in blocking_paths(task, context.layout))
+        raise_if_any(blocking, WorkspaceError)
+
+
+_OPENED_OF_PYTHON = ("setup.py", "setup.cfg", "pyproject.toml")
+
+
+def report_left_out(names: Sequence[str], buildable: Sequence[str]) -> int:
+    """Report the packages that were not built for lack of dependencies; returns 1 if there are any."""
+    left_out = sorted({*names} - {*buildable})
+    if left_out:
+        message = f"not built, because dependencies are missing: {', '.join(left_out)}"
+        print_problem(Problem(message))
+    return int(bool(left_out))
+
+
+def build_variables(
+    layout: Layout, surroundings: Mapping[str, str], rosdistro: str | None = None
+) -> dict[str, str]:
+    """Return the environment of a build: the caller's environment, ROS defaults and the recorded underlays.
+
+    Entries of this workspace are removed, so that sourcing it before a build makes no difference. Underlays
+    recorded by an earlier build are used even if they are not sourced in this shell, and those of which the
+    shell has only some variables are used as if they were sourced. The ROS distribution is `rosdistro`, else
+    that of the environment, else that of an underlay, else that of an earlier build.
+    """
+    own = tidy_prefixes(without_own(surroundings, layout))
+    sourced, recorded = find_underlays(own, layout.install).chain, recorded_underlays(layout.install)
+    known = rosdistro or own.get(VARIABLE) or _recorded_rosdistro((*recorded, *sourced), layout.install)
+    variables = {**ROS_DEFAULTS, "COLCON": "1", **own, **({VARIABLE: known} if known else {})}
+    real = {root.resolve() for root in sourced}
+    forgotten = [root for root in recorded if root.resolve() not in real and root.is_dir()]
+    incomplete = [root for root in sourced if lacks_modules(root, variables)]
+    if not (forgotten or incomplete):
+        return variables
+    from forge.environment.sourcing import workspace_environment
+
+    sourced_variables = workspace_environment([*incomplete, *forgotten], variables)
+    return {**sourced_variables, VARIABLE: rosdistro} if rosdistro else sourced_variables
+
+
+def without_own(variables: Mapping[str, str], layout: Layout) -> dict[str, str]:
+    """Return the variables without path entries below the install folder or an overlay of this workspace.
+
+    Variables that become empty are removed.
+    """
+    install = layout.of_host.install
+    overlays = find_underlays(variables, install).overlays
+    roots = [path for root in (install, *overlays) for path in spellings(root, variables)]
+    below = tuple(f"{path}/" for path in roots)
+    cleaned = dict(variables)
+    for name, value in variables.items():
+        if any(path in value for path in roots):
+            entries = value.split(os.pathsep)
+            kept = [entry for entry in entries if not f"{entry}/".startswith(below)]
+            if kept:
+                cleaned[name] = os.pathsep.join(kept)
+            else:
+                del cleaned[name]
+    return cleaned
+
+
+def require_packages(loaded: LoadedWorkspace) -> None:
+    """Raise WorkspaceError if there are no packages at all, as outside of a workspace."""
+    if not loaded.workspace.packages:
+        hint = "change to the root of the workspace, or create a package: forge pkg create my_package"
+        if empty := unchecked_submodules(loaded.workspace.root):
+            hint = submodule_remedy(empty)
+        problem = Problem(f"no packages found below '{loaded.workspace.root}'", hint=hint)
+        raise WorkspaceError(problem)
 
 
 def workspace_interpreter(python: str | None, layout: Layout, root: Path) -> Interpreter:
@@ -379,39 +524,44 @@ def _recorded_rosdistro(underlays: Sequence[Path], install: Path) -> str | None:
     return next(filter(None, map(recorded_rosdistro, (*reversed(underlays), install))), None)
 
 
-def _path_maps(root: Path, layout: Layout) -> Pairs:
-    """Return compiler flags that make results independent of the workspace's path, as a cache needs them."""
-    # Compilers use the last matching map: the root, which usually contains the others, comes first.
-    folders = ((root, "."), (layout.build, "./build"), (layout.install, "./install"))
-    maps = " ".join(shlex.quote(f"-ffile-prefix-map={folder}={name}") for folder, name in folders)
-    return tuple((language, maps) for language in FLAGS)
+def output_problems(
+    loaded: LoadedWorkspace,
+    layout: Layout,
+    names: Iterable[str],
+    others: Mapping[str, str | Path | None] = MappingProxyType({}),
+    *,
+    prefixes: bool = True,
+) -> Iterator[Problem]:
+    """Yield a problem for each output folder that is or contains something that forge did not create.
 
-
-def global_inputs(
-    options: BuildOptions, loaded: LoadedWorkspace, context: BuildContext, variables: Mapping[str, str]
-) -> tuple[GlobalInputs, ReferencedInputs]:
-    """Return the inputs shared by all packages, and the collector of inputs named by single packages.
-
-    The collector must be saved after planning.
+    `names` are the packages with folders below the bases, unless `prefixes` is False also in the install
+    folder; `others` are further output folders by option.
     """
-    stamp, resolution = forge_stamp(), loaded.resolution
-    named = ReferencedInputs(context, resolution.needs, resolution.packages, variables, stamp)
-    # Names of packages are cheap to compare, unlike their contents.
-    words: list[str] = []
-    for prefix in find_underlays(variables, context.layout.install).prefixes:
-        for folder in ("share", "lib/cmake"):
-            with contextlib.suppress(OSError):
-                words += (f"{prefix}/{folder}", *sorted(os.listdir(prefix / folder)))  # noqa: PTH208
-    shared = GlobalInputs(
-        forge=stamp,
-        tools=condensed(context.tools),
-        environment=tuple((name, digest_strings(value)) for name, value in relevant_environment(variables)),
-        underlays=digest_strings(*words) if words else "",
-        force=options.forced_by,
-        selected=frozenset(loaded.selection.names),
-        named=named.of,
-    )
-    return shared, named
+    workspace = loaded.workspace
+    sources = _sources(workspace.root, workspace)
+    others = {**others, "FORGE_CACHE_DIR": os.environ.get("FORGE_CACHE_DIR")}
+    folders = {option: expand_home(str(value)) for option, value in others.items() if value}
+    bases = folder_marks.bases_of(layout) | {
+        option: workspace.root / path for option, path in folders.items()
+    }
+    yield from folder_marks.base_problems(bases, sources, thorough=not workspace.packages)
+    yield from folder_marks.occupied_bases(layout)
+    yield from folder_marks.nesting_problems(layout, workspace.packages)
+    records = cache(lambda: open_journal(layout.build).records)
+    yield from folder_marks.folder_problems(names, layout, sources, records, prefixes=prefixes)
+
+
+def check_bases(root: Path, search: SearchPaths, bases: Mapping[str, Path]) -> None:
+    """Raise WorkspaceError for bases, by option, that are, contain or lie in sources."""
+    sources = folder_marks.SourceFolders(root, (), Path.home())
+    with suppress(ForgeError):  # reported where packages are selected
+        sources = _sources(root, find_packages(root, search, os.environ))
+    raise_if_any(folder_marks.base_problems(bases, sources), WorkspaceError)
+
+
+def _sources(root: Path, workspace: Workspace) -> folder_marks.SourceFolders:
+    packages = (*workspace.packages.values(), *workspace.duplicates)
+    return folder_marks.SourceFolders(root, (root / package.path for package in packages), Path.home())
 
 
 def forge_stamp() -> str:

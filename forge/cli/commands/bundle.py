@@ -11,7 +11,7 @@ from forge.base.errors import Problem, print_warnings
 from forge.base.frozen import frozen
 from forge.base.options import option
 from forge.cli.options import install_base_option, target_option
-from forge.cli.output_checks import check_bases
+from forge.cli.preparation import check_bases
 from forge.environment.bundling import write_bundle
 from forge.environment.install_state import recorded_underlays
 from forge.workspace.selection import SearchPaths

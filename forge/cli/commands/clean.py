@@ -32,10 +32,8 @@ from forge.build.folder_marks import bases_of, is_own_build_base, is_own_install
 from forge.build.installation import finish_workspace
 from forge.build.journal import open_journal
 from forge.cli import options as shared
-from forge.cli.options import FolderOptions
-from forge.cli.output_checks import check_bases
-from forge.cli.package_options import OptionSources, has_selection
-from forge.cli.preparation import build_variables
+from forge.cli.options import FolderOptions, OptionSources
+from forge.cli.preparation import build_variables, check_bases
 from forge.environment.install_state import recorded_path
 from forge.execution.lock import lock_build_dir, lock_install_dir
 from forge.workspace.load import load_workspace
@@ -166,7 +164,7 @@ def _names(options: Options, root: Path, layout: Layout, journal: Journal) -> tu
     Raises SelectionError for invalid combinations of arguments.
     """
     made = built_packages(layout, journal.records)
-    chosen = has_selection(options.query)
+    chosen = _has_selection(options.query)
     if options.what != "packages" and (options.names or chosen):
         hint = "forge clean packages PKG ..."
         command = f"clean {options.what or ''}".rstrip()
@@ -242,3 +240,9 @@ def _report_rest(entries: Iterable[tuple[Path, str]], options: Options) -> None:
         print(f"not removed, because {reason}: {_displayed(path, options)}", file=sys.stderr)
     if len(found) > _MOST:
         print(f"not removed: {len(found) - _MOST} more", file=sys.stderr)
+
+
+def _has_selection(query: Query) -> bool:
+    """Tell whether any option selects packages."""
+    unlimited = Query(search=query.search, build_base=query.build_base, since=query.since)
+    return query != replace(unlimited, no_test_dependencies=query.no_test_dependencies)

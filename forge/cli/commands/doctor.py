@@ -15,8 +15,7 @@ from forge.base.options import option, options_of
 from forge.base.text import counted
 from forge.build.certain_failures import CMakeSearch
 from forge.cli.config import configured_python
-from forge.cli.options import FolderOptions
-from forge.cli.package_options import OptionSources
+from forge.cli.options import FolderOptions, OptionSources
 from forge.cli.preparation import build_variables, without_own
 from forge.doctor.checks import machine, naming, packages, programs, surroundings
 from forge.doctor.checks.model import CheckContext, CheckResult, files_of

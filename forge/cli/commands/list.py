@@ -12,7 +12,7 @@ from forge.base.extensions import COMMANDS, find
 from forge.base.frozen import frozen
 from forge.base.options import option, options_of
 from forge.cli import options as shared
-from forge.cli.package_options import ListingOptions
+from forge.cli.options import ListingOptions
 
 if TYPE_CHECKING:
     from forge.workspace.model import Package

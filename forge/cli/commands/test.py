@@ -18,10 +18,8 @@ from forge.build.events import Finished, StepFinished
 from forge.build.markers import create_output_folders
 from forge.build.tasks import TEST_FAILURES
 from forge.build.tests.options import TestOptions
-from forge.cli.options import FolderOptions
-from forge.cli.output_checks import output_problems
-from forge.cli.package_options import OptionSources
-from forge.cli.preparation import build_variables, require_packages
+from forge.cli.options import FolderOptions, OptionSources
+from forge.cli.preparation import build_variables, output_problems, require_packages
 from forge.cli.session import open_session
 from forge.execution.lock import lock_build_dir
 from forge.execution.options import JobOptions

@@ -22,7 +22,7 @@ from forge.base.names import did_you_mean
 from forge.base.options import option, options_of
 from forge.base.own_environment import extra_command
 from forge.cli import options as shared
-from forge.cli.package_options import OptionSources
+from forge.cli.options import OptionSources
 from forge.cli.preparation import build_variables, known_rosdistro, workspace_interpreter
 from forge.environment.prefixes import find_underlays, provider, system_prefixes
 from forge.plugins.system_deps.dependencies import USUAL_KINDS, is_installed, needs_of

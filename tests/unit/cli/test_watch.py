@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 
-from forge.cli.watch.file_watcher import WatchSpec, watch_specs
+from forge.cli.watch import WatchSpec, watch_specs
 from forge.workspace.discovery import discover
 from tests.conftest import Forge, Tree
 from tests.packages import manifest_text

@@ -1,1 +1,0 @@
-"""`forge build --watch`: rebuild whenever source files change."""
