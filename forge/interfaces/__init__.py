@@ -20,7 +20,6 @@ __all__ = [
     "notation",
     "read",
     "resolve",
-    "type_description",
     "wire",
     "writing",
 ]
