@@ -6,7 +6,7 @@ PYTEST ?= .venv/bin/python -m pytest
 # The tests of a file share fixtures and stay together; the slow files come first, and short ones fill the end.
 PARALLEL = --numprocesses logical --dist loadfile --no-loadscope-reorder
 
-.PHONY: help demo test test-all bare quick newest-cmake oldest-cmake cross fuzz fuzz-parsers scale soak peers debian-peers lint types bench quick-bench clean
+.PHONY: help demo test test-all bare quick without-plugins newest-cmake oldest-cmake cross fuzz fuzz-parsers scale soak peers debian-peers lint types bench quick-bench clean
 
 help:
 	@echo "make demo    build examples_ws without any ROS and run its programs"
@@ -14,6 +14,7 @@ help:
 	@echo "make test-all  run the slow ones, too"
 	@echo "make bare    run both as on a fresh machine with only Python, make and g++"
 	@echo "make quick   run the unit tests and those of the plugins in about a minute"
+	@echo "make without-plugins  run 'make quick' without each plugin: 15 minutes; ONLY=lsp without one"
 	@echo "make newest-cmake, make oldest-cmake"
 	@echo "             run the tests of CMake code with the newest CMake, or with 3.18 by Ninja and by make"
 	@echo "make cross   build examples_ws for aarch64 with zig and run it under qemu: some minutes the first time"
@@ -42,6 +43,10 @@ bare:
 
 quick: .venv/.ready
 	$(PYTEST) $(PARALLEL) --hypothesis-profile quick --skip-slow tests/unit tests/plugins
+
+# In copies of the repository, one after the other.
+without-plugins: .venv/.ready
+	.venv/bin/python -m tests.without_plugins $(ONLY)
 
 # 'make test' takes the CMake that PATH has; these take the wheels'.
 newest-cmake: .venv/.ready

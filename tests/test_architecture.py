@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import graphlib
+import re
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -16,6 +17,7 @@ import pytest
 from forge.base.extensions import OWN
 from forge.base.formats import read_toml
 from tests.packages import manifest_text
+from tests.without_plugins import PLUGINS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -196,6 +198,13 @@ def test_no_module_imports_private_names_of_another(module: str) -> None:
     imports = [node for node in ast.walk(modules()[module]) if isinstance(node, ast.ImportFrom)]
     names = [name.name for node in imports for name in node.names if (node.module or "").startswith("forge")]
     assert not [name for name in names if name.startswith("_") and not name.endswith("__")]
+
+
+@pytest.mark.parametrize("folder", ["unit", *(f"plugins/{plugin}" for plugin in PLUGINS)])
+def test_tests_of_make_quick_import_no_plugin_but_their_own(folder: str) -> None:
+    texts = [path.read_text(encoding="utf-8") for path in (ROOT / "tests" / folder).rglob("*.py")]
+    named = {name for text in texts for name in re.findall(r"\b(?:forge|tests)\.plugins\.(\w+)", text)}
+    assert named <= {folder.partition("/")[2]}
 
 
 def test_pyproject_announces_the_plugins_that_forge_finds() -> None:

@@ -13,9 +13,9 @@ import pytest
 from tests.conftest import Tree
 from tests.packages import manifest_text
 from tests.snippets import ROOT, blocks
+from tests.without_plugins import PLUGINS, copy_without
 
 PAGE = (ROOT / "docs/how-to/plugins.md").read_text(encoding="utf-8")
-PLUGINS = sorted(path.parent.name for path in (ROOT / "forge/plugins").glob("*/__init__.py"))
 
 NEEDS = (
     "<buildtool_depend>rosidl_default_generators</buildtool_depend>"
@@ -41,18 +41,14 @@ def run_forge(folder: Path, *words: str, path: Path = ROOT) -> subprocess.Comple
     return subprocess.run(argv, cwd=folder, env=environment, capture_output=True, text=True, check=False)
 
 
-def copy_without(plugin: str, copy: Path) -> Path:
+def forge_without(plugin: str, copy: Path) -> Path:
     """Copy forge without a plugin; returns the folder for PYTHONPATH."""
-    shutil.copytree(ROOT / "forge", copy / "forge", ignore=shutil.ignore_patterns("__pycache__"))
-    shutil.copytree(ROOT / "templates", copy / "templates")
-    shutil.copy(ROOT / "_ros_forge.py", copy)
-    shutil.rmtree(copy / "forge/plugins" / plugin)
-    return copy
+    return copy_without(plugin, copy, "forge", "templates", "_ros_forge.py")
 
 
 @pytest.mark.parametrize("plugin", PLUGINS)
 def test_forge_builds_without_the_plugin(plugin: str, tree: Tree, tmp_path: Path) -> None:
-    copy = copy_without(plugin, tmp_path / "copy")
+    copy = forge_without(plugin, tmp_path / "copy")
     root = tree(WORKSPACE) / "ws"
     for words in (("--help",), ("completion", "bash"), ("extensions",), ("list",), ("build",), ("test",)):
         ran = run_forge(root, *words, path=copy)
@@ -78,7 +74,7 @@ def test_use_of_a_missing_plugin_says_how_to_get_it(
     words: str, what: str, plugin: str, extra: str, tmp_path: Path, tree: Tree
 ) -> None:
     root = tree({"ws/src/a/package.xml": manifest_text("a")}) / "ws"
-    ran = run_forge(root, *words.split(), path=copy_without(plugin, tmp_path / "copy"))
+    ran = run_forge(root, *words.split(), path=forge_without(plugin, tmp_path / "copy"))
     assert ran.returncode == 2
     message = f"error: the {what} needs the plugin '{plugin}', which this forge lacks"
     assert ran.stderr.startswith(f"{message}\nhint: install forge again{extra}; see file:///")
@@ -87,7 +83,7 @@ def test_use_of_a_missing_plugin_says_how_to_get_it(
 
 
 def test_a_target_without_its_plugin_says_how_to_get_it(tree: Tree, tmp_path: Path) -> None:
-    copy = copy_without("cross", tmp_path / "copy")
+    copy = forge_without("cross", tmp_path / "copy")
     ran = run_forge(tree(WORKSPACE) / "ws", "build", "--target", "arm64", path=copy)
     assert ran.returncode == 2
     message = "error: the toolchain 'cross' needs the plugin 'cross', which this forge lacks"
@@ -159,7 +155,7 @@ def test_a_toolchain_of_another_distribution_builds_for_its_platform(tree: Tree)
 def test_packages_of_a_missing_build_type_are_skipped_with_its_plugin_named(
     tree: Tree, tmp_path: Path
 ) -> None:
-    copy = copy_without("cargo", tmp_path / "copy")
+    copy = forge_without("cargo", tmp_path / "copy")
     manifest = '[package]\nname = "b"\n'
     files = {"a/package.xml": manifest_text("a", build_type="ament_cargo"), "b/Cargo.toml": manifest}
     root = tree({f"ws/src/{name}": text for name, text in files.items()}) / "ws"
@@ -179,7 +175,7 @@ def test_packages_of_a_missing_build_type_are_skipped_with_its_plugin_named(
 def test_a_remote_cache_without_its_plugin_is_refused_before_anything_is_built(
     url: str, tree: Tree, tmp_path: Path
 ) -> None:
-    copy = copy_without("remote_cache", tmp_path / "copy")
+    copy = forge_without("remote_cache", tmp_path / "copy")
     root = tree(WORKSPACE) / "ws"
     ran = run_forge(root, "build", "--remote-cache", url, path=copy)
     assert (ran.returncode, ran.stdout) == (2, "")
@@ -210,7 +206,7 @@ def test_a_remote_cache_of_another_distribution_stores_and_restores(tree: Tree) 
 
 
 def test_a_verb_of_a_missing_plugin_says_how_to_get_it(tmp_path: Path) -> None:
-    copy = copy_without("interface_pages", tmp_path / "copy")
+    copy = forge_without("interface_pages", tmp_path / "copy")
     (tmp_path / "msg").mkdir()
     (tmp_path / "msg/X.msg").write_text("int8 a\n", encoding="utf-8")
     generate = ("interface", "generate", "--package", "p", "--output", "out", "--lang", "docs", ".")

@@ -86,3 +86,11 @@ def test_distributions_without_descriptions_have_no_header_of_them() -> None:
     texts = {file.path: file.text for file in c.files(catalog(events=False))}
     assert not [path for path in texts if path.endswith("__description.h")]
     assert "description" not in texts["probe/msg/everything.h"]
+
+
+@pytest.mark.parametrize("events", [True, False])
+def test_events_of_services_are_generated_on_request(*, events: bool) -> None:
+    texts = {file.path: file.text for file in c.files(catalog(events=events))}
+    struct, support = (texts[f"probe/srv/detail/move__{part}.h"] for part in ("struct", "type_support"))
+    assert ("typedef struct probe__srv__Move_Event__Sequence" in struct) is events
+    assert ("MESSAGE_TYPE_SUPPORT(probe, srv, Move_Event)" in support) is events

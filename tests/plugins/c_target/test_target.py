@@ -90,6 +90,13 @@ def test_a_folder_of_c_compiles_by_itself(forge: Forge, tree: Tree) -> None:
     assert {file.path.removeprefix("c/") for file in read_runtime("c")} <= made
 
 
+def test_types_that_only_idl_has_are_generated(forge: Forge, tree: Tree) -> None:
+    struct_ = "struct Only { wchar a; sequence<wchar> b; long double c; };"
+    root = tree({"src/idl/Only.idl": f"module tour {{ module idl {{ {struct_} }}; }};"})
+    argv = ("interface", "generate", "--package", "tour", "--output", "out", "--lang", "c", "src")
+    assert forge(*argv, cwd=root).code == 0
+
+
 def test_headers_include_what_members_need_once() -> None:
     """Members of one type share an include, and each part includes the same part of others."""
     fields = [

@@ -247,7 +247,6 @@ def test_idl_only_types_in_their_own_namespace(forge: Forge, tree: Tree) -> None
     arguments = ["--package", "tour", "--output", "out", "src"]
     hashed = forge("interface", "hash", "--package", "tour", "src", cwd=folder)
     assert hashed.out.startswith("tour/idl/Only RIHS01_")
-    assert forge("interface", "generate", "--lang", "c", *arguments, cwd=folder).code == 0
     ran = forge("interface", "generate", *arguments, cwd=folder)
     assert ran.code == 2
     assert ran.err.splitlines()[0].endswith("error: Python has no type for the long double 'c'")

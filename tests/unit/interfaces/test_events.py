@@ -14,7 +14,6 @@ from forge.interfaces.python import target as python
 from forge.interfaces.read.parsing import Parsed, parse_all
 from forge.interfaces.read.sources import Library
 from forge.interfaces.resolve.resolution import resolve
-from forge.plugins.c_target import target as c
 
 MOVE = TypeName("demo", "srv", "Move")
 WALK = TypeName("demo", "action", "Walk")
@@ -51,12 +50,10 @@ def test_without_events_they_are_only_part_of_the_hash() -> None:
 
 
 @pytest.mark.parametrize("events", [True, False])
-def test_events_are_generated_in_all_languages_on_request(*, events: bool) -> None:
+def test_events_are_generated_in_cpp_and_python_on_request(*, events: bool) -> None:
     found = catalog(events=events)
-    texts = {file.path: file.text for target in (c, cpp, python) for file in target.files(found)}
+    texts = {file.path: file.text for target in (cpp, python) for file in target.files(found)}
     expected = {
-        "demo/srv/detail/move__struct.h": "typedef struct demo__srv__Move_Event__Sequence",
-        "demo/srv/detail/move__type_support.h": "MESSAGE_TYPE_SUPPORT(demo, srv, Move_Event)",
         "demo/srv/detail/move__struct.hpp": "  using Event = ::demo::srv::Move_Event;",
         "demo/action/detail/walk__struct.hpp": "  using Event = ::demo::action::Walk_SendGoal_Event;",
         "demo/srv/detail/move__traits.hpp": "service_msgs/msg/detail/service_event_info__traits.hpp",
