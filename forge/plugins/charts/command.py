@@ -62,7 +62,7 @@ def _text(chart: PackageGraph, options: Options, root: Path) -> str:
         seconds = {name: record.seconds for name, record in records.items() if record.seconds}
         graph = graph_formats.reduced_among(chart.needs, chart.ordered, chart.selected)
         picture = drawn(chart, graph, seconds)
-        title = f"{graph_formats.printable(root.name)}: {len(picture.nodes)} packages"
+        title = f"{graph_formats.printable(root.name)}: {len(picture['nodes'])} packages"
         if options.svg:
             return render("charts/templates/graph.svg.j2", title=title, picture=picture)
         details = facts(chart, graph, seconds)

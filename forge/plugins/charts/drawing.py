@@ -5,9 +5,8 @@ from __future__ import annotations
 import re
 from html import unescape
 from math import sqrt
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from forge.base.frozen import frozen
 from forge.base.text import duration
 from forge.plugins.charts.graph_formats import printable
 from forge.plugins.charts.layering import lay_out
@@ -31,88 +30,53 @@ _PADDING, _HEIGHT, _TALLEST = 12.0, 26.0, 46.0
 _MARGIN, _LEGEND = 24.0, 28.0
 
 
-@frozen
-class Node:
-    """A box: its index in build order, texts, kind and position."""
+def drawn(
+    chart: PackageGraph, graph: Mapping[str, Sequence[str]], seconds: Mapping[str, float]
+) -> dict[str, Any]:
+    """Return the values of the template for a chart's drawn graph; heights show build times.
 
-    number: int
-    name: str
-    time: str
-    kind: str
-    layer: int
-    x: str
-    y: str
-    width: str
-    height: str
-    text_x: str
-    time_x: str
-    middle: str
-
-
-@frozen
-class Line:
-    """An edge from a dependency to its dependent, by index, with its SVG path."""
-
-    need: int
-    user: int
-    path: str
-
-
-@frozen
-class Picture:
-    """All values of the template."""
-
-    nodes: tuple[Node, ...]
-    lines: tuple[Line, ...]
-    kinds: tuple[tuple[str, str], ...]
-    """CSS class and name of the kinds that occur."""
-    width: str
-    height: str
-    legend: str
-    """Vertical position of the legend, where the page has no other."""
-    timed: bool
-
-
-def drawn(chart: PackageGraph, graph: Mapping[str, Sequence[str]], seconds: Mapping[str, float]) -> Picture:
-    """Return the picture of a chart's drawn graph; heights show build times."""
+    `number` is the index of a box in build order; a line leads from a dependency to its dependent.
+    """
     shown = chart.shown
     times = {node: seconds[name_of(node)] for node in shown if name_of(node) in seconds}
     longest = max(times.values(), default=0.0)
     sizes = {node: _size(node, times, longest) for node in shown}
     layout = lay_out(graph, sizes)
     numbers = {node: number for number, node in enumerate(shown)}
-    kinds = {node: kind_of(chart.packages[node]) for node in shown}
+    kinds = {node: _kind_of(chart.packages[node]) for node in shown}
     nodes = []
     for node, number in numbers.items():
         spot, (width, height) = layout.spots[node], sizes[node]
         x, middle = spot.x + _MARGIN, spot.y + _MARGIN
         nodes.append(
-            Node(
-                number=number,
-                name=printable(name_of(node)),
-                time=duration(times[node]) if node in times else "",
-                kind=kinds[node],
-                layer=spot.layer,
-                x=_number(x),
-                y=_number(middle - height / 2),
-                width=_number(width),
-                height=_number(height),
-                text_x=_number(x + _PADDING),
-                time_x=_number(x + width - _PADDING),
-                middle=_number(middle),
-            )
+            {
+                "number": number,
+                "name": printable(name_of(node)),
+                "time": duration(times[node]) if node in times else "",
+                "kind": kinds[node],
+                "layer": spot.layer,
+                "x": _number(x),
+                "y": _number(middle - height / 2),
+                "width": _number(width),
+                "height": _number(height),
+                "text_x": _number(x + _PADDING),
+                "time_x": _number(x + width - _PADDING),
+                "middle": _number(middle),
+            }
         )
-    return Picture(
-        nodes=tuple(nodes),
-        lines=tuple(
-            Line(numbers[need], numbers[user], _path(points)) for (user, need), points in layout.lines.items()
-        ),
-        kinds=tuple((kind, word) for kind, word in KINDS.items() if kind in kinds.values()),
-        width=_number(layout.width + 2 * _MARGIN),
-        height=_number(layout.height + 2 * _MARGIN + _LEGEND),
-        legend=_number(layout.height + 2 * _MARGIN + _LEGEND / 2),
-        timed=bool(times),
-    )
+    return {
+        "nodes": nodes,
+        "lines": [
+            {"need": numbers[need], "user": numbers[user], "path": _path(points)}
+            for (user, need), points in layout.lines.items()
+        ],
+        "kinds": [(kind, word) for kind, word in KINDS.items() if kind in kinds.values()],
+        "width": _number(layout.width + 2 * _MARGIN),
+        "height": _number(layout.height + 2 * _MARGIN + _LEGEND),
+        # The vertical position of the legend, where the page has no other.
+        "legend": _number(layout.height + 2 * _MARGIN + _LEGEND / 2),
+        "timed": bool(times),
+    }
 
 
 def facts(
@@ -124,6 +88,7 @@ def facts(
     found: list[dict[str, object]] = []
     for node in shown:
         package = chart.packages[node]
+        description = re.sub(r"<[^>]*>", "", package.manifest.description)
         took = seconds.get(name_of(node))
         found.append(
             {
@@ -131,7 +96,7 @@ def facts(
                 "path": printable(package.path.as_posix()),
                 "type": printable(package.type),
                 "version": printable(package.manifest.version),
-                "description": _plain_text(package.manifest.description),
+                "description": printable(" ".join(unescape(description).split())),
                 "time": None if took is None else duration(took),
                 "needs": sorted(numbers[need] for need in chart.needs[node] if need in numbers),
                 "lines": sorted(numbers[need] for need in graph[node]),
@@ -140,7 +105,7 @@ def facts(
     return found
 
 
-def kind_of(package: Package) -> str:
+def _kind_of(package: Package) -> str:
     """Return the kind of a package, a key of KINDS."""
     if INTERFACE_GROUP in package.manifest.groups:
         return "interfaces"
@@ -153,11 +118,6 @@ def _size(node: str, times: Mapping[str, float], longest: float) -> tuple[float,
         return name + 2 * _PADDING, _HEIGHT
     time = _SMALL * _width(duration(times[node]))
     return name + time + 3 * _PADDING, _HEIGHT + _TALLEST * sqrt(times[node] / longest)
-
-
-def _plain_text(description: str) -> str:
-    """Return a description as plain text, without markup."""
-    return printable(" ".join(unescape(re.sub(r"<[^>]*>", "", description)).split()))
 
 
 def _width(text: str) -> float:

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import json
 import os
+import threading
+import time
 from typing import TYPE_CHECKING
 
 from forge.base.files import write_if_changed
 from forge.base.templating import render
 from forge.output.reporters import Report, Reporter
-from forge.plugins.charts.sampling import Sampler, processor_times
 from forge.plugins.charts.timing_views import STEP_KINDS, facts, page
 from forge.plugins.charts.timings import at_work, critical_path, read_build, rows
-from forge.toolchain.resources import memory
+from forge.toolchain.resources import ROOT, memory
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -22,6 +23,64 @@ if TYPE_CHECKING:
     from forge.plugins.charts.timings import Build
 
 PAGE, TRACE = "timings.html", "trace.json"
+PERIOD_SECONDS = 0.2
+_MOST = 1500
+"""Maximum number of samples, more than a chart has pixels; beyond it, pairs of samples are merged."""
+
+
+class Sampler:
+    """Takes samples of /proc in a thread until stopped; the period doubles whenever there are too many.
+
+    A sample is a time of the monotonic clock, the number of busy processors since the previous sample, and
+    the bytes in use. They include all processes of the machine, because others may slow down a build.
+    """
+
+    def __init__(self, period: float = PERIOD_SECONDS, most: int = _MOST) -> None:
+        self._period = period
+        self._most = most
+        self.samples: list[tuple[float, float, int]] = []
+        self._before = (time.monotonic(), processor_times() or (0, 0))
+        self._stopped = threading.Event()
+        self._thread = threading.Thread(target=self._sample_periodically, name="sampling", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Take a last sample."""
+        if not self._stopped.is_set():
+            self._stopped.set()
+            self._thread.join()
+            self._sample()
+
+    def _sample(self) -> None:
+        now, times, found = time.monotonic(), processor_times(), memory()
+        (_, (busy, whole)) = self._before
+        if times is None or found is None or times[1] == whole:
+            return
+        share = (times[0] - busy) / (times[1] - whole)
+        self.samples.append((now, share * (os.cpu_count() or 1), found.total - found.available))
+        self._before = (now, times)
+        if len(self.samples) > self._most:
+            self.samples = [
+                (later, (busy + other) / 2, max(used, most))
+                for (_, busy, used), (later, other, most) in zip(*[iter(self.samples)] * 2, strict=False)
+            ]
+            self._period *= 2
+
+    def _sample_periodically(self) -> None:
+        while not self._stopped.wait(self._period):
+            self._sample()
+
+
+def processor_times(root: Path = ROOT) -> tuple[int, int] | None:
+    """Return the busy and the total time of all processors, in ticks since boot; None if unavailable."""
+    try:
+        first, _, _ = (root / "proc/stat").read_text(encoding="ascii").partition("\n")
+    except OSError:
+        return None
+    # user nice system idle iowait irq softirq steal; guests are in user and nice already
+    word, *numbers = first.split()[:9]
+    ticks = [int(number) for number in numbers]
+    return (sum(ticks) - sum(ticks[3:5]), sum(ticks)) if word == "cpu" else None
 
 
 class Timings(Reporter):
@@ -32,13 +91,12 @@ class Timings(Reporter):
         self._sampler = Sampler()
 
     def conclude(self, *, complete: bool) -> Report:
-        """Return the use of processors and memory, also of an interrupted build."""
         self._sampler.stop()
         machine = memory()
         if processor_times() is None or machine is None:
             return Report()
         begun, taken = self._run.clock, self._sampler.samples
-        samples = [[round(time - begun, 3), round(busy, 2), used] for time, busy, used in taken]
+        samples = [[round(moment - begun, 3), round(busy, 2), used] for moment, busy, used in taken]
         usage = {"processors": os.cpu_count() or 1, "memory": machine.total, "samples": samples}
         return Report(events=(("Usage", None, usage),))
 
@@ -50,7 +108,6 @@ class Timings(Reporter):
         yield f"timings: {self._run.displayed(folder.parent / 'latest_build' / PAGE)}"
 
     def close(self) -> None:
-        """Stop sampling."""
         self._sampler.stop()
 
 
@@ -94,11 +151,11 @@ def _trace_events(build: Build) -> Iterator[Mapping[str, object]]:
     yield _naming("process_name", 2, 0, "critical path")
     for run in critical_path(build.packages):
         yield {**_stretch(run.name, "package", (run.begun, run.seconds), 0, {}), "pid": 2}
-    for time, count in at_work(build.packages):
-        yield _counter("packages at work", time, count)
-    for time, busy, used in build.use.samples if build.use else ():
-        yield _counter("processors busy", time, busy)
-        yield _counter("memory in use", time, used)
+    for moment, count in at_work(build.packages):
+        yield _counter("packages at work", moment, count)
+    for moment, busy, used in build.use.samples if build.use else ():
+        yield _counter("processors busy", moment, busy)
+        yield _counter("memory in use", moment, used)
 
 
 def _naming(what: str, process: int, row: int, name: str) -> Mapping[str, object]:
@@ -108,7 +165,7 @@ def _naming(what: str, process: int, row: int, name: str) -> Mapping[str, object
 def _stretch(
     name: str, category: str, span: tuple[float, float], row: int, details: Mapping[str, object]
 ) -> Mapping[str, object]:
-    begun, seconds = (round(time * 1e6) for time in span)
+    begun, seconds = (round(seconds * 1e6) for seconds in span)
     return {
         "ph": "X",
         "name": name,
@@ -121,5 +178,5 @@ def _stretch(
     }
 
 
-def _counter(name: str, time: float, value: float) -> Mapping[str, object]:
-    return {"ph": "C", "name": name, "pid": 1, "tid": 0, "ts": round(time * 1e6), "args": {name: value}}
+def _counter(name: str, moment: float, value: float) -> Mapping[str, object]:
+    return {"ph": "C", "name": name, "pid": 1, "tid": 0, "ts": round(moment * 1e6), "args": {name: value}}

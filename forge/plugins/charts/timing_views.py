@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from forge.base.frozen import frozen
 from forge.base.text import counted, duration
 from forge.cache.model import RESTORED
 from forge.plugins.charts.graph_formats import printable
@@ -21,7 +20,7 @@ from forge.plugins.charts.timings import (
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-    from forge.plugins.charts.timings import Build, MachineUse, PackageRun, StepRun
+    from forge.plugins.charts.timings import Build, MachineUse, PackageRun
 
 _KINDS = {"cmake": "configure", "install": "install"}
 STEP_KINDS = {"configure": "configure", "build": "build", "install": "install", "waiting": "begin and end"}
@@ -34,137 +33,71 @@ _LEAST_CHANGE = _LEAST_WAIT = 0.05
 _GIGA = 1e9
 
 
-@frozen
-class Piece:
-    """A segment of a bar, in percent."""
+def page(build: Build) -> dict[str, Any]:
+    """Return the values of the template; `number` is the index of a package in order of start.
 
-    kind: str
-    left: str
-    width: str
-
-
-@frozen
-class Bar:
-    """A package in the chart: its index in order of start, texts, and position in percent."""
-
-    number: int
-    name: str
-    outcome: str
-    critical: bool
-    embedded: bool
-    took: str
-    left: str
-    width: str
-    pieces: tuple[Piece, ...]
-
-
-@frozen
-class Row:
-    """A package in the table; pairs contain a number for sorting and its text."""
-
-    number: int
-    name: str
-    critical: bool
-    took: tuple[float, str]
-    last: tuple[float, str]
-    change: tuple[float, str]
-    waited: tuple[float, str]
-
-
-@frozen
-class StepRow:
-    """A step in the list of the slowest ones."""
-
-    number: int
-    name: str
-    step: str
-    took: str
-
-
-@frozen
-class Strip:
-    """A quantity over time: a path in a box of 1000 by 100, and its maximum and mean."""
-
-    name: str
-    path: str
-    most: str
-    mean: str
-
-
-@frozen
-class Page:
-    """All values of the template."""
-
-    headline: str
-    remarks: tuple[str, ...]
-    bars: tuple[Bar, ...]
-    rows: tuple[Row, ...]
-    steps: tuple[StepRow, ...]
-    strips: tuple[Strip, ...]
-    critical: tuple[tuple[int, str, str], ...]
-    """Index, name and duration of the packages on the critical path."""
-    critical_took: str
-    fresh: tuple[str, ...]
-    skipped: tuple[str, ...]
-
-
-def page(build: Build) -> Page:
-    """Return the values of the template."""
+    A bar and its pieces have their positions in percent; cells of the table are a number to sort by and its
+    text; `critical` has index, name and duration of the packages on the critical path.
+    """
     path = critical_path(build.packages)
-    numbers = {run.name: number for number, run in enumerate(build.packages)}
-    runs = {run.name: run for run in build.packages}
-    names = {name: printable(name) for name in runs}
     critical = {run.name for run in path}
-    bars = tuple(
-        Bar(
-            number=numbers[run.name],
-            name=names[run.name],
-            outcome=run.outcome,
-            critical=run.name in critical,
-            embedded=run.embedded,
-            took=duration(run.seconds),
-            left=_percent(run.begun, build.ended),
-            width=_percent(run.seconds, build.ended),
-            pieces=tuple(
-                Piece(
-                    kind_of(step),
-                    _percent(step.begun - run.begun, run.seconds),
-                    _percent(step.seconds, run.seconds),
-                )
+    runs = {run.name: run for run in build.packages}
+    common = {
+        run.name: {
+            "number": number,
+            "name": printable(run.name),
+            "critical": run.name in critical,
+        }
+        for number, run in enumerate(build.packages)
+    }
+    bars = [
+        {
+            **common[run.name],
+            "outcome": run.outcome,
+            "embedded": run.embedded,
+            "took": duration(run.seconds),
+            "left": _percent(run.begun, build.ended),
+            "width": _percent(run.seconds, build.ended),
+            "pieces": [
+                {
+                    "kind": FAILED if step.code else _KINDS.get(step.label, "build"),
+                    "left": _percent(step.begun - run.begun, run.seconds),
+                    "width": _percent(step.seconds, run.seconds),
+                }
                 for step in run.steps
-            ),
-        )
+            ],
+        }
         for run in build.packages
-    )
+    ]
     rows = [
-        Row(
-            number=numbers[run.name],
-            name=names[run.name],
-            critical=run.name in critical,
-            took=_timed(run.seconds),
-            last=(-1.0, "") if run.last is None else _timed(run.last),
-            change=_change(run),
-            waited=_timed(waited(run, runs)),
-        )
-        for run in build.packages
+        {
+            **common[run.name],
+            "took": _timed(run.seconds),
+            "last": (-1.0, "") if run.last is None else _timed(run.last),
+            "change": _change(run),
+            "waited": _timed(waited(run, runs)),
+        }
+        for run in sorted(build.packages, key=lambda run: (-round(run.seconds, 3), run.name))
     ]
     steps = [(run, step) for run in build.packages for step in run.steps]
     slowest = sorted(steps, key=lambda item: -item[1].seconds)[:_SLOWEST_STEPS]
-    return Page(
-        headline=f"{counted(len(build.packages), 'package')} in {duration(build.seconds)}",
-        remarks=tuple(_remarks(build)),
-        bars=bars,
-        rows=tuple(sorted(rows, key=lambda row: (-row.took[0], row.name))),
-        steps=tuple(
-            StepRow(numbers[run.name], names[run.name], printable(step.label), duration(step.seconds))
+    return {
+        "headline": f"{counted(len(build.packages), 'package')} in {duration(build.seconds)}",
+        "remarks": list(_remarks(build)),
+        "bars": bars,
+        "rows": rows,
+        "steps": [
+            {**common[run.name], "step": printable(step.label), "took": duration(step.seconds)}
             for run, step in slowest
-        ),
-        strips=tuple(_strips(build)),
-        critical=tuple((numbers[run.name], names[run.name], duration(run.seconds)) for run in path),
-        critical_took=duration(sum(run.seconds for run in path)),
-        fresh=tuple(map(printable, build.fresh)),
-        skipped=tuple(map(printable, build.skipped)),
-    )
+        ],
+        "strips": list(_strips(build)),
+        "critical": [
+            (common[run.name]["number"], common[run.name]["name"], duration(run.seconds)) for run in path
+        ],
+        "critical_took": duration(sum(run.seconds for run in path)),
+        "fresh": [printable(name) for name in build.fresh],
+        "skipped": [printable(name) for name in build.skipped],
+    }
 
 
 def facts(build: Build) -> dict[str, object]:
@@ -228,13 +161,6 @@ def _remarks(build: Build) -> Iterator[str]:
         yield f"{few} took {duration(now)} in total, {change} than in their previous builds."
 
 
-def kind_of(step: StepRun) -> str:
-    """Return the kind of a step, a key of STEP_KINDS, or 'failed'."""
-    if step.code:
-        return FAILED
-    return _KINDS.get(step.label, "build")
-
-
 def _change(run: PackageRun) -> tuple[float, str]:
     """Return how much slower a package was than in its previous build."""
     if run.last is None or run.outcome != FINISHED:
@@ -249,21 +175,24 @@ def _timed(seconds: float) -> tuple[float, str]:
     return round(seconds, 3), duration(seconds)
 
 
-def _strips(build: Build) -> Iterator[Strip]:
+def _strips(build: Build) -> Iterator[dict[str, str]]:
+    """Yield quantities over time: a path in a box of 1000 by 100, and their maximum and mean."""
     work = at_work(build.packages)
     most = max((count for _, count in work), default=0)
     if most and build.ended:
         mean = sum(run.seconds for run in build.packages) / build.ended
-        yield Strip("packages at work", _stairs(work, most, build.ended), str(most), f"{mean:.1f}")
+        path = _stairs(work, most, build.ended)
+        yield {"name": "packages at work", "path": path, "most": str(most), "mean": f"{mean:.1f}"}
     if build.use and build.use.samples and build.ended:
         use, whole = build.use, build.ended
         times, busy, used = zip(*use.samples, strict=True)
         most_busy = f"{max(busy):.1f} of {use.processors}"
         path = _slope(zip(times, busy, strict=True), use.processors, whole)
-        yield Strip("processors busy", path, most_busy, f"{_mean_busy(use):.1f}")
+        yield {"name": "processors busy", "path": path, "most": most_busy, "mean": f"{_mean_busy(use):.1f}"}
         most_used = f"{max(used) / _GIGA:.1f} of {use.memory / _GIGA:.1f} GB"
         path = _slope(zip(times, used, strict=True), use.memory, whole)
-        yield Strip("memory in use", path, most_used, f"{sum(used) / len(used) / _GIGA:.1f} GB")
+        mean_used = f"{sum(used) / len(used) / _GIGA:.1f} GB"
+        yield {"name": "memory in use", "path": path, "most": most_used, "mean": mean_used}
 
 
 def _mean_busy(use: MachineUse) -> float:

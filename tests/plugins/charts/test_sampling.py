@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING
 
-from forge.plugins.charts.sampling import Sampler, processor_times
+from forge.plugins.charts.reporter import Sampler, processor_times
 from forge.toolchain.resources import memory
 
 if TYPE_CHECKING:
