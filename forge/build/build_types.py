@@ -81,7 +81,7 @@ def find_build_type(name: str) -> BuildType | None:
     """Return a build type, None if it is unknown; raises ForgeError for a plugin that cannot be loaded."""
     if name in OWN:
         return OWN[name]
-    from forge.workspace.finders import plugin
+    from forge.workspace.identity import plugin
 
     module = plugin(name)
     if module is None:

@@ -80,42 +80,84 @@ class NewPackage:
     """File names of interface definitions, such as 'Pose.msg'."""
 
     def __post_init__(self) -> None:
-        problems = (*_name_problems(self), *_target_problems(self), *_interface_problems(self))
-        raise_if_any((*problems, *_text_problems(self)))
+        raise_if_any(_problems(self))
 
 
-@frozen
-class GeneratedFile:
-    """A file with its text, or a folder without; `path` is relative to the package and uses '/'."""
+def render_package(blueprint: NewPackage) -> dict[str, str | None]:
+    """Return the text of each file of the package by its path, and None for each folder, before its files."""
+    name, library, node = blueprint.name, blueprint.library, blueprint.node
+    cmake_tools: tuple[str, ...] = ()
+    build_tools: tuple[str, ...] = ()
+    if blueprint.interfaces:
+        cmake_tools = build_tools = ("ament_cmake", "rosidl_default_generators")
+    elif blueprint.build_type == "ament_cmake":
+        cmake_tools = ("ament_cmake", "ament_cmake_ros") if library else ("ament_cmake",)
+        build_tools = cmake_tools[-1:]
+    namespace = name.replace("-", "_")
+    if namespace[0].isdigit() or namespace in _CPP_KEYWORDS.split():
+        namespace = f"pkg_{namespace}"
+    macro = namespace.upper()
+    person = blueprint.maintainer
+    names: dict[str, object] = {
+        "name": name,
+        "version": VERSION,
+        "tools": cmake_tools,
+        "dependencies": tuple(each for each in blueprint.dependencies if each not in cmake_tools),
+        "node": node,
+        "library": library,
+        "namespace": namespace,
+        "macro": macro,
+        "class_name": "".join(part[:1].upper() + part[1:] for part in (library or "").split("_")),
+    }
+    made: dict[str, str | None] = {"package.xml": _manifest(blueprint, build_tools)}
 
-    path: str
-    text: str | None = None
+    def add(path: str, template: str, **more: object) -> None:
+        made[path] = render(f"pkg/{template}.j2", **names, **more)
 
-
-def render_package(blueprint: NewPackage) -> tuple[GeneratedFile, ...]:
-    """Return the folders and files of the package, each folder before its files."""
-    items: Iterable[GeneratedFile]
-    match blueprint.build_type:
-        case "ament_python":
-            items = _python_items(blueprint)
-        case "cmake":
-            items = (*_cpp_folders(blueprint), *_cmake_items(blueprint), *_cpp_items(blueprint))
-        case _ if blueprint.interfaces:
-            items = _interface_items(blueprint)
-        case _:
-            tools = ("ament_cmake", "ament_cmake_ros") if blueprint.library else ("ament_cmake",)
-            found = tuple(name for name in blueprint.dependencies if name not in tools)
-            names = {**_names(blueprint), "tools": tools, "dependencies": found}
-            items = (
-                *_cpp_folders(blueprint),
-                GeneratedFile("CMakeLists.txt", render("pkg/ament_cmake/CMakeLists.txt.j2", **names)),
-                *_cpp_items(blueprint),
-            )
-    files = [GeneratedFile("package.xml", _manifest(blueprint)), *items]
-    if template := LICENSES.get(blueprint.license):
-        text = render(f"pkg/licenses/{template}", holder=blueprint.maintainer.name)
-        files.append(GeneratedFile("LICENSE", text))
-    return tuple(files)
+    if blueprint.build_type == "ament_python":
+        made[name] = None
+        literals = {
+            "maintainer": repr(person.name),
+            "email": repr(person.email),
+            "description": repr(blueprint.description),
+            "license": repr(blueprint.license),
+        }
+        add("setup.py", "ament_python/setup.py", **literals)
+        add("setup.cfg", "ament_python/setup.cfg")
+        made |= {"resource": None, f"resource/{name}": "", f"{name}/__init__.py": "", "test": None}
+        for test in ("test_copyright.py", "test_flake8.py", "test_pep257.py"):
+            add(f"test/{test}", f"ament_python/{test}")
+        if node:
+            add(f"{name}/{node}.py", "ament_python/node.py")
+        if library:
+            made |= {f"{name}/{library}": None, f"{name}/{library}/__init__.py": ""}
+    elif blueprint.interfaces:
+        paths = []
+        for kind, interface_template in _INTERFACE_TEMPLATES.items():
+            files = [file for file in blueprint.interfaces if file.endswith(f".{kind}")]
+            made |= {kind: None} if files else {}
+            for file in files:
+                paths.append(f"{kind}/{file}")
+                stem = file.removesuffix(f".{kind}")
+                made[paths[-1]] = render(f"pkg/interfaces/{interface_template}", name=stem)
+        add("CMakeLists.txt", "interfaces/CMakeLists.txt", interfaces=paths)
+    else:
+        made |= {"src": None, f"include/{name}": None}
+        add("CMakeLists.txt", f"{blueprint.build_type}/CMakeLists.txt")
+        if blueprint.build_type == "cmake":
+            add(f"{name}Config.cmake.in", "cmake/Config.cmake.in")
+            add(f"{name}ConfigVersion.cmake.in", "cmake/ConfigVersion.cmake.in")
+        if node:
+            add(f"src/{node}.cpp", "cpp/node.cpp")
+        if library:
+            include = f"include/{name}"
+            add(f"{include}/{library}.hpp", "cpp/library.hpp", guard=f"{macro}__{library.upper()}_HPP_")
+            add(f"src/{library}.cpp", "cpp/library.cpp")
+            guard = f"{macro}__VISIBILITY_CONTROL_H_"
+            add(f"{include}/visibility_control.h", "cpp/visibility_control.h", guard=guard)
+    if blueprint.license in LICENSES:
+        made["LICENSE"] = render(f"pkg/licenses/{LICENSES[blueprint.license]}", holder=person.name)
+    return made
 
 
 def placeholder_email(name: str) -> str:
@@ -123,45 +165,88 @@ def placeholder_email(name: str) -> str:
     return f"{re.sub('[^-a-zA-Z0-9_%+]+', '.', name).strip('.') or 'maintainer'}@todo.todo"
 
 
-def _name_problems(blueprint: NewPackage) -> Iterator[Problem]:
-    name = blueprint.name
+def _manifest(blueprint: NewPackage, build_tools: Iterable[str]) -> str:
+    # rosidl requires this dependency of actions in the manifest.
+    implied = ("action_msgs",) if any(name.endswith(".action") for name in blueprint.interfaces) else ()
+    groups = [
+        [("buildtool_depend", name) for name in build_tools],
+        [("depend", name) for name in dict.fromkeys((*blueprint.dependencies, *implied))],
+    ]
+    if blueprint.interfaces:
+        groups += [[("exec_depend", "rosidl_default_runtime")]]
+        groups += [[("member_of_group", "rosidl_interface_packages")]]
+    else:
+        groups += [[("test_depend", name) for name in _TEST_TOOLS.get(blueprint.build_type, ())]]
+    texts = {
+        "description": blueprint.description,
+        "email": blueprint.maintainer.email or "",
+        "maintainer": blueprint.maintainer.name,
+        "license": blueprint.license,
+    }
+    return render(
+        "pkg/package.xml.j2",
+        schema=_SCHEMA.format(blueprint.format),
+        format=blueprint.format,
+        name=blueprint.name,
+        version=VERSION,
+        groups=list(filter(None, groups)),
+        build_type=blueprint.build_type,
+        **{key: text.translate(_ESCAPES) for key, text in texts.items()},
+    )
+
+
+def _problems(blueprint: NewPackage) -> Iterator[Problem]:
+    name, python = blueprint.name, blueprint.build_type == "ament_python"
     if not is_package_name(name):
         hint = "use letters, digits, '_' and '-', and start with a letter or digit"
         yield Problem(f"invalid package name '{name}'", hint=hint)
-    elif blueprint.build_type == "ament_python":
-        if name == "test":
-            hint = "the folder 'test' is reserved for tests"
-            yield Problem("a Python package cannot be named 'test'", hint=hint)
-        elif not _WORD.fullmatch(name) or keyword.iskeyword(name):
-            hint = f"'import {name}' would be a syntax error"
-            yield Problem(f"invalid Python package name '{name}'", hint=hint)
+    elif python and name == "test":
+        hint = "the folder 'test' is reserved for tests"
+        yield Problem("a Python package cannot be named 'test'", hint=hint)
+    elif python and (not _WORD.fullmatch(name) or keyword.iskeyword(name)):
+        yield Problem(
+            f"invalid Python package name '{name}'", hint=f"'import {name}' would be a syntax error"
+        )
     for dependency in blueprint.dependencies:
         if not is_package_name(dependency):
             yield Problem(f"invalid dependency name '{dependency}'")
         elif dependency == name:
             yield Problem(f"package '{name}' cannot depend on itself")
-
-
-def _target_problems(blueprint: NewPackage) -> Iterator[Problem]:
-    for option, name in (("--node-name", blueprint.node), ("--library-name", blueprint.library)):
-        if name is None:
+    for option, target in (("--node-name", blueprint.node), ("--library-name", blueprint.library)):
+        if target is None:
             continue
         # A C++ node is only a file name; all others are identifiers, too.
-        binary = option == "--node-name" and blueprint.build_type != "ament_python"
-        if not (_TARGET if binary else _WORD).fullmatch(name):
+        binary = option == "--node-name" and not python
+        fault = None
+        if not (_TARGET if binary else _WORD).fullmatch(target):
             signs = "letters, digits, '_' and '-'" if binary else "letters, digits and '_'"
-            yield Problem(f"invalid {option} '{name}'", hint=f"use {signs}, and start with a letter")
-        elif blueprint.build_type == "ament_python" and keyword.iskeyword(name):
-            yield Problem(f"invalid {option} '{name}'", hint="this is a Python keyword")
-        elif blueprint.build_type != "ament_python" and name in _CMAKE_TARGETS.split():
-            yield Problem(f"invalid {option} '{name}'", hint="CMake reserves this name")
+            fault = f"use {signs}, and start with a letter"
+        elif python and keyword.iskeyword(target):
+            fault = "this is a Python keyword"
+        elif not python and target in _CMAKE_TARGETS.split():
+            fault = "CMake reserves this name"
+        if fault:
+            yield Problem(f"invalid {option} '{target}'", hint=fault)
     if blueprint.node is not None and blueprint.node == blueprint.library:
         yield Problem(f"node and library cannot both be named '{blueprint.node}'")
+    if blueprint.interfaces:
+        yield from _interface_problems(blueprint)
+    if not is_email(blueprint.maintainer.email or ""):
+        message = f"invalid email address '{blueprint.maintainer.email}'"
+        yield Problem(message, hint="set it with --maintainer-email")
+    texts = {
+        "--description": blueprint.description,
+        "--license": blueprint.license,
+        "--maintainer-name": blueprint.maintainer.name,
+    }
+    for option, text in texts.items():
+        if not text.strip():
+            yield Problem(f"{option} cannot be empty")
+        elif _UNWRITABLE.search(text) or ("\n" in text and option != "--description"):
+            yield Problem(f"{option} contains characters not allowed in XML: {text!r}")
 
 
 def _interface_problems(blueprint: NewPackage) -> Iterator[Problem]:
-    if not blueprint.interfaces:
-        return
     for name in blueprint.interfaces:
         stem, _, kind = name.partition(".")
         if kind not in _INTERFACE_TEMPLATES or not _INTERFACE.fullmatch(stem):
@@ -176,157 +261,3 @@ def _interface_problems(blueprint: NewPackage) -> Iterator[Problem]:
     if blueprint.node or blueprint.library:
         message = "--interfaces cannot be combined with --node-name and --library-name"
         yield Problem(message, hint="put them into another package, which depends on this one")
-
-
-def _text_problems(blueprint: NewPackage) -> Iterator[Problem]:
-    person = blueprint.maintainer
-    if not is_email(person.email or ""):
-        yield Problem(f"invalid email address '{person.email}'", hint="set it with --maintainer-email")
-    texts = (
-        ("--description", blueprint.description),
-        ("--license", blueprint.license),
-        ("--maintainer-name", person.name),
-    )
-    for option, text in texts:
-        if not text.strip():
-            yield Problem(f"{option} cannot be empty")
-        elif _UNWRITABLE.search(text) or ("\n" in text and option != "--description"):
-            yield Problem(f"{option} contains characters not allowed in XML: {text!r}")
-
-
-def _manifest(blueprint: NewPackage) -> str:
-    """Return package.xml with dependencies grouped by type."""
-    # rosidl requires this dependency of actions in the manifest.
-    implied = ("action_msgs",) if any(name.endswith(".action") for name in blueprint.interfaces) else ()
-    groups: tuple[tuple[tuple[str, str], ...], ...] = (
-        tuple(("buildtool_depend", name) for name in _build_tools(blueprint)),
-        tuple(("depend", name) for name in dict.fromkeys((*blueprint.dependencies, *implied))),
-    )
-    if blueprint.interfaces:
-        groups += ((("exec_depend", "rosidl_default_runtime"),),)
-        groups += ((("member_of_group", "rosidl_interface_packages"),),)
-    else:
-        groups += (tuple(("test_depend", name) for name in _TEST_TOOLS.get(blueprint.build_type, ())),)
-    return render(
-        "pkg/package.xml.j2",
-        schema=_SCHEMA.format(blueprint.format),
-        format=blueprint.format,
-        name=blueprint.name,
-        version=VERSION,
-        description=_xml(blueprint.description),
-        email=_xml(blueprint.maintainer.email or ""),
-        maintainer=_xml(blueprint.maintainer.name),
-        license=_xml(blueprint.license),
-        groups=[group for group in groups if group],
-        build_type=blueprint.build_type,
-    )
-
-
-def _build_tools(blueprint: NewPackage) -> tuple[str, ...]:
-    if blueprint.build_type != "ament_cmake":
-        return ()
-    if blueprint.interfaces:
-        return ("ament_cmake", "rosidl_default_generators")
-    return ("ament_cmake_ros",) if blueprint.library else ("ament_cmake",)
-
-
-def _cpp_folders(blueprint: NewPackage) -> tuple[GeneratedFile, ...]:
-    return (GeneratedFile("src"), GeneratedFile(f"include/{blueprint.name}"))
-
-
-def _interface_items(blueprint: NewPackage) -> Iterator[GeneratedFile]:
-    """Yield the folders and definitions of each kind, and CMakeLists.txt."""
-    paths = []
-    for kind, template in _INTERFACE_TEMPLATES.items():
-        files = [name for name in blueprint.interfaces if name.endswith(f".{kind}")]
-        if files:
-            yield GeneratedFile(kind)
-        for file in files:
-            paths.append(f"{kind}/{file}")
-            name = file.removesuffix(f".{kind}")
-            yield GeneratedFile(paths[-1], render(f"pkg/interfaces/{template}", name=name))
-    tools = _build_tools(blueprint)
-    names = {
-        "name": blueprint.name,
-        "dependencies": tuple(name for name in blueprint.dependencies if name not in tools),
-        "interfaces": paths,
-    }
-    yield GeneratedFile("CMakeLists.txt", render("pkg/interfaces/CMakeLists.txt.j2", **names))
-
-
-def _cmake_items(blueprint: NewPackage) -> tuple[GeneratedFile, ...]:
-    names = _names(blueprint)
-    return tuple(
-        GeneratedFile(path, render(f"pkg/cmake/{template}", **names))
-        for path, template in (
-            ("CMakeLists.txt", "CMakeLists.txt.j2"),
-            (f"{blueprint.name}Config.cmake.in", "Config.cmake.in.j2"),
-            (f"{blueprint.name}ConfigVersion.cmake.in", "ConfigVersion.cmake.in.j2"),
-        )
-    )
-
-
-def _cpp_items(blueprint: NewPackage) -> Iterator[GeneratedFile]:
-    names = _names(blueprint)
-    if blueprint.node:
-        yield GeneratedFile(f"src/{blueprint.node}.cpp", render("pkg/cpp/node.cpp.j2", **names))
-    if blueprint.library:
-        include, library, macro = f"include/{blueprint.name}", blueprint.library, names["macro"]
-        for path, template, guard in (
-            (f"{include}/{library}.hpp", "library.hpp.j2", f"{macro}__{library.upper()}_HPP_"),
-            (f"src/{library}.cpp", "library.cpp.j2", ""),
-            (f"{include}/visibility_control.h", "visibility_control.h.j2", f"{macro}__VISIBILITY_CONTROL_H_"),
-        ):
-            yield GeneratedFile(path, render(f"pkg/cpp/{template}", **names, guard=guard))
-
-
-def _python_items(blueprint: NewPackage) -> tuple[GeneratedFile, ...]:
-    names = _names(blueprint)
-    person = blueprint.maintainer
-    literals = {
-        "maintainer": repr(person.name),
-        "email": repr(person.email),
-        "description": repr(blueprint.description),
-        "license": repr(blueprint.license),
-    }
-    package = blueprint.name
-    tests = ("test_copyright.py", "test_flake8.py", "test_pep257.py")
-    items = [
-        GeneratedFile(package),
-        GeneratedFile("setup.py", render("pkg/ament_python/setup.py.j2", **names, **literals)),
-        GeneratedFile("setup.cfg", render("pkg/ament_python/setup.cfg.j2", **names)),
-        GeneratedFile("resource"),
-        GeneratedFile(f"resource/{package}", ""),
-        GeneratedFile(f"{package}/__init__.py", ""),
-        GeneratedFile("test"),
-        *(GeneratedFile(f"test/{test}", render(f"pkg/ament_python/{test}.j2")) for test in tests),
-    ]
-    if blueprint.node:
-        node = render("pkg/ament_python/node.py.j2", **names)
-        items.append(GeneratedFile(f"{package}/{blueprint.node}.py", node))
-    if blueprint.library:
-        folder = f"{package}/{blueprint.library}"
-        items += (GeneratedFile(folder), GeneratedFile(f"{folder}/__init__.py", ""))
-    return tuple(items)
-
-
-def _names(blueprint: NewPackage) -> dict[str, object]:
-    """Return the package's names in the spelling of CMake, C++ and Python."""
-    word = blueprint.name.replace("-", "_")
-    if word[0].isdigit() or word in _CPP_KEYWORDS.split():
-        word = f"pkg_{word}"
-    parts = (blueprint.library or "").split("_")
-    return {
-        "name": blueprint.name,
-        "version": VERSION,
-        "dependencies": blueprint.dependencies,
-        "node": blueprint.node,
-        "library": blueprint.library,
-        "namespace": word,
-        "macro": word.upper(),
-        "class_name": "".join(part[:1].upper() + part[1:] for part in parts),
-    }
-
-
-def _xml(text: str) -> str:
-    return text.translate(_ESCAPES)

@@ -23,8 +23,6 @@ from forge.workspace.source_names import is_environment, is_source_folder, may_c
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-    from forge.workspace.identity import Identity
-
 _PYTHON_TYPES = ("python", "ament_python")
 _READ_BY_TOOLS = (
     *("CMakeLists.txt", "setup.cfg", "pyproject.toml", "MANIFEST.in", ".cmake", ".in", ".py"),
@@ -110,6 +108,7 @@ class _Walk:
         self.root = root
         self.variables = variables
         self.overrides = overrides or Overrides()
+        self.has_overrides = bool(self.overrides.by_path or self.overrides.build_types)
         self.visited: set[tuple[int, int]] = set()
         self.packages: dict[str, Package] = {}
         self.duplicates: list[Package] = []
@@ -135,25 +134,19 @@ class _Walk:
             # An environment may be active at the root of a workspace, which is then still one.
             if entries is None or (at != top and is_environment(entries.__contains__)):
                 continue
-            identity = self.identity(spelling, entries)
-            self.add(identity, Path(spelling))
+            identity = NOT_A_PACKAGE
+            if self.has_overrides or not MARKER_FILES.isdisjoint(entries):
+                identity = identify(self.root, Path(spelling), entries.keys(), self.variables, self.overrides)
+            if identity.problems:
+                self.broken.append(BrokenPackage(identity.name, Path(spelling), identity.problems))
+            self.notes += identity.notes
+            package = identity.package
+            if package is not None and self.packages.setdefault(package.name, package) is not package:
+                self.duplicates.append(package)
             for name in sorted(entries, reverse=True) if below and identity.descend else ():
                 if entries[name] and may_contain_packages(name):
                     child = name if spelling == "." else f"{spelling}/{name}"
                     waiting.append((f"{folder}/{name}", child))
-
-    def identity(self, spelling: str, entries: Mapping[str, bool]) -> Identity:
-        if MARKER_FILES.isdisjoint(entries) and not (self.overrides.by_path or self.overrides.build_types):
-            return NOT_A_PACKAGE
-        return identify(self.root, Path(spelling), entries.keys(), self.variables, self.overrides)
-
-    def add(self, identity: Identity, path: Path) -> None:
-        if identity.problems:
-            self.broken.append(BrokenPackage(identity.name, path, identity.problems))
-        self.notes += identity.notes
-        package = identity.package
-        if package is not None and self.packages.setdefault(package.name, package) is not package:
-            self.duplicates.append(package)
 
     def workspace(self) -> Workspace:
         found = _with_groups(_with_project_names([*self.packages.values(), *self.duplicates]))
@@ -161,12 +154,12 @@ class _Walk:
         packages = {package.name: package for package in found[:count]}
         self.notes += _projects_twice(found[:count])
         notes = (*self.notes, *(warning for package in found for warning in package.manifest.warnings))
-        broken = (replace(each, name=each.name or self.guessed_name(each.path)) for each in self.broken)
+        broken = []
+        for each in self.broken:
+            folder = (self.root / each.path).resolve().name
+            guessed_name = str(each.path) if folder in self.packages else folder
+            broken.append(replace(each, name=each.name or guessed_name))
         return Workspace(self.root, packages, tuple(broken), tuple(found[count:]), notes)
-
-    def guessed_name(self, path: Path) -> str:
-        name = (self.root / path).resolve().name
-        return str(path) if name in self.packages else name
 
 
 def _expanded(root: Path, paths: Iterable[str]) -> Iterable[str]:
@@ -221,21 +214,17 @@ def _with_project_names(packages: Sequence[Package]) -> list[Package]:
     Between two ROS packages, names are literal.
     """
     known, names = projects(packages), {package.name for package in packages}
-
-    def spelled(package: Package, need: Dependency) -> Iterator[Dependency]:
-        same = () if need.name in names else known.get(project_name(need.name), ())
-        found = dict.fromkeys(other.name for other in same if not (package.ros and other.ros))
-        yield from (replace(need, name=name) for name in found or (need.name,))
-
-    if not known:
-        return list(packages)
-    return [
-        replace(package, manifest=replace(package.manifest, dependencies=needs))
-        if (needs := tuple(each for need in before for each in spelled(package, need))) != before
-        else package
-        for package in packages
-        for before in (package.manifest.dependencies,)
-    ]
+    found = []
+    for package in packages:
+        needs: list[Dependency] = []
+        for need in package.manifest.dependencies if known else ():
+            same = () if need.name in names else known.get(project_name(need.name), ())
+            spelled = dict.fromkeys(other.name for other in same if not (package.ros and other.ros))
+            needs += (replace(need, name=name) for name in spelled or (need.name,))
+        if known and tuple(needs) != package.manifest.dependencies:
+            package = replace(package, manifest=replace(package.manifest, dependencies=tuple(needs)))
+        found.append(package)
+    return found
 
 
 def _projects_twice(packages: Sequence[Package]) -> Iterator[Problem]:

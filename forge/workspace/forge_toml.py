@@ -50,7 +50,7 @@ def plugin_types(content: Mapping[str, Any], root: Path) -> tuple[str, ...]:
             Problem("'build-types' is not a list of names", Location(root / FORGE_TOML), hint)
         )
     if names:
-        from forge.workspace.finders import require_plugins
+        from forge.workspace.identity import require_plugins
 
         require_plugins(tuple(names), root / FORGE_TOML)
     return tuple(names)

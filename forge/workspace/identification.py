@@ -147,7 +147,7 @@ def _as_other(folder: Folder, build_types: tuple[str, ...]) -> Identity | None:
         build_types = (folder.type,) if assigned else ()
     if not build_types:
         return None
-    from forge.workspace.finders import identify_with, plugin
+    from forge.workspace.identity import identify_with, plugin
 
     if folder.type is not None and plugin(folder.type) is None:
         why = "no installed distribution provides this build type"

@@ -27,15 +27,15 @@ from forge.workspace.resolve import (
     DependencyResolution,
     break_test_cycles,
     resolve_dependencies,
+    unmet_versions,
 )
 from forge.workspace.selection import duplicate_node, ignored, select
-from forge.workspace.versions import unmet_versions
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Mapping
     from pathlib import Path
 
-    from forge.workspace.model import BrokenPackage, Workspace
+    from forge.workspace.model import Workspace
     from forge.workspace.selection import Query, SearchPaths
 
 Node = TypeVar("Node")
@@ -85,7 +85,12 @@ def load_workspace(
     every = found.packages.keys() | {broken.name for broken in found.broken}
     query = _with_literal_names(query, found, every)
     hidden = ignored(query, every)
-    workspace = _without(found, hidden)
+    workspace = replace(
+        found,
+        packages=_drop(found.packages, hidden),
+        duplicates=tuple(other for other in found.duplicates if other.name not in hidden),
+        broken=tuple(other for other in found.broken if other.name not in hidden),
+    )
     # Packages stand for the broken ones, so that options and dependencies can name them.
     broken = {
         each.name: Package(each.path, Manifest(each.name, "", "", "", (), each.path), ros=False)
@@ -117,8 +122,10 @@ def load_workspace(
     if not listing:
         raise_if_any(clashes(workspace, selection.names), WorkspaceError)
     warnings = (*workspace.notes, *cycle_warnings, *unmet_versions(workspace.packages), *unsure, *notes)
-    names = {other.name for other in workspace.duplicates}
-    faults = (*workspace.problems, *clashes(workspace, names)) if listing else ()
+    faults: tuple[Problem, ...] = ()
+    if listing:
+        names = {other.name for other in workspace.duplicates}
+        faults = (*workspace.problems, *clashes(workspace, names))
     loaded = LoadedWorkspace(workspace, resolution, selection, packages, needs, ordered, (*faults, *warnings))
     return _without_broken(loaded, frozenset(broken), listing=listing) if workspace.broken else loaded
 
@@ -145,16 +152,20 @@ def _without_broken(loaded: LoadedWorkspace, names: frozenset[str], *, listing: 
     Only the broken packages that the selected ones include or need remain as problems, others are warnings.
     """
     reached = closure(loaded.needs, loaded.selection.names) | frozenset(loaded.selection.names)
-    needed = [broken for broken in loaded.workspace.broken if broken.name in reached]
-    others = [
-        replace(each.problems[0], message=f"skipping '{each.name}': {each.problems[0].message}")
-        for each in (() if listing else loaded.workspace.broken)
-        if each not in needed
-    ]
+    needed, others = [], []
+    for each in loaded.workspace.broken:
+        if each.name in reached:
+            *first, last = each.problems
+            ignore = f"'--packages-ignore {each.name}', or an empty file '{each.path / IGNORE_MARK}'"
+            hint = f"{last.hint + '; ' if last.hint else ''}to leave the package out: {ignore}"
+            needed.append(replace(each, problems=(*first, replace(last, hint=hint))))
+        elif not listing:
+            message = f"skipping '{each.name}': {each.problems[0].message}"
+            others.append(replace(each.problems[0], message=message))
     selection, resolution = loaded.selection, loaded.resolution
     return replace(
         loaded,
-        workspace=replace(loaded.workspace, broken=tuple(map(_with_remedy, needed))),
+        workspace=replace(loaded.workspace, broken=tuple(needed)),
         resolution=replace(
             resolution,
             packages=_drop(resolution.packages, names),
@@ -170,15 +181,6 @@ def _without_broken(loaded: LoadedWorkspace, names: frozenset[str], *, listing: 
     )
 
 
-def _with_remedy(broken: BrokenPackage) -> BrokenPackage:
-    """Return a broken package whose last problem tells how to build without it."""
-    *first, last = broken.problems
-    ignored = f"'--packages-ignore {broken.name}', or an empty file '{broken.path / IGNORE_MARK}'"
-    remedy = f"to leave the package out: {ignored}"
-    hint = f"{last.hint}; {remedy}" if last.hint else remedy
-    return replace(broken, problems=(*first, replace(last, hint=hint)))
-
-
 def _drop(nodes: Mapping[str, Node], names: Collection[str]) -> dict[str, Node]:
     return {name: value for name, value in nodes.items() if name not in names}
 
@@ -189,20 +191,9 @@ def find_packages(root: Path, search: SearchPaths, variables: Mapping[str, str])
     found = discover(root, search.base_paths, variables, paths=search.paths, overrides=overrides)
     if found.packages:
         return found
-    missing = [base for base in search.base_paths if "*" not in base and not (root / base).exists()]
-    return replace(
-        found, notes=(*found.notes, *(Problem(f"--base-paths: '{base}' does not exist") for base in missing))
-    )
-
-
-def _without(workspace: Workspace, names: frozenset[str]) -> Workspace:
-    """Return the workspace without packages of these names."""
-    if not names:
-        return workspace
-    packages = {name: package for name, package in workspace.packages.items() if name not in names}
-    duplicates = tuple(other for other in workspace.duplicates if other.name not in names)
-    broken = tuple(other for other in workspace.broken if other.name not in names)
-    return replace(workspace, packages=packages, duplicates=duplicates, broken=broken)
+    missing = (base for base in search.base_paths if "*" not in base and not (root / base).exists())
+    notes = (Problem(f"--base-paths: '{base}' does not exist") for base in missing)
+    return replace(found, notes=(*found.notes, *notes))
 
 
 def resolve_workspace(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.errors import ForeignManifestError, Location, Problem, WorkspaceError, raise_if_any
 from forge.base.frozen import frozen
-from forge.base.names import did_you_mean, is_safe_name
+from forge.base.names import did_you_mean, is_email, is_package_name, is_safe_name
 from forge.base.xml import Element, parse_xml
 from forge.workspace.conditions import ConditionError, holds
 from forge.workspace.model import Dependency, DependencyKind, Export, Manifest, Person
@@ -32,24 +32,23 @@ DEPENDENCY_KINDS: dict[str, frozenset[DependencyKind]] = {
 }
 VERSION_WORDS = ("lt", "lte", "eq", "gte", "gt")
 
-_EVERY = frozenset({1, 2, 3})
-_LATER = frozenset({2, 3})
+_USUAL_NAME = re.compile(r"[a-z][a-z0-9_-]*")
+_VERSION = re.compile(r"\d+\.\d+\.\d+", re.ASCII)
 _VERSIONED = frozenset(f"version_{word}" for word in VERSION_WORDS)
-_MANY = 10**6
 
 
 @frozen
 class _Tag:
     """Constraints on a child of <package>, according to the REP of its format."""
 
-    formats: frozenset[int] = _EVERY
+    formats: frozenset[int] = frozenset({1, 2, 3})
     least: int = 0
-    most: int = _MANY
+    most: int = 10**6
     attributes: frozenset[str] = frozenset()
     nested: bool = False
 
 
-_DEPENDENCY = _Tag(attributes=_VERSIONED)
+_LATER = frozenset({2, 3})
 _TAGS: dict[str, _Tag] = {
     "name": _Tag(least=1, most=1),
     "version": _Tag(least=1, most=1, attributes=frozenset({"compatibility"})),
@@ -58,29 +57,24 @@ _TAGS: dict[str, _Tag] = {
     "license": _Tag(least=1),
     "url": _Tag(attributes=frozenset({"type"})),
     "author": _Tag(attributes=frozenset({"email"})),
-    "build_depend": _DEPENDENCY,
-    "buildtool_depend": _DEPENDENCY,
-    "test_depend": _DEPENDENCY,
-    "conflict": _DEPENDENCY,
-    "replace": _DEPENDENCY,
-    "run_depend": _Tag(formats=frozenset({1}), attributes=_VERSIONED),
-    "build_export_depend": _Tag(formats=_LATER, attributes=_VERSIONED),
-    "buildtool_export_depend": _Tag(formats=_LATER, attributes=_VERSIONED),
-    "exec_depend": _Tag(formats=_LATER, attributes=_VERSIONED),
-    "depend": _Tag(formats=_LATER, attributes=_VERSIONED),
-    "doc_depend": _Tag(formats=_LATER, attributes=_VERSIONED),
-    "group_depend": _Tag(formats=frozenset({3})),
-    "member_of_group": _Tag(formats=frozenset({3})),
+    **dict.fromkeys(
+        ("build_depend", "buildtool_depend", "test_depend", "conflict", "replace"),
+        _Tag(attributes=_VERSIONED),
+    ),
+    "run_depend": _Tag(frozenset({1}), attributes=_VERSIONED),
+    **dict.fromkeys(
+        ("build_export_depend", "buildtool_export_depend", "exec_depend", "depend", "doc_depend"),
+        _Tag(_LATER, attributes=_VERSIONED),
+    ),
+    "group_depend": _Tag(frozenset({3})),
+    "member_of_group": _Tag(frozenset({3})),
     "export": _Tag(most=1, nested=True),
 }
 _CONDITIONAL = frozenset({*DEPENDENCY_KINDS, "conflict", "replace", "group_depend", "member_of_group"})
 _HINTS = {"run_depend": "use <exec_depend>", "exec_depend": 'use <run_depend>, or format="3"'}
 _LICENSE_3 = frozenset({"file", "type", "source-files"})
 
-_NAME = re.compile(r"[a-zA-Z0-9][a-zA-Z0-9_-]*")
-_USUAL_NAME = re.compile(r"[a-z][a-z0-9_-]*")
-_VERSION = re.compile(r"\d+\.\d+\.\d+", re.ASCII)
-_EMAIL = re.compile(r"[-a-zA-Z0-9_%+]+(\.[-a-zA-Z0-9_%+]+)*@[-a-zA-Z0-9%]+(\.[-a-zA-Z0-9%]+)*\.[a-zA-Z]{2,}")
+_USUAL_VERSION = re.compile(r"\d+\.\d+\.\d+", re.ASCII)
 
 
 def parse_manifest(content: bytes, path: Path, variables: Mapping[str, str]) -> Manifest:
@@ -179,7 +173,7 @@ class _Reader:
     def check_texts(self) -> None:
         for child in self.root.all("name"):
             name = child.text.strip()
-            if not _NAME.fullmatch(name):
+            if not is_package_name(name):
                 hint = "use lower-case letters, digits, '_' and '-', and start with a letter"
                 self.fault(child, f"invalid package name '{name}'", hint)
             elif not _USUAL_NAME.fullmatch(name):
@@ -206,16 +200,24 @@ class _Reader:
                 self.fault(child, f"element '{child.tag}' has no name")
             if child.tag == "maintainer" and not email:
                 self.fault(child, "element 'maintainer' needs an attribute 'email'")
-            elif email is not None and not _EMAIL.fullmatch(email):
+            elif email is not None and not is_email(email):
                 self.fault(child, f"invalid email address '{email}'", "for example name@example.com")
 
     def manifest(self) -> Manifest:
-        exports = tuple(self.exports())
+        exports = tuple(
+            Export(child.tag, tuple(sorted(child.attributes.items())), child.inner.strip())
+            for export in self.root.all("export")
+            for child in export.children
+            if self.active(child)
+        )
+        build_types = [export.content for export in exports if export.tag == "build_type"]
+        if len(build_types) > 1:
+            self.warn(self.root, f"several build types are active; using the last one, '{build_types[-1]}'")
         return Manifest(
-            name=self.text("name"),
-            version=self.text("version"),
+            name=next(self.texts("name")),
+            version=next(self.texts("version")),
             description=" ".join(next(self.root.all("description")).inner.split()),
-            build_type=self.build_type(exports),
+            build_type=build_types[-1] if build_types else "catkin",
             dependencies=tuple(self.dependencies()),
             path=self.path,
             format=self.format,
@@ -223,20 +225,14 @@ class _Reader:
                 Person(child.text.strip(), child.attributes.get("email"))
                 for child in self.root.all("maintainer")
             ),
-            licenses=tuple(child.text.strip() for child in self.root.all("license")),
-            group_dependencies=tuple(self.active_texts("group_depend")),
-            groups=tuple(self.active_texts("member_of_group")),
+            licenses=tuple(self.texts("license")),
+            group_dependencies=tuple(self.texts("group_depend")),
+            groups=tuple(self.texts("member_of_group")),
             exports=exports,
             warnings=tuple(self.warnings),
         )
 
-    def text(self, tag: str) -> str:
-        return next(self.root.all(tag)).text.strip()
-
     def texts(self, tag: str) -> Iterator[str]:
-        return (child.text.strip() for child in self.root.all(tag))
-
-    def active_texts(self, tag: str) -> Iterator[str]:
         return (child.text.strip() for child in self.root.all(tag) if self.active(child))
 
     def dependencies(self) -> Iterator[Dependency]:
@@ -261,19 +257,6 @@ class _Reader:
             )
             yield Dependency(name, kinds, versions)
 
-    def exports(self) -> Iterator[Export]:
-        for export in self.root.all("export"):
-            for child in export.children:
-                if self.active(child):
-                    yield Export(child.tag, tuple(sorted(child.attributes.items())), child.inner.strip())
-
-    def build_type(self, exports: tuple[Export, ...]) -> str:
-        """Return the last active build type (REP 149), 'catkin' without any."""
-        found = [export.content for export in exports if export.tag == "build_type"]
-        if len(found) > 1:
-            self.warn(self.root, f"several build types are active; using the last one, '{found[-1]}'")
-        return found[-1] if found else "catkin"
-
     def active(self, child: Element) -> bool:
         condition = child.attributes.get("condition")
         if condition is None:
@@ -289,7 +272,10 @@ class _Reader:
         for child in self.root.children:
             if child.tag in DEPENDENCY_KINDS and child.text.strip() == manifest.name:
                 self.fault(child, f"package '{manifest.name}' depends on itself")
-        member, wanted = (set(self.texts(tag)) for tag in ("member_of_group", "group_depend"))
+        member, wanted = (
+            {child.text.strip() for child in self.root.all(tag)}
+            for tag in ("member_of_group", "group_depend")
+        )
         for group in sorted(member & wanted):
             self.fault(self.root, f"the package depends on group '{group}' and is a member of it")
         if self.format == 1:

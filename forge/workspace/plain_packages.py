@@ -12,8 +12,7 @@ from forge.base.extensions import BUILD_TYPES, PACKAGE_FILES, absent
 from forge.base.files import not_regular_reason, text_or_nothing
 from forge.base.formats import read_toml
 from forge.workspace.cmake_text import cmake_dependencies, is_catkin_toplevel, project_name
-from forge.workspace.finders import identify_with
-from forge.workspace.identity import Identity
+from forge.workspace.identity import Identity, identify_with
 from forge.workspace.model import Dependency, DependencyKind, Manifest, Package
 from forge.workspace.overrides import COLCON_PKG
 from forge.workspace.python_metadata import (

@@ -7,6 +7,8 @@ API are never mixed in one build.
 
 from __future__ import annotations
 
+import operator
+import re
 from dataclasses import field, replace
 from typing import TYPE_CHECKING
 
@@ -17,7 +19,7 @@ from forge.base.names import nearest
 from forge.workspace.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS, Package
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterable, Mapping
+    from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 
 GENERATORS = "rosidl_default_generators"
 """The package that generates the code of interface packages."""
@@ -50,6 +52,16 @@ _ROS_NAMES = frozenset(
     {"class_loader", "cv_bridge", "demo_nodes_cpp", "demo_nodes_py", "image_transport", "message_filters"}
     | {"pluginlib", "robot_state_publisher", "rqt", "rviz2", "turtlesim", "urdf", "xacro"}
 )
+
+_VERSION = re.compile(r"\d{1,18}(\.\d{1,18})*", re.ASCII)
+_COMPARISONS: Mapping[str, tuple[str, Callable[[list[int], list[int]], bool]]] = {
+    "lt": ("before {}", operator.lt),
+    "lte": ("{} or before", operator.le),
+    "eq": ("{}", operator.eq),
+    "neq": ("other than {}", operator.ne),
+    "gte": ("{} or later", operator.ge),
+    "gt": ("later than {}", operator.gt),
+}
 
 _SIMILAR = 0.82
 """Required similarity of names; 'geometry' and 'tf2_geometry' have 0.8."""
@@ -110,21 +122,25 @@ def resolve_dependencies(
         if name in untested:
             only_tested = packages[name].only_tested_with
             wanted = tuple(other for other in wanted if other not in only_tested)
-        found = {other: _resolve(other, workspace, answers, provider) for other in wanted}
-        needs[name] = frozenset(other.name for other in found.values() if other and other.name != name)
-        unmet = [
-            other
-            for other in wanted
-            if found[other] is None and resembles_ros_name(other) and not provider(other)
-        ]
+        found = []
+        unmet = []
+        for other in wanted:
+            if other in workspace:
+                found.append(workspace[other])
+            elif not provider(other):
+                if other in answers:
+                    found.append(answers[other])
+                elif resembles_ros_name(other):
+                    unmet.append(other)
+        needs[name] = frozenset(other.name for other in found) - {name}
         if unmet:
             missing[name] = tuple(unmet)
-        for other in found.values():
-            if other and other.name not in packages:
-                packages[other.name] = other
-                waiting.append(other.name)
-    standing = {package.name for package in answers.values()}
-    superseded = (name for name in embedded if name not in standing or provider(name))
+        for package in found:
+            if package.name not in packages:
+                packages[package.name] = package
+                waiting.append(package.name)
+    used = {package.name for package in answers.values()}
+    superseded = (name for name in embedded if name not in used or provider(name))
     return DependencyResolution(
         packages,
         needs,
@@ -153,6 +169,35 @@ def break_test_cycles(resolution: DependencyResolution) -> tuple[DependencyResol
         for name, wanted in sorted(dropped.items())
     )
     return replace(resolution, needs=needs, postponed=dropped), tuple(warnings)
+
+
+def unmet_versions(packages: Mapping[str, Package]) -> Iterator[Problem]:
+    """Yield a problem for each version requirement that a package of the workspace does not meet.
+
+    Only numeric versions are compared; others, such as '1.0rc1', are ignored. Trailing zeros do not count.
+    """
+
+    def numbers(version: str) -> list[int]:
+        parts = [int(part) for part in version.split(".")]
+        while parts and not parts[-1]:
+            parts.pop()
+        return parts
+
+    for package in packages.values():
+        for need in package.manifest.dependencies:
+            if not (need.versions and need.kinds & ALL_KINDS and need.name in packages):
+                continue
+            present = packages[need.name].manifest.version
+            unmet = [
+                _COMPARISONS[word][0].format(wanted)
+                for word, wanted in need.versions
+                if _VERSION.fullmatch(present) and _VERSION.fullmatch(wanted)
+                if not _COMPARISONS[word][1](numbers(present), numbers(wanted))
+            ]
+            if unmet:
+                wanted = f"version {' and '.join(unmet)} of '{need.name}'"
+                message = f"'{package.name}' requires {wanted}, but it is {present}"
+                yield Problem(message, Location(package.manifest.path))
 
 
 def quoted_names(names: Iterable[str]) -> str:
@@ -210,9 +255,8 @@ def _embedded_providers(
     answers: dict[str, Package] = {}
     withheld: dict[str, str] = {}
     for package in embedded.values():
-        exports = package.manifest.exports
         names = _names_of(package)
-        families = (e.content for e in exports if e.tag == "forge_family")
+        families = (e.content for e in package.manifest.exports if e.tag == "forge_family")
         reason = next((reasons[family] for family in families if family in reasons), None)
         if reason is None:
             answers.update(dict.fromkeys(names, package))
@@ -240,16 +284,3 @@ def _wanted(package: Package, *, events: bool) -> tuple[str, ...]:
         implied += EVENT_NEEDS
     # Except for the packages of these lists.
     return tuple(dict.fromkeys((*names, *(need for need in implied if need != package.name))))
-
-
-def _resolve(
-    name: str,
-    workspace: Mapping[str, Package],
-    answers: Mapping[str, Package],
-    provider: Callable[[str], object | None],
-) -> Package | None:
-    if name in workspace:
-        return workspace[name]
-    if name in answers and not provider(name):
-        return answers[name]
-    return None

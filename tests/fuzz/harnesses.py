@@ -59,7 +59,7 @@ from forge.workspace.discovery import ROS_DEFAULTS, discover
 from forge.workspace.manifest import parse_manifest
 from forge.workspace.model import Package
 from forge.workspace.overrides import read_overrides
-from forge.workspace.versions import unmet_versions
+from forge.workspace.resolve import unmet_versions
 
 if TYPE_CHECKING:
     import argparse

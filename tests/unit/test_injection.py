@@ -219,7 +219,7 @@ def test_created_packages_contain_the_given_texts(
         )
     except ForgeError:
         return
-    files = {item.path: item.text or "" for item in render_package(blueprint)}
+    files = {path: text or "" for path, text in render_package(blueprint).items()}
     manifest = parse_manifest(files["package.xml"].encode(), Path("package.xml"), {})
     assert manifest.maintainers == (Person(" ".join(name.split(" ")).strip(), "a@b.cc"),)
     if build_type == "ament_python":

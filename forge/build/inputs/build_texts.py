@@ -18,7 +18,7 @@ from forge.build.inputs.named_entries import VOLATILE, Entry, NamedFiles, Uses, 
 from forge.build.up_to_date import NAMED_FILE, is_relevant
 from forge.toolchain.config_search import ConfigSearch, prefixes_of_path
 from forge.toolchain.programs import CMAKE_TYPES, PYTHON_TYPES, cmake_root
-from forge.workspace.finders import plugin
+from forge.workspace.identity import plugin
 from forge.workspace.references import (
     LISTS,
     References,

@@ -24,7 +24,6 @@ from forge.workspace.creation import (
     LICENSES,
     UNDECLARED_LICENSE,
     VERSION,
-    GeneratedFile,
     NewPackage,
     placeholder_email,
     render_package,
@@ -33,7 +32,7 @@ from forge.workspace.model import Person
 from forge.workspace.root import find_install, source_packages
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Mapping
 
     from forge.cli.main import Parser
 
@@ -194,15 +193,15 @@ def _git_email() -> str | None:
     return email if is_email(email) else None
 
 
-def _write(blueprint: NewPackage, root: str, items: Iterable[GeneratedFile]) -> None:
+def _write(blueprint: NewPackage, root: str, items: Mapping[str, str | None]) -> None:
     """Create the folders and files below `root`, and print each one like `ros2 pkg create`."""
     headline = "source folder" if blueprint.build_type == "ament_python" else "source and include folder"
     headline = "folders of interfaces" if blueprint.interfaces else headline
     print("creating folder", root)
     Path(root).mkdir(parents=True)
-    for item in items:
-        path = f"{root}/{item.path}"
-        if item.text is None:
+    for name, text in items.items():
+        path = f"{root}/{name}"
+        if text is None:
             if headline:
                 print("creating", headline)
                 headline = ""
@@ -210,7 +209,7 @@ def _write(blueprint: NewPackage, root: str, items: Iterable[GeneratedFile]) -> 
             Path(path).mkdir(parents=True)
         else:
             print("creating", path)
-            write_if_changed(Path(path), item.text)
+            write_if_changed(Path(path), text)
 
 
 def _warn(message: str, hint: str | None = None) -> None:

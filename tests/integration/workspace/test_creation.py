@@ -16,7 +16,7 @@ ADA = Person("Ada", "ada@example.org")
 
 
 def files_of(blueprint: NewPackage) -> dict[str, str]:
-    return {item.path: item.text for item in render_package(blueprint) if item.text is not None}
+    return {path: text for path, text in render_package(blueprint).items() if text is not None}
 
 
 @pytest.mark.parametrize("name", ["3d-scan", "union", "Walker", "walker"])

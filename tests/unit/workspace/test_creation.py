@@ -68,12 +68,12 @@ blueprints = st.builds(
 
 
 def files_of(blueprint: NewPackage) -> dict[str, str]:
-    return {item.path: item.text for item in render_package(blueprint) if item.text is not None}
+    return {path: text for path, text in render_package(blueprint).items() if text is not None}
 
 
 @pytest.mark.parametrize("case", CASES)
 def test_created_packages_match_their_goldens(case: str, golden: Golden) -> None:
-    folders = "".join(f"{item.path}/\n" for item in render_package(CASES[case]) if item.text is None)
+    folders = "".join(f"{path}/\n" for path, text in render_package(CASES[case]).items() if text is None)
     golden(f"pkg/{case}", {**files_of(CASES[case]), "folders.txt": folders})
 
 
