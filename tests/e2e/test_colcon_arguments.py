@@ -19,142 +19,29 @@ PARSER = Path(__file__).parents[1] / "data" / "colcon_parser.py"
 LISTS = {"build": ("cmake_args", "ament_cmake_args"), "test": ("ctest_args", "pytest_args", "unittest_args")}
 
 WORDS = (
-    *(
-        "--log-level=DEBUG",
-        "--log-level=VERBOSE",
-        "--log-base=x",
-        "--log-file=x",
-        "--strict",
-        "--json",
-        "-j2",
-    ),
-    *(
-        "-j",
-        "-k",
-        "-x",
-        "-v",
-        "-vv",
-        "-q",
-        "-s",
-        "-n4",
-        "-nauto",
-        "-lf",
-        "-rA",
-        "-R",
-        "-E",
-        "-L",
-        "-LE",
-        "-V",
-        "-VV",
-    ),
-    *(
-        "--since=x",
-        "--profile",
-        "--profile=x",
-        "--target=x",
-        "--python=x",
-        "--no-wait",
-        "--cache",
-        "--cache=x",
-    ),
-    *("--timings", "--watch", "--force", "--explain", "--audit", "--jobs", "--jobs=4", "--memory-limit=1G"),
-    *("--coverage", "--rosdistro=x", "--dry-run", "--print-command=x", "--skip-keys", "--sysroot=x"),
-    *("--packages-select-changed", "--packages-above-changed", "--no-fast-rosidl", "--compiler-launcher=x"),
-    *(
-        "--co",
-        "--cov=src",
-        "--cov-report=term",
-        "--collect-only",
-        "--durations=3",
-        "--tb=short",
-        "--lf",
-        "--ff",
-    ),
-    *(
-        "--maxfail=1",
-        "--basetemp=x",
-        "--junit-xml=x",
-        "--rootdir=x",
-        "--ignore=x",
-        "--deselect=x",
-        "--pyargs",
-    ),
-    *(
-        "--output-on-failure",
-        "--output-junit",
-        "--repeat",
-        "--repeat-until-fail",
-        "--rerun-failed",
-        "--timeout=9",
-    ),
-    *(
-        "--schedule-random",
-        "--stop-on-failure",
-        "--test-dir=x",
-        "--build-config=x",
-        "--parallel=3",
-        "--debug",
-    ),
-    *(
-        "--fresh",
-        "--trace",
-        "--trace-expand",
-        "--warn-uninitialized",
-        "--graphviz=x",
-        "--preset=x",
-        "--toolchain=x",
-    ),
-    *(
-        "-DX=1",
-        "-DX:STRING=a b",
-        "-UX",
-        "-Wno-dev",
-        "-GNinja",
-        "-G",
-        "-1",
-        "-1.5",
-        "-",
-        "a",
-        "--config=--x",
-        "-hx",
-    ),
-    *(
-        "--packages",
-        "--packages-select=a",
-        "--packages-sel",
-        "--symlink",
-        "--event-handlers",
-        "--merge-install",
-    ),
-    *("--merge", "--return-code-on-test-failure", "--return-code", "--retest-until", "--python-test=pytest"),
-    *("--abort-on-error", "--abort", "--continue-on-error", "--cont", "--test-result-base=x", "--test-res=x"),
-    *(
-        "--build-base=x",
-        "--install=x",
-        "--exec=sequential",
-        "--h",
-        "--help",
-        "-h",
-        "--e",
-        "--p",
-        "--m",
-        "--te=x",
-    ),
-    *(
-        "--cmake-clean-cache",
-        "--cmake-clean",
-        "--cmake-target=x",
-        "--ctest-args",
-        "--pytest-with",
-        "--catkin-skip",
-    ),
-    *(
-        "--x --packages-select",
-        "--packages-select=a b",
-        "-- x",
-        "--x=--packages-select",
-        " --packages-select=a",
-    ),
+    *"""
+    --log-level=DEBUG --log-level=VERBOSE --log-base=x --log-file=x --strict --json -j2 -j -k -x -v
+    -vv -q -s -n4 -nauto -lf -rA -R -E -L -LE -V -VV --since=x --profile --profile=x --target=x
+    --python=x --no-wait --cache --cache=x --timings --watch --force --explain --audit --jobs
+    --jobs=4 --memory-limit=1G --coverage --rosdistro=x --dry-run --print-command=x --skip-keys
+    --sysroot=x --packages-select-changed --packages-above-changed --no-fast-rosidl
+    --compiler-launcher=x --co --cov=src --cov-report=term --collect-only --durations=3 --tb=short
+    --lf --ff --maxfail=1 --basetemp=x --junit-xml=x --rootdir=x --ignore=x --deselect=x --pyargs
+    --output-on-failure --output-junit --repeat --repeat-until-fail --rerun-failed --timeout=9
+    --schedule-random --stop-on-failure --test-dir=x --build-config=x --parallel=3 --debug --fresh
+    --trace --trace-expand --warn-uninitialized --graphviz=x --preset=x --toolchain=x -DX=1 -UX
+    -Wno-dev -GNinja -G -1 -1.5 - a --config=--x -hx --packages --packages-select=a --packages-sel
+    --symlink --event-handlers --merge-install --merge --return-code-on-test-failure --return-code
+    --retest-until --python-test=pytest --abort-on-error --abort --continue-on-error --cont
+    --test-result-base=x --test-res=x --build-base=x --install=x --exec=sequential --h --help -h --e
+    --p --m --te=x --cmake-clean-cache --cmake-clean --cmake-target=x --ctest-args --pytest-with
+    --catkin-skip --x=--packages-select
+    """.split(),
+    "-DX:STRING=a b",
+    "--x --packages-select",
+    "--packages-select=a b",
+    "-- x",
+    " --packages-select=a",
 )
 """Words of all programs involved: of forge alone, of both tools, of neither, and abbreviations of them."""
 

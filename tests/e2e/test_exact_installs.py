@@ -337,7 +337,7 @@ def test_a_first_build_that_fails_leaves_no_files(forge: Forge, tree: Tree) -> N
 
 
 def test_the_build_after_a_kill_matches_a_clean_build(forge: Forge, tree: Tree, tmp_path: Path) -> None:
-    """What was installed half-way goes, whether the next build ends well or not."""
+    """What was installed half-way goes; after Ctrl-C at once."""
     here = tmp_path / "here"
     wait = f"install(CODE [[file(WRITE {here} 1)\nexecute_process(COMMAND sleep 60)]])"
     root = tree(cmake("a", "install(FILES x DESTINATION share)", x="1"))
@@ -345,13 +345,15 @@ def test_the_build_after_a_kill_matches_a_clean_build(forge: Forge, tree: Tree, 
     before = look(root / "install")
     lists = root / "src/a/CMakeLists.txt"
     good = lists.read_text()
-    for ending in ("fails", "works"):
+    for number, ending in ((signal.SIGINT, "aborts"), (signal.SIGKILL, "fails"), (signal.SIGKILL, "works")):
         lists.write_text(f"{good}install(FILES x DESTINATION other)\n{wait}\n")
         here.unlink(missing_ok=True)
         with subprocess.Popen([sys.executable, "-m", "forge", "build"], cwd=root) as started:
             while not here.exists() and started.poll() is None:
                 time.sleep(0.02)
-            started.send_signal(signal.SIGKILL)
+            started.send_signal(number)
+        if ending == "aborts":
+            assert look(root / "install") == before
         if ending == "fails":
             lists.write_text("message(FATAL_ERROR no)")
             assert forge("build", cwd=root).code == 1

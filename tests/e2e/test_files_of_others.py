@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import random
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.needs("cmake", "gcc")
 
-EDITS = int(os.environ.get("FORGE_TEST_SEQUENCES", "50"))
+EDITS = int(os.environ.get("FORGE_TEST_SEQUENCES", "20"))
 """The number of edits in each of the four layouts."""
 SEED = int(os.environ.get("FORGE_TEST_SEED", "1"))
 CMAKE = """cmake_minimum_required(VERSION 3.18)
@@ -158,12 +159,16 @@ def edits(root: Path) -> tuple[Callable[[int], object], ...]:
     )
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
+EVERY_LAYOUT = pytest.mark.parametrize(
     "options",
     [(), ("--merge-install",), ("--symlink-install",), ("--symlink-install", "--merge-install")],
     ids=["isolated", "merged", "linked", "linked-merged"],
 )
+FAILS = "install(CODE [[message(FATAL_ERROR no)]])\n"
+
+
+@pytest.mark.slow
+@EVERY_LAYOUT
 def test_files_of_others_outlive_random_edits(forge: Forge, tree: Tree, options: tuple[str, ...]) -> None:
     root = tree(sources())
     lists = root / "src/a/CMakeLists.txt"
@@ -295,10 +300,10 @@ def test_a_pipe_and_a_folder_in_the_place_of_a_file_stay(
 @pytest.mark.parametrize(
     "command", ["rm -r SHARE/mine", "mv SHARE/mine SHARE/theirs", "rm -r SHARE/mine; touch SHARE/mine"]
 )
-@pytest.mark.parametrize("end", ["", "install(CODE [[message(FATAL_ERROR no)]])\n"], ids=["well", "failing"])
 def test_what_code_of_a_package_removes_is_given_back(
-    forge: Forge, tree: Tree, options: tuple[str, ...], command: str, end: str
+    forge: Forge, tree: Tree, options: tuple[str, ...], command: str
 ) -> None:
+    """After a build that fails, and after one that does not."""
     root = tree(plain(""))
     assert forge("build", *options, cwd=root).code == 0
     share = root / "install" / ("" if options else "a") / "share/a"
@@ -310,42 +315,42 @@ def test_what_code_of_a_package_removes_is_given_back(
     lists = root / "src/a/CMakeLists.txt"
     script = command.replace("SHARE", "${CMAKE_INSTALL_PREFIX}/share/a")
     code = f'install(CODE [[execute_process(COMMAND sh -c "{script}" COMMAND_ERROR_IS_FATAL ANY)]])'
-    lists.write_text(f"{lists.read_text()}{code}\n{end}")
-    ran = forge("build", *options, cwd=root)
-    assert ran.code == (1 if end else 2 if "touch" in command else 0), ran.out + ran.err
-    after = installed(root)
-    assert {path: after.get(path) for path in before} == before
-    assert (share / "mine/empty").is_dir()
+    good = lists.read_text()
+    for end in (FAILS, ""):
+        lists.write_text(f"{good}{code}\n{end}")
+        ran = forge("build", *options, cwd=root)
+        assert ran.code == (1 if end else 2 if "touch" in command else 0), ran.out + ran.err
+        after = installed(root)
+        assert {path: after.get(path) for path in before} == before
+        assert (share / "mine/empty").is_dir()
 
 
-@MERGED
-@pytest.mark.parametrize("linked", [(), ("--symlink-install",)], ids=["copied", "linked"])
-@pytest.mark.parametrize("size", [1, 100_000])
-@pytest.mark.parametrize(
-    "command", ["echo 2 >FILE", "echo 2 >>FILE", "truncate -s 1 FILE", "dd if=x of=FILE conv=notrunc"]
-)
-@pytest.mark.parametrize("end", ["", "install(CODE [[message(FATAL_ERROR no)]])\n"], ids=["well", "failing"])
+WRITES = ("echo 2 >FILE", "echo 2 >>FILE", "truncate -s 1 FILE", "dd if=LISTS of=FILE conv=notrunc")
+
+
+@EVERY_LAYOUT
+@pytest.mark.parametrize("end", ["", FAILS], ids=["well", "failing"])
 def test_what_code_of_a_package_writes_in_place_is_given_back(
-    forge: Forge,
-    tree: Tree,
-    options: tuple[str, ...],
-    linked: tuple[str, ...],
-    size: int,
-    command: str,
-    end: str,
+    forge: Forge, tree: Tree, options: tuple[str, ...], end: str
 ) -> None:
-    options = (*options, *linked)
+    """Small and large files, however they are written to."""
     root = tree(plain(""))
     assert forge("build", *options, cwd=root).code == 0
-    path = root / "install" / ("" if "--merge-install" in options else "a") / "share/a/mine"
-    path.write_text("mine" * size)
+    share = root / "install" / ("" if "--merge-install" in options else "a") / "share/a"
     lists = root / "src/a/CMakeLists.txt"
-    script = command.replace("FILE", "${CMAKE_INSTALL_PREFIX}/share/a/mine").replace("if=x", f"if={lists}")
-    code = f'install(CODE [[execute_process(COMMAND sh -c "{script}" COMMAND_ERROR_IS_FATAL ANY)]])'
+    mine, lines = {}, []
+    for number, (size, command) in enumerate(itertools.product((1, 100_000), WRITES)):
+        mine[f"mine{number}"] = "mine" * size
+        (share / f"mine{number}").write_text("mine" * size)
+        file = f"${{CMAKE_INSTALL_PREFIX}}/share/a/mine{number}"
+        lines.append(command.replace("FILE", file).replace("LISTS", str(lists)))
+    code = (
+        f'install(CODE [[execute_process(COMMAND sh -ec "{"; ".join(lines)}" COMMAND_ERROR_IS_FATAL ANY)]])'
+    )
     lists.write_text(f"{lists.read_text()}{code}\n{end}")
     ran = forge("build", *options, cwd=root)
     assert ran.code == (1 if end else 2), ran.out + ran.err
-    assert path.read_text() == "mine" * size
+    assert {name: (share / name).read_text() for name in mine} == mine
 
 
 @pytest.mark.parametrize("text", ["2", "mine"])
@@ -385,8 +390,9 @@ def test_a_file_that_nobody_claimed_may_be_written_by_the_package_later(forge: F
         assert ran.code == (1 if "ERROR" in text else 0), ran.out + ran.err
 
 
-@MERGED
-@pytest.mark.parametrize("linked", [(), ("--symlink-install",)], ids=["copied", "linked"])
+@pytest.mark.parametrize(
+    "options", [(), ("--merge-install", "--symlink-install")], ids=["isolated", "linked-merged"]
+)
 @pytest.mark.parametrize(
     "body",
     [
@@ -401,10 +407,9 @@ def test_a_file_that_nobody_claimed_may_be_written_by_the_package_later(forge: F
     ids=["file", "file over folder", "folder", "through", "append", "remove", "replace"],
 )
 def test_nothing_is_written_through_a_link_that_leads_out(
-    forge: Forge, tree: Tree, options: tuple[str, ...], linked: tuple[str, ...], body: str
+    forge: Forge, tree: Tree, options: tuple[str, ...], body: str
 ) -> None:
     """The link of somebody else stays, and so does what is behind it, permissions included."""
-    options = (*options, *linked)
     root = tree(plain(""))
     assert forge("build", *options, cwd=root).code == 0
     share = root / "install" / ("a" if "--merge-install" not in options else "") / "share/a"
@@ -524,7 +529,7 @@ def test_an_edited_file_that_is_no_longer_installed_stays(forge: Forge, tree: Tr
 
 
 @MERGED
-@pytest.mark.parametrize("end", ["", "install(CODE [[message(FATAL_ERROR no)]])\n"], ids=["well", "failing"])
+@pytest.mark.parametrize("end", ["", FAILS], ids=["well", "failing"])
 def test_a_file_with_a_name_elsewhere_is_given_back_there(
     forge: Forge, tree: Tree, options: tuple[str, ...], end: str
 ) -> None:
@@ -585,7 +590,7 @@ execute_process(COMMAND sleep 2)
 
 
 @MERGED
-@pytest.mark.parametrize("end", ["", "install(CODE [[message(FATAL_ERROR no)]])\n"], ids=["well", "failing"])
+@pytest.mark.parametrize("end", ["", FAILS], ids=["well", "failing"])
 @pytest.mark.parametrize(
     "command", ["rm -rf PREFIX", "rm -rf PREFIX/.forge*; rm -rf PREFIX", "mv PREFIX PREFIX.old"]
 )
@@ -637,7 +642,7 @@ int main(int count, char **words) {
 
 
 @MERGED
-@pytest.mark.parametrize("end", ["", "install(CODE [[message(FATAL_ERROR no)]])\n"], ids=["well", "failing"])
+@pytest.mark.parametrize("end", ["", FAILS], ids=["well", "failing"])
 def test_what_a_program_that_cannot_be_observed_changes_is_kept(
     forge: Forge, tree: Tree, options: tuple[str, ...], end: str
 ) -> None:

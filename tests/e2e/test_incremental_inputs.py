@@ -345,6 +345,55 @@ CASES = {
         },
         lambda root: (write("src/a/in.h", "#define V 2\n")(root), write("src/a/s/b.c", "int b = 5;\n")(root)),
     ),
+    "a header with a blank and an umlaut in its name": Case(
+        {
+            **packages(a='include_directories("${CMAKE_SOURCE_DIR}/in größe")\n' + BUILD),
+            "src/a/x.c": INCLUDES.replace("v.h", "v $.h"),
+            "src/a/in größe/v $.h": "#define V 1\n",
+        },
+        write("src/a/in größe/v $.h", "#define V 2\n"),
+    ),
+    "a file of a glob elsewhere": Case(
+        {
+            **packages(
+                a="file(GLOB F ../../data/*.txt)\ninstall(FILES ${F} DESTINATION share)\n"
+                "install(FILES x.c DESTINATION share)\n"
+            ),
+            "src/a/x.c": "",
+            "data/one.txt": "1",
+        },
+        write("data/two.txt", "2"),
+    ),
+    "an optional include that appears": Case(
+        {**packages(a="include(../../more.cmake OPTIONAL)\n" + BUILD), "src/a/x.c": PROGRAM},
+        write("more.cmake", "add_definitions(-DV=3)\n"),
+    ),
+    "a file that find_file found": Case(
+        {
+            **packages(
+                a="find_file(F v.txt PATHS ${CMAKE_SOURCE_DIR}/../../share NO_DEFAULT_PATH)\n"
+                "file(READ ${F} VV)\nadd_definitions(-DV=${VV})\n" + BUILD
+            ),
+            "src/a/x.c": PROGRAM,
+            "share/v.txt": "1",
+        },
+        write("share/v.txt", "2"),
+    ),
+    "a depfile of a custom command": Case(
+        {
+            **packages(
+                a="cmake_policy(SET CMP0116 NEW)\nadd_custom_command(OUTPUT v.h DEPFILE v.d COMMAND sh"
+                " ${CMAKE_SOURCE_DIR}/gen.sh)\nadd_executable(x x.c ${CMAKE_BINARY_DIR}/v.h)\n"
+                "target_include_directories(x PRIVATE ${CMAKE_BINARY_DIR})\n"
+                "install(TARGETS x DESTINATION bin)\n"
+            ),
+            "src/a/x.c": INCLUDES,
+            "src/a/gen.sh": 'here=$(dirname "$0")\necho "#define V $(cat "$here/read me")" > v.h\n'
+            'echo "v.h: $here/read\\\\ me" > v.d\n',
+            "src/a/read me": "1",
+        },
+        write("src/a/read me", "2"),
+    ),
     "the mode of a source that a link leads to": Case(
         {
             **packages(
@@ -367,6 +416,10 @@ SEEN_BY_CMAKE_ALONE = (
     "a file of the repository that CMake code reads",
     "a file of the repository that is installed",
     "a package that an older one replaces",
+    "a file of a glob elsewhere",
+    "an optional include that appears",
+    "a file that find_file found",
+    "a depfile of a custom command",
     "the mode of a source that a link leads to",
 )
 """Cases that are the same with all generators, for no rule of the native tool has the file."""

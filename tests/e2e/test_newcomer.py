@@ -78,44 +78,6 @@ def test_text_after_a_tag_is_ignored(forge: Forge, tree: Tree) -> None:
 
 
 @pytest.mark.needs("cmake")
-def test_a_missing_runtime_client_library_is_a_warning(forge: Forge, tree: Tree) -> None:
-    text = manifest("a", "rclpy").replace("depend>", "exec_depend>")
-    ran = forge("build", cwd=tree({"src/a/package.xml": text, "src/a/CMakeLists.txt": cmakelists("a")}))
-    assert ran.code == 0, ran
-    assert "warning: 'a' needs 'rclpy'" in ran.err
-
-
-def test_a_missing_package_is_reported(forge: Forge, tree: Tree) -> None:
-    root = tree({"src/robot/package.xml": manifest("robot")})
-    ran = forge("build", "--packages-up-to", "robbot", cwd=root)
-    one_message(ran, "'robbot'", "did you mean 'robot'?")
-
-
-def test_a_missing_client_library_is_an_error(forge: Forge, tree: Tree) -> None:
-    """The error comes before CMake runs and names the dependents and a page."""
-    root = tree(
-        {
-            "src/node/package.xml": manifest("node", "rclcpp", build_type="ament_cmake"),
-            "src/node/CMakeLists.txt": cmakelists("node") + "find_package(rclcpp REQUIRED)\n",
-        }
-    )
-    one_message(forge("build", cwd=root), "src/node/package.xml", "'node' needs 'rclcpp'", "rclcpp.md")
-    assert not (root / "build/node").exists()
-
-
-def test_an_unknown_type_is_shown_with_a_caret(forge: Forge, tree: Tree) -> None:
-    root = tree({"robot/msg/Path.msg": "uint8 kind\ngeometry_msg/Pose[] poses\n"})
-    ran = forge("interface", "generate", "--package", "robot", "--output", "out", "robot", cwd=root)
-    one_message(
-        ran,
-        "robot/msg/Path.msg:2:1: error: ",
-        "    geometry_msg/Pose[] poses\n    ^",
-        "did you mean 'geometry_msgs/Pose'?",
-    )
-    assert not (root / "out").exists()
-
-
-@pytest.mark.needs("cmake")
 def test_an_unknown_type_in_a_build_is_shown_with_a_caret(forge: Forge, tree: Tree) -> None:
     """The same message reaches the user through CMake and the build."""
     text = manifest("robot", "rosidl_default_generators", build_type="ament_cmake")
@@ -140,22 +102,6 @@ ament_package()
     assert "Status.msg:2:1: error: " in ran.err
     assert "    uint23 status\n        ^\n" in ran.err
     assert "did you mean 'uint32'?" in ran.err
-
-
-@pytest.mark.needs("cmake")
-def test_a_merged_build_after_an_isolated_one_is_rejected(forge: Forge, tree: Tree) -> None:
-    root = tree({"src/a/package.xml": manifest("a"), "src/a/CMakeLists.txt": cmakelists("a")})
-    assert forge("build", cwd=root).code == 0
-    one_message(forge("build", "--merge-install", cwd=root), "install", "isolated", "--merge-install")
-
-
-@pytest.mark.needs("cmake")
-@pytest.mark.skipif(not hasattr(os, "geteuid"), reason="no users on this system")
-def test_an_install_folder_that_cannot_be_written(forge: Forge, tree: Tree) -> None:
-    root = tree({"src/a/package.xml": manifest("a"), "src/a/CMakeLists.txt": cmakelists("a"), "file": ""})
-    # Not even root can make a folder below a file.
-    ran = forge("build", "--install-base", "file/install", cwd=root)
-    one_message(ran, "file/install", "hint: ")
 
 
 @pytest.mark.needs("cmake")

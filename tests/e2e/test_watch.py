@@ -29,7 +29,6 @@ add_custom_target(all_of_it ALL COMMAND sleep {seconds})
 install(FILES said.txt DESTINATION share/{name})
 {more}
 """
-_SETUP = "from setuptools import setup\nsetup(name='{name}', version='1.0', packages=['{name}'])\n"
 LINE = re.compile(r"^\d\d:\d\d:\d\d (.*)$")
 REBUILT = re.compile(r"(.*) rebuilt in [0-9.smin ]+")
 
@@ -41,15 +40,6 @@ def package(name: str, *depends: str, seconds: float = 0, more: str = "") -> dic
         f"src/{name}/package.xml": manifest_text(name, *needs, build_type="cmake"),
         f"src/{name}/CMakeLists.txt": _CMAKE.format(name=name, seconds=seconds, more=more),
         f"src/{name}/said.txt": "one\n",
-    }
-
-
-def python_package(name: str) -> dict[str, str]:
-    """Return a package of one Python module."""
-    return {
-        f"src/{name}/package.xml": manifest_text(name, build_type="ament_python"),
-        f"src/{name}/setup.py": _SETUP.format(name=name),
-        f"src/{name}/{name}/__init__.py": "WORD = 'one'\n",
     }
 
 
@@ -330,16 +320,6 @@ def test_options_that_build_nothing_cannot_be_watched(tree: Tree, other: str) ->
     watch = Watch(tree(package("a")), other)
     assert watch.process.wait(timeout=20) == 2
     watch.close()
-
-
-def test_python_edits_are_available_quickly(tree: Tree) -> None:
-    """The aim is half a second; a busy machine takes longer, so what is asserted is an order of magnitude."""
-    root = tree(python_package("a"))
-    with watching(root) as watch:
-        begun = time.monotonic()
-        (root / "src/a/a/__init__.py").write_text("WORD = 'two'\n")
-        assert watch.rebuilt() == "a"
-        assert time.monotonic() - begun < 5
 
 
 def test_polling_replaces_exhausted_file_watches(tree: Tree) -> None:

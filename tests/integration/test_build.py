@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import subprocess
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -206,38 +204,6 @@ def built(forge: Forge, root: Path, *options: str, env: Variables | None = None)
     return [line.split()[2] for line in ran.out.splitlines() if line.startswith("Finished <<<")]
 
 
-@pytest.mark.parametrize(
-    ("damage", "reason"),
-    [
-        (
-            lambda root: (root / "install/b/share/b/b.txt").unlink(),
-            "'install/b/share/b/b.txt' was removed",
-        ),
-        (
-            lambda root: (root / "install/b/share/b/b.txt").write_text("x"),
-            "'install/b/share/b/b.txt' changed",
-        ),
-        (lambda root: (root / "src/b/new.txt").write_text("x"), "'new.txt' was added"),
-        (
-            lambda root: (root / "src/b/CMakeLists.txt").write_text(CMAKE.format(name="b", more="#")),
-            "'CMakeLists",
-        ),
-    ],
-)
-def test_every_kind_of_damage_is_detected_and_explained(
-    forge: Forge, workspace: Path, damage: Callable[[Path], object], reason: str
-) -> None:
-    built(forge, workspace)
-    damage(workspace)
-    ran = forge("build", "--explain", cwd=workspace)
-    assert f"b: build, {reason}" in ran.out
-    assert "a: up to date\n" not in ran.out, "reasons are not lost among packages that are not built"
-    assert "1 package: up to date\n" in ran.out
-    assert "c: maybe build, one of its dependencies is being rebuilt and may change" in ran.out
-    assert (workspace / "install/b/share/b/b.txt").read_text() == "b\n"
-    assert built(forge, workspace) == []
-
-
 def test_a_dry_run_prints_commands_without_running_them(forge: Forge, workspace: Path) -> None:
     ran = forge("build", "--dry-run", cwd=workspace)
     assert "a: build, not built yet\n" in ran.out
@@ -277,23 +243,6 @@ def test_a_step_can_be_repeated_by_hand(forge: Forge, workspace: Path) -> None:
     assert forge("build", "--print-command", "b", cwd=workspace).code == 2
 
 
-def test_a_failed_build_is_never_up_to_date(forge: Forge, workspace: Path) -> None:
-    built(forge, workspace)
-    good = (workspace / "src/b/CMakeLists.txt").read_text()
-    (workspace / "src/b/CMakeLists.txt").write_text("message(FATAL_ERROR)")
-    assert forge("build", cwd=workspace).code == 1
-    (workspace / "src/b/CMakeLists.txt").write_text(good)
-    assert built(forge, workspace) == ["b"]
-
-
-def test_a_damaged_journal_causes_a_rebuild(forge: Forge, workspace: Path) -> None:
-    built(forge, workspace)
-    (workspace / "build/forge_journal.jsonl").write_text("nonsense")
-    assert built(forge, workspace) == ["a", "b", "c"]
-    (workspace / "build/forge_files.json").write_text("nonsense")
-    assert built(forge, workspace) == []
-
-
 def test_an_empty_folder_gets_a_hint(forge: Forge, tmp_path: Path) -> None:
     ran = forge("build", cwd=tmp_path)
     assert ran.code == 2
@@ -326,28 +275,10 @@ def test_a_missing_dependency_is_reported_before_cmake_runs(forge: Forge, tree: 
     assert not (root / "build").exists()
 
 
-def test_other_options_configure_again_even_if_cmake_gets_the_same_arguments(
-    forge: Forge, workspace: Path
-) -> None:
-    built(forge, workspace)
-    assert built(forge, workspace, "--symlink-install") == ["a", "b", "c"]
-    assert (workspace / "install/a/share/a/a.txt").is_symlink()
-    assert built(forge, workspace) == ["a", "b", "c"]
-    assert not (workspace / "install/a/share/a/a.txt").is_symlink()
-
-
 def test_a_lone_package_is_fresh_beside_its_own_results(forge: Forge, tree: Tree) -> None:
     root = tree({name.removeprefix("src/a/"): text for name, text in files("a").items()})
     assert built(forge, root) == ["a"]
     assert built(forge, root) == []
-
-
-@pytest.mark.needs("cmake")
-def test_links_give_way_to_files_though_the_journal_was_lost(forge: Forge, workspace: Path) -> None:
-    built(forge, workspace, "--symlink-install")
-    (workspace / "build/forge_journal.jsonl").unlink()
-    assert built(forge, workspace) == ["a", "b", "c"]
-    assert not (workspace / "install/a/share/a/a.txt").is_symlink()
 
 
 def test_a_link_that_is_installed_twice_stays(forge: Forge, tree: Tree) -> None:
@@ -358,47 +289,6 @@ def test_a_link_that_is_installed_twice_stays(forge: Forge, tree: Tree) -> None:
         (root / "src/a/other.txt").write_text(str(number))
         assert built(forge, root) == ["a"]
         assert (root / "install/a/share/a/link.txt").readlink() == root / "src/a/to.txt"
-
-
-@pytest.mark.needs("g++")
-def test_a_header_replaced_by_an_older_one_is_compiled(forge: Forge, tree: Tree) -> None:
-    more = "enable_language(CXX)\nadd_executable(x x.cpp)\ninstall(TARGETS x DESTINATION lib/a)"
-    texts = {"src/a/x.hpp": "#define X 1", "src/a/x.cpp": '#include "x.hpp"\nint main() { return X; }'}
-    root = tree({**files("a", more=more), **texts})
-    program = root / "install/a/lib/a/x"
-    for value in (1, 2, 3):
-        (root / "other").write_text(f"#define X {value}")
-        os.utime(root / "other", (10**9 + value, 10**9 + value))
-        (root / "other").replace(root / "src/a/x.hpp")
-        assert built(forge, root) == ["a"]
-        assert subprocess.run([program], check=False).returncode == value
-
-
-@pytest.mark.needs("g++")
-def test_flags_of_the_environment_reach_every_new_folder(forge: Forge, tree: Tree) -> None:
-    lists = (
-        "cmake_minimum_required(VERSION 3.18)\nproject(a CXX)\nadd_executable(x x.cpp)\ninstall(TARGETS x)"
-    )
-    texts = {"src/a/CMakeLists.txt": lists, "src/a/x.cpp": "int main() { return X; }"}
-    root = tree({**files("a"), **texts})
-    for value in (1, 2):
-        assert built(forge, root, env={"CXXFLAGS": f"-DX={value}"}) == ["a"]
-        assert subprocess.run([root / "install/a/bin/x"], check=False).returncode == value
-
-
-@pytest.mark.needs("g++")
-def test_what_was_read_outside_counts_though_the_journal_was_lost(forge: Forge, tree: Tree) -> None:
-    more = "enable_language(CXX)\nadd_executable(x x.cpp)\ninstall(TARGETS x)"
-    source = '#include "../../outside/x.hpp"\nint main() { return X; }'
-    root = tree({**files("a", more=more), "src/a/x.cpp": source})
-    (root / "outside").mkdir()
-    for value in (1, 2, 3):
-        (root / "outside/x.hpp").write_text(f"#define X {value}")
-        os.utime(root / "outside/x.hpp", (10**9, 10**9))
-        assert built(forge, root) == ["a"]
-        assert subprocess.run([root / "install/a/bin/x"], check=False).returncode == value
-        if value == 2:
-            (root / "build/forge_journal.jsonl").unlink()
 
 
 def test_the_next_build_finishes_what_a_killed_build_left(forge: Forge, workspace: Path) -> None:
@@ -448,23 +338,6 @@ def test_an_unused_variable_is_reported_once(forge: Forge, tree: Tree) -> None:
     unused = "  CMake variables not used by any package: CMAKE_BUILD_TYP\n"
     assert f"{unused}  hint: did you mean 'CMAKE_BUILD_TYPE' instead of 'CMAKE_BUILD_TYP'?\n" in ran.out
     assert "stderr" not in ran.out
-
-
-def test_scripts_are_updated_if_the_hooks_of_a_package_change(forge: Forge, workspace: Path) -> None:
-    assert forge("build", cwd=workspace).code == 0
-    script = workspace / "install/local_setup.sh"
-    before = script.stat().st_mtime_ns, script.read_text()
-    cmake = workspace / "src/b/CMakeLists.txt"
-    cmake.write_text(cmake.read_text() + "# changed\n")
-    assert forge("build", cwd=workspace).code == 0
-    assert (script.stat().st_mtime_ns, script.read_text()) == before
-    script.unlink()
-    cmake.write_text(cmake.read_text() + "# again\n")
-    assert forge("build", cwd=workspace).code == 0
-    assert script.read_text() == before[1]
-    cmake.write_text(cmake.read_text() + "install(FILES package.xml DESTINATION bin)\n")
-    assert forge("build", cwd=workspace).code == 0
-    assert "/b/bin" in script.read_text()
 
 
 def test_scripts_are_updated_if_a_conditional_folder_appears(forge: Forge, tree: Tree) -> None:

@@ -363,19 +363,6 @@ def test_a_login_shell_without_setup_scripts_is_reported(forge: Forge, tmp_path:
     assert "forge shell" in finding["hint"]
 
 
-def test_a_hundred_packages_take_less_than_a_second(forge: Forge, tree: Tree) -> None:
-    """The bound is wide, for machines that are busy; what is meant is that no file is read twice."""
-    files: dict[str, str] = {}
-    for number in range(100):
-        depends = (f"p{number - 1}",) if number else ()
-        files |= cmake_package(f"p{number}", *(f"find_package({name})" for name in depends), depends=depends)
-    root = tree(files)
-    begun = time.monotonic()
-    found = findings(forge, root)
-    assert time.monotonic() - begun < 5
-    assert found["checked"][0]["summary"] == "100 packages"
-
-
 def test_missing_ros_packages_are_reported_without_ros(forge: Forge, tree: Tree) -> None:
     root = tree({**cmake_package("a", "find_package(rclcpp)"), **python_package("b", "import rclpy.node\n")})
     messages = [finding["message"] for finding in of_topic(findings(forge, root), "declared")]
