@@ -72,22 +72,22 @@ PLAIN: Screen = _Plain()
 
 @frozen
 class Tally:
-    """The results of packages, as sorted names; embedded packages that are up to date are left out."""
+    """The results of packages, as sorted names; embedded packages that are up to date are left out.
+
+    `embedded` are embedded packages that finished; `stderr` wrote to stderr; `restored` came from the cache;
+    the tests or dependencies of `not_tested` are not built.
+    """
 
     finished: tuple[str, ...] = ()
     unchanged: tuple[str, ...] = ()
     embedded: tuple[str, ...] = ()
-    """Embedded packages that finished."""
     failed: tuple[str, ...] = ()
     aborted: tuple[str, ...] = ()
     stderr: tuple[str, ...] = ()
-    """Packages that wrote to stderr."""
     test_failures: tuple[str, ...] = ()
     restored: tuple[str, ...] = ()
-    """Packages restored from the cache, including embedded ones."""
     not_processed: tuple[str, ...] = ()
     not_tested: tuple[str, ...] = ()
-    """Packages that were to be tested, but whose tests or dependencies are not built."""
 
 
 @frozen
@@ -119,18 +119,14 @@ class ConsoleReporter:
         `logs` is the log folder named in failures, `shared` the CMake variables passed to all packages.
         """
         self.screen = PLAIN
+        # For hints, see FailureContext.
         self.python = "python3"
-        """The workspace's interpreter, for hints."""
         self.prefix_of: Callable[[str], Path | None] = lambda _: None
-        """Returns the prefix of an installed package, for hints."""
         self.whereabouts: Callable[[str], str | None] = lambda _: None
-        """Returns what to do about a package that is in no prefix, for hints."""
         self.flags: frozenset[str] = frozenset()
-        """All options of the command, for hints."""
         self.collapsed: frozenset[str] = frozenset()
         """Packages without lines of their own unless they fail; the summary counts them."""
         self.launcher_summaries: tuple[LauncherSummary, ...] = ()
-        """The summaries of compiler launchers."""
         self.test_counts: Counts | None = None
         """The numbers of tests, if the packages were tested."""
         self.no_test_ran = False
@@ -160,11 +156,11 @@ class ConsoleReporter:
 
     @property
     def failed_tests(self) -> frozenset[str]:
-        """The packages with failed tests, whose test programs themselves ran successfully."""
+        """The packages with failed tests, although their test programs ran successfully."""
         return frozenset(self._failed_tests)
 
     def note_test_failures(self, task: str) -> None:
-        """Count a package as one with failed tests, of which its test program did not know."""
+        """Add a package with failed tests that its test program did not report."""
         self._failed_tests.add(task)
 
     @property
@@ -178,9 +174,10 @@ class ConsoleReporter:
     @property
     def tally(self) -> Tally:
         """The results so far."""
+        own = [name for name in self.packages if not self._embedded(name)]
         return Tally(
-            finished=tuple(sorted(name for name in self._finished if not self._embedded(name))),
-            unchanged=tuple(sorted(name for name in self._fresh if not self._embedded(name))),
+            finished=tuple(sorted({*self._finished}.intersection(own))),
+            unchanged=tuple(sorted({*self._fresh}.intersection(own))),
             embedded=tuple(sorted(filter(self._embedded, self._finished))),
             failed=tuple(sorted(self._failed)),
             aborted=tuple(sorted(self._aborted)),
@@ -200,9 +197,7 @@ class ConsoleReporter:
             case Started(task):
                 if self._on["console_package_list"] and not self._listed:
                     own = [task.package for task in self._tasks.values() if not task.embedded]
-                    self._out(
-                        "\n".join(("Topological order", *(f"- {one.name} ({one.type})" for one in own)))
-                    )
+                    self._out("\n".join(("Topological order", *(f"- {p.name} ({p.type})" for p in own))))
                 self._listed = True
                 if not self.screen.quiet_starts and task not in self.collapsed:
                     self._progress(f"Starting >>> {self._label(task)}")
@@ -246,15 +241,10 @@ class ConsoleReporter:
         tally = self.tally
         palette = self.screen.palette()
         unchanged = f", {counted(len(tally.unchanged), 'package')} unchanged" if tally.unchanged else ""
-        head = palette.paint(
-            "failure"
-            if tally.failed or tally.aborted or tally.test_failures or tally.not_tested
-            else "success",
-            "Summary:",
-        )
-        self._out(
-            f"\n{head} {counted(len(tally.finished), 'package')} finished{unchanged} [{duration(seconds)}]"
-        )
+        bad = tally.failed or tally.aborted or tally.test_failures or tally.not_tested
+        head = palette.paint("failure" if bad else "success", "Summary:")
+        finished = f"{counted(len(tally.finished), 'package')} finished"
+        self._out(f"\n{head} {finished}{unchanged} [{duration(seconds)}]")
         if self.test_counts is not None:
             none = f"\n  {palette.paint('warning', 'no test ran')}" if self.no_test_ran else ""
             self._out(f"  {self.test_counts}{none}")
@@ -264,14 +254,12 @@ class ConsoleReporter:
             self._out(f"  {counted(len(tally.restored), 'package')} came from the cache")
         for outcome in self.launcher_summaries:
             self._out(f"  {outcome.words}")
+        repeated = self._repeated.packages
         listed: tuple[tuple[tuple[str, ...], str, Meaning], ...] = (
             (tally.failed, "failed", "failure"),
             (tally.aborted, "aborted", "warning"),
             (tally.stderr, "had stderr output", "warning"),
-            *(
-                (tuple(names), f"repeated warnings of {first}", "warning")
-                for first, names in self._repeated.packages.items()
-            ),
+            *((names, f"repeated warnings of {one}", "warning") for one, names in repeated.items()),
             (tally.test_failures, f"had {TEST_FAILURES}", "failure"),
             (tally.not_tested, "not tested", "failure"),
         )
@@ -281,16 +269,14 @@ class ConsoleReporter:
                 self._out(f"  {counted(len(names), 'package')} {palette.paint(meaning, words)}: {shown}")
         if tally.not_processed:
             self._out(f"  {counted(len(tally.not_processed), 'package')} not processed")
-        cmake_packages = {name for name, one in self.packages.items() if one.build_type in CMAKE_TYPES}
+        own = {p.name for p in self.packages.values() if p.build_type in CMAKE_TYPES and not p.embedded}
         # Packages that were not configured in this run may use them.
-        own = {name for name in cmake_packages if not self._embedded(name)}
         if own <= self._configured and (unused := self._unused.names):
             self._out(f"  CMake variables not used by any package: {' '.join(unused)}")
+            hint = palette.paint("hint", "hint:")
             for variable in unused:
                 if near := well_known(variable):
-                    self._out(
-                        f"  {palette.paint('hint', 'hint:')} did you mean '{near}' instead of '{variable}'?"
-                    )
+                    self._out(f"  {hint} did you mean '{near}' instead of '{variable}'?")
 
     def _progress(self, line: str) -> None:
         if self._on["console_start_end"]:
@@ -323,16 +309,14 @@ class ConsoleReporter:
             if self._on["summary"] and not failed:  # the summary names the packages that are left out
                 errors = self._repeated.take(task, errors)
             text = errors.decode(errors="surrogateescape")
-            if not text.strip():
-                return ""
             if failed:
                 from forge.output.first_error import with_paths
 
                 text = with_paths(text, self.packages[task].path.as_posix())
-            self.screen.write(f"--- stderr: {task}\n".encode(), stderr=True)
-            self.screen.write(text.encode(errors="surrogateescape"), stderr=True)
-            self.screen.write(b"---\n", stderr=True)
-            return text
+            if text.strip():
+                block = f"--- stderr: {task}\n{text}---\n"
+                self.screen.write(block.encode(errors="surrogateescape"), stderr=True)
+                return text
         return ""
 
     def _finish(self, event: Finished) -> None:
@@ -354,16 +338,15 @@ class ConsoleReporter:
 
     def _fail(self, event: Finished, shown: str) -> None:
         """Print the package, step, first error unless it was just `shown`, log and a command to repeat it."""
+        from forge.output.failure_hints import failure_context, hint_of
         from forge.output.first_error import first_error, is_visible
 
-        task = event.task
+        task, package = event.task, self.packages[event.task]
         text = self._output.pop(task, Excerpt()).everything.decode(errors="replace")
-        error = first_error(text.split("\n"), self.packages[task].path.as_posix())
+        error = first_error(text.split("\n"), package.path.as_posix())
         repeat = step_line(event.step, environment_file(self._tasks[task])) if event.step else None
-        from forge.output.failure_hints import failure_context, hint_of
-
         context = failure_context(
-            self.packages[task], self.packages, self.python, self.prefix_of, self.whereabouts, self.flags
+            package, self.packages, self.python, self.prefix_of, self.whereabouts, self.flags
         )
         hint = hint_of(text, context)
         self._failed[task] = PackageFailure(error, repeat, hint)
@@ -380,10 +363,8 @@ class ConsoleReporter:
         if self.logs:
             lines.append(f"  log: {self.displayed(self.logs / task / 'stdout_stderr.log')}")
         if repeat:
-            lines.append(f"  repeat: {self._shortened(task) or repeat}")
+            # A file contains the failed step: a shorter command.
+            file = self._tasks[task].build_dir / self._tasks[task].scratch_dir / LAST_COMMAND
+            short = f"sh {shlex.quote(self.displayed(file))}" if file.is_file() else repeat
+            lines.append(f"  repeat: {short}")
         self.screen.write(("\n".join(lines) + "\n").encode(), stderr=True)
-
-    def _shortened(self, task: str) -> str | None:
-        """Return a command that runs the file with the failed step of a package if there is one."""
-        file = self._tasks[task].build_dir / self._tasks[task].scratch_dir / LAST_COMMAND
-        return f"sh {shlex.quote(self.displayed(file))}" if file.is_file() else None

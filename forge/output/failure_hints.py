@@ -18,7 +18,6 @@ from forge.base.names import did_you_mean, nearest, snake_case
 from forge.build.inputs.fingerprints import own_files
 from forge.environment.prefixes import SYSTEM
 from forge.output.first_error import COLOUR
-from forge.output.platform_hints import remedy_for_platform
 from forge.toolchain.config_search import ConfigSearch
 from forge.toolchain.python_modules import install_command
 from forge.workspace.cmake_text import calls, cmake_dependencies, linked_packages, targets, used_by_tests_only
@@ -34,7 +33,7 @@ from forge.workspace.resolve import (
 from forge.workspace.whereabouts import submodule_remedy, unchecked_submodules
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping
+    from collections.abc import Callable, Mapping
 
     from forge.workspace.model import Package
 
@@ -62,29 +61,26 @@ _CMAKE_COMMANDS = re.findall(
 
 @frozen
 class FailureContext:
-    """The context of a failure: the package with its files and targets, all packages, the interpreter."""
+    """The context of a failure: the package, all packages, the workspace's interpreter, and what is on disk.
+
+    `files` are relative to the package's folder. Its CMakeLists.txt defines `targets`; it finds the packages
+    `found`, those in `tested` for its tests only, those in `optional` without REQUIRED, and links `linked`.
+    `prefix_of` returns the prefix of an installed package, `whereabouts` what to do about a package that is
+    in no prefix, if that is known. `flags` are the options of the command.
+    """
 
     package: Package
     packages: Mapping[str, Package]
     python: str = "python3"
     files: tuple[str, ...] = ()
-    """The package's files, relative to its folder."""
     targets: tuple[str, ...] = ()
-    """The targets of its CMakeLists.txt."""
     found: frozenset[str] = frozenset()
-    """The packages that its CMakeLists.txt finds."""
     tested: frozenset[str] = frozenset()
-    """The packages that only the tests in its CMakeLists.txt find."""
-    prefix_of: Callable[[str], Path | None] = lambda _: None
-    """Returns the prefix that contains an installed package."""
-    whereabouts: Callable[[str], str | None] = lambda _: None
-    """Returns what to do about a package that is in no prefix, if it is known where it is."""
     linked: frozenset[str] = frozenset()
-    """The packages that targets of its CMakeLists.txt link."""
     optional: frozenset[str] = frozenset()
-    """The packages that its CMakeLists.txt does without: those found without REQUIRED."""
+    prefix_of: Callable[[str], Path | None] = lambda _: None
+    whereabouts: Callable[[str], str | None] = lambda _: None
     flags: frozenset[str] = frozenset()
-    """The options of the command."""
 
     @property
     def manifest(self) -> str:
@@ -94,16 +90,6 @@ class FailureContext:
     def declares(self, name: str) -> bool:
         """Tell whether the manifest declares a build dependency."""
         return name in self.package.manifest.names(BUILD_KINDS)
-
-    def is_for_tests(self, name: str) -> bool:
-        """Tell whether only tests need a package."""
-        manifest = self.package.manifest
-        declared = name in manifest.names(TEST_KINDS) and name not in manifest.names(BUILD_KINDS | RUN_KINDS)
-        return declared or name in self.tested
-
-    def headers(self, name: str) -> frozenset[str]:
-        prefix = self.prefix_of(name)
-        return _installed_headers(name, prefix) if prefix else frozenset()
 
     def depend(self, name: str) -> str:
         """Return the line that declares a dependency in a manifest."""
@@ -126,26 +112,19 @@ def failure_context(
     except OSError:
         files = ()
     text = text_or_nothing(package.path / "CMakeLists.txt")
-    every = {**discover_embedded(), **packages}
-    found = cmake_dependencies([text])
-    tested = used_by_tests_only(text)
-    optional = frozenset(
-        call.words[0]
-        for call in calls(text)
-        if call.command == "find_package" and call.words and "REQUIRED" not in call.words
-    )
+    searches = [call.words for call in calls(text) if call.command == "find_package" and call.words]
     return FailureContext(
         package,
-        every,
+        {**discover_embedded(), **packages},
         python,
         files,
         targets(text),
-        found,
-        tested,
+        cmake_dependencies([text]),
+        used_by_tests_only(text),
+        linked_packages(text),
+        frozenset(words[0] for words in searches if "REQUIRED" not in words),
         prefix_of,
         whereabouts,
-        linked_packages(text),
-        optional,
         flags,
     )
 
@@ -156,12 +135,12 @@ def hint_of(output: str, context: FailureContext) -> str | None:
         return None  # its files are forge's
     plain = COLOUR.sub("", output)
     for pattern, remedy in _REMEDIES:
-        if match := pattern.search(plain):
-            name = match[1] if pattern.groups else ""
+        for match in re.finditer(pattern.replace(" ", r"\s+"), plain):
+            name = match[1] if match.lastindex else ""
             hint = remedy.replace("{}", name) if isinstance(remedy, str) else remedy(name, context)
             if hint:
                 return hint
-    return remedy_for_platform(plain, context.targets)
+    return None
 
 
 def _package_not_found(name: str, context: FailureContext) -> str | None:
@@ -170,7 +149,9 @@ def _package_not_found(name: str, context: FailureContext) -> str | None:
             return None
         return f"dependency on '{name}' is not declared: add {context.depend(name)} to {context.manifest}"
     remedy = _ways_to_find(name, context)
-    if context.is_for_tests(name):
+    manifest = context.package.manifest
+    declared = name in manifest.names(TEST_KINDS) and name not in manifest.names(BUILD_KINDS | RUN_KINDS)
+    if declared or name in context.tested:
         return f"only tests need '{name}': build without them (--cmake-args -DBUILD_TESTING=OFF), or {remedy}"
     return remedy
 
@@ -194,7 +175,8 @@ def _header_not_found(header: str, context: FailureContext) -> str | None:
     name, _, rest = header.partition("/")
     if not rest or name == context.package.name:
         return _own_header_not_found(header, context)
-    installed = context.headers(name)
+    prefix = context.prefix_of(name)
+    installed = _installed_headers(name, prefix) if prefix else frozenset()
     if name in context.packages:
         folder, _, file = header.rpartition("/")
         stem, dot, ending = file.partition(".")
@@ -205,7 +187,7 @@ def _header_not_found(header: str, context: FailureContext) -> str | None:
         return f"did you mean '{name}/{near}'?" if near else f"the package '{name}' has no such header"
     if installed or name in context.packages:
         lines = _lines_for(name, context)
-        return f"'{header}' belongs to the package '{name}'; add {_listed(lines)}" if lines else None
+        return f"'{header}' belongs to the package '{name}'; add {lines}" if lines else None
     return context.whereabouts(name) or (
         f"source a ROS installation that contains '{name}', or add its sources to the workspace"
         if is_ros_name(name)
@@ -229,11 +211,12 @@ def _own_header_not_found(header: str, context: FailureContext) -> str:
     )
 
 
-def _lines_for(name: str, context: FailureContext) -> list[str]:
+def _lines_for(name: str, context: FailureContext) -> str:
     """Return the lines that make a target use a package, without those that it already has."""
     lines = [] if context.declares(name) else [f"{context.depend(name)} in {context.manifest}"]
     lines += [] if name in context.found else [f"find_package({name} REQUIRED)"]
-    return lines if name in context.linked else [*lines, f"ament_target_dependencies(YOUR_TARGET {name})"]
+    lines += [] if name in context.linked else [f"ament_target_dependencies(YOUR_TARGET {name})"]
+    return " and ".join(filter(None, (", ".join(lines[:-1]), *lines[-1:])))
 
 
 def _no_such_target(target: str, context: FailureContext) -> str | None:
@@ -291,7 +274,7 @@ def _undefined(symbol: str, context: FailureContext) -> str:
     name = symbol.removeprefix("vtable for ").split("::", maxsplit=1)[0]
     if "::" in symbol and name in context.packages and name != context.package.name:
         if lines := _lines_for(name, context):
-            return f"'{symbol}' belongs to the package '{name}'; add {_listed(lines)}"
+            return f"'{symbol}' belongs to the package '{name}'; add {lines}"
         return f"'{name}' exports no library that defines '{symbol}'"
     return (
         f"no linked object defines '{symbol}': add its source file to add_executable() or add_library(), "
@@ -355,7 +338,11 @@ def _command_not_found(command: str, context: FailureContext) -> str | None:
         ("ament_python_", "ament_cmake_python"),
         ("ament_", "ament_cmake"),
     )
-    known = _cmake_commands(context.package.path, context.files)
+    files = (file for file in context.files if file.endswith((".cmake", "CMakeLists.txt")))
+    paths = (*map(context.package.path.joinpath, files), *(PACKAGE / "embedded").rglob("*.cmake"))
+    definitions = (call for path in paths for call in calls(text_or_nothing(path)))
+    names = (call.words[0] for call in definitions if call.command in {"function", "macro"} and call.words)
+    known = frozenset((*_CMAKE_COMMANDS, *names))
     near = None if command in known else did_you_mean(command, known, _SURE)
     name = next((package for beginning, package in packages if command.startswith(beginning)), None)
     if near or name is None or name in context.found:
@@ -391,15 +378,6 @@ def _no_download(url: str, context: FailureContext) -> str:
     return f"the package downloads {url.rstrip('/')} during the build: provide network access{instead}"
 
 
-def _cmake_commands(folder: Path, files: Iterable[str]) -> frozenset[str]:
-    """Return the commands of CMake, of ament and rosidl, and of a package with these files below `folder`."""
-    own = (folder / name for name in files if name.endswith((".cmake", "CMakeLists.txt")))
-    embedded = (PACKAGE / "embedded").rglob("*.cmake")
-    defined = (call for path in (*own, *embedded) for call in calls(text_or_nothing(path)))
-    names = (call.words[0] for call in defined if call.command in {"function", "macro"} and call.words)
-    return frozenset((*_CMAKE_COMMANDS, *names))
-
-
 def _exported_targets(package: str, prefix: Path) -> tuple[str, ...]:
     """Return the targets that the CMake files of an installed package define."""
     folders = (prefix / "share" / package, prefix / "lib/cmake" / package, prefix / "cmake")
@@ -433,86 +411,92 @@ def _unknown_argument(word: str, context: FailureContext) -> str | None:
     return f"if '{word}' is meant for forge, put it before '--cmake-args', '--pytest-args' and the like"
 
 
-_REMEDIES: tuple[tuple[re.Pattern[str], str | Callable[[str, FailureContext], str | None]], ...] = (
+def _foreign_target(program: str, context: FailureContext) -> str | None:
+    """Return a remedy for a target run by a command: without an emulator, CMake leaves its name as it is."""
+    if program not in context.targets:
+        return None
+    return "the build runs a program that it has compiled for another platform: install qemu-user"
+
+
+def _foreign_library(library: str, _: FailureContext) -> str:
+    return (
+        f"'{PurePosixPath(library).name}' was built for another platform: source only workspaces of this "
+        "build's platform, or pass theirs as '--target'"
+    )
+
+
+_REMEDIES: tuple[tuple[str, str | Callable[[str, FailureContext], str | None]], ...] = (
     (
-        re.compile(r"(?i:Killed signal terminated program|virtual memory exhausted|std::bad_alloc)"),
+        r"(?i:Killed signal terminated program|virtual memory exhausted|std::bad_alloc)",
         "out of memory: build with fewer jobs (--jobs 1), or keep more memory free (--memory-limit)",
     ),
     (
-        re.compile(r"No space left on device"),
+        r"No space left on device",
         "the disk is full: 'forge clean stale' removes unused results, 'df -h .' shows the free space",
     ),
-    (re.compile(r"package\s+configuration\s+file\s+provided\s+by\s+\"([^\"]+)\""), _package_not_found),
-    (re.compile(r"Could NOT find (\w+) \(missing:"), _package_not_found),
-    (re.compile(r"Unknown CMake command\s+\"([^\"]+)\""), _command_not_found),
+    (r'package configuration file provided by "([^"]+)"', _package_not_found),
+    (r"Could NOT find (\w+) \(missing:", _package_not_found),
+    (r'Unknown CMake command "([^"]+)"', _command_not_found),
+    (r'links to(?: target|:) "?([\w-]+::[\w-]+)"? but the target was not', _target_not_found),
     (
-        re.compile(r'links\s+to(?:\s+target|:)\s+"?([\w-]+::[\w-]+)"?\s+but\s+the\s+target\s+was\s+not'),
-        _target_not_found,
-    ),
-    (
-        re.compile(
-            r'link\s+interface\s+of\s+target\s+("[\w-]+::[\w-]+"\s+contains:\s+[\w-]+::[\w-]+)\s+'
-            r"but\s+the\s+target\s+was\s+not\s+found"
-        ),
+        r'link interface of target ("[\w-]+::[\w-]+" contains: [\w-]+::[\w-]+) but the target was not found',
         _not_exported,
     ),
-    (re.compile(r"Failed to clone repository: '([^']+)'"), _no_download),
-    (re.compile(r"downloading '(\w+://[^']+)' failed"), _no_download),
-    (re.compile(r"unable to access '(\w+://[^']+)'"), _no_download),
-    (re.compile(r"file DOWNLOAD[^\n]*\n?[^\n]*?(https?://[^\s\"']+)"), _no_download),
-    (re.compile(r'add_subdirectory\s+given\s+source\s+"([^"]+)"\s+which\s+is\s+not'), _no_such_folder),
+    (r"Failed to clone repository: '([^']+)'", _no_download),
+    (r"downloading '(\w+://[^']+)' failed", _no_download),
+    (r"unable to access '(\w+://[^']+)'", _no_download),
+    (r"file DOWNLOAD[^\n]*\n?[^\n]*?(https?://[^\s\"']+)", _no_download),
+    (r'add_subdirectory given source "([^"]+)" which is not', _no_such_folder),
+    (r"The source directory (\S+) does not contain a CMakeLists", _no_such_folder),
+    (r'install FILES given directory "([^"]+)"', _no_such_file),
+    (r"module 'em' has no attribute", _other_empy),
+    (r'(?:for|given) target "([^"]+)" which (?:is not built|does not exist)', _no_such_target),
+    (r"was given '([^']+)', which is not a target", _no_such_target),
+    (r"uses the package '([^']+)', which was not found", _not_looked_for),
+    (r"Cannot find source file: (\S.*)", _no_such_file),
+    (r'file INSTALL cannot find "([^"]+)"', _no_such_file),
+    (r"was given '([^']+)', which does not exist", _no_such_file),
+    (r"can't copy '([^']+)': doesn't exist", _no_such_file),
+    (r'includes non-existent path "[^"]*/(numpy)/', _module_not_found),
+    (r'Imported target "([\w-]+)(?:::[^"]*)?" includes non-existent path', _headers_not_installed),
+    (r"(?:Does not match the generator used previously|could not load cache)", _built_in_source),
+    (r"(?:CMake Error: Unknown argument|error: unrecognized arguments:) (-\S+)", _unknown_argument),
+    (r"does not appear to contain CMakeLists\.txt", _no_cmakelists),
     (
-        re.compile(r"The\s+source\s+directory\s+(\S+)\s+does\s+not\s+contain\s+a\s+CMakeLists"),
-        _no_such_folder,
-    ),
-    (re.compile(r'install\s+FILES\s+given\s+directory\s+"([^"]+)"'), _no_such_file),
-    (re.compile(r"module 'em' has no attribute"), _other_empy),
-    (
-        re.compile(r'(?:for|given)\s+target\s+"([^"]+)"\s+which\s+(?:is\s+not\s+built|does\s+not\s+exist)'),
-        _no_such_target,
-    ),
-    (re.compile(r"was\s+given\s+'([^']+)',\s+which\s+is\s+not\s+a\s+target"), _no_such_target),
-    (re.compile(r"uses\s+the\s+package\s+'([^']+)',\s+which\s+was\s+not\s+found"), _not_looked_for),
-    (re.compile(r"Cannot\s+find\s+source\s+file:\s+(\S.*)"), _no_such_file),
-    (re.compile(r'file\s+INSTALL\s+cannot\s+find\s+"([^"]+)"'), _no_such_file),
-    (re.compile(r"was\s+given\s+'([^']+)',\s+which\s+does\s+not\s+exist"), _no_such_file),
-    (re.compile(r"can't copy '([^']+)': doesn't exist"), _no_such_file),
-    (re.compile(r'includes\s+non-existent\s+path\s+"[^"]*/(numpy)/'), _module_not_found),
-    (
-        re.compile(r'Imported\s+target\s+"([\w-]+)(?:::[^"]*)?"\s+includes\s+non-existent\s+path'),
-        _headers_not_installed,
-    ),
-    (re.compile(r"(?:Does not match the generator used previously|could not load cache)"), _built_in_source),
-    (
-        re.compile(r"(?:CMake Error: Unknown argument|error: unrecognized arguments:) (-\S+)"),
-        _unknown_argument,
-    ),
-    (re.compile(r"does not appear to contain CMakeLists\.txt"), _no_cmakelists),
-    (
-        re.compile(r"compiler specified in the environment variable\s+(\w+)"),
+        r"compiler specified in the environment variable (\w+)",
         "unset {}, or set it to an installed compiler",
     ),
     (
-        re.compile(r"multiple definition of [`'\u2018]main['\u2019]"),
+        r"multiple definition of [`'\u2018]main['\u2019]",
         "two source files define main(): use a separate add_executable() for each",
     ),
-    (re.compile(r"(?:ModuleNotFoundError|ImportError): No module named '([^']+)'"), _module_not_found),
+    (r"(?:ModuleNotFoundError|ImportError): No module named '([^']+)'", _module_not_found),
+    (r"fatal error: '?([^':]+?)'?(?:: No such file or directory| file not found)", _header_not_found),
+    (r"(?m:undefined reference to [`'\u2018](.+?)['\u2019]?$)", _undefined),
     (
-        re.compile(r"fatal error: '?([^':]+?)'?(?:: No such file or directory| file not found)"),
-        _header_not_found,
-    ),
-    (re.compile(r"undefined reference to [`'\u2018](.+?)['\u2019]?$", re.MULTILINE), _undefined),
-    (
-        re.compile(
-            r"(?:PermissionError: \[Errno 13\]|(?i:(?:cannot|unable|failed|could not|can't|error)[^\n]*"
-            r"(?:open|create|copy|write|set|remove|install|mkdir|unlink)[^\n]*)[Pp]ermission denied)"
-        ),
+        r"(?:PermissionError: \[Errno 13\]|(?i:(?:cannot|unable|failed|could not|can't|error)[^\n]*"
+        r"(?:open|create|copy|write|set|remove|install|mkdir|unlink)[^\n]*)[Pp]ermission denied)",
         "if an earlier build ran with sudo: sudo chown -R $(id -un): build install log",
     ),
+    (
+        r"qemu-\w+: Could not open '/lib[\w/.-]*/(ld-[\w.-]+)'",
+        "'{}', a part of the target's C library, is missing: install it, on Debian for example with "
+        "`apt install libc6-arm64-cross`, or pass a '--sysroot'",
+    ),
+    (r"(?m:^(?:/bin/)?sh: (?:\d+: |line \d+: )?(\S+): (?:command )?not found$)", _foreign_target),
+    (
+        r"Exec format error|cannot execute binary file",
+        "the build runs a program for another platform: install qemu-user, and pass the target itself to "
+        "add_custom_command(COMMAND ...), so that CMake starts it with qemu",
+    ),
+    (r"\bld: (.+): error adding symbols: file in wrong format", _foreign_library),
+    (r"\bld\.lld: error: (.+) is incompatible with ", _foreign_library),
+    (
+        r'unable to provide libc for target "\S*-gnu\w*\.([\d.]+)"',
+        "zig has no glibc {}: pass a newer version in '--target', such as 2.31",
+    ),
 )
-"""Patterns in output and their remedies: texts, or functions of the name in the group of the pattern."""
+"""Patterns in output and their remedies: texts, or functions of the name in the group of the pattern.
 
-
-def _listed(lines: list[str]) -> str:
-    *first, last = lines
-    return f"{', '.join(first)} and {last}" if first else last
+A space in a pattern also matches line breaks, because CMake wraps its messages.
+"""

@@ -42,25 +42,24 @@ _PROSE = ("console_start_end", "console_cohesion", "console_direct", "console_pa
 
 def handlers_of(words: Sequence[str]) -> dict[str, bool]:
     """Return the state of each event handler; raises SelectionError for unknown ones."""
-    unknown = [word for word in words if not (word.endswith(("+", "-")) and _is_known(word[:-1]))]
-    raise_if_any(map(_problem, unknown), SelectionError)
+    problems = []
+    for word in words:
+        name, sign = word[:-1], word[-1:]
+        # forge's own reporters have options.
+        is_known = name in HANDLERS or (name not in OWN[REPORTERS] and find_reporter(name) is not None)
+        if sign in {"+", "-"} and is_known:
+            continue
+        name = word.rstrip("+-")
+        near = nearest(name, HANDLERS)
+        question = f"did you mean '{near}{'-' if sign == '-' else '+'}'? " if near else ""
+        hint = f"{question}event handlers: {', '.join(HANDLERS)}"
+        message = f"--event-handlers: unknown event handler '{name}'"
+        if name in HANDLERS:
+            message = f"--event-handlers expects names followed by '+' or '-', not '{word}'"
+            hint = f"'{name}+' enables it, '{name}-' disables it"
+        problems.append(Problem(message, hint=hint))
+    raise_if_any(problems, SelectionError)
     return {**HANDLERS, **{word[:-1]: word.endswith("+") for word in words}}
-
-
-def _is_known(name: str) -> bool:
-    # forge's own reporters have options.
-    return name in HANDLERS or (name not in OWN[REPORTERS] and find_reporter(name) is not None)
-
-
-def _problem(word: str) -> Problem:
-    name = word.rstrip("+-")
-    if name in HANDLERS:
-        message = f"--event-handlers expects names followed by '+' or '-', not '{word}'"
-        return Problem(message, hint=f"'{name}+' enables it, '{name}-' disables it")
-    near = nearest(name, HANDLERS)
-    question = f"did you mean '{near}{'-' if word.endswith('-') else '+'}'? " if near else ""
-    hint = f"{question}event handlers: {', '.join(HANDLERS)}"
-    return Problem(f"--event-handlers: unknown event handler '{name}'", hint=hint)
 
 
 def without_text_output(handlers: Mapping[str, bool]) -> dict[str, bool]:

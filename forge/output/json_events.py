@@ -78,8 +78,23 @@ class JsonEvents:
                 for line in split_lines(lines) if self.printed and self._output else ():
                     text = line.decode(errors="replace")
                     self._print(self._line("Output", name, line=text, stderr=stderr))
-            case Finished():
-                self._finish(event, report, why)
+            case Finished(name, code, seconds):
+                values: dict[str, object] = {
+                    "code": code,
+                    "seconds": round(seconds, 3),
+                    "log": str(report.logs / name) if report.logs else None,
+                    "test_failures": name in report.failed_tests,
+                }
+                if event.cache:
+                    values["cache"] = event.cache
+                if fault := report.fault(name):
+                    values |= {
+                        "step": event.step.label if event.step else None,
+                        "error": [why.message] if why else list(fault.lines),
+                        "hint": why.hint if why else fault.hint,
+                        "repeat": fault.repeat,
+                    }
+                self._emit("Finished", name, **values)
             case Aborted(name, seconds):
                 self._emit("Aborted", name, seconds=round(seconds, 3))
             case Skipped(name, because):
@@ -88,13 +103,8 @@ class JsonEvents:
     def report_failures(self, failures: Iterable[Failure]) -> None:
         """Write a line for each failed test."""
         for failure in failures:
-            self._emit(
-                "TestFailure",
-                failure.package,
-                test=failure.test,
-                message=list(failure.lines),
-                repeat=failure.repeat,
-            )
+            values = {"test": failure.test, "message": list(failure.lines), "repeat": failure.repeat}
+            self._emit("TestFailure", failure.package, **values)
 
     def note(self, event: str, package: str | None, members: Mapping[str, object]) -> None:
         """Write an event of a reporter."""
@@ -115,25 +125,6 @@ class JsonEvents:
             "Summary", None, code=code, seconds=round(seconds, 3), log=log, **asdict(report.tally), **tests
         )
 
-    def _finish(self, event: Finished, report: ConsoleReporter, why: Problem | None) -> None:
-        name, fault = event.task, report.fault(event.task)
-        values: dict[str, object] = {
-            "code": event.code,
-            "seconds": round(event.seconds, 3),
-            "log": str(report.logs / name) if report.logs else None,
-            "test_failures": name in report.failed_tests,
-        }
-        if event.cache:
-            values["cache"] = event.cache
-        if fault:
-            values |= {
-                "step": event.step.label if event.step else None,
-                "error": [why.message] if why else list(fault.lines),
-                "hint": why.hint if why else fault.hint,
-                "repeat": fault.repeat,
-            }
-        self._emit("Finished", name, **values)
-
     def _emit(self, event: str, name: str | None, **values: object) -> None:
         line = self._line(event, name, **values)
         if self._log:
@@ -142,10 +133,10 @@ class JsonEvents:
             self._print(line)
 
     def _line(self, event: str, name: str | None, **values: object) -> bytes:
-        whole: dict[str, object] = {"event": event, "time": round(time.monotonic() - self.begun, 6)}
+        members: dict[str, object] = {"event": event, "time": round(time.monotonic() - self.begun, 6)}
         if name is not None:
-            whole |= {"package": name, "embedded": self._packages[name].embedded}
-        return json.dumps({**whole, **values}).encode() + b"\n"
+            members |= {"package": name, "embedded": self._packages[name].embedded}
+        return json.dumps({**members, **values}).encode() + b"\n"
 
     def _print(self, line: bytes) -> None:
         with ignore_closed_output(1):

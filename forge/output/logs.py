@@ -188,7 +188,10 @@ def open_log(logs: Path | None, verb: str, argv: list[str], **options: object) -
     if logs is None:
         return LogWriter(None)
     try:
-        folder = _new_folder(logs, verb)
+        logs.mkdir(parents=True, exist_ok=True)
+        if not os.path.lexists(logs / IGNORE_MARK):
+            (logs / IGNORE_MARK).touch()
+        folder = _new_folder(logs, datetime.now().astimezone().strftime(f"{verb}_%Y-%m-%d_%H-%M-%S"))
         parsed = ", ".join(f"{name}={value!r}" for name, value in {"verb_name": verb, **options}.items())
         (folder / "logger_all.log").write_text(
             f"[0.000s] DEBUG:colcon:Command line arguments: {[without_passwords(word) for word in argv]}\n"
@@ -198,20 +201,12 @@ def open_log(logs: Path | None, verb: str, argv: list[str], **options: object) -
         _point(logs / f"latest_{verb}", folder.name)
         _point(logs / "latest", f"latest_{verb}")
     except OSError as error:
-        problem = Problem(
-            f"cannot write logs: {error.strerror}",
-            Location(logs),
-            "choose another folder with --log-base DIR",
-        )
-        raise HostError(problem) from None
+        hint = "choose another folder with --log-base DIR"
+        raise HostError(Problem(f"cannot write logs: {error.strerror}", Location(logs), hint)) from None
     return LogWriter(folder)
 
 
-def _new_folder(logs: Path, verb: str) -> Path:
-    logs.mkdir(parents=True, exist_ok=True)
-    if not os.path.lexists(logs / IGNORE_MARK):
-        (logs / IGNORE_MARK).touch()
-    name = datetime.now().astimezone().strftime(f"{verb}_%Y-%m-%d_%H-%M-%S")
+def _new_folder(logs: Path, name: str) -> Path:
     for suffix in ("", *(f"_{number}" for number in range(2, 1000))):
         with contextlib.suppress(FileExistsError):
             (logs / (name + suffix)).mkdir()
@@ -232,32 +227,28 @@ def _command_line(event: StepStarted | StepFinished) -> bytes:
     command = shlex.join(event.step.argv)
     if isinstance(event, StepFinished):
         return f"Invoked command in '{event.step.cwd}' returned '{event.code}': {command}\n".encode()
-    variables = "".join(f"{_assignment(name, value)} " for name, value in event.environment)
-    return f"Invoking command in '{event.step.cwd}': {variables}{command}\n".encode()
+    words = []
+    for name, value in event.environment:
+        head, inherited, tail = _parts(name, value)
+        quoted = [shlex.quote(text) if text or not inherited else "" for text in (head, tail)]
+        words.append(f"{name}={quoted[0]}${{{name}}}{quoted[1]}" if inherited else f"{name}={quoted[0]}")
+    return f"Invoking command in '{event.step.cwd}': {' '.join((*words, command))}\n".encode()
 
 
 def _command(event: StepStarted) -> str:
     """Return the members of colcon's event for a command."""
-    step, environment = event.step, [(name, _masked(name, value)) for name, value in event.environment]
+    step, environment = event.step, []
+    for name, value in event.environment:
+        head, inherited, tail = _parts(name, value)
+        environment.append((name, f"{head}${{{name}}}{tail}" if inherited else value))
     members = f"'env': OrderedDict({environment or ''}), 'shell': False"
     return f"{{'cmd': {list(step.argv)}, 'cwd': {str(step.cwd)!r}, {members}}}"
 
 
-def _assignment(name: str, value: str) -> str:
-    """Return a change of a variable in shell syntax, without its own value, which may be a secret."""
-    head, inherited, tail = _parts(name, value)
-    if not inherited:
-        return f"{name}={shlex.quote(value)}"
-    return f"{name}={shlex.quote(head) if head else ''}${{{name}}}{shlex.quote(tail) if tail else ''}"
-
-
-def _masked(name: str, value: str) -> str:
-    """Return the value of a variable without its own value, which may be a secret."""
-    head, inherited, tail = _parts(name, value)
-    return f"{head}${{{name}}}{tail}" if inherited else value
-
-
 def _parts(name: str, value: str) -> tuple[str, str, str]:
-    """Return the text before the inherited value of a variable, this value ('' without it), and the rest."""
+    """Return the text before the inherited value of a variable, this value ('' without it), and the rest.
+
+    The inherited value is not logged, because it may be a secret.
+    """
     inherited = os.environ.get(name)
     return value.partition(inherited) if inherited else (value, "", "")

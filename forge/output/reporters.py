@@ -5,8 +5,6 @@ They are entry points of the group 'forge.reporters', which docs/how-to/plugins.
 
 from __future__ import annotations
 
-import sys
-from functools import cache
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from forge.base.extensions import OWN, REPORTERS, call, find
@@ -68,11 +66,6 @@ class Reporter:
 
 def find_reporter(name: str) -> Start | None:
     """Return the function that starts a reporter, None if there is none; raises ForgeError."""
-    return _reporter(name, tuple(sys.path))
-
-
-@cache
-def _reporter(name: str, _path: tuple[str, ...]) -> Start | None:
     module = find(REPORTERS, name, "reporter", ("start",))
     return None if module is None else module.start
 

@@ -102,6 +102,20 @@ NOT_EXPORTED = 'The link interface of target "{}" contains:\n\n    {}\n\n  but t
             "sudo chown -R",
         ),
         ("PermissionError: [Errno 13] Permission denied: '/w/install/x'", "sudo chown -R"),
+        ("qemu-aarch64: Could not open '/lib/ld-linux-aarch64.so.1': No such", "'ld-linux-aarch64.so.1'"),
+        ("/bin/sh: 1: make_it: not found\n/bin/sh: 1: drive: not found", "compiled for another platform"),
+        ("sh: line 1: drive: command not found", "compiled for another platform: install qemu-user"),
+        ("/bin/sh: 1: ./maker: Exec format error", "pass the target itself to add_custom_command"),
+        (
+            "/usr/bin/ld: /my ws/liba.so: error adding symbols: file in wrong format",
+            "'liba.so' was built for another platform",
+        ),
+        (
+            "ld.lld: error: /my ws/liba.so is incompatible with aarch64linux",
+            "'liba.so' was built for another",
+        ),
+        ('unable to provide libc for target "aarch64-linux.5.10...7.2-gnu.2.10"', "zig has no glibc 2.10"),
+        ('unable to provide libc for target "arm-linux.5.10...7.2-gnueabihf.2.10"', "zig has no glibc 2.10"),
     ],
 )
 def test_known_failures_have_a_hint(said: str, expected: str) -> None:
@@ -140,6 +154,8 @@ def test_misspelt_packages_get_a_suggestion_before_system_packages() -> None:
         NOT_EXPORTED.format("shapes::shapes", "shapes::core"),
         NOT_EXPORTED.format("shapes::shapes", "PkgConfig::ZLIB"),
         'Unknown CMake command "frobnicate".',
+        "/bin/sh: 1: bison: not found",
+        "drive: not found",
     ],
 )
 def test_unclear_failures_have_no_hint(said: str) -> None:
