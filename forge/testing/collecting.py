@@ -204,15 +204,15 @@ def removable_results(found: Collection, base: Path) -> tuple[str, ...]:
 
     Files in sources stay, such as data of tests.
     """
-    return tuple(path for path in found.files if _is_removable(path, base, expected=path in found.expected))
 
+    def is_removable(path: str) -> bool:
+        for folder in Path(path).parents:
+            if is_own_result_dir(folder):
+                return True
+            if sources_in(folder):
+                return False
+            if folder == base:
+                break
+        return path in found.expected
 
-def _is_removable(path: str, base: Path, *, expected: bool) -> bool:
-    for folder in Path(path).parents:
-        if is_own_result_dir(folder):
-            return True
-        if sources_in(folder):
-            return False
-        if folder == base:
-            break
-    return expected
+    return tuple(filter(is_removable, found.files))

@@ -11,7 +11,7 @@ from forge.base.text import counted
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-    from forge.testing.outcomes import Case, Counts, Outcome, SkippedTest
+    from forge.testing.outcomes import Case, Outcome
 
 _SHOWN_LINES = 6
 _SHOWN_FAILURES = 50
@@ -26,11 +26,6 @@ class Failure:
     lines: tuple[str, ...]
     repeat: str
     displayed: str
-
-
-def result_line(outcome: Outcome) -> str:
-    """Return colcon's line for a result file."""
-    return f"{outcome.path}: {outcome.counts}"
 
 
 def details(case: Case) -> list[str]:
@@ -50,25 +45,24 @@ def details(case: Case) -> list[str]:
     return [f"{'-' if number == 0 else ' '} {line}" for number, line in enumerate(lines)]
 
 
-def skipped_line(test: SkippedTest) -> str:
-    return f"- {' '.join(filter(None, (test.suite, test.name)))}: {test.reason}"
+def skipped_line(test: Case) -> str:
+    return f"- {' '.join(filter(None, (test.suite, test.name)))}: {test.text}"
 
 
 def first_lines(cases: Sequence[Case]) -> tuple[str, ...]:
     """Return the first lines of the cases, labeled if there are several."""
     lines: list[str] = []
     for case in cases:
-        message_lines = _message(case)
-        if len(cases) > 1:
-            lines.append(f"{case.name}:")
-            message_lines = [f"  {line}" for line in message_lines]
-        lines += message_lines
+        # Those of the message, else of the complete text.
+        texts = map(_filled_lines, (*case.errors, *case.failures, case.text))
+        shown = next(filter(None, texts), [])[:_SHOWN_LINES]
+        lines += [f"{case.name}:", *(f"  {line}" for line in shown)] if len(cases) > 1 else shown
     return tuple(lines[: 2 * _SHOWN_LINES])
 
 
 def last_lines(text: str) -> tuple[str, ...]:
     """Return the last lines of a program's output."""
-    return tuple(_filled(text)[-_SHOWN_LINES:])
+    return tuple(_filled_lines(text)[-_SHOWN_LINES:])
 
 
 def table(failures: Sequence[Failure]) -> Iterator[str]:
@@ -89,7 +83,7 @@ def as_json(outcomes: Iterable[Outcome]) -> list[dict[str, object]]:
     return [
         {
             "path": outcome.path,
-            **counts_as_json(outcome.counts),
+            **asdict(outcome.counts),
             "cases": [
                 {
                     "suite": case.suite,
@@ -106,18 +100,5 @@ def as_json(outcomes: Iterable[Outcome]) -> list[dict[str, object]]:
     ]
 
 
-def counts_as_json(counts: Counts) -> dict[str, object]:
-    return asdict(counts)
-
-
-def _message(case: Case) -> list[str]:
-    """Return the first lines of the message, else of the complete text."""
-    for text in (*case.errors, *case.failures, case.text):
-        lines = _filled(text)
-        if lines:
-            return lines[:_SHOWN_LINES]
-    return []
-
-
-def _filled(text: str) -> list[str]:
+def _filled_lines(text: str) -> list[str]:
     return [line.rstrip() for line in text.splitlines() if line.strip()]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import astuple, replace
+from operator import add
 from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
@@ -24,12 +25,7 @@ class Counts:
     skipped: int = 0
 
     def __add__(self, other: Counts) -> Counts:
-        return Counts(
-            self.tests + other.tests,
-            self.errors + other.errors,
-            self.failures + other.failures,
-            self.skipped + other.skipped,
-        )
+        return Counts(*map(add, astuple(self), astuple(other)))
 
     def __str__(self) -> str:
         return (
@@ -45,7 +41,10 @@ class Counts:
 
 @frozen
 class Case:
-    """A failed test. Messages and outputs are in the order of the file; `text` is the complete text."""
+    """A failed or skipped test, with messages and output in the order of the file.
+
+    `text` is the complete text, or the reason why it was skipped.
+    """
 
     name: str
     suite: str = ""
@@ -59,20 +58,11 @@ class Case:
 
 
 @frozen
-class SkippedTest:
-    """A test that was skipped for a reason."""
-
-    name: str
-    suite: str
-    reason: str
-
-
-@frozen
 class Outcome:
     """The contents of one result file. `home` is the folder of its tests.
 
-    `by_name` contains the counts of each test by name, only for CTest files. A file that cannot be read is
-    one error.
+    `by_name` contains the counts of each test by name, only for CTest files; `skipped` the tests that give a
+    reason. A file that cannot be read is one error.
     """
 
     path: str
@@ -80,7 +70,7 @@ class Outcome:
     counts: Counts
     cases: tuple[Case, ...] = ()
     by_name: tuple[tuple[str, Counts], ...] = ()
-    skipped: tuple[SkippedTest, ...] = ()
+    skipped: tuple[Case, ...] = ()
     is_unreadable: bool = False
 
     @property
@@ -121,24 +111,21 @@ def read_ctest(root: Element, path: str, home: str) -> Outcome:
     if any("Status" not in test.attributes for test in tests):
         raise BrokenResultError("a 'Test' has no 'Status'")
     verdicts = tuple((_text_of(test, "Name"), _verdict(test)) for test in tests)
-    shown = (test for test in tests if test.attributes["Status"] in {"failed", "notrun"})
-    failed = []
-    for test in (test for test in shown if _verdict(test).bad):
-        text = _ctest_output(test) if test.attributes["Status"] != "notrun" else _reason_not_run(test)
-        failed.append(Case(_text_of(test, "Name"), failures=(text,) if text else (), text=text))
-    skipped = tuple(
-        SkippedTest(_text_of(test, "Name"), "", _reason_not_run(test))
-        for test in tests
-        if _verdict(test).skipped and _completion(test)
-    )
-    counts = sum((counts for _, counts in verdicts), Counts())
-    return Outcome(path, home, counts, tuple(failed), verdicts, skipped)
+    failed, skipped = [], []
+    for test, (name, counts) in zip(tests, verdicts, strict=True):
+        status = test.attributes["Status"]
+        if counts.bad and status in {"failed", "notrun"}:
+            text = _ctest_output(test) if status == "failed" else _reason_not_run(test)
+            failed.append(Case(name, failures=(text,) if text else (), text=text))
+        if counts.skipped and _completion(test):
+            skipped.append(Case(name, text=_reason_not_run(test)))
+    total = sum((counts for _, counts in verdicts), Counts())
+    return Outcome(path, home, total, tuple(failed), verdicts, tuple(skipped))
 
 
 def find_junit(name: str, home: str, junits: Iterable[Outcome]) -> Outcome | None:
     """Return the JUnit file of ament's test `name` in that home, or None."""
-    found = (junit for junit in junits if junit.test == name and junit.home == home and not junit.by_name)
-    return next(found, None)
+    return next((one for one in junits if one.test == name and one.home == home and not one.by_name), None)
 
 
 def counted_once(outcomes: Sequence[Outcome]) -> tuple[Outcome, ...]:
@@ -180,18 +167,15 @@ def _suite_counts(suite: Element) -> Counts:
     numbers = {name: _number(suite.attributes, name) for name in _NUMBERS}
     nested = sum((_suite_counts(child) for child in suite.children if child.tag in _SUITES), Counts())
     cases = list(_own_cases(suite))
-    verdicts = [{child.tag for child in case.children} for case in cases]
+    tags = [{child.tag for child in case.children} for case in cases]
+    errors = sum("error" in each for each in tags)
+    failures = sum("failure" in each and "error" not in each for each in tags)
+    counts = nested + Counts(len(cases), errors, failures, sum("skipped" in each for each in tags))
     return Counts(
-        max(numbers["tests"], nested.tests + len(cases)),
-        max(numbers["errors"], nested.errors + sum("error" in each for each in verdicts)),
-        max(
-            numbers["failures"],
-            nested.failures + sum("failure" in each and "error" not in each for each in verdicts),
-        ),
-        max(
-            sum(numbers[name] for name in _SKIPPED),
-            nested.skipped + sum("skipped" in each for each in verdicts),
-        ),
+        max(numbers["tests"], counts.tests),
+        max(numbers["errors"], counts.errors),
+        max(numbers["failures"], counts.failures),
+        max(sum(numbers[name] for name in _SKIPPED), counts.skipped),
     )
 
 
@@ -228,28 +212,27 @@ def _own_cases(suite: Element) -> Iterator[Element]:
 def _junit_case(case: Element) -> Case:
     fields = case.attributes
     wrong = [child for child in case.children if child.tag in {"error", "failure"}]
+    errors, failures = (
+        tuple(child.attributes.get("message", "") for child in case.all(tag)) for tag in ("error", "failure")
+    )
     return Case(
         fields.get("name", ""),
         fields.get("classname", ""),
         fields.get("file", ""),
         fields.get("line", ""),
-        tuple(_messages(case, "error")),
-        tuple(_messages(case, "failure")),
+        errors,
+        failures,
         tuple(child.text for child in case.all("system-out")),
         tuple(child.text for child in case.all("system-err")),
         "\n".join(filter(None, (child.text.strip("\r\n") for child in wrong))),
     )
 
 
-def _junit_skip(case: Element) -> SkippedTest | None:
+def _junit_skip(case: Element) -> Case | None:
     reasons = (child.attributes.get("message") or child.text for child in case.all("skipped"))
     reason = " ".join(next(reasons, "").split())
     fields = case.attributes
-    return SkippedTest(fields.get("name", ""), fields.get("classname", ""), reason) if reason else None
-
-
-def _messages(case: Element, tag: str) -> Iterator[str]:
-    return (child.attributes.get("message", "") for child in case.all(tag))
+    return Case(fields.get("name", ""), fields.get("classname", ""), text=reason) if reason else None
 
 
 def _ctest_output(test: Element) -> str:

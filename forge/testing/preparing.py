@@ -127,42 +127,33 @@ def changed_since_build(
     """
     records = open_journal(layout.build).records
     table = FileTable(layout.build / FILE_TABLE)
+    python = {name for name, package in loaded.packages.items() if "python" in package.build_type}
     used = {
         need
         for name, wanted in needs.items()
         for need in wanted
-        if not (_is_python(loaded, need) and (need == name or layout.symlink))
+        if need not in python or (need != name and not layout.symlink)
     }
     problems = []
     for name in sorted(used):
         record, package = records.get(name), loaded.packages.get(name)
         if package is None or package.embedded or record is None:
             continue
-        if not record.complete:
-            if name not in needs:  # otherwise it is not tested
-                message = (
-                    f"the last build of '{name}' failed or was stopped, so that tests use outdated files"
-                )
-                group = GroupedProblems(
-                    "the last builds of {} failed or were stopped, so that tests use outdated files",
-                    name,
-                    "forge build",
-                )
-                problems.append(Problem(message, Location(package.path), "forge build", group))
+        if not record.complete and name in needs:  # it is not tested
             continue
         home = str(loaded.workspace.root / package.path)
-        if fingerprint_tree(home, table, record.sources).digest != record.sources.digest:
+        if not record.complete:
+            message = f"the last build of '{name}' failed or was stopped, so that tests use outdated files"
+            many = "the last builds of {} failed or were stopped, so that tests use outdated files"
+        elif fingerprint_tree(home, table, record.sources).digest != record.sources.digest:
             what = changed_sources(home, layout.build_dir(name), record, table)
             message = f"'{name}' has changed since its last build, so that tests use outdated files: {what}"
             many = "{} have changed since their last build, so that tests use outdated files"
-            kind = GroupedProblems(many, name, "forge build")
-            problems.append(Problem(message, Location(package.path), "forge build", kind))
+        else:
+            continue
+        group = GroupedProblems(many, name, "forge build")
+        problems.append(Problem(message, Location(package.path), "forge build", group))
     return tuple(problems)
-
-
-def _is_python(loaded: LoadedWorkspace, name: str) -> bool:
-    package = loaded.packages.get(name)
-    return package is not None and "python" in package.build_type
 
 
 def prepare_context(
@@ -177,10 +168,8 @@ def prepare_context(
     Raises HostError if no package can be tested.
     """
     packages = [loaded.packages[name] for name in names]
-    cmake, python = (
-        [package for package in packages if package.build_type in types]
-        for types in (CMAKE_TYPES, PYTHON_TYPES)
-    )
+    cmake = [package for package in packages if package.build_type in CMAKE_TYPES]
+    python = [package for package in packages if package.build_type in PYTHON_TYPES]
     without_ctest = _lacking(cmake, lambda: find_ctest(os.environ))
     lacking = dict(without_ctest)
     if layout.target:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from forge.base.env_vars import EXECUTORS, default_executor
 from forge.base.frozen import frozen
 from forge.base.options import option
 
 _RUNNERS = "test runners"
+_TIMES: dict[str, Any] = {"default": 0, "parse": int, "metavar": "N", "conflicts": "retest"}
 
 
 def _absolute(path: str) -> Path:
@@ -26,20 +28,8 @@ class TestOptions:
     test_result_base: Path | None = option(
         "folder for result files (default: the build folder)", parse=_absolute, metavar="DIR"
     )
-    retest_until_fail: int = option(
-        "repeat passing tests up to N times, until they fail",
-        default=0,
-        parse=int,
-        metavar="N",
-        conflicts="retest",
-    )
-    retest_until_pass: int = option(
-        "repeat failing tests up to N times, until they pass",
-        default=0,
-        parse=int,
-        metavar="N",
-        conflicts="retest",
-    )
+    retest_until_fail: int = option("repeat passing tests up to N times, until they fail", **_TIMES)
+    retest_until_pass: int = option("repeat failing tests up to N times, until they pass", **_TIMES)
     abort_on_error: bool = option(
         "stop when a package cannot be tested (failing tests do not stop the run)", default=False
     )

@@ -32,10 +32,7 @@ _OF_PYTHON = ((1, TEST_FAILURES), (5, NO_TESTS))
 
 @frozen
 class TestContext:
-    """Folders, programs and options shared by all tests of a run.
-
-    `modules` are the available pytest plugins.
-    """
+    """Folders, programs and options of a test run; `modules` are the available pytest plugins."""
 
     __test__ = False
 
@@ -54,14 +51,13 @@ class TestContext:
         """Return the context with the package's own options added."""
         if not package.settings:
             return self
-        options = self.options
+        options, values = self.options, package.option_values
         own = replace(
             options,
-            python_testing=options.python_testing
-            or next(iter(package.option_values("python-testing")), None),
-            ctest_args=(*options.ctest_args, *package.option_values("ctest-args")),
-            pytest_args=(*options.pytest_args, *package.option_values("pytest-args")),
-            unittest_args=(*options.unittest_args, *package.option_values("unittest-args")),
+            python_testing=options.python_testing or next(iter(values("python-testing")), None),
+            ctest_args=(*options.ctest_args, *values("ctest-args")),
+            pytest_args=(*options.pytest_args, *values("pytest-args")),
+            unittest_args=(*options.unittest_args, *values("unittest-args")),
         )
         return replace(self, options=own)
 
@@ -128,6 +124,11 @@ def pytest_recipe(package: Package, context: TestContext, wants: Collection[str]
     options, modules = context.options, context.modules
     plugin = "pytest_cov" in modules
     covered = plugin and not options.coverage and (options.pytest_with_coverage or "pytest-cov" in wants)
+    coverage = (
+        f"--cov={context.source(package)}",
+        *(f"--cov-report={kind}:{build}/coverage.{kind}" for kind in ("html", "xml")),
+        "--cov-branch",
+    )
     repeats = options.retest_until_fail and "pytest_repeat" in modules
     reruns = options.retest_until_pass and "pytest_rerunfailures" in modules
     argv = (
@@ -136,7 +137,7 @@ def pytest_recipe(package: Package, context: TestContext, wants: Collection[str]
         f"--junit-xml={junit}",
         f"--junit-prefix={package.name}",
         *("-o", f"cache_dir={build / '.pytest_cache'}"),
-        *(_coverage(context.source(package), build) if covered else ()),
+        *(coverage if covered else ()),
         *(("--no-cov",) if options.coverage and plugin else ()),
         *((f"--count={options.retest_until_fail + 1}",) if repeats else ()),
         *((f"--reruns={options.retest_until_pass}",) if reruns else ()),
@@ -144,37 +145,27 @@ def pytest_recipe(package: Package, context: TestContext, wants: Collection[str]
     )
     env = (("COVERAGE_FILE", str(build / DATA_FILE)),) if covered or options.coverage else ()
     step = Step(StepKind.PYTEST, argv, context.source(package), env, meanings=_OF_PYTHON)
-    further = 0 if repeats or reruns else options.retest_until_fail or options.retest_until_pass
+    steps = (step,) if repeats or reruns else _with_repetitions(step, options)
     missing = (junit, missing_result(package, "pytest"))
-    return Recipe((step, *(_again(step, context),) * further), (missing,), (junit.with_name("unittest.xml"),))
+    return Recipe(steps, (missing,), (junit.with_name("unittest.xml"),))
 
 
 def unittest_recipe(package: Package, context: TestContext) -> Recipe:
     """Return the unittest run through forge's runner, which writes a JUnit file."""
-    junit = context.results_of(package.name) / "unittest.xml"
-    argv = (
-        *_python(package, context),
-        str(UNITTESTS),
-        str(junit),
-        package.name,
-        "-v",
-        *context.options.unittest_args,
-    )
+    junit, options = context.results_of(package.name) / "unittest.xml", context.options
+    words = (str(UNITTESTS), str(junit), package.name, "-v")
+    argv = (*_python(package, context), *words, *options.unittest_args)
     data = str(context.layout.build_dir(package.name) / DATA_FILE)
-    env = (("COVERAGE_FILE", data),) if context.options.coverage else ()
+    env = (("COVERAGE_FILE", data),) if options.coverage else ()
     step = Step(StepKind.UNITTEST, argv, context.source(package), env, meanings=_OF_PYTHON)
-    further = (_again(step, context),) * (
-        context.options.retest_until_fail or context.options.retest_until_pass
-    )
     missing = (junit, missing_result(package, "unittest"))
-    return Recipe((step, *further), (missing,), (junit.with_name("pytest.xml"),))
+    return Recipe(_with_repetitions(step, options), (missing,), (junit.with_name("pytest.xml"),))
 
 
 def missing_result(package: Package, program: str) -> str:
     """Return a placeholder result, so that a crashed run is reported."""
-    return error_result(
-        package.name, f"{program}.missing_result", f"{program} exited without writing a result"
-    )
+    message = f"{program} exited without writing a result"
+    return error_result(package.name, f"{program}.missing_result", message)
 
 
 def error_result(package: str, test: str, message: str) -> str:
@@ -182,10 +173,10 @@ def error_result(package: str, test: str, message: str) -> str:
     return render("testing/error_result.xml.j2", package=package, test=test, message=message)
 
 
-def _again(step: Step, context: TestContext) -> Step:
-    until_fail = context.options.retest_until_fail
+def _with_repetitions(step: Step, options: TestOptions) -> tuple[Step, ...]:
+    until_fail = options.retest_until_fail
     condition = StepCondition.TESTS_PASSED if until_fail else StepCondition.TESTS_FAILED
-    return replace(step, condition=condition)
+    return (step, *(replace(step, condition=condition),) * (until_fail or options.retest_until_pass))
 
 
 def _python(package: Package, context: TestContext) -> tuple[str, ...]:
@@ -194,12 +185,3 @@ def _python(package: Package, context: TestContext) -> tuple[str, ...]:
         return (str(context.python),)
     measured = (f"--source={context.source(package)}", f"--omit={','.join(OMITTED)}")
     return (str(context.python), "-m", "coverage", "run", "--branch", *measured)
-
-
-def _coverage(source: Path, build: Path) -> tuple[str, ...]:
-    return (
-        f"--cov={source}",
-        f"--cov-report=html:{build / 'coverage.html'}",
-        f"--cov-report=xml:{build / 'coverage.xml'}",
-        "--cov-branch",
-    )

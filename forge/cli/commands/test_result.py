@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import sys
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,7 +14,7 @@ from forge.base.frozen import frozen
 from forge.base.options import option
 from forge.cli import options as shared
 from forge.testing.collecting import collect, removable_results
-from forge.testing.failures import as_json, counts_as_json, details, result_line, skipped_line
+from forge.testing.failures import as_json, details, skipped_line
 from forge.testing.outcomes import Counts, counted_once
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ def run(options: Options) -> int:
     shown = [outcome for outcome in outcomes if outcome.counts.bad or options.all]
     total = _sum(outcomes)
     if options.json:
-        print(json.dumps({"summary": counts_as_json(total), "results": as_json(shown)}, indent=2))
+        print(json.dumps({"summary": asdict(total), "results": as_json(shown)}, indent=2))
     elif options.result_files_only:
         print(*(outcome.path for outcome in shown), sep="\n", end="\n" if shown else "")
     else:
@@ -78,7 +78,7 @@ def run(options: Options) -> int:
             print_problem(Problem(f"no test results in '{base}'", hint=hint), "warning")
         raw = _sum(counted)
         for outcome in shown:
-            print(result_line(outcome))
+            print(f"{outcome.path}: {outcome.counts}")
             for case in outcome.cases if options.verbose else ():
                 print(*details(case), sep="\n")
         if shown:
