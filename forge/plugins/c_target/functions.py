@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from forge.base.frozen import frozen
 from forge.interfaces.cpp.headers import symbol
 from forge.interfaces.cpp.text import quoted
-from forge.interfaces.model import Array, Named, Primitive, Sequence, String
+from forge.interfaces.model import Array, Primitive, Sequence, String
 from forge.plugins.c_target.text import is_plain, number, numbers, spell, units
 
 if TYPE_CHECKING:
@@ -17,38 +16,24 @@ if TYPE_CHECKING:
     from forge.interfaces.model import Field, Message, Value
 
 
-@frozen
-class FunctionsView:
-    """The lines of each function body, and whether init() and copy() can fail to allocate memory."""
-
-    symbol: str
-    tables: tuple[str, ...]
-    init: tuple[str, ...]
-    fallible_init: bool
-    fini: tuple[str, ...]
-    are_equal: tuple[str, ...]
-    copy: tuple[str, ...]
-    fallible_copy: bool
-
-
-def functions_view(message: Message) -> FunctionsView:
-    """Return the functions of a message."""
+def functions_view(message: Message) -> dict[str, Any]:
+    """Return the lines of each function of a message, and whether init() and copy() can run out of memory."""
     members = message.members
     init = _declare("done", (line for field in members for line in _init(field)))
     copy = _declare("done", (line for field in members for line in _copy(field)))
-    return FunctionsView(
-        symbol=symbol(message.name),
-        tables=tuple(line for field in members for line in _tables(field)),
-        init=init,
-        fallible_init=any(map(_uses("done"), init)),
-        fini=tuple(line for field in members for line in _fini(field)),
-        are_equal=_declare("equal", (line for field in members for line in _are_equal(field))),
-        copy=copy,
-        fallible_copy=any(map(_uses("done"), copy)),
-    )
+    return {
+        "symbol": symbol(message.name),
+        "tables": [line for field in members for line in _tables(field)],
+        "init": init,
+        "fallible_init": any(map(_uses("done"), init)),
+        "fini": [line for field in members for line in _fini(field)],
+        "are_equal": _declare("equal", (line for field in members for line in _are_equal(field))),
+        "copy": copy,
+        "fallible_copy": any(map(_uses("done"), copy)),
+    }
 
 
-def _declare(flag: str, lines: Iterable[str]) -> tuple[str, ...]:
+def _declare(flag: str, lines: Iterable[str]) -> list[str]:
     """Declare the flag at its first use."""
     declared: list[str] = []
     pending = True
@@ -62,7 +47,7 @@ def _declare(flag: str, lines: Iterable[str]) -> tuple[str, ...]:
                 continue
             declared.append(f"bool {flag} = true;")
         declared.append(line)
-    return tuple(declared)
+    return declared
 
 
 def _uses(flag: str) -> Callable[[str], object]:
@@ -72,11 +57,12 @@ def _uses(flag: str) -> Callable[[str], object]:
 
 def _tables(field: Field) -> Iterator[str]:
     """Yield the arrays that defaults are copied from."""
+    default = _default(field)
     match field.type:
-        case Array(Primitive() as of) | Sequence(Primitive() as of) if _has_default(field):
-            yield f"static const {spell(of)} default_{field.name}[] = {numbers(_value(field), of)};"
-        case String(wide=True) if _has_default(field):
-            yield _wide_table(field.name, str(field.default))
+        case Array(Primitive() as of) | Sequence(Primitive() as of) if default is not None:
+            yield f"static const {spell(of)} default_{field.name}[] = {numbers(default, of)};"
+        case String(wide=True) if default is not None:
+            yield _wide_table(field.name, str(default))
         case Array(String(wide=True)) | Sequence(String(wide=True)):
             for position, item in enumerate(_items(field)):
                 yield _wide_table(f"{position}_{field.name}", item)
@@ -88,36 +74,31 @@ def _wide_table(name: str, value: str) -> str:
 
 def _init(field: Field) -> Iterator[str]:
     """Yield the statements that initialize a zeroed member."""
-    target = f"message->{field.name}"
-    if not _has_default(field):
+    target, default = f"message->{field.name}", _default(field)
+    if default is None:
         if not is_plain(field.type) and not isinstance(field.type, Sequence):
             yield from _step("done", "init", field, (f"&{target}",))
         return
     match field.type:
         case Primitive():
-            yield f"{target} = {number(_value(field), field.type)};"
+            yield f"{target} = {number(default, field.type)};"
         case Array(Primitive()):
             yield f"memcpy({target}, default_{field.name}, sizeof(default_{field.name}));"
         case String(wide):
-            yield _assign(target, str(field.default), field.name, wide=wide)
+            yield _assign(target, str(default), field.name, wide=wide)
         case Array(String(wide)):
             for position, item in enumerate(_items(field)):
                 yield _assign(f"{target}[{position}]", item, f"{position}_{field.name}", wide=wide)
         case Sequence(of):
             yield f"done = done && {spell(field.type)}__init(&{target}, {len(_items(field))});"
-            yield from _fill(field, of)
-
-
-def _fill(field: Field, of: Primitive | String | Named) -> Iterator[str]:
-    """Yield the statements that set the elements of a sequence of the right size."""
-    if isinstance(of, String):
-        for position, item in enumerate(_items(field)):
-            target = f"message->{field.name}.data[{position}]"
-            yield _assign(target, item, f"{position}_{field.name}", wide=of.wide)
-    else:
-        yield "if (done) {"
-        yield f"  memcpy(message->{field.name}.data, default_{field.name}, sizeof(default_{field.name}));"
-        yield "}"
+            if isinstance(of, String):
+                for position, item in enumerate(_items(field)):
+                    element = f"{target}.data[{position}]"
+                    yield _assign(element, item, f"{position}_{field.name}", wide=of.wide)
+            else:
+                yield "if (done) {"
+                yield f"  memcpy({target}.data, default_{field.name}, sizeof(default_{field.name}));"
+                yield "}"
 
 
 def _assign(target: str, value: str, table: str, *, wide: bool) -> str:
@@ -176,15 +157,9 @@ def _step(flag: str, function: str, field: Field, arguments: tuple[str, ...]) ->
         yield f"{flag} = {flag} && {spell(field.type)}__{function}({', '.join(arguments)});"
 
 
-def _has_default(field: Field) -> bool:
-    """Return whether there is a default that is not empty."""
-    return field.default not in (None, (), "")
-
-
-def _value(field: Field) -> Value:
-    if field.default is None:
-        raise TypeError(f"'{field.name}' has no default")
-    return field.default
+def _default(field: Field) -> Value | None:
+    """Return the default of a field, None if it is empty."""
+    return None if field.default in ((), "") else field.default
 
 
 def _items(field: Field) -> tuple[str, ...]:

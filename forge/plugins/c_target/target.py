@@ -5,48 +5,39 @@ Functions are inline, so there is no library to link. Unlike with rosidl, wstrin
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pathlib import PurePosixPath
+from typing import TYPE_CHECKING, Any
 
-from forge.base.frozen import frozen
 from forge.base.templating import render
 from forge.interfaces.cpp.headers import detail_path, guard, handles, main_path, needed, symbol
 from forge.interfaces.cpp.text import comment, quoted
-from forge.interfaces.hashing import Hasher
-from forge.interfaces.model import Array, File, Primitive, Sequence, String, element_of, messages_of
-from forge.plugins.c_target.descriptions import description_views
+from forge.interfaces.hashing import Hasher, described_type, structures_of
+from forge.interfaces.model import (
+    Action,
+    Array,
+    File,
+    Primitive,
+    Sequence,
+    Service,
+    String,
+    element_of,
+    messages_of,
+)
 from forge.plugins.c_target.functions import functions_view
 from forge.plugins.c_target.text import declare, fits_int, needs_math, number, spell, units
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterable, Iterator, Mapping
 
-    from forge.interfaces.model import Catalog, Constant, Field, Interface, Message
-    from forge.plugins.c_target.descriptions import DescriptionView
+    from forge.interfaces.model import Catalog, Constant, Field, Interface, Message, Source, TypeName
 
 _TEMPLATES = "c_target/templates"
-_PARTS = ("struct", "functions", "type_support")
 _MAX_LITERAL = 4095
 """The length of string literals that C99 compilers must support; they may warn about longer ones."""
 _NEVER_ENUMERATED = frozenset({"boolean", "float", "double", "long double"})
-
-
-@frozen
-class CommentedLine:
-    """A declaration with a comment."""
-
-    doc: tuple[str, ...]
-    text: str
-
-
-@frozen
-class StructView:
-    """The variables of the struct template."""
-
-    symbol: str
-    doc: tuple[str, ...]
-    constants: tuple[CommentedLine, ...]
-    bounds: tuple[str, ...]
-    members: tuple[CommentedLine, ...]
+_BYTES_PER_LINE = 8
+_IMPLICIT = "implicit"
+"""The encoding of types that no file defines, such as the request of a service."""
 
 
 def files(catalog: Catalog) -> Iterator[File]:
@@ -67,83 +58,49 @@ def package_files(catalog: Catalog) -> Iterator[File]:
 def interface_files(catalog: Catalog) -> Callable[[Interface], Iterator[File]]:
     """Return a function that yields the headers of one interface."""
     hasher = Hasher(catalog) if catalog.has_descriptions else None
+    parts = ("struct", "functions", "type_support", *(("description",) if hasher else ()))
 
     def headers_of(interface: Interface) -> Iterator[File]:
-        yield _main(interface, (*_PARTS, "description") if hasher else _PARTS)
-        yield _struct(interface)
-        yield _functions(interface)
-        yield _type_support(interface)
+        name, messages, found = interface.name, tuple(messages_of(interface)), handles(interface)
+
+        def file(path: str, template: str, headers: list[str], **names: object) -> File:
+            names |= {"source": str(name), "guard": guard(path), "headers": headers}
+            return File(path, render(f"{_TEMPLATES}/{template}.h.j2", **names))
+
+        def part(template: str, headers: Iterable[str], first: tuple[str, ...] = (), **names: object) -> File:
+            """Return a part, which includes the same part of the types that the interface needs."""
+            nested = [detail_path(other, template, "h") for other in needed(interface)]
+            path = detail_path(name, template, "h")
+            return file(path, template, [*first, *sorted([*nested, *headers])], **names)
+
+        yield file(main_path(name, "h"), "interface", [detail_path(name, each, "h") for each in parts])
+        yield part(
+            "struct",
+            _runtime(messages, ""),
+            math=any(needs_math(c.value, c.type) for message in messages for c in message.constants),
+            messages=[_struct_view(message) for message in messages],
+        )
+        yield part(
+            "functions",
+            {"rosidl_runtime_c/sequence_functions.h", *_runtime(messages, "_functions")},
+            (detail_path(name, "struct", "h"),),
+            math=any(needs_math(f.default, f.type) for message in messages for f in message.fields),
+            messages=[functions_view(message) for message in messages],
+        )
+        runtime = {f"rosidl_runtime_c/{handle.kind}_type_support_struct.h" for handle in found}
+        headers = sorted([_visibility_path(name.package), *runtime])
+        path = detail_path(name, "type_support", "h")
+        yield file(path, "type_support", headers, package=name.package, handles=found)
         if hasher:
-            yield _description(interface, tuple(description_views(interface, hasher, catalog.sources)))
+            types = list(_description_views(interface, hasher, catalog.sources))
+            yield part(
+                "description",
+                ["rosidl_runtime_c/detail/static_description.h"],
+                types=types,
+                has_long_literals=any(len("".join(each["source"])) > _MAX_LITERAL for each in types),
+            )
 
     return headers_of
-
-
-def _main(interface: Interface, parts: tuple[str, ...]) -> File:
-    """Return the header that users include."""
-    headers = [detail_path(interface.name, part, "h") for part in parts]
-    return _file(interface, main_path(interface.name, "h"), "interface", headers=headers)
-
-
-def _struct(interface: Interface) -> File:
-    """Return the header of structs and constants."""
-    messages = tuple(messages_of(interface))
-    detail = [detail_path(name, "struct", "h") for name in needed(interface)]
-    return _file(
-        interface,
-        detail_path(interface.name, "struct", "h"),
-        "struct",
-        headers=sorted([*detail, *_runtime(messages, "")]),
-        math=any(needs_math(c.value, c.type) for message in messages for c in message.constants),
-        messages=[_struct_view(message) for message in messages],
-    )
-
-
-def _functions(interface: Interface) -> File:
-    """Return the header of functions."""
-    messages = tuple(messages_of(interface))
-    detail = [detail_path(name, "functions", "h") for name in needed(interface)]
-    runtime = ["rosidl_runtime_c/sequence_functions.h", *_runtime(messages, "_functions")]
-    return _file(
-        interface,
-        detail_path(interface.name, "functions", "h"),
-        "functions",
-        headers=[detail_path(interface.name, "struct", "h"), *sorted([*detail, *runtime])],
-        math=any(needs_math(f.default, f.type) for message in messages for f in message.fields),
-        messages=[functions_view(message) for message in messages],
-    )
-
-
-def _type_support(interface: Interface) -> File:
-    """Return the header that declares type support."""
-    found = handles(interface)
-    runtime = {f"rosidl_runtime_c/{handle.kind}_type_support_struct.h" for handle in found}
-    return _file(
-        interface,
-        detail_path(interface.name, "type_support", "h"),
-        "type_support",
-        headers=sorted([_visibility_path(interface.name.package), *runtime]),
-        package=interface.name.package,
-        handles=found,
-    )
-
-
-def _description(interface: Interface, types: tuple[DescriptionView, ...]) -> File:
-    """Return the header of type hashes and descriptions."""
-    detail = [detail_path(name, "description", "h") for name in needed(interface)]
-    return _file(
-        interface,
-        detail_path(interface.name, "description", "h"),
-        "description",
-        headers=sorted([*detail, "rosidl_runtime_c/detail/static_description.h"]),
-        types=types,
-        has_long_literals=any(len("".join(each.source)) > _MAX_LITERAL for each in types),
-    )
-
-
-def _file(interface: Interface, path: str, template: str, **names: object) -> File:
-    template = f"{_TEMPLATES}/{template}.h.j2"
-    return File(path, render(template, source=str(interface.name), guard=guard(path), **names))
 
 
 def _visibility_path(package: str) -> str:
@@ -162,20 +119,20 @@ def _runtime(messages: tuple[Message, ...], suffix: str) -> set[str]:
     return found
 
 
-def _struct_view(message: Message) -> StructView:
-    return StructView(
-        symbol=symbol(message.name),
-        doc=comment(message.doc),
-        constants=tuple(_constant(message, constant) for constant in message.constants),
-        bounds=tuple(line for field in message.fields for line in _bounds(message, field)),
-        members=tuple(
-            CommentedLine(comment(f.doc, f.unit), f"{declare(f.type, f.name)};") for f in message.members
-        ),
-    )
+def _struct_view(message: Message) -> dict[str, Any]:
+    return {
+        "symbol": symbol(message.name),
+        "doc": comment(message.doc),
+        "constants": [_constant(message, constant) for constant in message.constants],
+        "bounds": [line for field in message.fields for line in _bounds(message, field)],
+        "members": [
+            {"doc": comment(f.doc, f.unit), "text": f"{declare(f.type, f.name)};"} for f in message.members
+        ],
+    }
 
 
-def _constant(message: Message, constant: Constant) -> CommentedLine:
-    """Return the definition of a constant."""
+def _constant(message: Message, constant: Constant) -> dict[str, Any]:
+    """Return the definition of a constant: of a number as an enumerator if it can be one in C."""
     name = f"{symbol(message.name)}__{constant.name}"
     match constant.type:
         case String(wide=True):
@@ -183,16 +140,13 @@ def _constant(message: Message, constant: Constant) -> CommentedLine:
         case String():
             text = f"static const char * const {name} = {quoted(str(constant.value))};"
         case Primitive() as type_:
-            text = _numeric(name, type_, constant)
-    return CommentedLine(comment(constant.doc), text)
-
-
-def _numeric(name: str, type_: Primitive, constant: Constant) -> str:
-    """Return the definition of a number: an enumerator if possible, which is a constant expression in C."""
-    value = number(constant.value, type_)
-    if type_.name not in _NEVER_ENUMERATED and fits_int(constant.value):
-        return f"enum {{ {name} = {value} }};"
-    return f"static const {spell(type_)} {name} = {value};"
+            value = number(constant.value, type_)
+            # Unlike a variable, an enumerator is a constant expression.
+            if type_.name not in _NEVER_ENUMERATED and fits_int(constant.value):
+                text = f"enum {{ {name} = {value} }};"
+            else:
+                text = f"static const {spell(type_)} {name} = {value};"
+    return {"doc": comment(constant.doc), "text": text}
 
 
 def _bounds(message: Message, field: Field) -> Iterator[str]:
@@ -207,3 +161,44 @@ def _bounds(message: Message, field: Field) -> Iterator[str]:
 
 def _bound(name: str, value: int) -> str:
     return f"enum {{ {name} = {value} }};" if fits_int(value) else f"static const size_t {name} = {value}u;"
+
+
+def _description_views(
+    interface: Interface, hasher: Hasher, sources: Mapping[TypeName, Source]
+) -> Iterator[dict[str, Any]]:
+    """Yield the description of each type of an interface, after those that it refers to.
+
+    As rosidl generates them since Iron (REP 2011, REP 2016). Texts of fields and lines of the source are C
+    literals.
+    """
+    kinds: dict[TypeName, str] = {}
+    match interface:
+        case Service():
+            kinds = {interface.name: "service"}
+        case Action():
+            services = (interface.send_goal.name, interface.get_result.name)
+            kinds = {interface.name: "action", **dict.fromkeys(services, "service")}
+    for name in dict(structures_of(interface)):
+        source = sources.get(name)  # None for derived types
+        text = source.text if source else ""
+        digits = hasher.hash(name).partition("_")[2]
+        values = [f"0x{digits[at : at + 2]}" for at in range(0, len(digits), 2)]
+        starts = range(0, len(values), _BYTES_PER_LINE)
+        yield {
+            "name": str(name),
+            "symbol": symbol(name),
+            "kind": kinds.get(name, "message"),
+            "hash_lines": [", ".join(values[at : at + _BYTES_PER_LINE]) for at in starts],
+            "fields": [
+                {
+                    "name": quoted(field["name"]),
+                    "default": quoted(field["default_value"]),
+                    "nested": quoted(field["type"]["nested_type_name"]),
+                    **{key: field["type"][key] for key in ("type_id", "capacity", "string_capacity")},
+                }
+                for field in described_type(hasher, name)["fields"]
+            ],
+            "referenced": [(str(other), symbol(other)) for other in hasher.referenced(name)],
+            "encoding": PurePosixPath(source.relative).suffix.removeprefix(".") if source else _IMPLICIT,
+            "source": [quoted(line) for line in text.splitlines(keepends=True) or [""]],
+        }
