@@ -6,58 +6,47 @@ import json
 import re
 from typing import TYPE_CHECKING
 
-from forge.base.frozen import frozen
 from forge.base.templating import render
 from forge.interfaces.hashing import hashes
 from forge.interfaces.model import File, sections_of
 from forge.interfaces.notation import type_text
 from forge.interfaces.read.comments import BIDI_CONTROLS
-from forge.plugins.interface_pages.text import TITLES
+from forge.plugins.interface_pages.pages import TITLES
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from forge.interfaces.model import Catalog, Constant, Field, Interface, Type, Value
+    from forge.interfaces.model import Catalog, Constant, Field, Type, Value
 
 _MARKUP = re.compile(r"([\\`*_<>\[\]|#])")
 _UNSEEN = re.compile(f"[\0-\x1f\x7f-\x9f\u2028\u2029]|{BIDI_CONTROLS.pattern}")
 
 
-@frozen
-class Section:
-    """A message; without a title unless it is a part of a service or an action."""
-
-    title: str
-    doc: tuple[str, ...]
-    constants: tuple[str, ...]
-    fields: tuple[str, ...]
-
-
 def files(catalog: Catalog) -> Iterator[File]:
     """Yield 'PACKAGE.md'; links to other packages refer to pages in the same folder."""
     type_hashes = hashes(catalog)
+    sections = {name: sections_of(interface) for name, interface in catalog.interfaces.items()}
     pages = [
         {
             "name": str(name),
             "kind": name.kind,
             "hash": type_hashes[name],
-            "sections": list(_sections(interface)),
+            "sections": [
+                {
+                    "title": title,
+                    "doc": [_escaped(line.strip()) for line in message.doc],
+                    "constants": [_row(each, _value(each.value)) for each in message.constants],
+                    "fields": [
+                        _row(each, _value(each.default), _escaped(each.unit or "")) for each in message.fields
+                    ],
+                }
+                for title, message in zip(TITLES[len(messages)], messages, strict=True)
+            ],
         }
-        for name, interface in catalog.interfaces.items()
+        for name, messages in sections.items()
     ]
     text = render("interface_pages/templates/package.md.j2", package=catalog.package, pages=pages)
     yield File(f"{catalog.package}.md", text)
-
-
-def _sections(interface: Interface) -> Iterator[Section]:
-    messages = sections_of(interface)
-    for title, message in zip(TITLES[len(messages)], messages, strict=True):
-        yield Section(
-            title,
-            tuple(_escaped(line.strip()) for line in message.doc),
-            tuple(_row(each, _value(each.value)) for each in message.constants),
-            tuple(_row(each, _value(each.default), _escaped(each.unit or "")) for each in message.fields),
-        )
 
 
 def _row(declared: Field | Constant, *cells: str) -> str:

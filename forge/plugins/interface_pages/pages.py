@@ -1,8 +1,9 @@
-"""The data of the HTML page of an interface, for its template."""
+"""The values of the HTML page of an interface, for its template."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import re
+from typing import TYPE_CHECKING, Any
 
 from forge.base.frozen import frozen
 from forge.interfaces.hashing import Hasher, structures_of
@@ -10,181 +11,118 @@ from forge.interfaces.model import Action, Named, element_of, sections_of
 from forge.interfaces.notation import kind_of, type_text, value_text, visible
 from forge.interfaces.resolve.dependencies import ACTION_DEPENDENCIES
 from forge.interfaces.wire.sizes import SizeCalculator
-from forge.plugins.interface_pages.snippets import Snippets, snippets
-from forge.plugins.interface_pages.text import TITLES, Paragraph, paragraphs
+from forge.plugins.interface_pages.snippets import snippets
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping
+    from collections.abc import Collection, Iterable, Iterator, Mapping
 
-    from forge.interfaces.model import Catalog, Constant, Field, Interface, Message, Source, Type, TypeName
+    from forge.interfaces.model import Catalog, Constant, Field, Interface, Message, Source, TypeName
     from forge.interfaces.wire.sizes import MemberSize, MessageSize
 
 
-@frozen
-class Link:
-    """A link to a page and the text after it; plain text if there is no page."""
+_PREFORMATTED = re.compile(r"^\s|\S {2,}\S|\t", re.MULTILINE)
 
-    word: str
-    page: str = ""
-    after: str = ""
+TITLES = {1: ("",), 2: ("Request", "Response"), 3: ("Goal", "Result", "Feedback")}
+"""The titles of the messages of an interface, by their number."""
 
 
 @frozen
-class Row:
-    """A field or a constant."""
+class Paragraph:
+    """A paragraph of a comment; white space in preformatted ones is kept."""
 
-    anchor: str
-    name: str
-    type: Link
-    value: str
-    unit: str
-    doc: tuple[Paragraph, ...]
+    text: str
+    preformatted: bool = False
 
 
-@frozen
-class MemberBytes:
-    """The offset and size of a member, as text."""
-
-    name: str
-    offset: str
-    alignment: int
-    size: str
+def paragraphs(doc: Iterable[str]) -> tuple[Paragraph, ...]:
+    """Split a comment at blank lines; the templates escape its text."""
+    blocks = re.split(r"\n(?:[ \t]*\n)+", visible("\n".join(doc)).strip("\n"))
+    return tuple(
+        Paragraph(block, preformatted=bool(_PREFORMATTED.search(block))) for block in blocks if block.strip()
+    )
 
 
-@frozen
-class Section:
-    """A message; without a title unless it is a part of a service or an action."""
+def pages(catalog: Catalog) -> Iterator[dict[str, Any]]:
+    """Yield the values of the page of each interface; `root` is the relative path to the first page.
 
-    title: str
-    doc: tuple[Paragraph, ...]
-    fields: tuple[Row, ...]
-    constants: tuple[Row, ...]
-    size: str
-    bytes: tuple[MemberBytes, ...]
-
-
-@frozen
-class Derived:
-    """A type that ROS derives from an interface, with its hash."""
-
-    name: str
-    hash: str
-
-
-@frozen
-class Page:
-    """The contents of the page of an interface; `root` is the relative path to the first page."""
-
-    name: TypeName
-    kind: str
-    root: str
-    sections: tuple[Section, ...]
-    source: str
-    lines: tuple[tuple[str, str], ...]
-    """The lines of the definition, each as code and comment."""
-    snippets: Snippets
-    users: tuple[Link, ...]
-    needs: tuple[Link, ...]
-    """The types that every action uses implicitly."""
-    hash: str
-    derived: tuple[Derived, ...]
-
-
-class Pages:
-    """The pages of all interfaces of a site; `catalog` contains the interfaces of all packages."""
-
-    def __init__(self, catalog: Catalog) -> None:
-        """Index all interfaces and their users."""
-        self._catalog = catalog
-        self._sizes = SizeCalculator(catalog.known)
-        self._hasher = Hasher(catalog)
-        self._users = used_by(catalog.interfaces)
-
-    def page(self, name: TypeName) -> Page:
-        """Return the page of an interface."""
-        interface = self._catalog.interfaces[name]
-        links = _Links(self._catalog.interfaces, "../" * path_of(name).count("/"), name.package)
+    Messages without a title are whole interfaces. `lines` are those of the definition, as code and comment.
+    """
+    interfaces, sizes, hasher = catalog.interfaces, SizeCalculator(catalog.known), Hasher(catalog)
+    users: dict[TypeName, set[TypeName]] = {}
+    for name, interface in interfaces.items():
+        for element in (element_of(field.type) for each in sections_of(interface) for field in each.fields):
+            if isinstance(element, Named):
+                users.setdefault(element.name, set()).add(name)
+    for name, interface in interfaces.items():
+        links = _Links(interfaces, "../" * path_of(name).count("/"), name.package)
         messages = sections_of(interface)
-        source = self._catalog.sources.get(name)
+        source = catalog.sources.get(name)
         derived = [each for each, _ in structures_of(interface) if each != name]
-        return Page(
-            name,
-            kind_of(name),
-            links.root,
-            tuple(
-                self._section(title, message, links)
+        yield {
+            "name": name,
+            "kind": kind_of(name),
+            "root": links.root,
+            "sections": [
+                _section(title, message, sizes.of(message), links)
                 for title, message in zip(TITLES[len(messages)], messages, strict=True)
-            ),
-            source.relative if source else "",
-            tuple(_lines(source)) if source else (),
-            snippets(interface, self._catalog.known),
-            links.links(self._users.get(name, ())),
-            links.links(ACTION_DEPENDENCIES if isinstance(interface, Action) else ()),
-            self._hasher.hash(name),
-            tuple(Derived(str(each), self._hasher.hash(each)) for each in derived),
-        )
+            ],
+            "source": source.relative if source else "",
+            "lines": _lines(source) if source else (),
+            "snippets": snippets(interface, catalog.known),
+            "users": links.links(users.get(name, ())),
+            # The types that every action uses implicitly.
+            "needs": links.links(ACTION_DEPENDENCIES if isinstance(interface, Action) else ()),
+            "hash": hasher.hash(name),
+            "derived": [{"name": str(each), "hash": hasher.hash(each)} for each in derived],
+        }
 
-    def _section(self, title: str, message: Message, links: _Links) -> Section:
-        sizes = self._sizes.of(message)
-        prefix = f"{title.lower()}."
-        return Section(
-            title,
-            paragraphs(message.doc),
-            tuple(
-                links.row(prefix, each, value_text(each.default), each.unit or "") for each in message.fields
-            ),
-            tuple(links.row(prefix, each, value_text(each.value)) for each in message.constants),
-            _size_of(sizes),
-            tuple(
-                _bytes(member.name, size)
-                for member, size in zip(message.members, sizes.members, strict=True)
-                if message.fields
-            ),
-        )
+
+def _section(title: str, message: Message, sizes: MessageSize, links: _Links) -> dict[str, Any]:
+    prefix = f"{title.lower()}."
+    members = zip(message.members, sizes.members, strict=True) if message.fields else ()
+    return {
+        "title": title,
+        "doc": paragraphs(message.doc),
+        "fields": [
+            links.row(prefix, each, value_text(each.default), each.unit or "") for each in message.fields
+        ],
+        "constants": [links.row(prefix, each, value_text(each.value)) for each in message.constants],
+        "size": _size_of(sizes),
+        "bytes": [_bytes(member.name, size) for member, size in members],
+    }
 
 
 @frozen
 class _Links:
-    """Creates links to types; they are relative to the folder of the page."""
+    """Creates links to types, relative to the folder of a page: a word, its page or "", the text after it."""
 
     interfaces: Mapping[TypeName, Interface]
     root: str
     package: str
 
-    def row(self, prefix: str, declared: Field | Constant, value: str, unit: str = "") -> Row:
-        """Return the row of a field or a constant."""
-        doc = paragraphs(declared.doc)
-        type_ = self.type(declared.type)
-        return Row(f"{prefix}{declared.name}", declared.name, type_, value, visible(unit), doc)
+    def row(self, prefix: str, declared: Field | Constant, value: str, unit: str = "") -> dict[str, Any]:
+        """Return a field or a constant."""
+        type_ = type_text(declared.type, self.package)
+        name = type_.name if type_.name in self.interfaces else None
+        page = f"{self.root}{path_of(name)}" if name else ""
+        return {
+            "anchor": f"{prefix}{declared.name}",
+            "name": declared.name,
+            "type": {"word": type_.word, "page": page, "after": type_.suffix},
+            "value": value,
+            "unit": visible(unit),
+            "doc": paragraphs(declared.doc),
+        }
 
-    def type(self, type_: Type) -> Link:
-        """Return a type with a link to the message that it names, if any."""
-        spelled = type_text(type_, self.package)
-        if spelled.name is None or spelled.name not in self.interfaces:
-            return Link(spelled.word, "", spelled.suffix)
-        return Link(spelled.word, f"{self.root}{path_of(spelled.name)}", spelled.suffix)
-
-    def links(self, names: Collection[TypeName]) -> tuple[Link, ...]:
+    def links(self, names: Collection[TypeName]) -> list[dict[str, str]]:
         """Return links to interfaces, sorted by name."""
         known = sorted(name for name in names if name in self.interfaces)
-        return tuple(Link(str(name), f"{self.root}{path_of(name)}") for name in known)
+        return [{"word": str(name), "page": f"{self.root}{path_of(name)}", "after": ""} for name in known]
 
 
 def path_of(name: TypeName) -> str:
     """Return the path of the page of an interface."""
     return f"{name.package}/{name.kind}/{name.name}.html"
-
-
-def used_by(interfaces: Mapping[TypeName, Interface]) -> dict[TypeName, set[TypeName]]:
-    """Return, for each message, the interfaces with a field of its type in their definition."""
-    found: dict[TypeName, set[TypeName]] = {}
-    for name, interface in interfaces.items():
-        for message in sections_of(interface):
-            for member in message.fields:
-                element = element_of(member.type)
-                if isinstance(element, Named) and element.name in interfaces:
-                    found.setdefault(element.name, set()).add(name)
-    return found
 
 
 def _lines(source: Source) -> list[tuple[str, str]]:
@@ -208,12 +146,13 @@ def _size_of(size: MessageSize) -> str:
     return f"{size.min_size:,} to {_count(size.max_size)}"
 
 
-def _bytes(name: str, member: MemberSize) -> MemberBytes:
+def _bytes(name: str, member: MemberSize) -> dict[str, Any]:
+    """Return the offset and the size of a member."""
     offset = f"{member.offset:,}" if member.fixed else f"{member.offset:,} or later"
     low, high = member.min_size, member.max_size
     upper = "or more" if high is None else f"to {high:,}"
     size = f"{low:,}" if low == high else f"{low:,} {upper}"
-    return MemberBytes(name, offset, member.alignment, size)
+    return {"name": name, "offset": offset, "alignment": member.alignment, "size": size}
 
 
 def _count(count: int) -> str:

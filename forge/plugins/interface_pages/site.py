@@ -9,15 +9,15 @@ COLCON_IGNORE               excludes the folder from package discovery
 
 from __future__ import annotations
 
+import re
 from collections import defaultdict
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from forge.base.frozen import frozen
 from forge.base.templating import render
 from forge.interfaces.model import Catalog, File, sections_of
-from forge.interfaces.notation import KINDS, kind_of, visible
-from forge.plugins.interface_pages.pages import Pages, path_of
-from forge.plugins.interface_pages.text import Paragraph, paragraphs, summary
+from forge.interfaces.notation import KINDS, visible
+from forge.plugins.interface_pages.pages import pages, paragraphs, path_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from forge.interfaces.model import Interface, Message, Source, TypeName
 
 _TEMPLATES = "interface_pages/templates"
+_SENTENCE = re.compile(r"(.+?[.!?])(?:\s|$)")
+_LONGEST_SUMMARY = 160
 
 
 @frozen
@@ -34,36 +36,6 @@ class PackageInfo:
     version: str = ""
     description: str = ""
     origin: str = ""
-
-
-@frozen
-class InterfaceEntry:
-    """An interface in a list; `words` are additional search terms."""
-
-    name: TypeName
-    kind: str
-    page: str
-    summary: str
-    words: str
-
-
-@frozen
-class InterfaceGroup:
-    """The interfaces of one kind in a package."""
-
-    title: str
-    entries: tuple[InterfaceEntry, ...]
-
-
-@frozen
-class PackageEntry:
-    """A package in the list of packages, and its own page."""
-
-    name: str
-    about: PackageInfo
-    paragraphs: tuple[Paragraph, ...]
-    counts: str
-    groups: tuple[InterfaceGroup, ...]
 
 
 def site(catalogs: Iterable[Catalog], infos: Mapping[str, PackageInfo], title: str) -> Iterator[File]:
@@ -77,14 +49,12 @@ def site(catalogs: Iterable[Catalog], infos: Mapping[str, PackageInfo], title: s
     for name in catalog.interfaces:
         names[name.package].append(name)
     packages = [_package_entry(package, names[package], catalog, infos) for package in sorted(names)]
-    pages = Pages(catalog)
-    for name in catalog.interfaces:
-        page = pages.page(name)
-        text = render(f"{_TEMPLATES}/interface.html.j2", title=title, root=page.root, page=page)
-        yield File(path_of(name), text)
+    for page in pages(catalog):
+        text = render(f"{_TEMPLATES}/interface.html.j2", title=title, root=page["root"], page=page)
+        yield File(path_of(page["name"]), text)
     for package in packages:
         text = render(f"{_TEMPLATES}/package.html.j2", title=title, root="../", package=package)
-        yield File(f"{package.name}/index.html", text)
+        yield File(f"{package['name']}/index.html", text)
     yield File("style.css", render(f"{_TEMPLATES}/style.css.j2"))
     yield File("COLCON_IGNORE", "")
     yield File("search.js", render(f"{_TEMPLATES}/search.js.j2"))
@@ -107,29 +77,47 @@ def _merged(catalogs: Iterable[Catalog]) -> Catalog:
 
 def _package_entry(
     package: str, names: Iterable[TypeName], catalog: Catalog, infos: Mapping[str, PackageInfo]
-) -> PackageEntry:
-    kinds: dict[str, list[InterfaceEntry]] = {}
+) -> dict[str, Any]:
+    """Return the values of a package, in the list of packages and on its own page."""
+    kinds: dict[str, list[dict[str, Any]]] = {}
     for name in names:
         kinds.setdefault(name.kind, []).append(_entry(name, catalog.interfaces[name]))
     order = [*(kind for kind in KINDS if kind in kinds), *sorted(kinds.keys() - KINDS.keys())]
-    groups = tuple(InterfaceGroup(_title(kind), tuple(kinds[kind])) for kind in order)
+    groups = [
+        {
+            "title": KINDS[kind][1].capitalize() if kind in KINDS else f"In the folder {kind}",
+            "entries": kinds[kind],
+        }
+        for kind in order
+    ]
     counts = ", ".join(_plural(len(kinds[kind]), *KINDS.get(kind, (f"in '{kind}'",) * 2)) for kind in order)
     info = infos.get(package, PackageInfo())
     escaped = PackageInfo(visible(info.version), visible(info.description), visible(info.origin))
     description = paragraphs((" ".join(info.description.split()),))
-    return PackageEntry(package, escaped, description, counts, groups)
+    return {
+        "name": package,
+        "about": escaped,
+        "paragraphs": description,
+        "counts": counts,
+        "groups": groups,
+    }
 
 
-def _entry(name: TypeName, interface: Interface) -> InterfaceEntry:
+def _entry(name: TypeName, interface: Interface) -> dict[str, Any]:
+    """Return the values of an interface in a list; `words` are further search terms."""
     sections = sections_of(interface)
     fields = [member.name for message in sections for member in message.fields]
     words = dict.fromkeys([*fields, *(each.name for message in sections for each in message.constants)])
     text = next((text for message in sections if (text := summary(message.doc))), "")
-    return InterfaceEntry(name, kind_of(name), path_of(name), text, visible(" ".join(words)))
+    return {"name": name, "page": path_of(name), "summary": text, "words": visible(" ".join(words))}
 
 
-def _title(kind: str) -> str:
-    return KINDS[kind][1].capitalize() if kind in KINDS else f"In the folder {kind}"
+def summary(doc: Iterable[str]) -> str:
+    """Return the first sentence of a comment on one line; an empty text if there is no comment."""
+    first = next((" ".join(each.text.split()) for each in paragraphs(doc)), "")
+    sentence = _SENTENCE.match(first)
+    text = sentence[1] if sentence else first
+    return text if len(text) <= _LONGEST_SUMMARY else f"{text[:_LONGEST_SUMMARY].rstrip()} …"
 
 
 def _plural(count: int, word: str, several: str | None = None) -> str:

@@ -21,14 +21,6 @@ _WORD = "text"
 
 
 @frozen
-class Snippets:
-    """The same example in both languages."""
-
-    python: str
-    cpp: str
-
-
-@frozen
 class _Leaf:
     """A member to assign: its path, and a value in each language."""
 
@@ -37,8 +29,8 @@ class _Leaf:
     cpp: str
 
 
-def snippets(interface: Interface, known: Mapping[TypeName, Message]) -> Snippets:
-    """Return the examples for an interface; `known` contains all nested messages."""
+def snippets(interface: Interface, known: Mapping[TypeName, Message]) -> dict[str, str]:
+    """Return the example for an interface in both languages; `known` contains all nested messages."""
     name = interface.name
     python = [f"from {name.package}.{name.kind} import {name.name}", ""]
     cpp = [f'#include "{name.package}/{name.kind}/{snake_case(name.name)}.hpp"', ""]
@@ -50,7 +42,7 @@ def snippets(interface: Interface, known: Mapping[TypeName, Message]) -> Snippet
         ]
         type_ = f"{name.package}::{name.kind}::{name.name}{part.replace('.', '::')}"
         cpp += [f"{type_} {variable};", *(f"{variable}.{each.path} = {each.cpp};" for each in leaves)]
-    return Snippets("\n".join(python) + "\n", "\n".join(cpp) + "\n")
+    return {"python": "\n".join(python) + "\n", "cpp": "\n".join(cpp) + "\n"}
 
 
 def _variables(interface: Interface) -> Iterator[tuple[str, str, Message]]:
