@@ -83,12 +83,8 @@ class Location:
     source: str | None = None
 
     def __str__(self) -> str:
-        parts = [str(self.path)]
-        if self.line is not None:
-            parts.append(str(self.line))
-            if self.column is not None:
-                parts.append(str(self.column))
-        return ":".join(parts)
+        column = None if self.line is None else self.column
+        return ":".join(str(part) for part in (self.path, self.line, column) if part is not None)
 
 
 @frozen
@@ -123,7 +119,12 @@ class Problem:
         where = f"{self.location}: ".translate(_INVISIBLE) if self.location else ""
         lines = [f"{where}{palette.paint(severity, severity + ':')} {self.message.translate(_INVISIBLE)}"]
         if self.location and self.location.source is not None:
-            source, column = _window(self.location.source, self.location.column)
+            source, column = self.location.source, self.location.column
+            if len(source) > _MAX_WIDTH:
+                start = max(0, (column or 1) - _MAX_WIDTH // 2)
+                before = "..." if start else ""
+                source = f"{before}{source[start : start + _MAX_WIDTH]}..."
+                column = None if column is None else column - start + len(before)
             lines.append(f"    {source.translate(_INVISIBLE)}")
             if column is not None:
                 indent = "".join("\t" if sign == "\t" else " " for sign in source[: column - 1])
@@ -249,11 +250,3 @@ def problem_from_oserror(error: OSError) -> Problem | None:
     path = (error.errno in _FOR_WRITING and error.filename2) or error.filename
     message = f"cannot read or write '{path or 'a file'}': {reason}"
     return Problem(message, hint=_HINTS[error.errno])
-
-
-def _window(source: str, column: int | None) -> tuple[str, int | None]:
-    if len(source) <= _MAX_WIDTH:
-        return source, column
-    start = max(0, (column or 1) - _MAX_WIDTH // 2)
-    shown = f"{'...' if start else ''}{source[start : start + _MAX_WIDTH]}..."
-    return shown, None if column is None else column - start + (3 if start else 0)

@@ -8,7 +8,6 @@ import os
 import re
 import shutil
 import stat
-import sys
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -56,23 +55,22 @@ def read_file(path: str | Path) -> bytes:
 
 def open_regular(path: str, flags: int) -> int:
     """Return a descriptor of a regular file, for open(); raises NotRegularFileError for other files."""
+
+    def require_regular(status: os.stat_result) -> None:
+        if stat.S_ISDIR(status.st_mode):
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), path)
+        if reason := not_regular_reason(path, status):
+            raise NotRegularFileError(path, reason)
+
     # Check before opening, because opening some devices has side effects.
-    _require_regular(path, os.stat(path))
+    require_regular(os.stat(path))
     descriptor = os.open(path, flags | os.O_CLOEXEC | os.O_NONBLOCK)
     try:
-        _require_regular(path, os.fstat(descriptor))
+        require_regular(os.fstat(descriptor))
     except OSError:
         os.close(descriptor)
         raise
     return descriptor
-
-
-def _require_regular(path: str, status: os.stat_result) -> None:
-    if stat.S_ISDIR(status.st_mode):
-        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
-    problem = not_regular_reason(path, status)
-    if problem:
-        raise NotRegularFileError(str(path), problem)
 
 
 def read_text(path: str | Path, errors: str = "replace") -> str:
@@ -201,33 +199,25 @@ def mount_points() -> Iterator[str]:
             yield os.fsdecode(re.sub(rb"\\(\d{3})", lambda match: bytes([int(match[1], 8)]), escaped))
 
 
-def mount_below(path: str | Path) -> str:
-    """Return a mount point in a folder, '' if there is none."""
-    folder = os.path.realpath(path)
-    return next((point for point in mount_points() if point.startswith(f"{folder}/")), "")
+def mounts_below(folder: str) -> Iterator[str]:
+    """Yield the mount points at or below a folder, as paths that begin with `folder` as given."""
+    real = os.path.realpath(folder)
+    for point in sorted(mount_points()):
+        if point == real or point.startswith(f"{real.rstrip('/')}/"):
+            yield folder + point[len(real) :]
 
 
 def delete_tree(path: str | Path) -> None:
-    """Remove a folder recursively like shutil.rmtree, but with the full path in errors instead of a name.
+    """Remove a folder recursively; raises OSError with the full path of what cannot be removed.
 
-    Raises OSError before anything is removed if a file system is mounted below.
+    Nothing is removed if a file system is mounted there or below, or if the folder is a link.
     """
-    mounted = mount_below(path)
-    if mounted:
+    folder = os.fspath(path)
+    if mounted := next(mounts_below(folder), None):
         raise OSError(errno.EBUSY, os.strerror(errno.EBUSY), mounted)
-
-    def fail(
-        _function: object, failed: str, error: BaseException | tuple[object, BaseException, object]
-    ) -> None:
-        reason = error[1] if isinstance(error, tuple) else error
-        if isinstance(reason, OSError):
-            reason.filename = failed
-        raise reason
-
-    if sys.version_info >= (3, 12):
-        shutil.rmtree(path, onexc=fail)
-    else:
-        shutil.rmtree(path, onerror=fail)
+    if os.path.islink(folder):
+        raise OSError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), folder)
+    remove_folder(folder)
 
 
 def remove_tree(path: str) -> None:
@@ -240,22 +230,18 @@ def remove_tree(path: str) -> None:
         with contextlib.suppress(OSError):  # already empty
             os.rmdir(path)
             return
-        if mount_below(path):
+        if any(mounts_below(path)):
             return
         shutil.rmtree(path, ignore_errors=True)
-        if os.path.isdir(path):
-            _make_writable(path)
+        if os.path.isdir(path):  # contains folders that are not writable
+            with contextlib.suppress(OSError):
+                os.chmod(path, stat.S_IRWXU)
+            for folder, names, _ in os.walk(path):
+                for below in (f"{folder}/{name}" for name in names):
+                    if not os.path.islink(below):
+                        with contextlib.suppress(OSError):
+                            os.chmod(below, stat.S_IRWXU)
             shutil.rmtree(path, ignore_errors=True)
-
-
-def _make_writable(root: str) -> None:
-    with contextlib.suppress(OSError):
-        os.chmod(root, stat.S_IRWXU)
-    for folder, names, _ in os.walk(root):
-        for path in (f"{folder}/{name}" for name in names):
-            if not os.path.islink(path):
-                with contextlib.suppress(OSError):
-                    os.chmod(path, stat.S_IRWXU)
 
 
 def remove_drafts(root: Path) -> None:
@@ -300,23 +286,10 @@ def write_if_changed(path: Path, text: str, *, mode: int | None = None) -> bool:
 
     Surrogate escapes in file names are converted back to their original bytes.
     """
-    content = text.encode(errors="surrogateescape")
-    try:
-        same = not path.is_symlink() and path.read_bytes() == content
-        if same and (mode is None or path.stat().st_mode & 0o777 == mode):
-            return False
-    except OSError:
-        pass
-    replace_file(path, content, mode=mode)
+    if has_text(path, text) and (mode is None or path.stat().st_mode & 0o777 == mode):
+        return False
+    replace_file(path, text.encode(errors="surrogateescape"), mode=mode)
     return True
-
-
-def mounts_below(folder: str) -> Iterator[str]:
-    """Yield the mount points at or below a folder, as paths that begin with `folder` as given."""
-    real = os.path.realpath(folder)
-    for point in sorted(mount_points()):
-        if point == real or point.startswith(f"{real.rstrip('/')}/"):
-            yield folder + point[len(real) :]
 
 
 def remove_folder(folder: str, last: str = "") -> None:
@@ -325,26 +298,25 @@ def remove_folder(folder: str, last: str = "") -> None:
     The entry named `last` is removed last, and only if the folder itself can be removed. Raises OSError.
     """
     mounts = set(mounts_below(folder))
-    _remove(folder, mounts, {parent for mount in mounts for parent in _parents(mount, folder)}, last)
+    kept: set[str] = set()
+    for mount in mounts:
+        while mount != folder:
+            mount = os.path.dirname(mount)
+            kept.add(mount)
 
-
-def _remove(folder: str, mounts: set[str], above: set[str], last: str = "") -> None:
-    if folder in mounts:
-        return
-    with os.scandir(folder) as iterator:
-        entries = sorted(iterator, key=lambda entry: entry.name == last)
-    for entry in entries:
-        if entry.name == last and folder in above:
+    def remove(at: str, last: str = "") -> None:
+        if at in mounts:
             return
-        if entry.is_dir(follow_symlinks=False):
-            _remove(entry.path, mounts, above)
-        else:
-            os.unlink(entry.path)
-    if folder not in above:
-        os.rmdir(folder)
+        with os.scandir(at) as iterator:
+            entries = sorted(iterator, key=lambda entry: entry.name == last)
+        for entry in entries:
+            if entry.name == last and at in kept:
+                return
+            if entry.is_dir(follow_symlinks=False):
+                remove(entry.path)
+            else:
+                os.unlink(entry.path)
+        if at not in kept:
+            os.rmdir(at)
 
-
-def _parents(path: str, top: str) -> Iterator[str]:
-    while path != top and path.startswith(top):
-        path = os.path.dirname(path)
-        yield path
+    remove(folder, last)

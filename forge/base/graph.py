@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Set
 from itertools import compress
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from forge.base.errors import Problem, WorkspaceError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Mapping
 
 
 _BITS = bytes.maketrans(b"01", b"\0\1")
@@ -20,12 +20,8 @@ def ordered_names(needs: Mapping[str, frozenset[str]]) -> tuple[str, ...]:
     ordered = order(needs)
     if ordered is None:
         cycle = find_cycle(needs) or ()
-        raise WorkspaceError(
-            Problem(
-                f"dependency cycle: {' -> '.join(cycle)}",
-                hint="remove one of these dependencies from its package.xml",
-            )
-        )
+        hint = "remove one of these dependencies from its package.xml"
+        raise WorkspaceError(Problem(f"dependency cycle: {' -> '.join(cycle)}", hint=hint))
     return ordered
 
 
@@ -35,9 +31,7 @@ def order(needs: Mapping[str, frozenset[str]]) -> tuple[str, ...] | None:
     As in colcon: names without open dependencies form a layer, sorted by name; then follows the next layer.
     Dependencies that are not keys of the graph are ignored.
     """
-    open_needs = {
-        name: {need for need in dependencies if need in needs} for name, dependencies in needs.items()
-    }
+    open_needs = {name: set(dependencies) & needs.keys() for name, dependencies in needs.items()}
     dependents = reverse(needs)
     layer = sorted(name for name, dependencies in open_needs.items() if not dependencies)
     ordered: list[str] = []
@@ -75,78 +69,59 @@ def closure(needs: Mapping[str, frozenset[str]], names: Iterable[str]) -> frozen
     return frozenset(found)
 
 
-class RecursiveDependencies(Collection[str]):
-    """The recursive dependencies of each name, computed on demand.
+class RecursiveDependencies(Set[str]):
+    """The recursive dependencies of a name, in topological order.
 
-    Each set is stored as an integer whose bits are positions in the topological order; stored as sets, a
-    chain of thousands of packages would take millions of entries.
+    The set is an integer whose bits are positions in the topological order; as Python sets, the dependencies
+    of a chain of thousands of packages would take millions of entries.
     """
 
-    __slots__ = ("_bits", "_ordered")
+    __slots__ = ("bits", "place")
 
-    def __init__(self, ordered: tuple[str, ...], bits: int) -> None:
-        """`bits` is a number whose bits are positions in the shared order."""
-        self._ordered = ordered
-        self._bits = bits
+    def __init__(self, place: Mapping[str, int], bits: int) -> None:
+        """`place` has the position of each name of the graph, in topological order."""
+        self.place = place
+        self.bits = bits
 
     def __iter__(self) -> Iterator[str]:
-        return compress(self._ordered, f"{self._bits:b}"[::-1].encode().translate(_BITS))
+        return compress(self.place, f"{self.bits:b}"[::-1].encode().translate(_BITS))
 
     def __len__(self) -> int:
-        return self._bits.bit_count()
+        return self.bits.bit_count()
 
     def __contains__(self, name: object) -> bool:
-        return any(name == other for other in self)
+        place = self.place.get(name) if isinstance(name, str) else None
+        return place is not None and bool(self.bits >> place & 1)
+
+    @classmethod
+    def _from_iterable(cls, names: Iterable[Any]) -> frozenset[Any]:
+        """Return the result of set operations."""
+        return frozenset(names)
 
 
-class TransitiveClosure(Mapping[str, frozenset[str]]):
-    """The recursive dependencies of all names, without the name itself."""
-
-    def __init__(self, needs: Mapping[str, frozenset[str]], ordered: Iterable[str]) -> None:
-        self._ordered = tuple(ordered)
-        place = {name: number for number, name in enumerate(self._ordered)}
-        self._bits: dict[str, int] = {}
-        for name in self._ordered:
-            bits = 0
-            for need in needs[name]:
-                if need in place:
-                    bits |= self._bits[need] | 1 << place[need]
-            self._bits[name] = bits
-
-    def __getitem__(self, name: str) -> frozenset[str]:
-        return frozenset(self.below(name))
-
-    def below(self, name: str) -> RecursiveDependencies:
-        """Return the recursive dependencies of a name in topological order; raises KeyError."""
-        return RecursiveDependencies(self._ordered, self._bits[name])
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._ordered)
-
-    def __len__(self) -> int:
-        return len(self._ordered)
+def closures(needs: Mapping[str, Iterable[str]], ordered: Iterable[str]) -> dict[str, RecursiveDependencies]:
+    """Return the recursive dependencies of each name of a topological order, without the name itself."""
+    place = {name: number for number, name in enumerate(ordered)}
+    found: dict[str, RecursiveDependencies] = {}
+    for name in place:
+        bits = 0
+        for need in needs[name]:
+            if need in place:
+                bits |= found[need].bits | 1 << place[need]
+        found[name] = RecursiveDependencies(place, bits)
+    return found
 
 
-def closures(needs: Mapping[str, frozenset[str]], ordered: Iterable[str]) -> TransitiveClosure:
-    """Return the recursive dependencies of each name of a topological order."""
-    return TransitiveClosure(needs, ordered)
-
-
-def reduced(needs: Mapping[str, Iterable[str]], ordered: Sequence[str]) -> dict[str, tuple[str, ...]]:
-    """Return the transitive reduction for the names of a topological order.
-
-    Sets are stored as integers, which is a hundred times as fast for a thousand packages.
-    """
-    place = {name: index for index, name in enumerate(ordered)}
-    below: list[int] = []
+def reduced(needs: Mapping[str, Iterable[str]], ordered: Iterable[str]) -> dict[str, tuple[str, ...]]:
+    """Return the transitive reduction for the names of a topological order."""
+    below = closures(needs, ordered)
     reduction: dict[str, tuple[str, ...]] = {}
-    for name in ordered:
+    for name, recursive in below.items():
         implied, direct = 0, []
-        for index in sorted((place[need] for need in needs[name] if need in place), reverse=True):
-            if not implied >> index & 1:
-                direct.append(ordered[index])
-                implied |= below[index]
-        below.append(implied | 1 << place[name])
+        for need in sorted(set(needs[name]) & recursive, key=recursive.place.__getitem__, reverse=True):
+            if not implied >> recursive.place[need] & 1:
+                direct.append(need)
+                implied |= below[need].bits
         reduction[name] = tuple(reversed(direct))
     return reduction
 

@@ -20,7 +20,20 @@ _PIPX_METADATA = "pipx_metadata.json"
 
 def extra_command(extra: str) -> str:
     """Return the shell command that installs the packages of an extra beside forge."""
-    return install_beside_forge(*_requirements_of(extra))
+    from importlib.metadata import PackageNotFoundError, requires
+
+    from packaging.requirements import Requirement
+
+    try:
+        declared = [Requirement(text) for text in requires(_NAME) or ()]
+    except PackageNotFoundError:
+        return install_beside_forge(f"{_NAME}[{extra}]")
+    of_extra = (
+        each
+        for each in declared
+        if each.marker and each.marker.evaluate({"extra": extra}) and not each.marker.evaluate({"extra": ""})
+    )
+    return install_beside_forge(*(f"{each.name}{each.specifier}" for each in of_extra))
 
 
 def install_beside_forge(*requirements: str, prefix: Path | None = None) -> str:
@@ -46,32 +59,11 @@ def has_no_pip(environment: Path) -> bool:
     return by_uv and not any(environment.glob("lib/python*/site-packages/pip"))
 
 
-def _requirements_of(extra: str) -> tuple[str, ...]:
-    from importlib.metadata import PackageNotFoundError, requires
-
-    from packaging.requirements import Requirement
-
-    try:
-        declared = [Requirement(text) for text in requires(_NAME) or ()]
-    except PackageNotFoundError:
-        return (f"{_NAME}[{extra}]",)
-    return tuple(
-        f"{requirement.name}{requirement.specifier}"
-        for requirement in declared
-        if requirement.marker is not None
-        and requirement.marker.evaluate({"extra": extra})
-        and not requirement.marker.evaluate({"extra": ""})
-    )
-
-
 def _uv_arguments(receipt: Path, requirements: tuple[str, ...]) -> Iterator[str]:
     tool = read_toml(receipt.read_bytes(), receipt).get("tool", {})
     entries = tool.get("requirements", [])
     earlier_requirements = [_uv_requirement(entry) for entry in entries if entry.get("name") != _NAME]
-    for requirement in (
-        *earlier_requirements,
-        *(each for each in requirements if each not in earlier_requirements),
-    ):
+    for requirement in dict.fromkeys((*earlier_requirements, *requirements)):
         yield from ("--with", requirement)
     for entry in entries:
         if entry.get("name") == _NAME:

@@ -74,7 +74,7 @@ def make_plan(
     )
     tasks: dict[str, Task] = {}
     for name in names:
-        needs = closed.below(name)
+        needs = closed[name]
         package = resolution.packages[name]
         need_hashes = hashes.needs_of(name, needs)
         inputs = _inputs(package, need_hashes or (), snapshot, context, global_inputs)
@@ -244,7 +244,7 @@ def _replacing(earlier: tuple[str, ...], steps: tuple[Step, ...]) -> tuple[Step,
 def _not_installed(
     names: Sequence[str],
     resolution: DependencyResolution,
-    below: Mapping[str, frozenset[str]],
+    below: Mapping[str, Collection[str]],
     snapshot: Snapshot,
 ) -> Iterable[Problem]:
     """Yield a problem for each selected package with a dependency that is neither installed nor planned."""

@@ -136,4 +136,4 @@ def _weights(
     for name in backwards:
         longest = max((chain[dependent] for dependent in dependents[name]), default=0.0)
         chain[name] = longest + seconds.get(name, typical)
-    return {name: (chain[name], len(waiting.below(name))) for name in dependents}
+    return {name: (chain[name], len(waiting[name])) for name in dependents}

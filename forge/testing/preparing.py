@@ -71,7 +71,7 @@ def needs_of_tests(names: Sequence[str], loaded: LoadedWorkspace) -> dict[str, t
     seen = {}
     for name in names:
         later = loaded.resolution.postponed.get(name, frozenset())
-        wanted = below[name].union(later, *(below[other] for other in later)) - {name}
+        wanted = frozenset(below[name]).union(later, *(below[other] for other in later)) - {name}
         seen[name] = (*sorted(wanted, key=position.__getitem__), name)
     return seen
 

@@ -12,7 +12,7 @@ from forge.workspace.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS
 from forge.workspace.selection import name_of
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence, Set
     from pathlib import Path
 
     from forge.workspace.model import Package
@@ -169,7 +169,7 @@ def _indirect(
     node: str,
     nodes: frozenset[str],
     known: set[tuple[str, str]],
-    below: Mapping[str, frozenset[str]],
+    below: Mapping[str, Set[str]],
 ) -> Iterator[_Edge]:
     found: dict[str, set[str]] = {}
     for need in sorted(chart.needs[node] - nodes):
