@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 from forge.base.frozen import frozen
 from forge.interfaces.model import Array, Element, Named, Primitive, Sequence, String, Type, TypeName, Value
@@ -19,6 +20,10 @@ _REPLACEMENTS = {
     ),
 }
 """Visible symbols for control characters, including line separators and bidirectional ones."""
+
+
+BIDI_CONTROLS = re.compile("[\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069]")
+"""Bidirectional control characters, which make code look different from what it does (CVE-2021-42574)."""
 
 
 @frozen

@@ -8,7 +8,7 @@ import struct
 from collections.abc import Sequence as Items
 
 from forge.interfaces.model import Array, Element, Named, Primitive, Sequence, String, Type, TypeName, Value
-from forge.interfaces.read.comments import BIDI_CONTROLS
+from forge.interfaces.notation import BIDI_CONTROLS
 
 _ARITHMETIC = {
     "boolean": "bool",

@@ -3,18 +3,39 @@
 from __future__ import annotations
 
 import re
+import textwrap
 from bisect import bisect_right
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cache
+from itertools import islice
 from pathlib import PurePosixPath
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, cast
 
 from forge.base.errors import InterfaceError, Location, Problem, raise_if_any
-from forge.interfaces.idl.structures import StructureReader
-from forge.interfaces.model import Action, Interface, Message, Service, Source, TypeName
+from forge.base.names import did_you_mean, python_attribute
+from forge.interfaces.idl.values import Expression, read_expression, read_size, value_of
+from forge.interfaces.model import (
+    HIDDEN_MEMBER,
+    Action,
+    Array,
+    Constant,
+    Field,
+    Interface,
+    Message,
+    Named,
+    Primitive,
+    Sequence,
+    Service,
+    Source,
+    String,
+    Type,
+    TypeName,
+    Value,
+)
+from forge.interfaces.read.declarations import check_keyword
 from forge.interfaces.read.errors import ParseError
-from forge.interfaces.read.keywords import check_keyword
 
 if TYPE_CHECKING:
     from lark import Lark, Token, Tree
@@ -25,14 +46,12 @@ _SECTIONS = {2: ("_Request", "_Response"), 3: ("_Goal", "_Result", "_Feedback")}
 _DEPTH = 2
 """The number of modules around a struct: the package and the namespace."""
 
-_DEEPEST = 60
-"""The maximum nesting of the syntax tree, far beyond that of any real definition."""
-
-_UNUSED = """
+_UNSUPPORTED = frozenset(
+    """
     abstract any bitfield bitmask bitset exception fixed import interface local map native switch
     typeid typeprefix union valuetype void
-"""
-_UNSUPPORTED = frozenset(_UNUSED.split())
+    """.split()
+)
 """Keywords of OMG IDL 4.2 that ROS does not support."""
 
 _EXPLANATIONS: dict[str, tuple[str, str | None]] = {
@@ -54,6 +73,21 @@ _EXPECTED = {
     "NAME": "a name",
     "EQUAL": "'='",
 }
+
+_ALIASES = {
+    "short": "int16",
+    "long": "int32",
+    "long long": "int64",
+    "unsigned short": "uint16",
+    "unsigned long": "uint32",
+    "unsigned long long": "uint64",
+}
+_NAME_PARTS = 3
+_CANDIDATES = 100
+"""The maximum number of types to compare with an unknown one, for the hint."""
+
+Annotations = dict[str, list[dict[str, Expression]]]
+"""The parameters of annotations by name; the parameter of '@name(value)' has the name ''."""
 
 
 def parse_idl(source: Source) -> Interface:
@@ -79,12 +113,11 @@ def read_idl(source: Source) -> FileReader:
         tree = _parser().parse(text)
     except UnexpectedInput as error:
         raise InterfaceError(reader.problem(_explained(error, text))) from None
-    deep = _too_deep(tree)
-    if deep is not None:
-        raise InterfaceError(
-            reader.problem(ParseError("this is nested too deeply", offset=deep.start_pos or 0))
-        )
-    reader.read(tree)
+    try:
+        reader.read(tree)
+    except RecursionError:
+        place = Location(str(source.path))
+        raise InterfaceError(Problem("a type or expression is nested too deeply", place)) from None
     return reader
 
 
@@ -93,24 +126,6 @@ def _parser() -> Lark:
     from lark import Lark
 
     return Lark.open("grammar.lark", rel_to=__file__, parser="lalr")
-
-
-def _too_deep(tree: Tree[Token]) -> Token | None:
-    """Return a token that is nested too deeply, if any; modules are checked later."""
-    layer: list[Any] = []
-    waiting: list[Any] = [tree]
-    while waiting:
-        node = waiting.pop()
-        inside = waiting if getattr(node, "data", "") in {"start", "definition", "module"} else layer
-        inside += node.children if inside is waiting else [node]
-    depth = 0
-    while layer:
-        words = (node for node in layer if not hasattr(node, "children"))
-        if depth > _DEEPEST and (word := next(words, None)):
-            return cast("Token", word)
-        layer = [child for node in layer for child in getattr(node, "children", ())]
-        depth += 1
-    return None
 
 
 def _explained(error: UnexpectedInput, text: str) -> ParseError:
@@ -152,33 +167,46 @@ class FileReader:
     """The paths of #include directives, in quotes or angle brackets."""
     modules: list[Token] = field(default_factory=list)
     """The names of modules."""
+    _types: dict[str, Type] = field(default_factory=dict)
+    _constants: dict[tuple[str, ...], list[tuple[Tree[Token], list[Tree[Token]]]]] = field(
+        default_factory=dict
+    )
     _messages: list[Message] = field(default_factory=list)
     _starts: list[int] = field(default_factory=list)
     """The offset of each line, computed on first use."""
 
     def read(self, tree: Tree[Token]) -> None:
         """Read all structs, with their constants and types."""
-        structures = StructureReader(self.report, self.place, self.warn)
         structs: list[tuple[tuple[Token, ...], Tree[Token], list[Tree[Token]]]] = []
         for path, notes, definition in self._definitions(tree.children, ()):
             match definition.data:
                 case "struct":
                     structs.append((path, definition, notes))
                 case "typedef":
-                    structures.add_typedef(definition)
+                    with self._reporting():
+                        self._add_typedef(definition)
                 case "constant":
-                    structures.add_constant(path, definition, notes)
+                    # It is read if its module is that of the constants of a struct.
+                    self._constants.setdefault(tuple(map(str, path)), []).append((definition, notes))
                 case _:
                     pass
         for path, definition, notes in structs:
-            word = cast("Token", definition.children[0])
+            word = _token(definition)
             name = self._name(path, word)
             self.structs.append((word, name))
-            self._messages.append(structures.message(name, definition, notes))
-        self.references += structures.references
-        self.typedefs += structures.typedefs
-        self.aliases += structures.aliases
-        self._check_number([definition for _, definition, _ in structs])
+            self._messages.append(self._message(name, definition, notes))
+        words = [word for word, _ in self.structs]
+        if not self.has_interface():
+            message = f"expected 1 struct (a message), 2 (a service) or 3 (an action), found {len(words)}"
+            self.problems.append(Problem(message, Location(str(self.source.path))))
+            return
+        stem = PurePosixPath(self.source.relative).stem
+        for word, suffix in zip(words, _SECTIONS.get(len(words), ("",)), strict=True):
+            if word != stem + suffix:
+                message = f"the name of struct '{word}' does not match the file"
+                self._report(message, word, f"rename it to '{stem}{suffix}'")
+        if len({message.name.kind for message in self._messages}) > 1:
+            self._report("all structs of a file must be in one module", words[1])
 
     def has_interface(self) -> bool:
         """Tell whether the number of structs is that of a message, a service or an action."""
@@ -208,29 +236,37 @@ class FileReader:
         return Location(str(self.source.path), number, offset - start + 1, line)
 
     def problem(self, error: ParseError) -> Problem:
+        """Return the problem of an error in the text."""
         return Problem(error.message, self.place(error.offset), error.hint)
 
-    def report(self, error: ParseError) -> None:
-        self.problems.append(self.problem(error))
+    @contextmanager
+    def _reporting(self) -> Iterator[None]:
+        """Report a ParseError and continue after the block."""
+        try:
+            yield
+        except ParseError as error:
+            self.problems.append(self.problem(error))
 
-    def warn(self, error: ParseError) -> None:
-        self.warnings.append(self.problem(error))
+    def _report(self, message: str, at: Token, hint: str | None = None) -> None:
+        self.problems.append(self.problem(ParseError(message, offset=_start(at), hint=hint)))
+
+    def _warn(self, text: str, offset: int) -> None:
+        self.warnings.append(self.problem(ParseError(text, offset=offset)))
 
     def _definitions(
         self, children: Iterable[object], path: tuple[Token, ...]
     ) -> Iterator[tuple[tuple[Token, ...], list[Tree[Token]], Tree[Token]]]:
         for child in cast("Iterable[Tree[Token]]", children):
             if child.data != "definition":
-                self.includes.append(cast("Token", child.children[0]))
+                self.includes.append(_token(child))
                 continue
             *annotations, definition = cast("list[Tree[Token]]", child.children)
             if definition.data != "module":
                 yield path, annotations, definition
             elif len(path) > _DEPTH:
-                offset = cast("Token", definition.children[0]).start_pos or 0
-                self.report(ParseError("modules are nested too deeply", offset=offset))
+                self._report("modules are nested too deeply", _token(definition))
             else:
-                name = cast("Token", definition.children[0])
+                name = _token(definition)
                 self.modules.append(name)
                 yield from self._definitions(definition.children[1:], (*path, name))
 
@@ -238,38 +274,201 @@ class FileReader:
         if len(path) != _DEPTH:
             message = f"a struct must be inside {_DEPTH} modules: the package and a namespace"
             hint = f"module {self.source.package} {{ module msg {{ struct {name} {{ ... }}; }}; }};"
-            self.report(ParseError(message, offset=name.start_pos or 0, hint=hint))
+            self._report(message, name, hint)
             return TypeName(self.source.package, "msg", str(name))
         package, kind = path
         if package != self.source.package:
             message = f"the module is '{package}', but the package is '{self.source.package}'"
-            self.report(ParseError(message, offset=package.start_pos or 0))
-        self._check_keyword(kind, "module")
-        self._check_keyword(name, "struct")
+            self._report(message, package)
+        for token, what in ((kind, "module"), (name, "struct")):
+            with self._reporting():
+                check_keyword(str(token), _start(token), what)
         return TypeName(self.source.package, str(kind), str(name))
 
-    def _check_keyword(self, token: Token, what: str) -> None:
-        try:
-            check_keyword(str(token), token.start_pos or 0, what)
-        except ParseError as error:
-            self.report(error)
+    def _add_typedef(self, tree: Tree[Token]) -> None:
+        type_tree, declarator = _subtrees(tree)
+        name = _token(declarator)
+        self.typedefs.append(name)
+        type_ = self._declared(self._type(type_tree), declarator)
+        if self._types.setdefault(str(name), type_) != type_:
+            raise ParseError(f"'{name}' is already defined as another type", offset=_start(name))
 
-    def _check_number(self, structs: list[Tree[Token]]) -> None:
-        stem = PurePosixPath(self.source.relative).stem
-        names = [cast("Token", struct.children[0]) for struct in structs]
-        if not self.has_interface():
-            message = f"expected 1 struct (a message), 2 (a service) or 3 (an action), found {len(names)}"
-            self.problems.append(Problem(message, Location(str(self.source.path))))
-            return
-        for name, suffix in zip(names, _SECTIONS.get(len(names), ("",)), strict=True):
-            if name != stem + suffix:
-                hint = f"rename it to '{stem}{suffix}'"
-                error = ParseError(
-                    f"the name of struct '{name}' does not match the file",
-                    offset=name.start_pos or 0,
-                    hint=hint,
-                )
-                self.report(error)
-        if len({message.name.kind for message in self._messages}) > 1:
-            error = ParseError("all structs of a file must be in one module", offset=names[1].start_pos or 0)
-            self.report(error)
+    def _message(self, name: TypeName, tree: Tree[Token], annotations: list[Tree[Token]]) -> Message:
+        """Convert a struct to a message, without invalid members."""
+        constants: dict[str, Constant] = {}
+        for constant in self._constants.get((name.package, name.kind, f"{name.name}_Constants"), []):
+            with self._reporting():
+                self._add_constant(*constant, constants)
+        fields: dict[str, Field] = {}
+        for member in _subtrees(tree):
+            if member.data == "member":
+                with self._reporting():
+                    self._add_members(member, fields, constants)
+        if list(fields) == [HIDDEN_MEMBER]:
+            fields.clear()
+        doc = _documentation(self._annotations(annotations))
+        return Message(name, tuple(fields.values()), tuple(constants.values()), doc)
+
+    def _add_constant(
+        self, tree: Tree[Token], annotations: list[Tree[Token]], constants: dict[str, Constant]
+    ) -> None:
+        type_tree, expression = _subtrees(tree)
+        name = cast("Token", tree.children[1])
+        _check_name(name, "constant", constants)
+        type_ = self._type(type_tree)
+        if not (isinstance(type_, Primitive) or (isinstance(type_, String) and type_.bound is None)):
+            hint = "a constant must be a number, a boolean or an unbounded string"
+            raise ParseError(f"constant '{name}' cannot be of this type", offset=_start(name), hint=hint)
+        value = value_of(read_expression(expression), type_)
+        doc = _documentation(self._annotations(annotations))
+        constants[str(name)] = Constant(str(name), type_, value, doc, self.place(_start(name)))
+
+    def _add_members(
+        self, tree: Tree[Token], fields: dict[str, Field], constants: dict[str, Constant]
+    ) -> None:
+        parts = _subtrees(tree)
+        split = next(number for number, part in enumerate(parts) if part.data != "annotation")
+        annotations = self._annotations(parts[:split])
+        declarators = parts[split + 1 :]
+        base = self._type(parts[split])
+        if len({len(declarator.children) for declarator in declarators}) > 1:
+            offset = _start(_token(declarators[1]))
+            self._warn("rosidl before Rolling declares all of these as arrays", offset)
+        for declarator in declarators:
+            name = _token(declarator)
+            with self._reporting():
+                _check_name(name, "field", fields, constants)
+                type_ = self._declared(base, declarator)
+                default = self._default(annotations, type_)
+                doc, unit = _documentation(annotations), _unit(annotations)
+                place = self.place(_start(name))
+                fields[str(name)] = Field(str(name), type_, default, doc, unit, place)
+
+    def _type(self, tree: Tree[Token]) -> Type:
+        match tree.data:
+            case "basic":
+                words = " ".join(map(str, tree.children))
+                return Primitive(_ALIASES.get(words, words))
+            case "text":
+                bound = cast("Tree[Token] | None", tree.children[1])
+                return String(tree.children[0] == "wstring", read_size(bound) if bound else None)
+            case "sequence":
+                return self._sequence(*cast("list[Tree[Token]]", tree.children))
+            case _:
+                return self._named(cast("list[Token]", cast("Tree[Token]", tree.children[0]).children))
+
+    def _sequence(self, element: Tree[Token], size: Tree[Token] | None) -> Sequence:
+        of = self._type(element)
+        offset = _start(next(element.scan_values(lambda _: True)))
+        if isinstance(of, Array | Sequence):
+            hint = "define a struct for the inner one"
+            raise ParseError("sequences of arrays or sequences are not supported", offset=offset, hint=hint)
+        if isinstance(of, String) and of.wide and of.bound is not None and size is None:
+            message = (
+                f"rosidl reads 'sequence<wstring<{of.bound}>>' as a sequence of at most {of.bound} elements"
+            )
+            raise ParseError(message, offset=offset, hint="give a bound, or use plain wstring")
+        return Sequence(of, read_size(size) if size else None)
+
+    def _named(self, names: list[Token]) -> Type:
+        written = "::".join(map(str, names))
+        offset = _start(names[0])
+        if len(names) == _NAME_PARTS:
+            name = TypeName(*map(str, names))
+            self.references.append((names[0], names[-1], name))
+            return Named(name)
+        if len(names) > 1:
+            hint = "write 'package::msg::Name'"
+            raise ParseError(f"'{written}' does not have three parts", offset=offset, hint=hint)
+        if written not in self._types:
+            hint = (
+                did_you_mean(written, islice(self._types, _CANDIDATES))
+                or "write the full name of a message: 'package::msg::Name'"
+            )
+            raise ParseError(f"unknown type '{written}'", offset=offset, hint=hint)
+        self.aliases.append(names[0])
+        return self._types[written]
+
+    def _declared(self, base: Type, declarator: Tree[Token]) -> Type:
+        name, *sizes = declarator.children
+        if not sizes:
+            return base
+        offset = _start(cast("Token", name))
+        if len(sizes) > 1 or isinstance(base, Array):
+            raise ParseError(
+                "arrays of arrays are not supported",
+                offset=offset,
+                hint="define a struct for the inner array",
+            )
+        if isinstance(base, Sequence):
+            raise ParseError(
+                "arrays of sequences are not supported",
+                offset=offset,
+                hint="define a struct for the sequence",
+            )
+        return Array(base, read_size(_subtrees(cast("Tree[Token]", sizes[0]))[0]))
+
+    def _default(self, annotations: Annotations, type_: Type) -> Value | None:
+        """Return the value of @default; rosidl ignores the annotation if there are several."""
+        defaults = annotations.get("default", [])
+        for parameters in defaults:
+            if list(parameters) != ["value"]:
+                offset = min((each.offset for each in parameters.values()), default=0)
+                raise ParseError("expected '@default (value=...)'", offset=offset)
+        if len(defaults) > 1:
+            self._warn("rosidl ignores the default if there are several", defaults[1]["value"].offset)
+        return value_of(defaults[0]["value"], type_) if len(defaults) == 1 else None
+
+    def _annotations(self, trees: list[Tree[Token]]) -> Annotations:
+        annotations: Annotations = {}
+        for tree in trees:
+            name, *parameters = tree.children
+            values: dict[str, Expression] = {}
+            with self._reporting():
+                for parameter in cast("list[Tree[Token] | None]", parameters):
+                    if parameter is not None and parameter.data == "parameter":
+                        key, value = parameter.children
+                        values[str(key)] = read_expression(cast("Tree[Token]", value))
+                    elif parameter is not None:
+                        values[""] = read_expression(parameter)
+                annotations.setdefault(str(name), []).append(values)
+        return annotations
+
+
+def _documentation(annotations: Annotations) -> tuple[str, ...]:
+    """Return the lines of '@verbatim (language="comment", text="...")'."""
+    texts = [
+        str(parameters["text"].value)
+        for parameters in annotations.get("verbatim", [])
+        if "text" in parameters and parameters.get("language", Expression("text", "", 0)).value == "comment"
+    ]
+    block = textwrap.dedent("\n".join(texts)).strip("\n")
+    return tuple(block.split("\n")) if block else ()
+
+
+def _unit(annotations: Annotations) -> str | None:
+    values = [
+        parameters["value"].value for parameters in annotations.get("unit", []) if "value" in parameters
+    ]
+    return str(values[0]) if len(values) == 1 else None
+
+
+def _check_name(name: Token, what: str, *taken: Mapping[str, object]) -> None:
+    check_keyword(str(name), _start(name), what)
+    if any(str(name) in names for names in taken):
+        raise ParseError(f"'{name}' is already declared", offset=_start(name))
+    for other in (f"{name}_", name.removesuffix("_")):
+        if python_attribute(other) == python_attribute(name) and any(other in names for names in taken):
+            raise ParseError(f"'{name}' has the same name in Python as '{other}'", offset=_start(name))
+
+
+def _subtrees(tree: Tree[Token]) -> list[Tree[Token]]:
+    return [cast("Tree[Token]", child) for child in tree.children if hasattr(child, "data")]
+
+
+def _token(tree: Tree[Token]) -> Token:
+    return cast("Token", tree.children[0])
+
+
+def _start(token: Token) -> int:
+    return token.start_pos or 0

@@ -24,7 +24,7 @@ from forge.interfaces.model import (
     nested_types,
     sections_of,
 )
-from forge.interfaces.read.comments import BIDI_CONTROLS
+from forge.interfaces.notation import BIDI_CONTROLS
 
 _ESCAPES = str.maketrans(
     {sign: f"\\{word}" for sign, word in zip('\\"\n\t\r\v\b\f\a', '\\"ntrvbfa', strict=True)}

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
+import keyword
 import re
 from functools import cache
-from typing import TYPE_CHECKING, cast
 
 from forge.base.frozen import frozen
 from forge.base.names import did_you_mean, snake_case
 from forge.interfaces.model import Array, Element, Named, Primitive, Sequence, String, Type, TypeName
 from forge.interfaces.read.errors import ParseError
-from forge.interfaces.read.keywords import check_keyword
-
-if TYPE_CHECKING:
-    from lark import Lark, Token, Tree
-
 
 PRIMITIVES = {
     "bool": "boolean",
@@ -46,6 +41,29 @@ _CONSTANT_NAME = re.compile(r"[A-Z](?:_?[A-Z0-9])*")
 _SECTION_NAME = re.compile(
     r"(?:Sample_)?[A-Z][A-Za-z0-9]*(?:_Feedback)?(?:_Result)?(?:_Goal)?(?:_Response)?(?:_Request)?"
 )
+_SIZE = r"[+-]?\d\w*"
+_TYPE = re.compile(
+    rf"(?P<word>\w+)(?:/(?P<name>\w+)|<=(?P<bound>{_SIZE}))?(?P<array>\[(?:(?P<most><=)?(?P<size>{_SIZE}))?\])?"
+)
+_START_OF_TYPE = re.compile(
+    rf"(?:\w+(?:/(?!\w)|<=(?!{_SIZE})|(?:/\w+|<={_SIZE})?(?:\[(?:\]|(?:<=)?(?:{_SIZE}\]?)?))?))?"
+)
+"""The longest part of a malformed type to which something could be added."""
+
+_CPP_KEYWORDS = """
+    alignas alignof and and_eq asm auto bitand bitor bool break case catch char char16_t
+    char32_t class compl const const_cast constexpr continue decltype default delete do double
+    dynamic_cast else enum explicit export extern false float for friend goto if inline int long
+    mutable namespace new noexcept not not_eq nullptr operator or or_eq private protected public
+    register reinterpret_cast return short signed sizeof static static_assert static_cast struct
+    switch template this thread_local throw true try typedef typeid typename union unsigned
+    using virtual void volatile wchar_t while xor xor_eq
+"""
+_KEYWORDS = {
+    "Python": frozenset(keyword.kwlist),
+    "C++": frozenset(_CPP_KEYWORDS.split()),
+    "C": frozenset({"restrict"}),  # the only keyword that is in neither of the others
+}
 
 
 @frozen
@@ -66,49 +84,10 @@ def read_declaration(text: str, package: str) -> Declaration:
     A type name without a package refers to `package`. Raises ParseError.
     """
     written, _, rest = text.partition(" ")
-    _check_outline(text, written, rest)
-    type_ = _read_type(written, package)
-    offset = len(text) - len(rest.lstrip())
-    constant = "=" in rest
-    name, _, value = text[offset:].partition("=" if constant else " ")
-    value = value.lstrip()
-    if constant:
-        name = name.rstrip()
-        _check_constant(name, offset, type_)
-    else:
-        _check_field(name, offset)
-    written_value = value if value or constant else None
-    return Declaration(type_, name, constant, written_value, offset, len(text) - len(value))
-
-
-@cache
-def _read_type(written: str, package: str) -> Type:
-    """Parse a type; cached, because a package repeats few types many times."""
-    from lark.exceptions import UnexpectedInput
-
-    try:
-        tree = _grammar().parse(written)
-    except UnexpectedInput as error:
-        ended = getattr(getattr(error, "token", None), "type", "") == "$END"
-        raise _explained(written, len(written) if ended else error.pos_in_stream or 0) from None
-    return _type(tree, package)
-
-
-@cache
-def _grammar() -> Lark:
-    from lark import Lark
-
-    return Lark.open("declaration.lark", rel_to=__file__, parser="lalr", start="type")
-
-
-def _check_outline(text: str, written: str, rest: str) -> None:
     if not written:
         start = len(text) - len(text.lstrip())
-        raise ParseError(
-            "a declaration must start in the first column",
-            offset=start,
-            hint="remove the leading white space",
-        )
+        hint = "remove the leading white space"
+        raise ParseError("a declaration must start in the first column", offset=start, hint=hint)
     if written.startswith(("//", "/*")):
         raise ParseError(f"'{written}' is not a type", hint="comments start with '#'")
     if written.startswith("---"):
@@ -117,9 +96,70 @@ def _check_outline(text: str, written: str, rest: str) -> None:
         if "=" in written:
             raise ParseError("expected a space after the type of a constant", hint="write 'TYPE NAME=VALUE'")
         raise ParseError(f"expected a name after '{written}'", offset=len(written), hint="write 'TYPE name'")
+    type_ = _read_type(written, package)
+    offset = len(text) - len(rest.lstrip())
+    constant = "=" in rest
+    name, _, value = text[offset:].partition("=" if constant else " ")
+    value = value.lstrip()
+    if constant:
+        name = name.rstrip()
+        first, blank, last = name.partition(" ")
+        if blank or not first:
+            at = offset + len(name) - len(last.lstrip(" "))
+            hint = "a line that contains '=' declares a constant"
+            raise ParseError("expected 'TYPE NAME = VALUE'", offset=at, hint=hint)
+        _check_name(name, offset, "constant")
+        if not isinstance(type_, Primitive) and type_ not in {String(), String(wide=True)}:
+            raise ParseError("a constant must be a number, a bool or an unbounded string")
+    else:
+        _check_name(name, offset, "field")
+        check_keyword(name, offset, "field")
+    written_value = value if value or constant else None
+    return Declaration(type_, name, constant, written_value, offset, len(text) - len(value))
 
 
-def _explained(written: str, offset: int) -> ParseError:
+@cache
+def _read_type(written: str, package: str) -> Type:
+    """Parse a type; cached, because a package repeats few types many times."""
+    match = _TYPE.fullmatch(written)
+    if not match:
+        raise _malformed(written)
+    word, name, bound = match["word"], match["name"], match["bound"]
+    of: Element
+    if name is not None:
+        if not LOWER_NAME.fullmatch(word):
+            raise ParseError(f"invalid package name '{word}'")
+        of = _message(word, name, match.start("name"))
+    elif bound is not None:
+        if word not in {"string", "wstring"}:
+            message = f"only string and wstring can have a bound, not '{word}'"
+            raise ParseError(message, offset=len(word), hint="write a bounded sequence as 'TYPE[<=N]'")
+        of = String(word == "wstring", _size(bound, match.start("bound")))
+    elif word in PRIMITIVES:
+        of = Primitive(PRIMITIVES[word])
+    elif word in {"string", "wstring"}:
+        of = String(word == "wstring")
+    elif word in _SUGGESTIONS:
+        raise ParseError(f"unknown type '{word}'", hint=f"use '{_SUGGESTIONS[word]}'")
+    elif word[0].isupper():
+        of = _message(package, word, 0)
+    else:
+        near = did_you_mean(word, [*PRIMITIVES, "string", "wstring"])
+        raise ParseError(f"unknown type '{word}'", hint=near)
+    if match["array"] is None:
+        return of
+    if match["size"] is not None:
+        size = _size(match["size"], match.start("size"))
+        return Sequence(of, size) if match["most"] else Array(of, size)
+    if isinstance(of, String) and of.wide and of.bound is not None:
+        message = f"rosidl reads 'wstring<={of.bound}[]' as 'wstring<={of.bound}[<={of.bound}]'"
+        raise ParseError(message, hint="write that instead, or 'wstring[]'")
+    return Sequence(of)
+
+
+def _malformed(written: str) -> ParseError:
+    start = _START_OF_TYPE.match(written)
+    offset = start.end() if start else 0
     if offset == len(written) and written.count("[") > written.count("]"):
         return ParseError("a type cannot contain spaces", offset=offset)
     if written.count("/") > 1:
@@ -130,88 +170,26 @@ def _explained(written: str, offset: int) -> ParseError:
         )
     brackets = re.search(r"\[(<=)?([^\]]*)\]", written)
     if brackets and offset >= brackets.end():
-        return ParseError(
-            "arrays of arrays are not supported", offset=offset, hint="define a message for the inner array"
-        )
+        hint = "define a message for the inner array"
+        return ParseError("arrays of arrays are not supported", offset=offset, hint=hint)
     if brackets:
         return _no_size(brackets[2], brackets.start(2))
     return ParseError(f"'{written}' is not a type", offset=offset)
 
 
-def _type(tree: Tree[Token], package: str) -> Type:
-    match tree.data:
-        case "array":
-            return Array(_element(_subtree(tree), package), _size(tree.children[1]))
-        case "sequence":
-            return _unbounded(_element(_subtree(tree), package))
-        case "bounded_sequence":
-            return Sequence(_element(_subtree(tree), package), _size(tree.children[1]))
-        case _:
-            return _element(tree, package)
-
-
-def _unbounded(of: Element) -> Sequence:
-    """Return a sequence, unless rosidl generators and parsers interpret it differently."""
-    if isinstance(of, String) and of.wide and of.bound is not None:
-        raise ParseError(
-            f"rosidl reads 'wstring<={of.bound}[]' as 'wstring<={of.bound}[<={of.bound}]'",
-            hint="write that instead, or 'wstring[]'",
-        )
-    return Sequence(of)
-
-
-def _subtree(tree: Tree[Token]) -> Tree[Token]:
-    return cast("Tree[Token]", tree.children[0])
-
-
-def _element(tree: Tree[Token], package: str) -> Element:
-    words = [str(word) for word in tree.children]
-    match tree.data:
-        case "bounded_text":
-            if words[0] not in {"string", "wstring"}:
-                raise ParseError(
-                    f"only string and wstring can have a bound, not '{words[0]}'",
-                    offset=len(words[0]),
-                    hint="write a bounded sequence as 'TYPE[<=N]'",
-                )
-            return String(words[0] == "wstring", _size(tree.children[1]))
-        case "other":
-            if not LOWER_NAME.fullmatch(words[0]):
-                raise ParseError(f"invalid package name '{words[0]}'")
-            return Named(TypeName(words[0], "msg", _message_name(words[1], len(words[0]) + 1)))
-        case _:
-            return _single(words[0], package)
-
-
-def _single(word: str, package: str) -> Element:
-    if word in PRIMITIVES:
-        return Primitive(PRIMITIVES[word])
-    if word in {"string", "wstring"}:
-        return String(word == "wstring")
-    if word in _SUGGESTIONS:
-        raise ParseError(f"unknown type '{word}'", hint=f"use '{_SUGGESTIONS[word]}'")
-    if word[0].isupper():
-        return Named(TypeName(package, "msg", _message_name(word, 0)))
-    raise ParseError(f"unknown type '{word}'", hint=did_you_mean(word, [*PRIMITIVES, "string", "wstring"]))
-
-
-def _message_name(name: str, offset: int) -> str:
+def _message(package: str, name: str, offset: int) -> Named:
     if not _SECTION_NAME.fullmatch(name):
-        raise ParseError(
-            f"invalid message name '{name}'",
-            offset=offset,
-            hint="use CamelCase: letters and digits",
-        )
-    return name
+        hint = "use CamelCase: letters and digits"
+        raise ParseError(f"invalid message name '{name}'", offset=offset, hint=hint)
+    return Named(TypeName(package, "msg", name))
 
 
-def _size(token: object) -> int:
+def _size(text: str, offset: int) -> int:
     """Parse a size or bound as int() does, as rosidl; it must be at least 1."""
-    offset = getattr(token, "start_pos", None) or 0
     try:
-        size = int(str(token))
+        size = int(text)
     except ValueError:
-        raise _no_size(str(token), offset) from None
+        raise _no_size(text, offset) from None
     if size < 1:
         raise ParseError("a size must be at least 1", offset=offset)
     return size
@@ -221,28 +199,25 @@ def _no_size(text: str, offset: int) -> ParseError:
     return ParseError(f"invalid size '{text}'", offset=offset, hint="write a decimal number")
 
 
-def _check_field(name: str, offset: int) -> None:
-    if not LOWER_NAME.fullmatch(name):
+def _check_name(name: str, offset: int, kind: str) -> None:
+    pattern, case = (_CONSTANT_NAME, "upper") if kind == "constant" else (LOWER_NAME, "lower")
+    if not pattern.fullmatch(name):
         better = re.sub(r"[^a-z0-9]+", "_", snake_case(name)).strip("_")
-        hint = f"name it '{better}'" if LOWER_NAME.fullmatch(better) else None
-        rule = "use lower-case letters, digits and single underscores"
-        raise ParseError(f"invalid field name '{name}'", offset=offset, hint=hint or rule)
-    check_keyword(name, offset, "field")
+        better = better.upper() if kind == "constant" else better
+        hint = f"use {case}-case letters, digits and single underscores"
+        hint = f"name it '{better}'" if pattern.fullmatch(better) else hint
+        raise ParseError(f"invalid {kind} name '{name}'", offset=offset, hint=hint)
 
 
-def _check_constant(name: str, offset: int, type_: Type) -> None:
-    first, blank, rest = name.partition(" ")
-    if blank or not first:
-        offset += len(name) - len(rest.lstrip(" "))
+def check_keyword(name: str, offset: int, what: str) -> None:
+    """Raise ParseError if the name is a keyword of a target language; `what` is the kind of the name.
+
+    A field may be named like a keyword of Python alone, as with rosidl; `python_keywords` warns about it.
+    """
+    languages = [language for language, words in _KEYWORDS.items() if name in words]
+    if languages and not (what == "field" and languages == ["Python"]):
         raise ParseError(
-            "expected 'TYPE NAME = VALUE'",
+            f"{what} name '{name}' is a keyword of {' and '.join(languages)}",
             offset=offset,
-            hint="a line that contains '=' declares a constant",
+            hint=f"rename it, for example to '{name}_value'",
         )
-    if not _CONSTANT_NAME.fullmatch(name):
-        better = re.sub(r"[^A-Z0-9]+", "_", snake_case(name).upper()).strip("_")
-        hint = f"name it '{better}'" if _CONSTANT_NAME.fullmatch(better) else None
-        rule = "use upper-case letters, digits and single underscores"
-        raise ParseError(f"invalid constant name '{name}'", offset=offset, hint=hint or rule)
-    if not isinstance(type_, Primitive) and type_ not in {String(), String(wide=True)}:
-        raise ParseError("a constant must be a number, a bool or an unbounded string")

@@ -7,15 +7,18 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from math import inf
 from pathlib import PurePosixPath
 
 from forge.base.errors import Location, Problem
+from forge.base.names import python_attribute
 from forge.interfaces.model import (
     HIDDEN_MEMBER,
     Array,
     Constant,
     Field,
+    Interface,
     Message,
     Primitive,
     Sequence,
@@ -24,7 +27,6 @@ from forge.interfaces.model import (
     element_of,
     sections_of,
 )
-from forge.interfaces.read.keywords import python_keywords
 from forge.interfaces.read.literals import QUOTES
 from forge.interfaces.read.parsing import Parsed
 
@@ -181,3 +183,17 @@ def _heading(source: Source, lines: list[str]) -> Iterator[Problem]:
         yield Problem(
             message, Location(source.path, number, column, lines[number - 1]), "remove the brackets"
         )
+
+
+def python_keywords(interfaces: Iterable[Interface]) -> Iterator[Problem]:
+    """Yield a warning for each field that is named like a keyword of Python."""
+    for interface in interfaces:
+        for field in (field for message in sections_of(interface) for field in message.fields):
+            attribute = python_attribute(field.name)
+            if attribute != field.name:
+                text = f"field name '{field.name}' is a keyword of Python, where it becomes '{attribute}'"
+                place = field.place
+                match = re.search(rf"\b{field.name}\b", place.source) if place and place.source else None
+                if place and match:
+                    place = replace(place, column=match.start() + 1)
+                yield Problem(text, place, f"rename it, for example to '{field.name}_value'")

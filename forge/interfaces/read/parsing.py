@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import textwrap
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from itertools import zip_longest
@@ -22,7 +24,6 @@ from forge.interfaces.model import (
     String,
     TypeName,
 )
-from forge.interfaces.read.comments import read_comments
 from forge.interfaces.read.declarations import TYPE_NAME, Declaration, read_declaration
 from forge.interfaces.read.errors import ParseError
 from forge.interfaces.read.literals import read_value
@@ -32,6 +33,9 @@ ENDINGS = ("msg", "srv", "action", "idl")
 
 SECTIONS = {"msg": ("",), "srv": ("_Request", "_Response"), "action": ("_Goal", "_Result", "_Feedback")}
 """The kinds of files, and the name suffix of each of their sections."""
+
+_BRACKET = re.compile(r"\[([^,\]]*)(\]|,|\Z)")
+"""A bracket up to ']', ',' or the end of the comment; it is a unit only if it ends with ']'."""
 
 _BYTE_ORDER_MARK = "\ufeff"
 _SEPARATOR = "---"
@@ -185,7 +189,7 @@ class _SectionReader:
             self._add(entry, fields, constants)
         if [(f.name, f.type) for f in fields.values()] == [(HIDDEN_MEMBER, Primitive("uint8"))]:
             fields.clear()
-        doc, _ = read_comments(line.text for line in lines[:heading])
+        doc, _ = _read_comments(line.text for line in lines[:heading])
         return Message(self.name, tuple(fields.values()), tuple(constants.values()), doc)
 
     def _entries(self, lines: list[Line]) -> list[_Entry]:
@@ -229,7 +233,7 @@ class _SectionReader:
         except ParseError as error:
             self._report(line, error.shifted(declaration.value_offset))
             return
-        doc, unit = read_comments(entry.comments)
+        doc, unit = _read_comments(entry.comments)
         place = line.place(self.source.path)
         if not declaration.constant:
             fields[declaration.name] = Field(declaration.name, declaration.type, value, doc, unit, place)
@@ -238,3 +242,24 @@ class _SectionReader:
 
     def _report(self, line: Line, error: ParseError) -> None:
         self.problems.append(Problem(error.message, line.place(self.source.path, error.offset), error.hint))
+
+
+def _read_comments(lines: Iterable[str]) -> tuple[tuple[str, ...], str | None]:
+    """Return the documentation and the unit in comment lines, which include their '#'.
+
+    As in rosidl_adapter: the contents of brackets are the unit and are removed from the text, unless there
+    are several pairs of brackets.
+    """
+    texts = [line.lstrip("#").rstrip() for line in lines]
+    block_text, unit = "\n".join(texts), None
+    brackets = [bracket for bracket in _BRACKET.finditer(block_text) if bracket[1] and bracket[2] == "]"]
+    if len(brackets) == 1:
+        unit = brackets[0][1]
+        # If the blanks before the bracket span several lines, no line contains all of it: the text is kept.
+        written = block_text[len(block_text[: brackets[0].start()].rstrip()) : brackets[0].end()]
+        texts = [text.replace(written, "").rstrip() for text in texts]
+    if len(texts) == 1:
+        return ((texts[0].lstrip(),) if texts[0] else ()), unit
+    squeezed = [text for number, text in enumerate(texts) if text or (number and texts[number - 1])]
+    block = "\n".join(squeezed).strip("\n")
+    return tuple(textwrap.dedent(block).split("\n")) if block else (), unit

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 from forge.base.templating import render
 from forge.interfaces.hashing import hashes
 from forge.interfaces.model import File, sections_of
-from forge.interfaces.notation import type_text
-from forge.interfaces.read.comments import BIDI_CONTROLS
+from forge.interfaces.notation import BIDI_CONTROLS, type_text
 from forge.plugins.interface_pages.pages import TITLES
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ from forge.base.templating import keep_compiled
 from forge.base.text import counted
 from forge.cli.commands.interface.inputs import InputOptions, catalog_of, library_of
 from forge.cli.options import add_verb
-from forge.interfaces.read.keywords import python_keywords
+from forge.interfaces.read.lint import python_keywords
 from forge.interfaces.read.sources import Library, read_runtime
 from forge.interfaces.rendering import Part, fingerprints, parts
 from forge.interfaces.resolve.dependencies import dependency_catalogs, undeclared_dependencies

@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 
 from forge.interfaces.model import Source
+from forge.interfaces.read.declarations import check_keyword
 from forge.interfaces.read.errors import ParseError
-from forge.interfaces.read.keywords import check_keyword, python_keywords
+from forge.interfaces.read.lint import python_keywords
 from forge.interfaces.read.parsing import parse_all
 
 
