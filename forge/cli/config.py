@@ -72,8 +72,18 @@ def configured(
         for dest, value in values.items()
         if dest not in given and not variables.get(_BEFORE_FILES.get(dest, ""))
     }
-    if given.get("mixin") or values.get("mixin"):
-        values.update(_mixed(verb, {**values, **given}, known, given, variables))
+    wanted = {**values, **given}
+    if names := wanted.get("mixin"):
+        from forge.cli.mixins import combined, mixin_folders, read_mixins
+
+        mixins = read_mixins(mixin_folders(variables), wanted.get("mixin_files") or ())
+        source = OptionFile(Path("mixin " + ", ".join(names)), combined(names, verb, mixins))
+        for dest, value in _checked(source, known, verb).items():
+            typed = given.get(dest)
+            if dest not in given:
+                values[dest] = value
+            elif isinstance(value, list) and isinstance(typed, list):
+                values[dest] = [*value, *typed]
     # One of the two on the command line overrides both in files.
     if "paths" in given and given["paths"] and "base_paths" not in given:
         values["base_paths"] = []
@@ -82,20 +92,9 @@ def configured(
     return values
 
 
-def configured_python(root: Path, variables: Mapping[str, str], profile: str | None = None) -> str | None:
-    """Return the interpreter that files set for `forge build`, for commands that must agree with it."""
-    return _configured_word("python", root, variables, profile)
-
-
-def configured_rosdistro(root: Path, variables: Mapping[str, str]) -> str | None:
-    """Return the ROS distribution that files set for `forge build`, for commands that must agree with it."""
-    return _configured_word("rosdistro", root, variables)
-
-
-def _configured_word(
-    option: str, root: Path, variables: Mapping[str, str], profile: str | None = None
-) -> str | None:
-    sources = _sources("build", {"profile": profile}, root, variables)
+def configured_word(option: str, root: Path, variables: Mapping[str, str]) -> str | None:
+    """Return the value that files set for an option of `forge build`, for commands that agree with it."""
+    sources = _sources("build", {}, root, variables)
     values = [value for source in sources if isinstance(value := source.options.get(option), str)]
     return values[-1] if values else None
 
@@ -135,15 +134,17 @@ def _checked(source: OptionFile, known: Mapping[str, argparse.Action], verb: str
         action = known.get(str(key))
         if action is None:
             hint = did_you_mean(str(key), known)
-            _warn(Problem(f"'forge {verb}' has no option '{key}'", Location(source.path), hint))
+            problem = Problem(f"'forge {verb}' has no option '{key}'", Location(source.path), hint)
+            print_problem(problem, "warning")
             continue
         try:
             values[action.dest] = _value(action, value)
-        except argparse.ArgumentTypeError as error:
-            _warn(Problem(f"option '{key}' of 'forge {verb}': {error}", Location(source.path)))
-        except (TypeError, ValueError) as error:
-            message = f"option '{key}' of 'forge {verb}' expects {error}, not {value!r}"
-            _warn(Problem(message, Location(source.path)))
+        except (TypeError, ValueError, argparse.ArgumentTypeError) as error:
+            reason = f": {error}"
+            if not isinstance(error, argparse.ArgumentTypeError):
+                reason = f" expects {error}, not {value!r}"
+            message = f"option '{key}' of 'forge {verb}'{reason}"
+            print_problem(Problem(message, Location(source.path)), "warning")
     return values
 
 
@@ -177,30 +178,3 @@ def _single(action: argparse.Action, value: object) -> object:
         return action.type(str(value)) if callable(action.type) else value
     except ValueError as error:
         raise argparse.ArgumentTypeError(str(error)) from None
-
-
-def _mixed(
-    verb: str,
-    wanted: Mapping[str, Any],
-    known: Mapping[str, argparse.Action],
-    given: Mapping[str, Any],
-    variables: Mapping[str, str],
-) -> dict[str, Any]:
-    """Return the values that mixins set: lists precede those of the command line, others yield to it."""
-    from forge.cli.mixins import combined, mixin_folders, read_mixins
-
-    names = wanted["mixin"]
-    options = combined(names, verb, read_mixins(mixin_folders(variables), wanted.get("mixin_files") or ()))
-    values = _checked(OptionFile(Path("mixin " + ", ".join(names)), options), known, verb)
-    for dest, value in list(values.items()):
-        if dest in given:
-            typed = given[dest]
-            if isinstance(value, list) and isinstance(typed, list):
-                values[dest] = [*value, *typed]
-            else:
-                del values[dest]
-    return values
-
-
-def _warn(problem: Problem) -> None:
-    print_problem(problem, "warning")

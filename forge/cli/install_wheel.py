@@ -6,7 +6,7 @@ import argparse
 import sys
 from typing import TYPE_CHECKING
 
-from forge.base.errors import ForgeError, Problem, problem_from_oserror
+from forge.base.errors import ForgeError, print_problem, print_warnings, problem_from_oserror
 from forge.base.files import naming
 from forge.build.wheels.install_wheel import WheelInstall, install_wheel
 from forge.cli.options import add_options, read_options
@@ -22,20 +22,18 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         options = read_options(WheelInstall, parser.parse_args(argv))
         with naming(options.build):
-            warnings = install_wheel(options)
+            print_warnings(install_wheel(options))
     except ForgeError as error:
-        problems: tuple[Problem, ...] = error.problems
+        problems = error.problems
     except OSError as error:
         problem = problem_from_oserror(error)
         if problem is None:
             raise
         problems = (problem,)
     else:
-        for problem in warnings:
-            print(problem.render("warning"), file=sys.stderr)
         return 0
     for problem in problems:
-        print(problem.render(), file=sys.stderr)
+        print_problem(problem)
     return 2
 
 

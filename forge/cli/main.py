@@ -59,8 +59,6 @@ COMMANDS = {
     "help": "print the help of a command",
 }
 
-_VALUED = frozenset({"--log-base", "--log-level", "-C"})
-
 _IN_WORKSPACE = frozenset(
     {"build", "test", "test-result", "list", "graph", "info", "clean", "env", "shell", "bundle"}
     | {"doctor", "deps"}
@@ -75,7 +73,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run one command line and return its exit code."""
     arguments = list(sys.argv[1:] if argv is None else argv)
     try:
-        with handle_signals(interrupt), working_directory(_folder(arguments)):
+        with handle_signals(interrupt), working_directory(_split(arguments)[0]):
             code = _run(arguments)
         sys.stdout.flush()
     except ForgeError as error:
@@ -89,16 +87,55 @@ def main(argv: Sequence[str] | None = None) -> int:
         _discard_output()
         return 0
     except OSError as error:
-        return _refused(error)
-    except Exception as error:
-        return _no_memory() if isinstance(error, MemoryError) else _our_bug()
+        has_no_stdout = error.errno == errno.EBADF and is_writable(1)
+        problem_of_system = None if has_no_stdout else problem_from_oserror(error)
+        if problem_of_system is None:
+            return _report_bug()
+        print_problem(problem_of_system)
+        if not error.filename:
+            _discard_output()
+        return EXIT_USER
+    except MemoryError:
+        hint = "use fewer '--jobs', or raise the memory limit if there is one ('ulimit -v' shows it)"
+        print_problem(Problem("not enough memory", hint=hint))
+        return EXIT_USER
+    except Exception:
+        return _report_bug()
     return code
+
+
+def _discard_output() -> None:
+    """Discard what stdout still contains: Python would fail to write it at the end, and exit with 120."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _report_bug() -> int:
+    import traceback
+
+    traceback.print_exc()
+    print(
+        "this is a bug in forge, not in your workspace; please report it with the text above", file=sys.stderr
+    )
+    return EXIT_BUG
+
+
+def _split(arguments: Sequence[str]) -> tuple[Path, list[str]]:
+    """Return the folder of -C, where several are resolved in sequence, and the words from the command on."""
+    folder, words = Path(), iter(arguments)
+    for word in words:
+        if not word.startswith("-"):
+            return folder, [word, *words]
+        if word.startswith("-C"):
+            folder /= word[2:] or next(words, "")
+        elif word in {"--log-base", "--log-level"}:
+            next(words, None)
+    return folder, []
 
 
 def _run(arguments: Sequence[str]) -> int:
     """Run the command, at the root of the workspace if it is one of `_IN_WORKSPACE`."""
     origin = Path.cwd()
-    command = next(iter(_from_command(arguments)), None)
+    command = next(iter(_split(arguments)[1]), None)
     root = find_root(origin, Path.home()) if command in _IN_WORKSPACE else origin
     if root != origin:
         arguments = rebase_paths(classified(command, arguments), origin, root)
@@ -140,33 +177,38 @@ class Parser(argparse.ArgumentParser):
     def parse_known_args(  # type: ignore[override]  # (argparse has two overloads of the same meaning)
         self, args: Sequence[str] | None = None, namespace: argparse.Namespace | None = None
     ) -> tuple[argparse.Namespace, list[str]]:
-        """Parse the arguments; report unknown ones here, where the options of the command are known."""
-        options, rest = self._parse_known(args, namespace)
+        """Parse the arguments, and combine them with option files.
+
+        Unknown arguments are reported here, where the options of the command are known. Options of other
+        programs are prefixed with a space, to hide them from argparse.
+        """
+        classes = classified(self.verb, args or ())
+        words = [f" {word}" if passed and word.startswith("-") else word for word, passed in classes]
+        actions = [action for action in self._actions if action.default is not argparse.SUPPRESS]
+        if self.verb is not None:
+            namespace = argparse.Namespace(**dict.fromkeys((action.dest for action in actions), _NOT_GIVEN))
+        try:
+            options, rest = super().parse_known_args(words, namespace)
+        except UnicodeDecodeError:
+            self.error("the argument file after '@' is not valid UTF-8")
+        # argparse assigns those before the first option: 'clean packages -y P' would lose P.
+        lists = [action.dest for action in self._actions if not action.option_strings and action.nargs == "*"]
+        if lists and rest and not any(word.startswith("-") for word in rest):
+            before = getattr(options, lists[-1])
+            setattr(options, lists[-1], [*(before if isinstance(before, list) else ()), *rest])
+            rest = []
+        if self.verb is not None:
+            given = {dest: value for dest, value in vars(options).items() if value is not _NOT_GIVEN}
+            from_files = configured(self.verb, self._actions, given, Path.cwd(), os.environ)
+            # Values from files must not override global options given before the command.
+            general = {dest: from_files.pop(dest) for dest in GENERAL if dest in from_files}
+            defaults = {action.dest: self._default(action) for action in actions}
+            values = {**defaults, **given, **from_files, "given": frozenset(given), "general": general}
+            values["flags"] = frozenset(self._option_string_actions)
+            options = argparse.Namespace(**values)
         if rest and " " in self.prog:
             self.error(f"unrecognized arguments: {' '.join(rest)}")
         return options, rest
-
-    def _parse_known(
-        self, args: Sequence[str] | None, namespace: argparse.Namespace | None
-    ) -> tuple[argparse.Namespace, list[str]]:
-        """Parse the arguments; prefix options of other programs with a space, to hide them from argparse."""
-        shielded = self._shielded(args or ())
-        if self.verb is None:
-            try:
-                return self._gathered(*super().parse_known_args(shielded, namespace))
-            except UnicodeDecodeError:
-                self.error("the argument file after '@' is not valid UTF-8")
-        actions = [action for action in self._actions if action.default is not argparse.SUPPRESS]
-        namespace = argparse.Namespace(**dict.fromkeys((action.dest for action in actions), _NOT_GIVEN))
-        options, rest = self._gathered(*super().parse_known_args(shielded, namespace))
-        given = {dest: value for dest, value in vars(options).items() if value is not _NOT_GIVEN}
-        configured_values = configured(self.verb, self._actions, given, Path.cwd(), os.environ)
-        # Values from files must not override global options given before the command.
-        general = {dest: configured_values.pop(dest) for dest in GENERAL if dest in configured_values}
-        defaults = {action.dest: self._default(action) for action in actions}
-        values = {**defaults, **given, **configured_values, "given": frozenset(given), "general": general}
-        values["flags"] = frozenset(self._option_string_actions)
-        return argparse.Namespace(**values), rest
 
     def format_help(self) -> str:
         """Return the help with examples at the end; shorten the usage line of commands with many options."""
@@ -180,26 +222,10 @@ class Parser(argparse.ArgumentParser):
         end = f"\nexamples:\n{examples}\n\ndocumentation: {docs_url(page)}\n" if page else ""
         return super().format_help() + end
 
-    def _gathered(self, options: argparse.Namespace, rest: list[str]) -> tuple[argparse.Namespace, list[str]]:
-        """Assign positional arguments that follow an option to the variadic positional argument.
-
-        argparse assigns only those before the first option: 'clean packages -y P' would lose P.
-        """
-        takers = [action for action in self._actions if not action.option_strings and action.nargs == "*"]
-        if not takers or not rest or any(word.startswith("-") for word in rest):
-            return options, rest
-        before = getattr(options, takers[-1].dest)
-        setattr(options, takers[-1].dest, [*(before if isinstance(before, list) else ()), *rest])
-        return options, []
-
     def _default(self, action: argparse.Action) -> object:
         """Return the default of an option, converted like a command-line value if it is a string."""
         default = action.default
         return self._get_value(action, default) if isinstance(default, str) else default
-
-    def _shielded(self, arguments: Sequence[str]) -> list[str]:
-        classes = classified(self.verb, arguments)
-        return [f" {word}" if passed and word.startswith("-") else word for word, passed in classes]
 
     def convert_arg_line_to_args(self, arg_line: str) -> list[str]:
         """Return the argument on one line of an @FILE; nested argument files are an error."""
@@ -239,9 +265,14 @@ def parser_of(arguments: Sequence[str]) -> argparse.ArgumentParser:
         metavar="LEVEL",
         help="verbosity of forge's own messages: debug, info, warning, error, critical (default: warning)",
     )
-    parser.set_defaults(run=lambda _: _print_help(parser))
+
+    def print_help(_: argparse.Namespace) -> int:
+        parser.print_help()
+        return 0
+
+    parser.set_defaults(run=print_help)
     commands = parser.add_subparsers(metavar="COMMAND", parser_class=Parser)
-    requested = _from_command(arguments)
+    requested = _split(arguments)[1]
     asked = next(iter(requested), None)
     for word, summary in COMMANDS.items():
         command = commands.add_parser(word, help=summary, description=summary, fromfile_prefix_chars=None)
@@ -291,66 +322,3 @@ def _add_own(command: Parser, module: Any) -> None:
     else:
         module.register(command)
         command.set_defaults(run=getattr(module, "run", None))
-
-
-def _print_help(parser: argparse.ArgumentParser) -> int:
-    parser.print_help()
-    return 0
-
-
-def _from_command(arguments: Sequence[str]) -> list[str]:
-    """Return the arguments without the global options before the command, and without their values."""
-    words = iter(arguments)
-    for word in words:
-        if not word.startswith("-"):
-            return [word, *words]
-        if word in _VALUED:
-            next(words, None)
-    return []
-
-
-def _folder(arguments: Sequence[str]) -> Path:
-    """Return the folder of -C; several options are resolved in sequence."""
-    folder = Path()
-    words = iter(arguments)
-    for word in words:
-        if not word.startswith("-"):
-            break
-        if word.startswith("-C"):
-            folder /= word[2:] or next(words, "")
-        elif word in _VALUED:
-            next(words, None)
-    return folder
-
-
-def _refused(error: OSError) -> int:
-    """Report an OSError caused by the system; anything else is a bug in forge."""
-    problem = None if error.errno == errno.EBADF and is_writable(1) else problem_from_oserror(error)
-    if problem is None:
-        return _our_bug()
-    print_problem(problem)
-    if not error.filename:
-        _discard_output()
-    return EXIT_USER
-
-
-def _discard_output() -> None:
-    """Discard what stdout still contains: Python would fail to write it at the end, and exit with 120."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-
-
-def _no_memory() -> int:
-    hint = "use fewer '--jobs', or raise the memory limit if there is one ('ulimit -v' shows it)"
-    print_problem(Problem("not enough memory", hint=hint))
-    return EXIT_USER
-
-
-def _our_bug() -> int:
-    """Print the traceback and ask for a bug report."""
-    import traceback
-
-    traceback.print_exc()
-    print(
-        "this is a bug in forge, not in your workspace; please report it with the text above", file=sys.stderr
-    )
-    return EXIT_BUG

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -88,7 +87,12 @@ def read_mixins(folders: Iterable[Path], files: Iterable[str] = ()) -> Mixins:
     """
     found = [Mixin(verb, name, options) for verb, own in _BUILT_IN.items() for name, options in own.items()]
     for path in (*(path for folder in folders for path in mixin_files(folder)), *map(Path, files)):
-        found += _read(path)
+        try:
+            content = read_file(path)
+        except OSError as error:
+            message = f"cannot read mixin file: {error.strerror}"
+            raise SelectionError(Problem(message, Location(path))) from None
+        found += parse_mixins(content, path)
     return {(mixin.verb, mixin.name): mixin for mixin in found}
 
 
@@ -99,37 +103,29 @@ def combined(names: Iterable[str], verb: str, mixins: Mixins) -> dict[str, Any]:
     before the mixin that includes them. Raises SelectionError for unknown mixins and for mixins that include
     each other.
     """
-    mixture = _Mixture(verb, mixins)
-    for name in names:
-        mixture.add(name, ())
-    return mixture.options
+    combination: dict[str, Any] = {}
 
-
-@dataclass(slots=True)
-class _Mixture:
-    """Accumulates the options of mixins."""
-
-    verb: str
-    mixins: Mixins
-    options: dict[str, Any] = field(default_factory=dict)
-
-    def add(self, name: str, above: tuple[str, ...]) -> None:
+    def add(name: str, above: tuple[str, ...]) -> None:
         """Add a mixin after the ones it includes; `above` is the chain of mixins that include it."""
         if name in above:
             cycle = " -> ".join((*above[above.index(name) :], name))
             raise SelectionError(Problem(f"mixins include each other: {cycle}"))
-        mixin = self.mixins.get((self.verb, name))
+        mixin = mixins.get((verb, name))
         if mixin is None:
-            known = [other for of, other in self.mixins if of == self.verb]
+            known = [other for of, other in mixins if of == verb]
             hint = did_you_mean(name, known) or "'forge mixin show' shows all mixins"
-            raise SelectionError(Problem(f"unknown mixin '{name}' for 'forge {self.verb}'", hint=hint))
+            raise SelectionError(Problem(f"unknown mixin '{name}' for 'forge {verb}'", hint=hint))
         for other in mixin.options.get("mixin", ()):
-            self.add(other, (*above, name))
+            add(other, (*above, name))
         for key, value in mixin.options.items():
             if key != "mixin":
-                old = self.options.get(key)
-                joined = isinstance(old, list) and isinstance(value, list)
-                self.options[key] = _with_joined_flags(old + value) if joined else value
+                old = combination.get(key)
+                is_list = isinstance(old, list) and isinstance(value, list)
+                combination[key] = _with_joined_flags(old + value) if is_list else value
+
+    for name in names:
+        add(name, ())
+    return combination
 
 
 def _with_joined_flags(words: list[Any]) -> list[Any]:
@@ -141,7 +137,8 @@ def _with_joined_flags(words: list[Any]) -> list[Any]:
     places: dict[str, int] = {}
     for word in words:
         name, value = next(definitions([str(word)]), ("", ""))
-        flags = _without_quotes(value)
+        # CMake would remove single quotes around the value.
+        flags = value[1:-1] if len(value) > 1 and value[0] == value[-1] == "'" else value
         if name not in _COMPILER_FLAGS:
             joined.append(word)
         elif name in places:
@@ -152,24 +149,11 @@ def _with_joined_flags(words: list[Any]) -> list[Any]:
     return joined
 
 
-def _without_quotes(value: str) -> str:
-    """Return the value without the single quotes around it, which CMake would remove."""
-    return value[1:-1] if len(value) > 1 and value[0] == value[-1] == "'" else value
-
-
 def mixin_files(folder: Path) -> Iterator[Path]:
     """Yield the *.mixin files below a folder, sorted; hidden folders are skipped."""
     for parent, names, files in os.walk(folder, followlinks=True):
         names[:] = sorted(name for name in names if not name.startswith("."))
         yield from (Path(parent) / file for file in sorted(files) if file.endswith(".mixin"))
-
-
-def _read(path: Path) -> Iterator[Mixin]:
-    try:
-        content = read_file(path)
-    except OSError as error:
-        raise SelectionError(Problem(f"cannot read mixin file: {error.strerror}", Location(path))) from None
-    return parse_mixins(content, path)
 
 
 def parse_mixins(text: bytes, path: Path) -> Iterator[Mixin]:

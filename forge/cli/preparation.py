@@ -498,9 +498,9 @@ def workspace_interpreter(python: str | None, layout: Layout, root: Path) -> Int
     variables = build_variables(layout, os.environ)
     recorded = recorded_python(layout.install)
     if not (python or recorded):
-        from forge.cli.config import configured_python
+        from forge.cli.config import configured_word
 
-        python = configured_python(root, variables)
+        python = configured_word("python", root, variables)
     return find_interpreter(python, variables, find_underlays(variables, layout.install).chain, recorded)
 
 
@@ -508,9 +508,9 @@ def known_rosdistro(rosdistro: str | None, root: Path, install: Path) -> str | N
     """Return `rosdistro` if given, else the one that a build would use; None if it is chosen nowhere."""
     if rosdistro or (rosdistro := os.environ.get(VARIABLE)):
         return rosdistro
-    from forge.cli.config import configured_rosdistro
+    from forge.cli.config import configured_word
 
-    if configured := configured_rosdistro(root, os.environ):
+    if configured := configured_word("rosdistro", root, os.environ):
         return configured
     underlays = (*recorded_underlays(install), *find_underlays(os.environ, install).chain)
     return _recorded_rosdistro(underlays, install)

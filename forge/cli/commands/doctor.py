@@ -14,7 +14,7 @@ from forge.base.frozen import frozen
 from forge.base.options import option, options_of
 from forge.base.text import counted
 from forge.build.certain_failures import CMakeSearch
-from forge.cli.config import configured_python
+from forge.cli.config import configured_word
 from forge.cli.options import FolderOptions, OptionSources
 from forge.cli.preparation import build_variables, without_own
 from forge.doctor.checks import machine, naming, packages, programs, surroundings
@@ -80,7 +80,7 @@ def _load(root: Path, layout: Layout, options: Options) -> tuple[CheckResult, Ch
         variables: Mapping[str, str] = build_variables(layout, os.environ)
     except ForgeError:
         variables = outside  # the state of an earlier build is unreadable, which another check reports
-    python = options.python or configured_python(root, os.environ)
+    python = options.python or configured_word("python", root, os.environ)
     overlays = find_underlays(os.environ, layout.install).overlays
     underlays = replace(find_underlays(variables, layout.install), overlays=overlays)
     bare = CheckContext(root, layout, variables, outside, python, underlays)

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import getpass
-import io
 import os
 import subprocess
-from contextlib import redirect_stdout
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -32,8 +30,6 @@ from forge.workspace.model import Person
 from forge.workspace.root import find_install, source_packages
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from forge.cli.main import Parser
 
 
@@ -140,32 +136,43 @@ def _create(options: _CreateOptions) -> None:
         hint = "remove it, or choose another name or --destination-directory"
         raise ForgeError(Problem(f"'{folder}' already exists", hint=hint))
     items = render_package(blueprint)
-    report = io.StringIO()
+    path = f"{options.destination_directory.rstrip('/')}/{blueprint.name}"
+    facts = {
+        "package name": blueprint.name,
+        "destination directory": folder.parent.resolve(),
+        "package format": blueprint.format,
+        "version": VERSION,
+        "description": blueprint.description,
+        "maintainer": [f"{blueprint.maintainer.name} <{blueprint.maintainer.email}>"],
+        "licenses": [blueprint.license],
+        "build type": blueprint.build_type,
+        "dependencies": list(blueprint.dependencies),
+        "node_name": blueprint.node,
+        "library_name": blueprint.library,
+        "interfaces": list(blueprint.interfaces) or None,
+    }
+    # Lines of `ros2 pkg create`, printed at the end: a reader that leaves early must not stop halfway.
+    lines = ["going to create a new package"]
+    lines += (f"{name}: {value}" for name, value in facts.items() if value is not None)
+    lines.append(f"creating folder {path}")
+    headline = "source folder" if blueprint.build_type == "ament_python" else "source and include folder"
+    headline = "folders of interfaces" if blueprint.interfaces else headline
     try:
-        with redirect_stdout(report):  # a reader that leaves early must not stop halfway
-            person = f"{blueprint.maintainer.name} <{blueprint.maintainer.email}>"
-            print("going to create a new package")
-            print("package name:", blueprint.name)
-            print("destination directory:", folder.parent.resolve())
-            print("package format:", blueprint.format)
-            print("version:", VERSION)
-            print("description:", blueprint.description)
-            print("maintainer:", [person])
-            print("licenses:", [blueprint.license])
-            print("build type:", blueprint.build_type)
-            print("dependencies:", list(blueprint.dependencies))
-            if blueprint.node:
-                print("node_name:", blueprint.node)
-            if blueprint.library:
-                print("library_name:", blueprint.library)
-            if blueprint.interfaces:
-                print("interfaces:", list(blueprint.interfaces))
-            _write(blueprint, f"{options.destination_directory.rstrip('/')}/{blueprint.name}", items)
+        Path(path).mkdir(parents=True)
+        for item, text in items.items():
+            if text is None:
+                lines += (f"creating {headline}",) if headline else ()
+                headline = ""
+                lines.append(f"creating folder {path}/{item}")
+                Path(path, item).mkdir(parents=True)
+            else:
+                lines.append(f"creating {path}/{item}")
+                write_if_changed(Path(path, item), text)
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise HostError(Problem(f"cannot create '{error.filename or folder}': {reason}")) from None
     finally:
-        print(report.getvalue(), end="")
+        print(*lines, sep="\n")
     name = blueprint.name
     if not name[0].isalpha() or name != name.lower():
         _warn(f"'{name}' is an unusual name: package names start with a letter and are lower case")
@@ -191,25 +198,6 @@ def _git_email() -> str | None:
         return None
     email = found.stdout.strip()
     return email if is_email(email) else None
-
-
-def _write(blueprint: NewPackage, root: str, items: Mapping[str, str | None]) -> None:
-    """Create the folders and files below `root`, and print each one like `ros2 pkg create`."""
-    headline = "source folder" if blueprint.build_type == "ament_python" else "source and include folder"
-    headline = "folders of interfaces" if blueprint.interfaces else headline
-    print("creating folder", root)
-    Path(root).mkdir(parents=True)
-    for name, text in items.items():
-        path = f"{root}/{name}"
-        if text is None:
-            if headline:
-                print("creating", headline)
-                headline = ""
-            print("creating folder", path)
-            Path(path).mkdir(parents=True)
-        else:
-            print("creating", path)
-            write_if_changed(Path(path), text)
 
 
 def _warn(message: str, hint: str | None = None) -> None:
