@@ -98,30 +98,22 @@ def parse_dsv(text: str, path: str) -> tuple[tuple[DsvChange, ...], tuple[str, .
     for number, line in enumerate(text.splitlines(), start=1):
         if not line.strip() or line.startswith("#"):
             continue
-        operation, separator, rest = line.partition(";")
+        operation, _, rest = line.partition(";")
         variable, has_value, values = rest.partition(";")
-        if operation == "source" and separator and _stays_inside(rest):
+        parts = {part for part in rest.split("/") if part not in {"", "."}}
+        if operation == "source" and parts and ".." not in parts and "\0" not in rest:
             sources.append(rest)
         elif "\0" not in line and operation in OPERATIONS and has_value and _VARIABLE.fullmatch(variable):
-            several = operation not in {"set", "set-if-unset"}
-            parts = values.split(";") if several else [values]
-            changes += (DsvChange(operation, variable, value) for value in parts)
+            one = operation in {"set", "set-if-unset"}
+            all_values = [values] if one else values.split(";")
+            changes += (DsvChange(operation, variable, value) for value in all_values)
         else:
-            problems.append(
-                Problem(
-                    "invalid environment hook",
-                    Location(path, number, source=line),
-                    hint="the format is 'OPERATION;VARIABLE;VALUE' or 'source;PATH'",
-                )
-            )
+            hint = "the format is 'OPERATION;VARIABLE;VALUE' or 'source;PATH'"
+            place = Location(path, number, source=line)
+            problems.append(Problem("invalid environment hook", place, hint))
     if problems:
         raise WorkspaceError(*problems)
     return tuple(changes), tuple(sources)
-
-
-def _stays_inside(path: str) -> bool:
-    parts = {part for part in path.split("/") if part not in {"", "."}}
-    return bool(parts) and ".." not in parts and "\0" not in path
 
 
 def read_hooks(name: str, read: Read) -> tuple[Hook, ...]:
@@ -130,8 +122,7 @@ def read_hooks(name: str, read: Read) -> tuple[Hook, ...]:
     Changes of a file precede the files it sources. Sourced files that differ only in their extension are one
     hook; a dsv variant, even an unlisted one, takes precedence. Raises WorkspaceError for unknown lines.
     """
-    start = f"share/{name}/package.dsv"
-    return tuple(_read_file(start, read, frozenset())) if read(start) is not None else ()
+    return tuple(_read_file(f"share/{name}/package.dsv", read, frozenset()))
 
 
 def _read_file(path: str, read: Read, opened: frozenset[str]) -> Iterator[Hook]:

@@ -56,9 +56,6 @@ def refuse_windows_line_endings(path: Path) -> None:
     except OSError:
         return
     if first.startswith(b"#!") and first.endswith(b"\r\n"):
-        raise ForgeError(
-            Problem(
-                f"'{path}' has Windows line endings, so that its interpreter cannot be found",
-                hint=f"fix the source: sed -i 's/\\r$//' {shlex.quote(path.name)}, and build again",
-            )
-        )
+        message = f"'{path}' has Windows line endings, so that its interpreter cannot be found"
+        hint = f"fix the source: sed -i 's/\\r$//' {shlex.quote(path.name)}, and build again"
+        raise ForgeError(Problem(message, hint=hint))

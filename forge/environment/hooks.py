@@ -19,6 +19,11 @@ def package_hooks(name: str, files: Iterable[str], site_packages: str, *, ament:
     for file in sorted(files):
         folder, _, base = file.rpartition("/")
         folders.setdefault(folder, []).append(base)
+
+    def numbered(hook: str, variable: str, values: Iterable[str]) -> dict[str, str]:
+        """Return a hook for each value; names after the first one have a numeric suffix."""
+        return {f"{hook}{number or ''}": _line(variable, value) for number, value in enumerate(values)}
+
     find_modules = [
         folder
         for base in ("lib64", "lib32", "libx32", "lib", "share")
@@ -50,21 +55,16 @@ def package_hooks(name: str, files: Iterable[str], site_packages: str, *, ament:
         if any(name.endswith(".pc") for name in names)
     ]
     hooks = {
-        **_numbered("cmake_module_path", "CMAKE_MODULE_PATH", find_modules),
-        **_numbered("cmake_prefix_path", "CMAKE_PREFIX_PATH", [""] if has_config else []),
+        **numbered("cmake_module_path", "CMAKE_MODULE_PATH", find_modules),
+        **numbered("cmake_prefix_path", "CMAKE_PREFIX_PATH", [""] if has_config else []),
         **{f"ld_library_path_{folder}": _line("LD_LIBRARY_PATH", folder) for folder in libraries},
-        **_numbered("path", "PATH", ["bin"] if "bin" in folders else []),
-        **_numbered("pythonpath", "PYTHONPATH", python_folders),
-        **_numbered("pkg_config_path", "PKG_CONFIG_PATH", pkg_configs),
+        **numbered("path", "PATH", ["bin"] if "bin" in folders else []),
+        **numbered("pythonpath", "PYTHONPATH", python_folders),
+        **numbered("pkg_config_path", "PKG_CONFIG_PATH", pkg_configs),
     }
     if ament:
         hooks["ament_prefix_path"] = _line("AMENT_PREFIX_PATH", "")
     return hooks
-
-
-def _numbered(hook: str, variable: str, values: Iterable[str]) -> dict[str, str]:
-    """Return a hook for each value; names after the first one have a numeric suffix."""
-    return {f"{hook}{number or ''}": _line(variable, value) for number, value in enumerate(values)}
 
 
 def _line(variable: str, value: str) -> str:

@@ -96,9 +96,9 @@ def spellings(root: Path, variables: Mapping[str, str]) -> frozenset[str]:
     for name in _VARIABLES:
         for entry in variables.get(name, "").split(os.pathsep):
             path = os.path.realpath(entry)
-            if entry and f"{path}/".startswith(f"{real}/") and entry.rstrip("/").endswith(path[len(real) :]):
-                stripped = entry.rstrip("/")
-                root_paths.add(stripped.removesuffix(path[len(real) :]))
+            below, stripped = path[len(real) :], entry.rstrip("/")
+            if entry and f"{path}/".startswith(f"{real}/") and stripped.endswith(below):
+                root_paths.add(stripped.removesuffix(below))
     return frozenset(root_paths)
 
 
@@ -108,14 +108,10 @@ def provider(name: str, underlays: Underlays, system: Sequence[Path] = SYSTEM) -
     System prefixes count only with a CMake config or a manifest: they are not sourced, so that their ament
     index is not searched.
     """
-    sourced_prefixes = (
-        prefix
-        for prefix in underlays.prefixes
-        if (prefix / INDEX / "packages" / name).is_file() or _provides(name, prefix)
-    )
-    return next(sourced_prefixes, None) or next(
-        (prefix for prefix in system if _provides(name, prefix)), None
-    )
+    for prefix in underlays.prefixes:
+        if (prefix / INDEX / "packages" / name).is_file() or _provides(name, prefix):
+            return prefix
+    return next((prefix for prefix in system if _provides(name, prefix)), None)
 
 
 def system_prefixes(variables: Mapping[str, str]) -> tuple[Path, ...]:
@@ -132,13 +128,10 @@ def installed_packages(root: Path) -> tuple[InstalledPackage, ...]:
     candidates = _candidates(root)
     if not candidates:
         index = root / INDEX
-        needs_of = {
-            name: text_if_exists(index / "package_run_dependencies" / name) or ""
-            for name in _names(index / "packages")
-        }
         return tuple(
             InstalledPackage(name, root, frozenset(filter(None, needs.strip().split(";"))))
-            for name, needs in needs_of.items()
+            for name in _names(index / "packages")
+            for needs in (text_if_exists(index / "package_run_dependencies" / name) or "",)
         )
     return tuple(
         InstalledPackage(name, prefix, frozenset(filter(None, needs.split(os.pathsep))))

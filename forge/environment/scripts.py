@@ -28,6 +28,9 @@ if TYPE_CHECKING:
     """Edits that one statement makes."""
 
 
+_ASSIGNING = frozenset({"set", "default"})
+
+
 def setup(name: str, root: Path, underlays: Sequence[Path]) -> str:
     """Return the script that sources the scripts `underlays`, lowest first, and its own local_setup."""
     shell = SHELLS[name]
@@ -75,7 +78,11 @@ def package_setup(name: str, prefix: Path, package: PackageEdits) -> str:
         f"scripts/{shell.family}/package.j2",
         name=package.name,
         function="_colcon_prepend_unique_value",  # hooks of other tools' packages call it
-        statements=[s for edit in package.edits if (s := _edit_statement(shell, package, edit))],
+        statements=[
+            statement
+            for edit in package.edits
+            if (statement := _statement(shell, package, edit, "$_forge_prefix", in_workspace=False))
+        ],
         **_words(shell, package.edits),
         **_location("package", shell, "_forge_prefix", prefix),
     )
@@ -130,8 +137,9 @@ def _location(script: str, shell: Shell, variable: str, baked: Path) -> dict[str
 def _groups(edits: Sequence[tuple[PackageEdits, Edit | Script]]) -> list[Group]:
     """Group edits into statements without changing their effect.
 
-    Edits of different variables are independent, so edits of one variable are grouped until the operation
-    changes. Scripts may read any variable, so nothing is moved across them.
+    Edits of different variables are independent. Edits of one variable fit in one statement if they have the
+    same operation and are paths below the root, or duplicates. Scripts may read any variable, so nothing is
+    moved across them.
     """
     groups: list[Group] = []
     latest: dict[str, Group] = {}
@@ -141,41 +149,34 @@ def _groups(edits: Sequence[tuple[PackageEdits, Edit | Script]]) -> list[Group]:
             groups.append([(package, edit)])
             continue
         group = latest.get(edit.variable)
-        if group is None or not _joins(group[-1], (package, edit)):
+        joins = False
+        if group is not None:
+            last_package, last = group[-1]
+            joins = isinstance(last, Edit) and last.operation == edit.operation
+            if last == edit and last_package.folder == package.folder:
+                joins = joins and edit.operation in {"prepend", "append"}
+            else:
+                joins = joins and bool(_below(last_package.folder, last) and _below(package.folder, edit))
+        if group is None or not joins:
             group = latest[edit.variable] = []
             groups.append(group)
         group.append((package, edit))
     return groups
 
 
-def _joins(before: tuple[PackageEdits, Edit | Script], after: tuple[PackageEdits, Edit]) -> bool:
-    """Tell whether two edits of one variable fit in one statement: paths below the root, and duplicates."""
-    (package, edit), (next_package, next_edit) = before, after
-    if isinstance(edit, Script) or edit.operation != next_edit.operation:
-        return False
-    if edit == next_edit and package.folder == next_package.folder:
-        return edit.operation in {"prepend", "append"}
-    return bool(_below(package.folder, edit) and _below(next_package.folder, next_edit))
-
-
-def _below(folder: str, edit: Edit) -> str:
-    """Return the path to add relative to the root, '' if there is none."""
-    if not edit.below or edit.operation in {"set", "default"} or ":" in edit.value:
+def _below(folder: str, edit: Edit | Script) -> str:
+    """Return the path to add to a list, relative to the root; '' if there is none."""
+    if isinstance(edit, Script) or not edit.below or edit.operation in _ASSIGNING or ":" in edit.value:
         return ""
     return "/".join(filter(None, (folder, edit.value)))
 
 
 def _group_statement(shell: Shell, group: Group) -> Statement | None:
     package, first = group[0]
-    root = f"$_forge_root/{shell.quoted(package.folder)}".rstrip("/")
-    if isinstance(first, Script):
-        return _script(shell, package.name, first, root)
-    if first.operation in {"set", "default"}:
-        return _assignment(shell, first, root, _marker(root, package.name))
-    paths = [_below(p.folder, e) for p, e in group if isinstance(e, Edit)]
-    if not all(paths):
-        installed = _marker(root, package.name) if package.folder else ""
-        return _entries(shell, first, f"_forge_{first.operation}", [_value(shell, root, first)], installed)
+    paths = [_below(package.folder, edit) for package, edit in group]
+    if isinstance(first, Script) or not all(paths):
+        root = f"$_forge_root/{shell.quoted(package.folder)}".rstrip("/")
+        return _statement(shell, package, first, root, in_workspace=True)
     # Without duplicates, which would have no effect.
     entries = [f"{shell.list_root}{shell.quoted(path)}" for path in dict.fromkeys(paths)]
     if first.operation == "prepend":
@@ -183,13 +184,35 @@ def _group_statement(shell: Shell, group: Group) -> Statement | None:
     return _entries(shell, first, f"_forge_{first.operation}", entries, "")
 
 
-def _edit_statement(shell: Shell, package: PackageEdits, edit: Edit | Script) -> Statement | None:
+def _statement(
+    shell: Shell, package: PackageEdits, edit: Edit | Script, prefix: str, *, in_workspace: bool
+) -> Statement | None:
+    """Return the statement of one edit, None for a hook for other shells.
+
+    In the script of a workspace it applies only while the package is installed.
+    """
     if isinstance(edit, Script):
-        return _script(shell, package.name, edit, "$_forge_prefix")
-    if edit.operation in {"set", "default"}:
-        return _assignment(shell, edit, "$_forge_prefix", "")
-    function = "_forge_append" if edit.operation == "append" else "_colcon_prepend_unique_value"
-    return _entries(shell, edit, function, [_value(shell, "$_forge_prefix", edit)], "")
+        path = edit.path(shell.name)
+        if path is None:
+            return None
+        statement = _sourced(shell, f"A hook of '{package.name}'.", prefix, shell.quoted(path))
+        return statement | {"prefix_variables": ("COLCON_CURRENT_PREFIX", "AMENT_CURRENT_PREFIX")}
+    value = shell.quoted(edit.value)
+    if edit.below:
+        value = "/".join(filter(None, (prefix, value)))
+    marker = _marker(prefix, package.name) if in_workspace else ""
+    if edit.operation in _ASSIGNING:
+        return {
+            "template": f"scripts/{shell.family}/set.j2",
+            "variable": edit.variable,
+            "value": value,
+            "installed": marker,
+            "default": edit.operation == "default",
+        }
+    function = f"_forge_{edit.operation}"
+    if edit.operation == "prepend" and not in_workspace:
+        function = "_colcon_prepend_unique_value"
+    return _entries(shell, edit, function, [value], marker if package.folder else "")
 
 
 def _entries(shell: Shell, edit: Edit, function: str, entries: list[str], installed: str) -> Statement:
@@ -201,32 +224,6 @@ def _entries(shell: Shell, edit: Edit, function: str, entries: list[str], instal
         "entries": entries,
         "installed": installed,
     }
-
-
-def _value(shell: Shell, prefix: str, edit: Edit) -> str:
-    """Return the value of an edit, escaped for double quotes."""
-    if not edit.below:
-        return shell.quoted(edit.value)
-    return "/".join(filter(None, [prefix, shell.quoted(edit.value)]))
-
-
-def _assignment(shell: Shell, edit: Edit, prefix: str, installed: str) -> Statement:
-    return {
-        "template": f"scripts/{shell.family}/set.j2",
-        "variable": edit.variable,
-        "value": _value(shell, prefix, edit),
-        "installed": installed,
-        "default": edit.operation == "default",
-    }
-
-
-def _script(shell: Shell, name: str, script: Script, prefix: str) -> Statement | None:
-    """Return the statement that sources a hook, None if it is for other shells."""
-    path = script.path(shell.name)
-    if path is None:
-        return None
-    statement = _sourced(shell, f"A hook of '{name}'.", prefix, shell.quoted(path))
-    return statement | {"prefix_variables": ("COLCON_CURRENT_PREFIX", "AMENT_CURRENT_PREFIX")}
 
 
 def _sourced(shell: Shell, comment: str, prefix: str, path: str) -> Statement:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem, SelectionError, raise_if_any
+from forge.base.files import text_or_nothing
 from forge.base.graph import closure, reverse
 from forge.base.layout import BUILD_RESULT, TEST_RESULT
 from forge.base.text import listed
@@ -100,10 +101,8 @@ def _by_results(query: Query, build: Path, names: Iterable[str]) -> Iterator[Fil
     if query.select_build_failed:
         yield "did not fail to build", _ended(build, BUILD_RESULT, names, failed=True)
     if query.skip_build_finished:
-        yield (
-            "already built successfully",
-            frozenset(names) - _ended(build, BUILD_RESULT, names, failed=False),
-        )
+        finished = _ended(build, BUILD_RESULT, names, failed=False)
+        yield "already built successfully", frozenset(names) - finished
     if query.select_test_failures:
         yield "had no test failures", _ended(build, TEST_RESULT, names, failed=True)
     if query.skip_test_passed:
@@ -112,15 +111,7 @@ def _by_results(query: Query, build: Path, names: Iterable[str]) -> Iterator[Fil
 
 def _ended(build: Path, file: str, names: Iterable[str], *, failed: bool) -> frozenset[str]:
     """Return the packages whose last run failed, or succeeded; interrupted runs count as neither."""
+    words = {name: text_or_nothing(build / name / file).strip() for name in names}
     return frozenset(
-        name
-        for name in names
-        if (word := _result(build / name / file)) not in {None, "SIGINT"} and (word != "0") == failed
+        name for name, word in words.items() if word not in {"", "SIGINT"} and (word != "0") == failed
     )
-
-
-def _result(path: Path) -> str | None:
-    try:
-        return path.read_text(encoding="utf-8").strip()
-    except OSError:
-        return None

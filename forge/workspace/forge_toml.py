@@ -27,10 +27,9 @@ def table_of(content: Mapping[str, Any], key: str, path: Path) -> dict[str, Any]
     if table is None:
         return {}
     if not isinstance(table, dict):
-        toml = path.suffix == ".toml"
-        hint = (
-            f"write a table [{key}] of 'option = value'" if toml else f"write 'option: value' below '{key}:'"
-        )
+        hint = f"write 'option: value' below '{key}:'"
+        if path.suffix == ".toml":
+            hint = f"write a table [{key}] of 'option = value'"
         raise WorkspaceError(Problem(f"'{key}' is not a table of options", Location(path), hint))
     return table
 

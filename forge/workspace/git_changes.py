@@ -68,12 +68,11 @@ class Repository:
             return None
         other, path = self._repositories[above], os.fspath(self.top.relative_to(above))
         try:
-            if _is_submodule(other.index, path) or _is_submodule(other.tree, path):
-                return other
+            entries = (files[path] for files in (other.index, other.tree) if path in files)
+            return other if any(entry.mode == _SUBMODULE for entry in entries) else None
         except GitError:
             # A repository that has nothing to do with this one, for example of a home folder.
             return None
-        return None
 
     @cached_property
     def tree(self) -> Mapping[str, _Entry]:
@@ -105,8 +104,17 @@ class Repository:
     @cached_property
     def index(self) -> Mapping[str, _Entry]:
         """The files in the index, including submodules."""
-        output = self._git("ls-files", "--stage", "--debug", "-z")
-        return {os.fsdecode(match[3]): _indexed(match) for match in _INDEX.finditer(output)}
+        found = {}
+        for match in _INDEX.finditer(self._git("ls-files", "--stage", "--debug", "-z")):
+            mode, digest = match[1].decode(), match[2].decode()
+            status: tuple[int, ...] = ()
+            sparse = False
+            if match[4] is not None:
+                changed, changed_ns, modified, modified_ns, inode, size = map(int, match.groups()[3:9])
+                status = (changed * 10**9 + changed_ns, modified * 10**9 + modified_ns, inode, size)
+                sparse = bool(int(match[10], 16) & _NOT_IN_SPARSE_CHECKOUT)
+            found[os.fsdecode(match[3])] = _Entry(mode, digest, status, sparse)
+        return found
 
     @cached_property
     def untracked(self) -> tuple[str, ...]:
@@ -139,7 +147,9 @@ class Repository:
     def _differs(self, path: Path, then: _Entry, now: _Entry | None) -> bool:
         try:
             status = path.lstat()
-            if now and now.status == _status(status) and status.st_mtime_ns < self._index_time:
+            size, inode = status.st_size % 2**32, status.st_ino % 2**32
+            recorded = (status.st_ctime_ns, status.st_mtime_ns, inode, size)
+            if now and now.status == recorded and status.st_mtime_ns < self._index_time:
                 return then != now
             return then != self._contents(path, status, then, now)
         except (FileNotFoundError, NotADirectoryError):
@@ -250,25 +260,6 @@ def is_repository(folder: Path) -> bool:
 def repository_of(folder: Path) -> Path | None:
     """Return the top folder of the repository that contains `folder`, which has no links in its path."""
     return next((at for at in (folder, *folder.parents) if is_repository(at)), None)
-
-
-def _is_submodule(entries: Mapping[str, _Entry], path: str) -> bool:
-    return path in entries and entries[path].mode == _SUBMODULE
-
-
-def _indexed(match: re.Match[bytes]) -> _Entry:
-    mode, digest = match[1].decode(), match[2].decode()
-    if match[4] is None:
-        return _Entry(mode, digest)
-    *times, inode, size = map(int, match.groups()[3:9])
-    changed, modified = times[0] * 10**9 + times[1], times[2] * 10**9 + times[3]
-    sparse = bool(int(match[10], 16) & _NOT_IN_SPARSE_CHECKOUT)
-    return _Entry(mode, digest, (changed, modified, inode, size), sparse)
-
-
-def _status(status: os.stat_result) -> tuple[int, ...]:
-    size, inode = status.st_size % 2**32, status.st_ino % 2**32
-    return (status.st_ctime_ns, status.st_mtime_ns, inode, size)
 
 
 def _with_folders(paths: Iterator[Path]) -> frozenset[Path]:

@@ -182,9 +182,5 @@ def _as_ros(folder: Folder, variables: Mapping[str, str]) -> Identity | None:
 
 def _incomplete(folder: Folder, why: str, hint: str | None = None) -> Identity:
     assigned = f"type '{folder.type}'" if folder.type else f"name '{folder.name}'"
-    note = Problem(
-        f"the folder was assigned the {assigned}, but is not a package: {why}",
-        Location(folder.display_path),
-        hint,
-    )
-    return Identity(descend=True, notes=(note,))
+    message = f"the folder was assigned the {assigned}, but is not a package: {why}"
+    return Identity(descend=True, notes=(Problem(message, Location(folder.display_path), hint),))

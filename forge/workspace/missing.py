@@ -71,9 +71,8 @@ def missing_dependencies(
             ):
                 warnings.setdefault(dependency, []).append(name)
     unbuildable = frozenset(name for users in errors.values() for name in users)
-    return MissingDependencies(
-        _together(errors, resolution, whereabouts), _together(warnings, resolution, whereabouts), unbuildable
-    )
+    problems, doubts = (_together(found, resolution, whereabouts) for found in (errors, warnings))
+    return MissingDependencies(problems, doubts, unbuildable)
 
 
 def _together(

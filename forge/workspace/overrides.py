@@ -58,7 +58,12 @@ def read_overrides(root: Path, metas: Iterable[str], home: Path | None) -> Overr
     """
     by_name: dict[str, dict[str, Any]] = {}
     by_path: dict[str, dict[str, Any]] = {}
-    for path in (*_user_files(home), *_files(root, metas)):
+    files = list(_user_files(home))
+    for meta in metas:
+        path = root / meta
+        path = path / "colcon.meta" if path.is_dir() else path
+        files += [path] if path.exists() else []
+    for path in files:
         options = read_yaml(read_file(path), path)
         for key, target in (("names", by_name), ("paths", by_path)):
             for name, values in _section(options, key, path).items():
@@ -108,11 +113,8 @@ def with_overrides(package: Package, sources: Iterable[Mapping[str, Any]]) -> Pa
 def _names(options: Mapping[str, Any], key: str, package: Package) -> list[str]:
     names = options.get(key) or []
     if not isinstance(names, list) or not all(isinstance(name, str) and is_safe_name(name) for name in names):
-        raise WorkspaceError(
-            Problem(
-                f"'{key}' of '{package.name}' is not a list of names", Location(package.path / COLCON_PKG)
-            )
-        )
+        message = f"'{key}' of '{package.name}' is not a list of names"
+        raise WorkspaceError(Problem(message, Location(package.path / COLCON_PKG)))
     return names
 
 
@@ -137,14 +139,6 @@ def _user_files(home: Path | None) -> Iterator[Path]:
     for folder, names, files in os.walk(home / "metadata", followlinks=True):
         names[:] = sorted(name for name in names if not name.startswith("."))
         yield from (Path(folder) / file for file in sorted(files) if file.endswith(".meta"))
-
-
-def _files(root: Path, metas: Iterable[str]) -> Iterator[Path]:
-    for meta in metas:
-        path = root / meta
-        path = path / "colcon.meta" if path.is_dir() else path
-        if path.exists():
-            yield path
 
 
 def _section(options: Mapping[str, Any], key: str, path: Path) -> Mapping[str, Mapping[str, Any]]:

@@ -17,7 +17,6 @@ from forge.workspace.model import Dependency, DependencyKind, Manifest, Package
 from forge.workspace.overrides import COLCON_PKG
 from forge.workspace.python_metadata import (
     PythonMetadata,
-    leaves_all_to_setup_cfg,
     read_pyproject,
     read_setup_cfg,
     read_setup_py,
@@ -66,10 +65,10 @@ def _ambiguous(folder: Folder) -> Identity | None:
     """Report a folder that may be a CMake or a Python package."""
     if folder.type is not None or not folder.has("CMakeLists.txt", "setup.py", "setup.cfg"):
         return None
-    if (
-        not leaves_all_to_setup_cfg(folder.text("setup.py"))
-        or not read_setup_cfg(folder.text("setup.cfg")).name
-    ):
+    text = folder.text("setup.py")
+    # These are the files for which colcon reads only setup.cfg.
+    reads_setup_cfg = "setup()" in text or "setup(cmdclass=cmdclass)" in text
+    if not (reads_setup_cfg and read_setup_cfg(folder.text("setup.cfg")).name):
         return None
     message = "ignored: ambiguous package with a CMakeLists.txt and a setup.cfg"
     hint = f"set the type in '{folder.display_path / COLCON_PKG}': 'type: cmake' or 'type: python'"
@@ -83,14 +82,8 @@ def cmake_package(folder: Folder) -> Identity | None:
     text = folder.text("CMakeLists.txt")
     path = folder.display_path / "CMakeLists.txt"
     if is_catkin_toplevel(text):
-        return Identity(
-            descend=True,
-            notes=(
-                Problem(
-                    "ignored: this is the top-level CMakeLists.txt that catkin_make creates", Location(path)
-                ),
-            ),
-        )
+        message = "ignored: this is the top-level CMakeLists.txt that catkin_make creates"
+        return Identity(descend=True, notes=(Problem(message, Location(path)),))
     name = project_name(text)
     notes = (_no_literal(folder, path),) if name == "" and not folder.name else ()
     name = name or folder.absolute.resolve().name
@@ -106,6 +99,15 @@ def python_package(folder: Folder) -> Identity | None:
     """Read setup.py, completed by setup.cfg and pyproject.toml like setuptools, else pyproject.toml."""
     if not folder.may_be("python"):
         return None
+
+    def setup_cfg() -> PythonMetadata:
+        return read_setup_cfg(folder.text("setup.cfg")) if folder.has("setup.cfg") else PythonMetadata()
+
+    def pyproject() -> PythonMetadata | None:
+        path = folder.display_path / "pyproject.toml"
+        has_file = folder.has("pyproject.toml")
+        return read_pyproject(read_toml(folder.content("pyproject.toml"), path)) if has_file else None
+
     if folder.has("setup.py"):
         path = folder.display_path / "setup.py"
         try:
@@ -118,10 +120,10 @@ def python_package(folder: Folder) -> Identity | None:
             problem = Problem(f"cannot parse setup.py: {reason}", Location(path, line))
             return Identity(notes=(problem,), descend=True)
         if facts is not None:
-            facts = facts.over(_cfg_facts(folder)).over(_toml_facts(folder) or PythonMetadata())
+            facts = facts.over(setup_cfg()).over(pyproject() or PythonMetadata())
             return _python(folder, facts, path)
     if folder.has("pyproject.toml"):
-        facts, below = _toml_facts(folder), _cfg_facts(folder)
+        facts, below = pyproject(), setup_cfg()
         if facts or below.name is not None:
             facts = (facts or PythonMetadata()).over(below)
             return _python(folder, facts, folder.display_path / "pyproject.toml")
@@ -138,16 +140,6 @@ def _python(folder: Folder, facts: PythonMetadata, path: Path) -> Identity:
     package = plain_package(folder, name, "python", path, facts.dependencies)
     manifest = replace(package.manifest, version=facts.version, maintainers=facts.maintainers)
     return Identity(replace(package, manifest=manifest), notes=notes)
-
-
-def _cfg_facts(folder: Folder) -> PythonMetadata:
-    return read_setup_cfg(folder.text("setup.cfg")) if folder.has("setup.cfg") else PythonMetadata()
-
-
-def _toml_facts(folder: Folder) -> PythonMetadata | None:
-    if not folder.has("pyproject.toml"):
-        return None
-    return read_pyproject(read_toml(folder.content("pyproject.toml"), folder.display_path / "pyproject.toml"))
 
 
 def plain_package(

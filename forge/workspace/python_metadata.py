@@ -95,14 +95,16 @@ def read_setup_py(text: str) -> PythonMetadata | None:
                 break
     else:
         return None
-    names = dict(_constants(tree))
+    names: dict[str, object] = {}
+    for node in tree.body:
+        match node:
+            case (
+                ast.Assign(targets=[ast.Name(id=name)], value=value)
+                | ast.AnnAssign(target=ast.Name(id=name), value=ast.expr() as value)
+            ):
+                names[name] = _literal(value, {})
     values = {word.arg: _literal(word.value, names) for word in call.keywords if word.arg}
     return _facts({key: value for key, value in values.items() if value is not None})
-
-
-def leaves_all_to_setup_cfg(text: str) -> bool:
-    """Tell whether colcon reads only setup.cfg for a package with this setup.py."""
-    return "setup()" in text or "setup(cmdclass=cmdclass)" in text
 
 
 def read_pyproject(table: Mapping[str, Any]) -> PythonMetadata | None:
@@ -170,35 +172,33 @@ def _imported(node: ast.AST) -> Iterator[tuple[str, int]]:
 
 def _facts(values: Mapping[str, Any]) -> PythonMetadata:
     """Convert setuptools' arguments; values of unexpected types are ignored."""
-    name, version = values.get("name"), values.get("version", "")
+    name, version, extras = values.get("name"), values.get("version", ""), values.get("extras_require", {})
+    dependencies = [
+        Dependency(required, kinds, versions)
+        for key, kinds in _KINDS.items()
+        for required, versions in _required(values.get(key, ()))
+    ]
+    for extra in _TEST_EXTRAS:
+        needed = _required(extras.get(extra, ()) if isinstance(extras, dict) else ())
+        dependencies += (Dependency(need, _KINDS["tests_require"], versions) for need, versions in needed)
+    role = "maintainer" if "maintainer" in values else "author"
+    names, emails = values.get(role), values.get(f"{role}_email")
+    people: tuple[Person, ...] = ()
+    if isinstance(names, str) and isinstance(emails, str):
+        pairs = zip(names.split(","), emails.split(","), strict=False)
+        people = tuple(Person(person.strip(), email.strip()) for person, email in pairs)
     return PythonMetadata(
         name if isinstance(name, str) and name else None,
         version if isinstance(version, str) else "",
-        tuple(_dependencies(values)),
-        tuple(_people(values)),
+        tuple(dependencies),
+        people,
     )
-
-
-def _dependencies(values: Mapping[str, Any]) -> Iterator[Dependency]:
-    for key, kinds in _KINDS.items():
-        yield from (Dependency(name, kinds, asked) for name, asked in _required(values.get(key, ())))
-    extras = values.get("extras_require")
-    if isinstance(extras, dict):
-        for extra in _TEST_EXTRAS:
-            needed = _required(extras.get(extra, ()))
-            yield from (Dependency(name, frozenset({DependencyKind.TEST}), asked) for name, asked in needed)
 
 
 def _required(requirements: object) -> Iterator[tuple[str, tuple[tuple[str, str], ...]]]:
     """Yield name and versions of requirements such as 'name[extra]>=1; marker' (PEP 508)."""
-    lines = (
-        requirements.splitlines()
-        if isinstance(requirements, str)
-        else requirements
-        if isinstance(requirements, list | tuple)
-        else ()
-    )
-    for line in lines:
+    lines = requirements.splitlines() if isinstance(requirements, str) else requirements
+    for line in lines if isinstance(lines, list | tuple) else ():
         match = _REQUIREMENT.match(line) if isinstance(line, str) else None
         if match:
             rest = line[match.end() :].partition(";")[0].partition(" #")[0]
@@ -216,30 +216,10 @@ def _versions(specifier: str) -> Iterator[tuple[str, str]]:
             yield _SYMBOLS[symbol], version
 
 
-def _people(values: Mapping[str, Any]) -> Iterator[Person]:
-    role = "maintainer" if "maintainer" in values else "author"
-    names, emails = values.get(role), values.get(f"{role}_email")
-    if isinstance(names, str) and isinstance(emails, str):
-        for name, email in zip(names.split(","), emails.split(","), strict=False):
-            yield Person(name.strip(), email.strip())
-
-
 def _listed(value: str) -> list[str]:
     """Parse a setuptools list: one entry per line, or separated by semicolons on one line."""
     entries: Iterable[str] = value.splitlines() if "\n" in value else value.split(";")
     return [entry for raw in entries if (entry := raw.partition(" #")[0].strip()) and entry[0] != "#"]
-
-
-def _constants(tree: ast.Module) -> Iterator[tuple[str, object]]:
-    for node in tree.body:
-        match node:
-            case (
-                ast.Assign(targets=[ast.Name(id=name)], value=value)
-                | ast.AnnAssign(target=ast.Name(id=name), value=ast.expr() as value)
-            ):
-                literal = _literal(value, {})
-                if literal is not None:
-                    yield name, literal
 
 
 def _literal(node: ast.expr, names: Mapping[str, object]) -> object:

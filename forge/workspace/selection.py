@@ -190,6 +190,13 @@ class Query:
         return frozenset((*lists, *self.above_depth[1]))
 
 
+_REQUIRED = ("up_to", "up_to_regex", "above", "above_and_dependencies", "above_depth", "start", "end")
+"""Options that cannot work without the packages that they name."""
+_IGNORABLE = ("select", "skip", "select_regex", "skip_regex", "ignore", "ignore_regex")
+_STRICT = ("select_by_dep", "skip_by_dep", "skip_up_to")
+"""Options whose unknown names are reported only on demand."""
+
+
 def name_of(node: str) -> str:
     """Return the package name of a node."""
     return node.partition("\0")[0]
@@ -215,10 +222,11 @@ def select(
     ones.
     """
     names = frozenset(map(name_of, ordered)) if known is None else frozenset(known)
-    doubts = tuple(_doubts(query, names))
-    raise_if_any((*_faults(query, names), *(doubts if query.strict else ())), SelectionError)
+    doubts = tuple(_unknown(query, _IGNORABLE + (_STRICT if query.strict else ()), names))
+    faults = _unknown(query, _REQUIRED, names)
+    raise_if_any((*faults, *(doubts if query.strict else ())), SelectionError)
     left_out: dict[str, str] = {}
-    by_name = ((reason, frozenset(_nodes(kept, ordered))) for reason, kept in limits)
+    by_name = ((reason, _matching(ordered, kept)) for reason, kept in limits)
     for reason, kept in (*_filters(query, ordered, needs), *by_name):
         for node in ordered:
             if node not in kept:
@@ -228,115 +236,83 @@ def select(
 
 def ignored(query: Query, names: Iterable[str]) -> frozenset[str]:
     """Return the names that --packages-ignore and --packages-ignore-regex match."""
-    return frozenset(name for name in names if _named(name, query.ignore, query.ignore_regex))
+    return _matching(names, query.ignore, query.ignore_regex)
 
 
 def _filters(query: Query, ordered: Sequence[str], needs: Graph) -> Iterator[FilterResult]:
-    if query.skip or query.skip_regex:
-        gone = {node for node in ordered if _named(node, query.skip, query.skip_regex)}
-        yield "named by --packages-skip", frozenset(ordered) - gone
-    if query.select is not None or query.select_regex is not None:
-        by_name, patterns = query.select or (), query.select_regex or ()
-        chosen = frozenset(node for node in ordered if _named(node, by_name, patterns))
-        yield "not named by --packages-select", chosen
+    """Yield what each option keeps, and the reason why other packages are left out."""
     nodes = frozenset(ordered)
+    dependents = reverse(needs)
+    if query.skip or query.skip_regex:
+        yield "named by --packages-skip", nodes - _matching(ordered, query.skip, query.skip_regex)
+    if query.select is not None or query.select_regex is not None:
+        chosen = _matching(ordered, query.select or (), query.select_regex or ())
+        yield "not named by --packages-select", chosen
     if query.up_to:
-        yield "not a dependency of --packages-up-to", closure(needs, _nodes(query.up_to, ordered))
+        yield "not a dependency of --packages-up-to", closure(needs, _matching(ordered, query.up_to))
     if query.up_to_regex:
-        wanted = [node for node in ordered if _fits(name_of(node), query.up_to_regex)]
+        wanted = _matching(ordered, (), query.up_to_regex)
         yield "not a dependency of --packages-up-to-regex", closure(needs, wanted)
     if query.above:
-        yield "does not depend on --packages-above", closure(reverse(needs), _nodes(query.above, ordered))
+        yield "does not depend on --packages-above", closure(dependents, _matching(ordered, query.above))
     if query.above_and_dependencies:
-        above = closure(reverse(needs), _nodes(query.above_and_dependencies, ordered))
-        yield (
-            "neither a dependent of --packages-above-and-dependencies nor a dependency of one",
-            closure(needs, above),
-        )
+        above = closure(dependents, _matching(ordered, query.above_and_dependencies))
+        reason = "neither a dependent of --packages-above-and-dependencies nor a dependency of one"
+        yield reason, closure(needs, above)
     if query.above_depth[1]:
         depth, names = query.above_depth
-        kept = _near(reverse(needs), _nodes(names, ordered), depth)
+        kept = layer = _matching(ordered, names)
+        while layer and depth:
+            layer = frozenset[str]().union(*(dependents[node] for node in layer)) - kept
+            kept |= layer
+            depth -= 1
         yield "not within --packages-above-depth", kept
-    below = closures(needs, ordered) if query.select_by_dep or query.skip_by_dep else {}
-    if query.select_by_dep:
-        by = frozenset(_nodes(query.select_by_dep, ordered))
-        yield "does not depend on --packages-select-by-dep", frozenset(n for n in nodes if below[n] & by)
-    if query.skip_by_dep:
-        by = frozenset(_nodes(query.skip_by_dep, ordered))
-        yield "depends on --packages-skip-by-dep", frozenset(n for n in nodes if not below[n] & by)
+    if query.select_by_dep or query.skip_by_dep:
+        below = closures(needs, ordered)
+        if query.select_by_dep:
+            by = _matching(ordered, query.select_by_dep)
+            yield "does not depend on --packages-select-by-dep", frozenset(n for n in nodes if below[n] & by)
+        if query.skip_by_dep:
+            by = _matching(ordered, query.skip_by_dep)
+            yield "depends on --packages-skip-by-dep", frozenset(n for n in nodes if not below[n] & by)
     if query.skip_up_to:
-        skipped = closure(needs, _nodes(query.skip_up_to, ordered))
+        skipped = closure(needs, _matching(ordered, query.skip_up_to))
         yield "dependency of --packages-skip-up-to", nodes - skipped
     if query.start or query.end:
-        positions = {
-            name: [i for i, node in enumerate(ordered) if name_of(node) == name]
-            for name in (query.start, query.end)
-            if name
-        }
-        first = min(positions.get(query.start or "", ()), default=0)
-        last = max(positions.get(query.end or "", ()), default=len(ordered) - 1)
+        names_in_order = list(map(name_of, ordered))
+        first, last = 0, len(ordered) - 1
+        if query.start in names_in_order:
+            first = names_in_order.index(query.start)
+        if query.end in names_in_order:
+            last -= names_in_order[::-1].index(query.end)
         if last < first:
             message = f"--packages-end '{query.end}' comes before --packages-start '{query.start}'"
             raise SelectionError(Problem(message, hint="'forge list -t' prints the order"))
         yield "outside of --packages-start and --packages-end", frozenset(ordered[first : last + 1])
 
 
-def _named(node: str, names: Collection[str], patterns: Iterable[str]) -> bool:
-    return name_of(node) in names or _fits(name_of(node), patterns)
+def _matching(nodes: Iterable[str], names: Collection[str], patterns: Sequence[str] = ()) -> frozenset[str]:
+    """Return the nodes of packages with one of these names, or with a name that matches a pattern."""
+    return frozenset(
+        node
+        for node in nodes
+        for name in (name_of(node),)
+        if name in names or any(re.match(pattern, name) for pattern in patterns)
+    )
 
 
-def _nodes(names: Collection[str], ordered: Sequence[str]) -> list[str]:
-    return [node for node in ordered if name_of(node) in names]
-
-
-def _near(dependents: Graph, nodes: Iterable[str], depth: int) -> frozenset[str]:
-    found = layer = frozenset(nodes)
-    for _ in range(depth):
-        layer = frozenset[str]().union(*(dependents[node] for node in layer)) - found
-        if not layer:
-            break
-        found |= layer
-    return found
-
-
-def _fits(name: str, patterns: Iterable[str]) -> bool:
-    return any(re.match(pattern, name) for pattern in patterns)
-
-
-def _faults(query: Query, known: frozenset[str]) -> Iterator[Problem]:
-    """Yield unknown names of options that require them."""
-    yield from _unknown("--packages-up-to", query.up_to, known)
-    yield from _unfitting("--packages-up-to-regex", query.up_to_regex, known)
-    yield from _unknown("--packages-above", query.above, known)
-    yield from _unknown("--packages-above-and-dependencies", query.above_and_dependencies, known)
-    yield from _unknown("--packages-above-depth", query.above_depth[1], known)
-    yield from _unknown("--packages-start", filter(None, (query.start,)), known)
-    yield from _unknown("--packages-end", filter(None, (query.end,)), known)
-
-
-def _doubts(query: Query, known: frozenset[str]) -> Iterator[Problem]:
-    """Yield unknown names of options that can ignore them."""
-    yield from _unknown("--packages-select", query.select or (), known)
-    yield from _unknown("--packages-skip", query.skip, known)
-    yield from _unfitting("--packages-select-regex", query.select_regex or (), known)
-    yield from _unfitting("--packages-skip-regex", query.skip_regex, known)
-    yield from _unknown("--packages-ignore", query.ignore, known)
-    yield from _unfitting("--packages-ignore-regex", query.ignore_regex, known)
-    if query.strict:
-        yield from _unknown("--packages-select-by-dep", query.select_by_dep, known)
-        yield from _unknown("--packages-skip-by-dep", query.skip_by_dep, known)
-        yield from _unknown("--packages-skip-up-to", query.skip_up_to, known)
-
-
-def _unknown(option: str, names: Iterable[str], known: frozenset[str]) -> Iterator[Problem]:
-    for name in names:
-        if name not in known:
-            message = f"{option}: no package named '{name}' in the workspace"
-            yield Problem(message, hint=did_you_mean(name, known))
-
-
-def _unfitting(option: str, patterns: Iterable[str], known: frozenset[str]) -> Iterator[Problem]:
-    for pattern in patterns:
-        if not any(re.match(pattern, name) for name in known):
-            hint = f"patterns match from the beginning of a name; to match anywhere use '.*{pattern}'"
-            yield Problem(f"{option} '{pattern}' matches no package", hint=hint)
+def _unknown(query: Query, fields: Iterable[str], known: frozenset[str]) -> Iterator[Problem]:
+    """Yield a problem for each name or pattern in these fields of the query that fits no package."""
+    for field in fields:
+        option = f"--packages-{field.replace('_', '-')}"
+        value = getattr(query, field)
+        if field == "above_depth":
+            value = value[1]
+        for text in (value,) if isinstance(value, str) else value or ():
+            if not field.endswith("_regex"):
+                if text not in known:
+                    message = f"{option}: no package named '{text}' in the workspace"
+                    yield Problem(message, hint=did_you_mean(text, known))
+            elif not _matching(known, (), (text,)):
+                hint = f"patterns match from the beginning of a name; to match anywhere use '.*{text}'"
+                yield Problem(f"{option} '{text}' matches no package", hint=hint)
