@@ -3,150 +3,50 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Any
 
-from tests.bench.figures import SUBJECT
+from tests.bench.figures import SUBJECT, Case
+from tests.bench.growth import Growth
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+Chart = dict[str, Any]
+"""The names that a template in templates/ uses."""
 
-    from tests.bench.figures import Case, Spread
-    from tests.bench.growth import Growth
-
-WIDTH = 800
-LABELS = 370
-"""Where bars begin."""
-
-NUMBERS = 62
-"""What is left beside the longest bar for its number."""
-
-ROW = 20
-TOP = 26
-MOST_ROWS = 48
-
-PLOT = (64, 14, 500, 320)
-"""Left, top, right and bottom of the picture of growth."""
-
-LEGEND = 520
-COLORS = 8
-
-TIMES_TOP = 34
-TIMES_LABELS = 330
-TIMES_NUMBERS = 90
-PANEL_GAP = 16
+WIDTH, ROW, COLORS, MOST_ROWS = 800, 20, 8, 48
+LABELS, NUMBERS, TOP = 370, 62, 26
+"""In a chart of ratios: where bars begin, what is left for the longest one's number, the axis' height."""
+PLOT, LEGEND = (64, 14, 500, 320), 520
+"""Left, top, right and bottom of the picture of growth; where its legend begins."""
+TIMES_TOP, TIMES_LABELS, TIMES_NUMBERS, PANEL_GAP = 34, 330, 90, 16
 
 
-@dataclass(frozen=True, slots=True)
-class Bar:
-    """One peer in one case: a bar from forge's time to the peer's, on a scale of powers."""
-
-    label: str
-    peer: str
-    y: int
-    x: float
-    width: float
-    low: float
-    high: float
-    number: str
-    number_x: float
-    kind: str
-    """'slower' than forge or 'faster'."""
-
-
-@dataclass(frozen=True, slots=True)
-class Tick:
-    """A place on an axis, and what it says."""
-
-    at: float
-    label: str
-
-
-@dataclass(frozen=True, slots=True)
-class Bars:
-    """A chart of ratios."""
-
-    title: str
-    width: int
-    height: int
-    labels: int
-    """Where the names of cases and peers end."""
-    one: float
-    """Where forge's own time is."""
-    bars: tuple[Bar, ...]
-    ticks: tuple[Tick, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Line:
-    """A variant's medians by size."""
-
-    label: str
-    path: str
-    points: tuple[tuple[float, float], ...]
-    label_y: float
-    color: int
-    dashed: bool
-    """Where there are more lines than colors."""
-
-
-@dataclass(frozen=True, slots=True)
-class Lines:
-    """A chart of growth."""
-
-    title: str
-    width: int
-    height: int
-    lines: tuple[Line, ...]
-    xs: tuple[Tick, ...]
-    ys: tuple[Tick, ...]
-    plot: tuple[int, int, int, int]
-    legend: int
-
-
-@dataclass(frozen=True, slots=True)
-class Time:
-    """One tool at one task: a bar from zero. All bars of a chart have one scale."""
-
-    task: str
-    """The task, only beside its first bar."""
-    tool: str
-    y: int
-    width: float
-    number: str
-    number_x: float
-    kind: str
-    """'forge' or 'other'."""
-
-
-@dataclass(frozen=True, slots=True)
-class Times:
-    """A chart of times, task by task."""
-
-    title: str
-    width: int
-    height: int
-    labels: int
-    bars: tuple[Time, ...]
-
-
-def times(title: str, tasks: Sequence[tuple[str, Sequence[tuple[str, float, str]]]]) -> Times | None:
+def times(title: str, tasks: Sequence[tuple[str, Sequence[tuple[str, float, str]]]]) -> Chart | None:
     """Return the chart of tasks, each with tools, their times and these as text; None without tasks."""
-    drawn: list[Time] = []
+    drawn: list[Chart] = []
     y = TIMES_TOP
     longest = max((value for _, tools in tasks for _, value, _ in tools), default=1.0)
     for words, tools in tasks:
         for number, (tool, value, text) in enumerate(tools):
             width = round(max((WIDTH - TIMES_NUMBERS - TIMES_LABELS) * value / longest, 1), 1)
-            kind = "forge" if tool == SUBJECT else "other"
-            end = round(TIMES_LABELS + width + 6, 1)
-            drawn.append(Time("" if number else words, tool, y, width, text, end, kind))
+            drawn.append(
+                {
+                    "task": "" if number else words,
+                    "tool": tool,
+                    "y": y,
+                    "width": width,
+                    "number": text,
+                    "number_x": round(TIMES_LABELS + width + 6, 1),
+                    "kind": "forge" if tool == SUBJECT else "other",
+                }
+            )
             y += ROW
         y += PANEL_GAP
-    return Times(title, WIDTH, y - PANEL_GAP + 4, TIMES_LABELS, tuple(drawn)) if drawn else None
+    chart = {"title": title, "width": WIDTH, "height": y - PANEL_GAP + 4, "labels": TIMES_LABELS}
+    return {**chart, "bars": drawn} if drawn else None
 
 
-def bars(title: str, cases: Iterable[Case]) -> Bars | None:
+def bars(title: str, cases: Iterable[Case]) -> Chart | None:
     """Return the chart of what others take beside forge; None where there is nothing beside it."""
     rows = [
         (case.name if case.size is None else f"{case.name}, {case.size:,}", other, case.ratios(other))
@@ -159,9 +59,33 @@ def bars(title: str, cases: Iterable[Case]) -> Bars | None:
     low = min(1.0, *(spread.low for *_, spread in rows))
     high = max(1.0, *(spread.high for *_, spread in rows))
     scale = _Scale(low, high, LABELS, WIDTH - NUMBERS)
-    drawn = tuple(_bar(index, row, rows, scale) for index, row in enumerate(rows))
-    ticks = tuple(Tick(round(scale.at(power), 1), _power(power)) for power in _powers(low, high))
-    return Bars(title, WIDTH, TOP + ROW * len(rows) + 8, LABELS, round(scale.at(1), 1), drawn, ticks)
+    one, before, drawn = scale.at(1), "", []
+    for index, (label, peer, spread) in enumerate(rows):
+        end = scale.at(spread.middle)
+        drawn.append(
+            {
+                "label": "" if label == before else label,
+                "peer": peer,
+                "y": TOP + ROW * index,
+                "x": round(min(one, end), 1),
+                "width": round(max(abs(end - one), 1), 1),
+                "low": round(scale.at(spread.low), 1),
+                "high": round(scale.at(spread.high), 1),
+                "number": ratio(spread.middle),
+                "number_x": round(max(one, end, scale.at(spread.high)) + 5, 1),
+                "kind": "slower" if spread.middle >= 1 else "faster",
+            }
+        )
+        before = label
+    return {
+        "title": title,
+        "width": WIDTH,
+        "height": TOP + ROW * len(rows) + 8,
+        "labels": LABELS,
+        "one": round(one, 1),
+        "bars": drawn,
+        "ticks": [{"at": round(scale.at(x), 1), "label": _power(x)} for x in _powers(low, high)],
+    }
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,65 +102,41 @@ class _Scale:
         return self.left + (self.right - self.left) * math.log(value / self.low) / span
 
 
-def _bar(
-    index: int, row: tuple[str, str, Spread], rows: Sequence[tuple[str, str, Spread]], scale: _Scale
-) -> Bar:
-    label, peer, spread = row
-    one, end = scale.at(1), scale.at(spread.middle)
-    first = index == 0 or rows[index - 1][0] != label
-    return Bar(
-        label=label if first else "",
-        peer=peer,
-        y=TOP + ROW * index,
-        x=round(min(one, end), 1),
-        width=round(max(abs(end - one), 1), 1),
-        low=round(scale.at(spread.low), 1),
-        high=round(scale.at(spread.high), 1),
-        number=ratio(spread.middle),
-        number_x=round(max(one, end, scale.at(spread.high)) + 5, 1),
-        kind="slower" if spread.middle >= 1 else "faster",
-    )
-
-
 def ratio(value: float) -> str:
     """Return a ratio with the digits that a reader can use."""
     return f"{value:.0f}" if value >= 20 else f"{value:.1f}" if value >= 2 else f"{value:.2f}"
 
 
-def lines(title: str, growths: Sequence[tuple[str, Growth]]) -> Lines | None:
+def lines(title: str, growths: Sequence[tuple[str, Growth]]) -> Chart | None:
     """Return the chart of medians by size, both as powers; None where nothing grows."""
     if not growths:
         return None
-    points = [point for _, growth in growths for point in growth.points]
+    xs, ys = zip(*(point for _, growth in growths for point in growth.points), strict=True)
     left, top, right, bottom = PLOT
-    low_x, high_x = min(x for x, _ in points), max(x for x, _ in points)
-    low_y, high_y = min(y for _, y in points), max(y for _, y in points)
-    across, up = _Scale(low_x, high_x, left, right), _Scale(low_y, high_y, bottom, top)
-    drawn = tuple(_line(number, growths, across, up) for number in range(len(growths)))
-    return Lines(
-        title,
-        WIDTH,
-        max(bottom + 30, top + 18 * len(growths) + 10),
-        drawn,
-        tuple(Tick(round(across.at(x), 1), _power(x)) for x in _powers(low_x, high_x)),
-        tuple(Tick(round(up.at(y), 1), _milliseconds(y)) for y in _powers(low_y, high_y)),
-        PLOT,
-        LEGEND,
-    )
-
-
-def _line(number: int, growths: Sequence[tuple[str, Growth]], across: _Scale, up: _Scale) -> Line:
-    label, growth = growths[number]
-    points = tuple((round(across.at(x), 1), round(up.at(y), 1)) for x, y in growth.points)
-    path = "M" + " L".join(f"{x} {y}" for x, y in points)
-    return Line(
-        f"{label}: {growth.exponent:.2f}",
-        path,
-        points,
-        PLOT[1] + 10 + 18 * number,
-        number % COLORS,
-        number >= COLORS,
-    )
+    across, up = _Scale(min(xs), max(xs), left, right), _Scale(min(ys), max(ys), bottom, top)
+    drawn = []
+    for number, (label, growth) in enumerate(growths):
+        points = [(round(across.at(x), 1), round(up.at(y), 1)) for x, y in growth.points]
+        drawn.append(
+            {
+                "label": f"{label}: {growth.exponent:.2f}",
+                "path": "M" + " L".join(f"{x} {y}" for x, y in points),
+                "points": points,
+                "label_y": top + 10 + 18 * number,
+                "color": number % COLORS,
+                "dashed": number >= COLORS,  # more lines than colors
+            }
+        )
+    return {
+        "title": title,
+        "width": WIDTH,
+        "height": max(bottom + 30, top + 18 * len(growths) + 10),
+        "lines": drawn,
+        "xs": [{"at": round(across.at(x), 1), "label": _power(x)} for x in _powers(min(xs), max(xs))],
+        "ys": [{"at": round(up.at(y), 1), "label": _milliseconds(y)} for y in _powers(min(ys), max(ys))],
+        "plot": PLOT,
+        "legend": LEGEND,
+    }
 
 
 def _powers(low: float, high: float) -> list[float]:

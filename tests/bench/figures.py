@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import json
+from dataclasses import asdict, dataclass, field
 from statistics import median, quantiles
 from typing import TYPE_CHECKING, Any
 
@@ -112,74 +113,50 @@ def spread(values: Sequence[float]) -> Spread:
 
 
 def as_json(results: Results) -> dict[str, Any]:
-    """Return what `from_json` reads, and medians for whoever reads the file itself."""
-    scenarios = {name: _result_as_json(result) for name, result in results.scenarios.items()}
-    return {
-        "command": results.command,
-        "machine": dict(results.machine),
-        "peers": dict(results.peers),
-        "scenarios": scenarios,
-        "profiles": dict(results.profiles),
-    }
+    """Return what `from_json` reads, with medians for whoever reads the file itself."""
+    document = asdict(results)
+    for name, result in results.scenarios.items():
+        document["scenarios"][name] |= {
+            "seconds": round(result.seconds, 1),
+            "load": round(result.load, 2),
+            "cases": [_case_as_json(case) for case in result.cases],
+        }
+    return document
+
+
+def _case_as_json(case: Case) -> dict[str, Any]:
+    entry = {"name": case.name, "size": case.size, "unit": case.unit}
+    variants = {name: _series_as_json(series) for name, series in case.series.items()}
+    return {**entry, "variants": variants, **({"counts": dict(case.counts)} if case.counts else {})}
+
+
+def _series_as_json(series: Series) -> dict[str, Any]:
+    """Return a series with the four digits that a measurement may claim."""
+    entry = {"median": series.median, "values": series.values, "worked": series.worked}
+    rounded: dict[str, Any] = json.loads(
+        json.dumps(entry), parse_float=lambda text: float(f"{float(text):.4g}")
+    )
+    if not series.worked:
+        del rounded["worked"]
+    return rounded if series.peak_mb is None else {**rounded, "peak_mb": round(series.peak_mb, 1)}
 
 
 def from_json(document: Mapping[str, Any]) -> Results:
     """Return the results that a document holds; raises KeyError when it is none."""
-    scenarios = {name: _result_from_json(entry) for name, entry in document["scenarios"].items()}
-    return Results(
-        machine=document["machine"],
-        peers=document["peers"],
-        command=document["command"],
-        scenarios=scenarios,
-        profiles=document.get("profiles", {}),
-    )
-
-
-def _result_as_json(result: Result) -> dict[str, Any]:
-    cases = []
-    for case in result.cases:
-        variants = {name: _series_as_json(series) for name, series in case.series.items()}
-        entry = {"name": case.name, "size": case.size, "unit": case.unit, "variants": variants}
-        cases.append({**entry, "counts": dict(case.counts)} if case.counts else entry)
-    return {
-        "date": result.date,
-        "seconds": round(result.seconds, 1),
-        "load": round(result.load, 2),
-        "quick": result.quick,
-        "missing": list(result.missing),
-        "cases": cases,
-    }
-
-
-def _series_as_json(series: Series) -> dict[str, Any]:
-    entry: dict[str, Any] = {"median": _rounded(series.median), "values": list(map(_rounded, series.values))}
-    if series.worked:
-        entry["worked"] = list(map(_rounded, series.worked))
-    if series.peak_mb is not None:
-        entry["peak_mb"] = round(series.peak_mb, 1)
-    return entry
-
-
-def _rounded(value: float) -> float:
-    """Return a value with the four digits that a measurement may claim."""
-    return float(f"{value:.4g}")
-
-
-def _result_from_json(entry: Mapping[str, Any]) -> Result:
-    cases = [
-        Case(
-            each["name"],
-            {name: _series_from_json(series) for name, series in each["variants"].items()},
-            each["size"],
-            each["unit"],
-            each.get("counts", {}),
+    scenarios = {}
+    for name, entry in document["scenarios"].items():
+        cases = tuple(
+            Case(
+                each["name"],
+                {
+                    variant: Series(tuple(it["values"]), tuple(it.get("worked", ())), it.get("peak_mb"))
+                    for variant, it in each["variants"].items()
+                },
+                each["size"],
+                each["unit"],
+                each.get("counts", {}),
+            )
+            for each in entry["cases"]
         )
-        for each in entry["cases"]
-    ]
-    return Result(
-        tuple(cases), entry["date"], entry["seconds"], entry["load"], entry["quick"], tuple(entry["missing"])
-    )
-
-
-def _series_from_json(entry: Mapping[str, Any]) -> Series:
-    return Series(tuple(entry["values"]), tuple(entry.get("worked", ())), entry.get("peak_mb"))
+        scenarios[name] = Result(**{**entry, "cases": cases, "missing": tuple(entry["missing"])})
+    return Results(**{"profiles": {}, **document, "scenarios": scenarios})

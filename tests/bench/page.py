@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from dataclasses import dataclass
 from pathlib import Path
+from statistics import median
 from typing import TYPE_CHECKING, Any
 
 import jinja2
@@ -21,7 +21,7 @@ from tests.bench.target_table import TARGETS
 from tests.bench.targets import verdicts
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from tests.bench.figures import Case, Result, Spread
     from tests.bench.growth import Growth
@@ -36,18 +36,6 @@ _NOTHING = Results({}, {}, "", {})
 _SECOND = 1000
 
 
-@dataclass(frozen=True, slots=True)
-class Row:
-    """A variant in a case, as the page shows it."""
-
-    case: str
-    variant: str
-    median: str
-    ratio: str
-    worked: str
-    memory: str
-
-
 def files(results: Results) -> dict[str, str]:
     """Return the text of the page and of each chart, by its path below docs/."""
     found = dict(_charts(results))
@@ -57,7 +45,11 @@ def files(results: Results) -> dict[str, str]:
         "machine": [*results.machine.items(), *results.peers.items()],
         "targets": [_target(verdict) for verdict in verdicts(TARGETS, results)],
         "summary": _summary(verdicts(TARGETS, results)),
-        "overview_charts": [(overview.CHARTS[name][0], path) for name, path in _overview_paths(found)],
+        "overview_charts": [
+            (title, path)
+            for name, (title, _) in overview.CHARTS.items()
+            if (path := f"{IMAGES}/{name}.svg") in found
+        ],
         "overview": [_overview_row(*row) for row in overview.table(results)],
         "growth_chart": next((path for path in found if path.endswith("growth.svg")), None),
         "growth": [_growth(name, growth) for name, growth in _growths(results, every_variant=True)],
@@ -66,13 +58,6 @@ def files(results: Results) -> dict[str, str]:
         "scenarios": [_scenario(name, results.scenarios.get(name), found) for name in SCENARIOS],
     }
     return {PAGE: _render("benchmarks.md.j2", **names), **found}
-
-
-def _overview_paths(found: Mapping[str, str]) -> Iterator[tuple[str, str]]:
-    for name in overview.CHARTS:
-        path = f"{IMAGES}/{name}.svg"
-        if path in found:
-            yield name, path
 
 
 def _overview_row(title: str, task: Task, case: Case, other: str) -> dict[str, str]:
@@ -86,34 +71,31 @@ def _overview_row(title: str, task: Task, case: Case, other: str) -> dict[str, s
     }
 
 
-def _overview_charts(results: Results) -> Iterator[tuple[str, str]]:
-    for name, (title, _) in overview.CHARTS.items():
-        drawn = charts.times(
-            title,
-            [
-                (task.words, [_timed(case, tool) for tool in (SUBJECT, *task.others) if tool in case.series])
-                for task, case in overview.tasks(name, results)
-            ],
-        )
-        if drawn:
-            yield f"{IMAGES}/{name}.svg", _render("times.svg.j2", chart=drawn)
-
-
-def _timed(case: Case, tool: str) -> tuple[str, float, str]:
-    middle = case.series[tool].median
-    return tool, middle, shown(middle, case.unit)
-
-
 def _charts(results: Results) -> Iterator[tuple[str, str]]:
-    yield from _overview_charts(results)
+    for name, (title, _) in overview.CHARTS.items():
+        timed = [
+            (
+                task.words,
+                [
+                    (tool, case.series[tool].median, shown(case.series[tool].median, case.unit))
+                    for tool in (SUBJECT, *task.others)
+                    if tool in case.series
+                ],
+            )
+            for task, case in overview.tasks(name, results)
+        ]
+        if drawn := charts.times(title, timed):
+            yield f"{IMAGES}/{name}.svg", _render("times.svg.j2", chart=drawn)
     for name, result in results.scenarios.items():
         chart = charts.bars(f"{SCENARIOS[name].title}: time beside forge's", _largest(result.cases))
         if chart:
             yield f"{IMAGES}/{name}.svg", _render("bars.svg.j2", chart=chart)
-    timed = [(name, growth) for name, growth in _growths(results) if growth.case in _MAIN.get(name, ())]
-    labelled = [(_label(name, growth), growth) for name, growth in timed]
-    grown = charts.lines("forge's medians by size", labelled)
-    if grown:
+    labelled = [
+        (name if len(_MAIN[name]) == 1 else f"{name}, {growth.case.rpartition(', ')[2]}", growth)
+        for name, growth in _growths(results)
+        if growth.case in _MAIN.get(name, ())
+    ]
+    if grown := charts.lines("forge's medians by size", labelled):
         yield f"{IMAGES}/growth.svg", _render("lines.svg.j2", chart=grown)
 
 
@@ -131,10 +113,6 @@ _MAIN: Mapping[str, tuple[str, ...]] = {
     "sourcing": ("bash",),
 }
 """What the picture of growth shows; the table has all."""
-
-
-def _label(name: str, growth: Growth) -> str:
-    return name if len(_MAIN[name]) == 1 else f"{name}, {growth.case.rpartition(', ')[2]}"
 
 
 def _largest(cases: Iterable[Case]) -> list[Case]:
@@ -168,12 +146,10 @@ def _growth(name: str, growth: Growth) -> dict[str, str]:
 
 
 def _target(verdict: Verdict) -> dict[str, object]:
-    target = verdict.target
-    limit = f"{target.limit:g}" if target.limit < _SECOND else f"{target.limit:,.0f}"
     return {
-        "issue": target.issue,
-        "words": target.words,
-        "limit": f"{'≤' if target.sign == '<=' else '≥'} {limit} {target.unit}".strip(),
+        "issue": verdict.target.issue,
+        "words": verdict.target.words,
+        "limit": verdict.target.shown_limit,
         "measured": verdict.measured,
         "met": _MET[verdict.met],
         "where": verdict.where,
@@ -200,7 +176,8 @@ def _scenario(name: str, result: Result | None, found: Mapping[str, str]) -> dic
     }
 
 
-def _rows(case: Case, per: str) -> Iterator[Row]:
+def _rows(case: Case, per: str) -> Iterator[dict[str, str]]:
+    """Yield the variants of a case, as the page shows them."""
     name = case.name
     if case.size is not None:
         name = f"{name}, {case.size:,} {per[: -1 if case.size == 1 else None]}".strip()
@@ -210,35 +187,20 @@ def _rows(case: Case, per: str) -> Iterator[Row]:
         each = ""
         if per == "messages" and case.size:
             each = f", {shown(spread.middle / case.size, case.unit)} each"
-        yield Row(
-            case=f"{name} ({counts})" if counts and number == 0 else name if number == 0 else "",
-            variant=variant,
-            median=f"{shown(spread.middle, case.unit)}{_around(spread, case.unit)}{each}",
-            ratio=_ratio(case, variant),
-            worked=shown(_middle(series.worked), case.unit) if series.worked else "",
-            memory=f"{series.peak_mb:.0f} MB" if series.peak_mb is not None else "",
-        )
+        compared = variant != SUBJECT and SUBJECT in case.series
+        yield {
+            "case": f"{name} ({counts})" if counts and number == 0 else name if number == 0 else "",
+            "variant": variant,
+            "median": _with_quartiles(spread, lambda value: shown(value, case.unit)) + each,
+            "ratio": _with_quartiles(case.ratios(variant), charts.ratio) if compared else "",
+            "worked": shown(median(series.worked), case.unit) if series.worked else "",
+            "memory": f"{series.peak_mb:.0f} MB" if series.peak_mb is not None else "",
+        }
 
 
-def _middle(values: Sequence[float]) -> float:
-    ordered = sorted(values)
-    return (ordered[len(ordered) // 2] + ordered[(len(ordered) - 1) // 2]) / 2
-
-
-def _around(spread: Spread, unit: str) -> str:
-    if spread.low == spread.high:
-        return ""
-    return f" ({shown(spread.low, unit)} to {shown(spread.high, unit)})"
-
-
-def _ratio(case: Case, variant: str) -> str:
-    if variant == SUBJECT or SUBJECT not in case.series:
-        return ""
-    spread = case.ratios(variant)
-    middle = charts.ratio(spread.middle)
-    if spread.low == spread.high:
-        return middle
-    return f"{middle} ({charts.ratio(spread.low)} to {charts.ratio(spread.high)})"
+def _with_quartiles(spread: Spread, show: Callable[[float], str]) -> str:
+    around = "" if spread.low == spread.high else f" ({show(spread.low)} to {show(spread.high)})"
+    return show(spread.middle) + around
 
 
 def shown(value: float, unit: str) -> str:

@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from statistics import geometric_mean, median
-from typing import TYPE_CHECKING
 
-from tests.bench.figures import SUBJECT
+from tests.bench.figures import SUBJECT, Case, Results
 from tests.bench.growth import growths
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
-
-    from tests.bench.figures import Case, Results
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,70 +26,56 @@ class Question:
     ask: Callable[[Results], Answer | None]
 
 
-def time_of(scenario: str, case: str, size: int | None = None, variant: str = SUBJECT) -> Question:
-    """Ask for a median."""
+def _of_case(
+    scenario: str, case: str, size: int | None, others: Iterable[str], compute: Callable[[Case], float]
+) -> Question:
+    """Ask for a value of one case, in which forge and all others have been measured."""
 
     def ask(results: Results) -> Answer | None:
-        found = _case(results, scenario, case, size, variant)
-        return Answer(found.series[variant].median) if found else None
+        found = results.case(scenario, case, size)
+        return Answer(compute(found)) if found and {SUBJECT, *others} <= found.series.keys() else None
 
     return Question(scenario, ask)
+
+
+def time_of(scenario: str, case: str, size: int | None = None) -> Question:
+    """Ask for a median."""
+    return _of_case(scenario, case, size, (), lambda found: found.series[SUBJECT].median)
 
 
 def times_of(scenario: str, case: str, other: str, size: int | None = None) -> Question:
     """Ask how many times forge's time another one takes."""
-
-    def ask(results: Results) -> Answer | None:
-        found = _case(results, scenario, case, size, other)
-        return Answer(found.ratios(other).middle) if found else None
-
-    return Question(scenario, ask)
+    return _of_case(scenario, case, size, (other,), lambda found: found.ratios(other).middle)
 
 
 def part_of(scenario: str, case: str, other: str, size: int | None = None) -> Question:
     """Ask which part of another one's time forge takes."""
-
-    def ask(results: Results) -> Answer | None:
-        found = _case(results, scenario, case, size, other)
-        return Answer(found.ratios(SUBJECT, other).middle) if found else None
-
-    return Question(scenario, ask)
+    return _of_case(scenario, case, size, (other,), lambda found: found.ratios(SUBJECT, other).middle)
 
 
 def beyond(scenario: str, case: str, other: str, size: int | None = None) -> Question:
     """Ask by how much forge's time exceeds another one's."""
-
-    def ask(results: Results) -> Answer | None:
-        found = _case(results, scenario, case, size, other)
-        return Answer(found.beyond(other).middle) if found else None
-
-    return Question(scenario, ask)
+    return _of_case(scenario, case, size, (other,), lambda found: found.beyond(other).middle)
 
 
 def times_beyond(scenario: str, case: str, other: str, floor: str, size: int | None = None) -> Question:
     """Ask how many times forge's time another one takes, less a time that nobody can save."""
 
-    def ask(results: Results) -> Answer | None:
-        found = _case(results, scenario, case, size, other)
-        if found is None or floor not in found.series:
-            return None
+    def compute(found: Case) -> float:
         columns = (found.series[name].values for name in (other, SUBJECT, floor))
-        return Answer(median((a - c) / (b - c) for a, b, c in zip(*columns, strict=True)))
+        return float(median((a - c) / (b - c) for a, b, c in zip(*columns, strict=True)))
 
-    return Question(scenario, ask)
+    return _of_case(scenario, case, size, (other, floor), compute)
 
 
 def times_without(scenario: str, case: str, other: str, start: str, size: int | None = None) -> Question:
     """Ask how many times another one's time forge takes, less what a start takes."""
 
-    def ask(results: Results) -> Answer | None:
-        found = _case(results, scenario, case, size, other)
-        if found is None or start not in found.series:
-            return None
+    def compute(found: Case) -> float:
         columns = (found.series[name].values for name in (SUBJECT, other, start))
-        return Answer(median((a - c) / b for a, b, c in zip(*columns, strict=True)))
+        return float(median((a - c) / b for a, b, c in zip(*columns, strict=True)))
 
-    return Question(scenario, ask)
+    return _of_case(scenario, case, size, (other, start), compute)
 
 
 def mean_times(scenario: str, beginning: str, other: str) -> Question:
@@ -108,16 +89,15 @@ def mean_times(scenario: str, beginning: str, other: str) -> Question:
 
 
 def least_times(
-    scenario: str, other: str, beginning: str = "", among: Iterable[str] = (), but: Iterable[str] = ()
+    scenario: str, other: str, beginning: str = "", among: tuple[str, ...] = (), but: tuple[str, ...] = ()
 ) -> Question:
     """Ask for the smallest ratio of all cases that begin so, of those `among` or of all `but` some."""
-    ends, without = tuple(among), tuple(but)
 
     def ask(results: Results) -> Answer | None:
         ratios = {
             case.name: case.ratios(other).middle
             for case in _cases(results, scenario, other, beginning)
-            if (not ends or case.name.endswith(ends)) and not (without and case.name.endswith(without))
+            if (not among or case.name.endswith(among)) and not (but and case.name.endswith(but))
         }
         least = min(ratios, key=ratios.__getitem__, default=None)
         return Answer(ratios[least], least) if least else None
@@ -129,11 +109,11 @@ def most_beyond(scenario: str, other: str, size: int | None = None) -> Question:
     """Ask for the largest excess of forge's time over another one's among all cases of a size."""
 
     def ask(results: Results) -> Answer | None:
-        cases = {case.name for case in _cases(results, scenario, other)}
-        measured = {name: _case(results, scenario, name, size, other) for name in cases}
-        found = {name: case for name, case in measured.items() if case}
-        most = max(found, key=lambda name: found[name].beyond(other).middle, default=None)
-        return Answer(found[most].beyond(other).middle, most) if most else None
+        names = {case.name for case in _cases(results, scenario, other)}
+        cases = filter(None, (results.case(scenario, name, size) for name in names))
+        found = {case.name: case.beyond(other).middle for case in cases if other in case.series}
+        most = max(found, key=found.__getitem__, default=None)
+        return Answer(found[most], most) if most else None
 
     return Question(scenario, ask)
 
@@ -157,11 +137,6 @@ def exponent(scenario: str, case: str, least: int = 0) -> Question:
         return Answer(found.exponent) if found else None
 
     return Question(scenario, ask)
-
-
-def _case(results: Results, scenario: str, case: str, size: int | None, variant: str) -> Case | None:
-    found = results.case(scenario, case, size)
-    return found if found and variant in found.series else None
 
 
 def _cases(results: Results, scenario: str, variant: str, beginning: str = "") -> Iterator[Case]:

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import operator
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from tests.bench.figures import Results
-    from tests.bench.reading import Question
+from tests.bench.figures import Results
+from tests.bench.reading import Question
 
 _SIGNS = {"<=": operator.le, ">=": operator.ge}
 
@@ -27,16 +24,19 @@ class ByHand:
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """A limit that an issue names, and where its value comes from."""
+    """A limit that an issue names, such as '<= 0.35 of its time', and where its value comes from."""
 
     issue: int
     words: str
-    sign: str
-    limit: float
-    unit: str
+    limit: str
     value: Question | ByHand
-    digits: int = 0
-    """Behind the point; a value is compared as it is shown."""
+
+    @property
+    def shown_limit(self) -> str:
+        """Return the limit as the page shows it."""
+        sign, number, unit = f"{self.limit} ".split(" ", 2)
+        shown = f"{float(number):g}" if float(number) < 1000 else f"{float(number):,.0f}"
+        return f"{'≤' if sign == '<=' else '≥'} {shown} {unit}".strip()
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +50,7 @@ class Verdict:
 
 
 def verdicts(targets: Iterable[Target], results: Results) -> list[Verdict]:
-    """Hold targets against results."""
+    """Compare targets with results; a value is compared as it is shown, with the digits of its limit."""
     return [_verdict(target, results) for target in targets]
 
 
@@ -62,7 +62,9 @@ def _verdict(target: Target, results: Results) -> Verdict:
     link = f"[{target.value.scenario}](#{target.value.scenario})"
     if answer is None:
         return Verdict(target, "not measured", None, link)
-    value = round(answer.value, target.digits)
-    shown = f"{value:,.{target.digits}f} {target.unit}".strip()
+    sign, limit, unit = f"{target.limit} ".split(" ", 2)
+    digits = len(limit.partition(".")[2])
+    value = round(answer.value, digits)
+    shown = f"{value:,.{digits}f} {unit}".strip()
     detail = f" ({answer.detail})" if answer.detail else ""
-    return Verdict(target, shown + detail, _SIGNS[target.sign](value, target.limit), link)
+    return Verdict(target, shown + detail, _SIGNS[sign](value, float(limit)), link)
