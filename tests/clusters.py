@@ -7,15 +7,12 @@ import json
 import subprocess
 import sys
 import time
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from tests.snippets import ROOT, surroundings
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
 
 _PATIENCE_SECONDS = 60.0
 _LOOPBACK = ("--no-dashboard", "--dashboard-address", "127.0.0.1:0")

@@ -7,17 +7,22 @@ buffer of that size.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Iterator, Mapping
 
 from forge.interfaces.cpp.headers import main_path
 from forge.interfaces.cpp.text import qualified
-from forge.interfaces.model import Array, Message, Named, Primitive, Sequence, String, TypeName
+from forge.interfaces.model import (
+    Array,
+    Element,
+    Field,
+    Message,
+    Named,
+    Primitive,
+    Sequence,
+    String,
+    TypeName,
+)
 from forge.interfaces.wire.layout import SIZES
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
-
-    from forge.interfaces.model import Element, Field
 
 HEADER = "/usr/include/fastcdr/Cdr.h"
 """Where Debian's libfastcdr-dev puts what the code includes."""

@@ -5,25 +5,21 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
 from forge.base.files import write_if_changed
 from forge.base.standard_interfaces import EMBEDDED
-from forge.interfaces.model import Catalog, Source
+from forge.interfaces.model import Catalog, Message, Source
 from forge.interfaces.python import target
 from forge.interfaces.read.parsing import parse_all
 from forge.interfaces.read.sources import Library, read_folder
 from forge.interfaces.resolve.dependencies import dependency_catalogs
 from forge.interfaces.resolve.resolution import resolve
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
-    from forge.interfaces.model import Message
 
 RUNTIME = EMBEDDED / "rosidl_default_runtime" / "python"
 PROBE = Path(__file__).parent / "data" / "probe"

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base.layout import Layout
 from forge.build.installation import finish_workspace, install_package, uninstall_markers
 from forge.build.markers import create_output_folders
 from forge.toolchain.interpreter import Interpreter
 from tests.packages import manifest_text, package
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
 
 PYTHON = Interpreter(Path(sys.executable), (3, 11))
 

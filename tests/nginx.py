@@ -8,12 +8,9 @@ import re
 import socket
 import subprocess
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 PROGRAM = "/usr/sbin/nginx"
 PAGE = Path(__file__).parents[1] / "docs/how-to/team-cache.md"

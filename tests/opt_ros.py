@@ -14,12 +14,9 @@ import site
 import subprocess
 import sys
 import venv
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from tests.rosidl import DEBIAN, MODULES, underlay
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 RELEASE = "{}.{}".format(*sys.version_info[:2])
 SITE = f"lib/python{RELEASE}/site-packages"

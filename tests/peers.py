@@ -6,13 +6,10 @@ import json
 import os
 import shutil
 import subprocess
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from tests.conftest import Ran
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 DRIVER = Path(__file__).parent / "data" / "colcon_driver.py"
 

@@ -5,13 +5,10 @@ The same for the same seed. What each package installs decides which hooks its e
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import random
+from collections.abc import Iterator, Sequence
 
 from tests.packages import manifest_text
-
-if TYPE_CHECKING:
-    import random
-    from collections.abc import Iterator, Sequence
 
 NAMES = ("a", "bb", "B2", "x-y", "ab_msgs", "zz9", "q_lib", "m1")
 TYPES = ("cmake", "ament_cmake", "ament_python")

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
+import random
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from tests.packages import manifest_text
-
-if TYPE_CHECKING:
-    import random
-    from pathlib import Path
 
 NAMES = ("a", "b", "c", "bb", "B2", "x-y", "a__b", "ab_msgs", "zz9", "q_lib", "m1", "m2", "n_a", "o")
 _TAGS = ("depend", "build_depend", "exec_depend", "test_depend", "build_export_depend", "buildtool_depend")

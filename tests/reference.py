@@ -13,13 +13,10 @@ from __future__ import annotations
 
 import argparse
 import re
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from forge.cli.main import COMMANDS, parser_of
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
 
 SHARED = {
     "package discovery": "build",

@@ -12,21 +12,17 @@ import subprocess
 import sys
 import tempfile
 import termios
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import jinja2
 import pyte
+from pyte.screens import Char
 
 from forge.base.files import write_if_changed
 from tests.snippets import ROOT, surroundings
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
-
-    from pyte.screens import Char
 
 PICTURE = ROOT / "docs/images/terminal.svg"
 HOME = b"/home/me/ws"

@@ -20,14 +20,11 @@ import re
 import shlex
 import subprocess
 import sys
+from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, distribution
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 ROOT = Path(__file__).parents[1]
 FOREIGN = ("AMENT_", "CMAKE_PREFIX_PATH", "COLCON_", "FORGE_", "PYTHONPATH", "ROS_")

@@ -7,10 +7,10 @@ import graphlib
 import re
 import subprocess
 import sys
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
@@ -18,9 +18,6 @@ from forge.base.extensions import OWN
 from forge.base.formats import read_toml
 from tests.packages import manifest_text
 from tests.without_plugins import PLUGINS
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 ROOT = Path(__file__).parents[1]
 

@@ -13,21 +13,16 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from datetime import datetime, timezone
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from tests.bench.figures import Result, Results, as_json, from_json
 from tests.bench.machine import described
-from tests.bench.peers import DEBIAN, ENVIRONMENT, find_peers
+from tests.bench.peers import DEBIAN, ENVIRONMENT, Peers, find_peers
 from tests.bench.scenarios import SCENARIOS
 from tests.bench.sitting import Sitting
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from tests.bench.peers import Peers
 
 FOREIGN = ("AMENT_", "CMAKE_", "COLCON_", "FORGE_", "ROS_", "MAKEFLAGS", "CCACHE_")
 """Variables of a shell that has sourced something, or of a make above, which no measurement may see."""

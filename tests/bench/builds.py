@@ -8,22 +8,17 @@ Debian's.
 from __future__ import annotations
 
 import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from tests.bench import workspaces
 from tests.bench.commands import COLCON, GENERATORS, colcon, forge_build
-from tests.bench.sitting import printed, run
+from tests.bench.figures import Case
+from tests.bench.sitting import Sitting, printed, run
 from tests.bench.starting import COLCON_COMMON
 from tests.bench.timing import Variant
 from tests.packages import manifest_text
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
-    from pathlib import Path
-
-    from tests.bench.figures import Case
-    from tests.bench.sitting import Sitting
 
 COMPILERS = "compilers alone"
 CCACHE = "ccache"

@@ -9,23 +9,18 @@ from __future__ import annotations
 import json
 import os
 import subprocess
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base.files import write_if_changed
 from forge.base.standard_interfaces import EMBEDDED
 from forge.interfaces.cpp import target as cpp
+from forge.interfaces.model import Message, TypeName
 from forge.interfaces.show import parse_type_name
 from tests import fastcdr
 from tests.bench.figures import Case, Series
-from tests.bench.sitting import printed
+from tests.bench.sitting import Sitting, printed
 from tests.generated import embedded_catalog
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from forge.interfaces.model import Message, TypeName
-    from tests.bench.sitting import Sitting
 
 FAST_CDR = "Fast-CDR"
 PACKAGES = ("builtin_interfaces", "geometry_msgs", "nav_msgs", "sensor_msgs", "std_msgs")

@@ -5,18 +5,13 @@ from __future__ import annotations
 import json
 import os
 import sys
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from tests.bench.commands import forge
 from tests.bench.figures import Case, Series
-from tests.bench.sitting import printed
+from tests.bench.sitting import Sitting, printed
 from tests.generated import RUNTIME, generate_embedded
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from tests.bench.sitting import Sitting
 
 PROGRAM = Path(__file__).parent / "programs" / "cdr_python.py"
 PEERS = ("rosbags", "mcap-ros2-support")

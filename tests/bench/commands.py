@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from tests.bench.peers import Peers
+from tests.bench.peers import Peers
 
 QUIET = ("--log-base", "/dev/null")
 COLCON = "colcon"

@@ -7,24 +7,19 @@ run. A unit that writes ROS's bytes has no peer: rosidl's headers leave that to 
 from __future__ import annotations
 
 import subprocess
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from forge.base.files import write_if_changed
 from forge.base.standard_interfaces import EMBEDDED
 from forge.interfaces.cpp import target as cpp
 from forge.interfaces.cpp.headers import main_path
-from tests.bench.figures import Series
+from tests.bench.figures import Case, Series
 from tests.bench.generation import DEBIAN_PYTHON, ROSIDL, ROSIDL_PROGRAM, rosidl_variables
+from tests.bench.sitting import Sitting
 from tests.bench.timing import Variant
 from tests.generated import embedded_catalog
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-    from pathlib import Path
-
-    from tests.bench.figures import Case
-    from tests.bench.sitting import Sitting
 
 PACKAGES = ("std_msgs", "geometry_msgs", "sensor_msgs", "nav_msgs")
 NEEDED = ("builtin_interfaces", *PACKAGES)

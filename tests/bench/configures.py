@@ -9,20 +9,15 @@ from __future__ import annotations
 import os
 import re
 import shlex
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.toolchain.compiler_probe import Toolchain
 from tests.bench.commands import forge
-from tests.bench.sitting import run
+from tests.bench.figures import Case
+from tests.bench.sitting import Sitting, run
 from tests.bench.timing import Variant
 from tests.packages import manifest_text
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from tests.bench.figures import Case
-    from tests.bench.sitting import Sitting
 
 _AMENT = "find_package(ament_cmake REQUIRED)\n{more}ament_package()\n"
 _LINTERS = "find_package(ament_lint_auto REQUIRED)\nament_lint_auto_find_test_dependencies()\n"

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import random
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from pathlib import Path
+from pathlib import Path
 
 PRIMITIVES = (
     "bool", "byte", "char", "float32", "float32", "float64", "float64", "int8", "uint8", "int16", "uint16",

@@ -7,20 +7,16 @@ start of the interpreter. Of these nothing is deleted before all is measured, fo
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from tests.bench.commands import forge
 from tests.bench.definitions import write_definitions
 from tests.bench.figures import Case, Series
+from tests.bench.sitting import Sitting
 from tests.bench.timing import Taken, Variant
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from tests.bench.sitting import Sitting
 
 KINDS = ("from nothing", "nothing changed", "one file changed")
 ROSIDL = "rosidl"

@@ -3,16 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
-from typing import TYPE_CHECKING
 
-from tests.bench.figures import SUBJECT
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
-
-    from tests.bench.figures import Case
+from tests.bench.figures import SUBJECT, Case
 
 ENOUGH = 3
 """Sizes that it takes to speak of growth."""

@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from tests.bench import workspaces
 from tests.bench.builds import ANEW, Kind, debian, tools, underlay
 from tests.bench.commands import COLCON, colcon, forge_build
+from tests.bench.figures import Case
 from tests.bench.generation import ROSIDL
+from tests.bench.sitting import Sitting
 from tests.bench.starting import COLCON_COMMON
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from tests.bench.figures import Case
-    from tests.bench.sitting import Sitting
-    from tests.bench.timing import Variant
+from tests.bench.timing import Variant
 
 _CHANGE = "for f in src/bench_0000/msg/*.msg; do echo int32 changed_$(date +%s%N) >> $f; break; done"
 _NEEDS = ("rosidl_default_generators", "ament_cmake", "std_msgs", "geometry_msgs", "builtin_interfaces")

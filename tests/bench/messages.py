@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import sys
 import timeit
+from collections.abc import Callable, Iterator, Mapping
 from compileall import compile_dir
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 from forge.interfaces.read.sources import Library
 from forge.interfaces.resolve.resolution import nested_messages
@@ -18,14 +20,9 @@ from forge.interfaces.show import parse_type_name
 from tests.bench.cdr_python import generated
 from tests.bench.figures import Case, Series
 from tests.bench.plain import plain_class
+from tests.bench.sitting import Sitting
 from tests.bench.timing import Variant
 from tests.generated import RUNTIME, importable
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
-    from pathlib import Path
-
-    from tests.bench.sitting import Sitting
 
 NUMPY = "numpy alone"
 PLAIN = "plain classes"

@@ -5,18 +5,14 @@ from __future__ import annotations
 import os
 import subprocess
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from tests.bench.commands import forge
 from tests.bench.figures import Case, Series
+from tests.bench.sitting import Sitting
 from tests.packages import manifest_text
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from tests.bench.sitting import Sitting
 
 GENERATORS = {"Ninja": {}, "Makefiles": {"CMAKE_GENERATOR": "Unix Makefiles"}}
 IN_USE, READY, MOST = "processors in use", "jobs ready to run", "most compilers at a time"

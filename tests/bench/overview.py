@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from tests.bench.cdr_cpp import FAST_CDR
 from tests.bench.commands import COLCON
-from tests.bench.figures import SUBJECT
+from tests.bench.figures import SUBJECT, Case, Results
 from tests.bench.generation import ROSIDL
 from tests.bench.restoring import BUILDING
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
-    from tests.bench.figures import Case, Results
 
 _NINJA = f"{COLCON}, Ninja"
 _WITH_ROSIDL = f"{COLCON} with rosidl"

@@ -5,28 +5,22 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from statistics import median
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import jinja2
 
 from forge.base.files import write_if_changed
 from tests.bench import charts, overview
-from tests.bench.figures import SUBJECT, Results, from_json
-from tests.bench.growth import growths
+from tests.bench.figures import SUBJECT, Case, Result, Results, Spread, from_json
+from tests.bench.growth import Growth, growths
+from tests.bench.overview import Task
 from tests.bench.profiles import WORDS
 from tests.bench.scenarios import SCENARIOS
 from tests.bench.target_table import TARGETS
-from tests.bench.targets import verdicts
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-
-    from tests.bench.figures import Case, Result, Spread
-    from tests.bench.growth import Growth
-    from tests.bench.overview import Task
-    from tests.bench.targets import Verdict
+from tests.bench.targets import Verdict, verdicts
 
 DOCS = Path(__file__).parents[2] / "docs"
 PAGE, FIGURES, IMAGES = "benchmarks.md", "benchmarks.json", "images/bench"

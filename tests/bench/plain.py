@@ -9,19 +9,25 @@ from __future__ import annotations
 import math
 from array import array
 from collections import UserList, UserString
+from collections.abc import Iterator, Mapping
 from collections.abc import Sequence as AbstractSequence
 from collections.abc import Set as AbstractSet
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from forge.interfaces.model import Array, Named, Primitive, Sequence, element_of
+from forge.interfaces.model import (
+    Array,
+    Field,
+    Message,
+    Named,
+    Primitive,
+    Sequence,
+    Type,
+    TypeName,
+    element_of,
+)
 from forge.interfaces.python.types import DTYPES, INTEGERS, TYPE_CODES, literal, numeric, zero
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
-    from forge.interfaces.model import Field, Message, Type, TypeName
 
 _HIGHEST = {"float": 3.402823466e38, "double": 1.7976931348623157e308}
 _CLASS = """\

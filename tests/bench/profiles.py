@@ -15,9 +15,10 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from tests.bench.builds import ANEW, PLAIN, ament
 from tests.bench.commands import QUIET, forge_build
@@ -27,9 +28,6 @@ from tests.bench.machine import described
 from tests.bench.peers import find_peers
 from tests.bench.sitting import Sitting, run
 from tests.bench.trees import below
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
 
 WORDS = """\
 The longest scenario is the build from nothing. The first table shows the processor time of each program in

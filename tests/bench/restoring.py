@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from tests.bench.builds import ament, away
 from tests.bench.commands import forge_build
-from tests.bench.sitting import run
+from tests.bench.figures import Case
+from tests.bench.sitting import Sitting, run
 from tests.bench.timing import Variant
 from tests.packages import manifest_text
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from tests.bench.figures import Case
-    from tests.bench.sitting import Sitting
 
 BUILDING = "building"
 COPYING = "cp -r"

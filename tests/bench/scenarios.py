@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from tests.bench import (
     builds,
@@ -20,12 +20,8 @@ from tests.bench import (
     starting,
     watching,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
-
-    from tests.bench.figures import Case
-    from tests.bench.sitting import Sitting
+from tests.bench.figures import Case
+from tests.bench.sitting import Sitting
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import subprocess
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from tests.bench.figures import Case
+from tests.bench.peers import Peers
 from tests.bench.timing import Variant, compare
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-    from pathlib import Path
-
-    from tests.bench.peers import Peers
 
 QUICK_SIZE = 2
 

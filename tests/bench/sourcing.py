@@ -3,20 +3,15 @@
 from __future__ import annotations
 
 import shutil
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from pathlib import Path
 
 from tests.bench.commands import COLCON, colcon
-from tests.bench.sitting import run
+from tests.bench.figures import Case
+from tests.bench.sitting import Sitting, run
 from tests.bench.starting import COLCON_COMMON
 from tests.bench.timing import Variant
 from tests.installs import Made, make_install
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from tests.bench.figures import Case
-    from tests.bench.sitting import Sitting
 
 SHELLS = {"bash": ("bash", "--norc"), "sh": ("dash",), "zsh": ("zsh", "-f"), "fish": ("fish", "--no-config")}
 EMPTY = "an empty shell"

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from pathlib import Path
 
 from tests.bench.commands import COLCON, colcon, forge, python
-from tests.bench.sitting import printed
+from tests.bench.figures import Case
+from tests.bench.sitting import Sitting, printed
 from tests.bench.timing import Variant
 from tests.bench.workspaces import write_workspace
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from tests.bench.figures import Case
-    from tests.bench.sitting import Sitting
 
 COLCON_COMMON = "colcon-common-extensions"
 _PLAIN = "a bare Python"

@@ -6,15 +6,12 @@ import os
 import resource
 import subprocess
 import time
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from tests.bench.figures import Series
 from tests.bench.trees import watched
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-    from pathlib import Path
 
 _MILLI = 1000
 

@@ -4,19 +4,14 @@ from __future__ import annotations
 
 import subprocess
 import time
+from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from tests.bench import workspaces
 from tests.bench.commands import forge_build
 from tests.bench.figures import Case, Series
-from tests.bench.sitting import run
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from tests.bench.sitting import Sitting
+from tests.bench.sitting import Sitting, run
 
 _PATIENCE_SECONDS = 0.3
 """Between a build and the next save: a person's are further apart."""

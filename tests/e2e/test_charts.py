@@ -4,20 +4,15 @@ from __future__ import annotations
 
 import json
 import xml.etree.ElementTree as ET
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from pathlib import Path
 
 import pytest
 
 from forge.plugins.charts.reporter import write_timings
-from tests.browser import Keys
+from tests.browser import Browser, Keys
+from tests.conftest import Forge
 from tests.packages import manifest_text
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-    from pathlib import Path
-
-    from tests.browser import Browser
-    from tests.conftest import Forge
 
 CMAKE = """cmake_minimum_required(VERSION 3.18)
 project({name} NONE)

@@ -11,16 +11,13 @@ import re
 import subprocess
 import sys
 from collections import Counter
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
 from tests.bench.workspaces import write_ament_workspace
 from tests.snippets import surroundings
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
 
 pytestmark = pytest.mark.needs("strace", "cmake", "ninja", "g++")
 

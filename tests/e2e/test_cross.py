@@ -9,15 +9,12 @@ import os
 import shutil
 import tarfile
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
+from tests.conftest import Forge, Tree
 from tests.packages import manifest_text
 from tests.snippets import ROOT, shell
-
-if TYPE_CHECKING:
-    from tests.conftest import Forge, Tree
 
 BY_ZIG = os.environ.get("FORGE_TEST_ZIG") == "1"
 

@@ -8,21 +8,18 @@ import signal
 import subprocess
 import sys
 import time
-from typing import TYPE_CHECKING, ClassVar
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import ClassVar
 
 import pytest
 
 from forge.base.own_environment import extra_command
 from tests.clusters import Loopback, alone, loopback, programs_of
+from tests.conftest import Forge, Tree
 from tests.evolving import differences, look
 from tests.packages import manifest_text
 from tests.snippets import ROOT, surroundings
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
-    from pathlib import Path
-
-    from tests.conftest import Forge, Tree
 
 pytestmark = pytest.mark.needs("cmake", "ninja", "g++")
 

@@ -11,17 +11,13 @@ import socket
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
+from tests.conftest import Forge, Ran, Tree
 from tests.packages import manifest_text
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from tests.conftest import Forge, Ran, Tree
 
 pytestmark = pytest.mark.needs("cmake", "gcc")
 

@@ -6,18 +6,14 @@ import json
 import os
 import shutil
 import subprocess
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from forge.base.layout import templates_folder
 from forge.toolchain.resources import LIBRARY_PATH_BELOW, Memory, gcc_heap
+from tests.conftest import Forge, Tree
 from tests.packages import manifest_text
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from tests.conftest import Forge, Tree
 
 pytestmark = [pytest.mark.slow, pytest.mark.needs("cmake", "ninja", "make", "g++")]
 

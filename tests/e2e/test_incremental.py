@@ -5,26 +5,22 @@ from __future__ import annotations
 import os
 import shutil
 from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, given, seed, settings
 from hypothesis import strategies as st
 
+from tests.conftest import Forge, Ran
 from tests.evolving import EDITS, LOW, LOW_MSGS, MESSAGES, PLAIN, PYTHON, Entry, Evolving, differences, look
 from tests.packages import manifest_text
 from tests.snippets import shell
 from tests.underlay_states import Below, below
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
-    from pathlib import Path
-
-    from tests.conftest import Forge, Ran
-
-    Steps = Sequence[Sequence[tuple[str, int]]]
-    """The edits, with their numbers, between one build and the next."""
+Steps = Sequence[Sequence[tuple[str, int]]]
+"""The edits, with their numbers, between one build and the next."""
 
 pytestmark = [pytest.mark.slow, pytest.mark.needs("cmake", "g++")]
 

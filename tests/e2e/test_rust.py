@@ -5,16 +5,12 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
+from tests.conftest import Forge, Tree
 from tests.packages import manifest_text
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from tests.conftest import Forge, Tree
 
 pytestmark = pytest.mark.needs("cargo", "cmake")
 

@@ -4,16 +4,12 @@ from __future__ import annotations
 
 import shutil
 import tarfile
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
+from tests.conftest import Forge, Tree
 from tests.testable import cmake_package
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from tests.conftest import Forge, Tree
 
 COMMANDS = {
     "build": ("build",),

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from tests.conftest import Tree
 from tests.integration.test_plugins import PAGE, run_forge
 from tests.packages import manifest_text
 from tests.snippets import blocks
-
-if TYPE_CHECKING:
-    from tests.conftest import Tree
 
 RECIPE = next(block.text for block in blocks(PAGE) if "def addition" in block.text)
 CMAKE = """cmake_minimum_required(VERSION 3.15)

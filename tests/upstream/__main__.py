@@ -8,16 +8,13 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from tests.upstream.figures import as_text, by_distribution, read, with_counts
 from tests.upstream.results import count_tests, missed_tests
 from tests.upstream.suites import SUITES
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -3,20 +3,15 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import jinja2
 
 from forge.base.files import write_if_changed
-from tests.upstream.figures import DISTRIBUTIONS, read
+from tests.upstream.figures import DISTRIBUTIONS, Compatibility, Count, read
 from tests.upstream.suites import SUITES
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from tests.upstream.figures import Compatibility, Count
 
 DOCS = Path(__file__).parents[2] / "docs"
 PAGE, FIGURES = "reference/compatibility.md", "compatibility.json"

@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Collection, Iterator
+from pathlib import Path
 
 from forge.testing.collecting import collect
-from forge.testing.outcomes import Counts, counted_once
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator
-    from pathlib import Path
-
-    from forge.testing.outcomes import Outcome
-    from tests.upstream.figures import Count
+from forge.testing.outcomes import Counts, Outcome, counted_once
+from tests.upstream.figures import Count
 
 
 def count_tests(workspace: Path, packages: Collection[str]) -> dict[str, Count]:

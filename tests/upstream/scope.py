@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from forge.workspace.discovery import discover
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from forge.workspace.model import Package
+from forge.workspace.model import Package
 
 _GENERATES = re.compile(r"^\s*rosidl_generate_interfaces\s*\(", re.MULTILINE)
 _CLIENT = re.compile(r"^\s*find_package\s*\(\s*(rclcpp|rclpy|rcl|rmw)\b", re.MULTILINE)

@@ -13,15 +13,13 @@ import math
 import sys
 import time
 from collections import deque
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from importlib.util import find_spec
 from itertools import repeat
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 PACKAGES = ("std_msgs", "sensor_msgs", "geometry_msgs", "nav_msgs")
 LENGTHS = (3, 9, 4, 17, 8, 31, 12, 5)

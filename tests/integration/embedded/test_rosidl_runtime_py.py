@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import sys
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from tests.generated import run_python
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 def test_without_pyyaml_the_remedy_is_named(probe: Path) -> None:

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import shutil
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
+from tests.conftest import Forge, Ran, Tree
 from tests.generated import run_python
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
-
-    from tests.conftest import Forge, Ran, Tree
-
-    Generate = Callable[..., Ran]
+Generate = Callable[..., Ran]
 
 DEFINITIONS = {
     "a/msg/A.msg": "std_msgs/Header header\nshapes/Square square",

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
+from tests.conftest import Forge, Tree
 from tests.integration.test_folder_marks import everything
 from tests.testable import cmake_package, python_package
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from tests.conftest import Forge, Tree
 
 PASSES = "def test_a(): pass"
 GOOD = 'add_test(NAME good COMMAND ${CMAKE_COMMAND} -E echo "well")'

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import sys
 from importlib import import_module
+from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING
 
 import pytest
 
 from tests.generated import catalog_of, generate, importable
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 class Extension(ModuleType):

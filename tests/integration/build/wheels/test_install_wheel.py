@@ -5,7 +5,6 @@ from __future__ import annotations
 import subprocess
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 import setuptools
@@ -13,9 +12,7 @@ import setuptools
 from forge.base.errors import Location
 from forge.build.wheels.entry_points import invalid_scripts, invalid_scripts_of_setup
 from forge.cli.install_wheel import main
-
-if TYPE_CHECKING:
-    from tests.conftest import Tree
+from tests.conftest import Tree
 
 pytestmark = pytest.mark.usefixtures("own_environment")
 
