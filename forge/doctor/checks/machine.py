@@ -7,6 +7,7 @@ import resource
 import shutil
 import tempfile
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -66,7 +67,10 @@ def owners(subject: CheckContext) -> CheckResult:
     foreign: list[str] = []
     bases = set()
     for base in filter(None, (subject.layout.build, subject.layout.install, subject.layout.logs)):
-        if found := [str(path) for path in (base, *_children(base)) if _is_foreign(path)]:
+        found = []
+        with suppress(OSError):
+            found = [str(path) for path in (base, *sorted(base.iterdir())) if _is_foreign(path)]
+        if found:
             foreign += found
             bases.add(str(base.relative_to(subject.root) if base.is_relative_to(subject.root) else base))
     if not foreign:
@@ -82,11 +86,13 @@ def clock(subject: CheckContext) -> CheckResult:
     """Compare the clock with that of the file system and with the times of sources."""
     now = time.time()
     warnings = []
-    skew = _skew(_existing(subject.layout.build))
+    folder, skew = _existing(subject.layout.build), 0.0
+    with suppress(OSError), tempfile.NamedTemporaryFile(prefix=".forge_doctor_", dir=folder) as made:
+        skew = os.fstat(made.fileno()).st_mtime - time.time()
     if abs(skew) > _SKEW_SECONDS:
         hint = "synchronize both clocks (timedatectl), otherwise builds miss changes"
         message = f"the file system is {abs(skew):.0f} s {'ahead of' if skew > 0 else 'behind'} the clock"
-        warnings.append(Problem(message, Location(_existing(subject.layout.build)), hint))
+        warnings.append(Problem(message, Location(folder), hint))
     future = [
         str(package.path / name)
         for package in subject.packages.values()
@@ -96,18 +102,10 @@ def clock(subject: CheckContext) -> CheckResult:
     if future:
         count = f"{len(future)} files are" if len(future) > 1 else "a file is"
         hint = f"if the clock is correct: touch {future[0]}" + (" and the others" if len(future) > 1 else "")
-        warnings.append(
-            Problem(
-                f"{count} modified in the future: tools may rebuild it every time", Location(future[0]), hint
-            )
-        )
-    return CheckResult(
-        "clock",
-        "no files with modification times in the future"
-        if not future
-        else f"{len(future)} files with modification times in the future",
-        warnings=tuple(warnings),
-    )
+        message = f"{count} modified in the future: tools may rebuild it every time"
+        warnings.append(Problem(message, Location(future[0]), hint))
+    summary = f"{len(future) or 'no'} files with modification times in the future"
+    return CheckResult("clock", summary, warnings=tuple(warnings))
 
 
 def limits(subject: CheckContext) -> CheckResult:
@@ -118,17 +116,14 @@ def limits(subject: CheckContext) -> CheckResult:
         hint = f"ulimit -n {_OPEN_FILES * 4}"
         warnings.append(Problem(f"the limit for open files is {files} per process", hint=hint))
     words = os.sysconf("SC_ARG_MAX")
-    taken = sum(
-        len(os.fsencode(name)) + len(os.fsencode(value)) + 2 for name, value in subject.variables.items()
-    )
+    taken = sum(len(os.fsencode(f"{name}={value}")) + 1 for name, value in subject.variables.items())
     if 0 < words < 2 * taken:
         hint = "open a new terminal and source fewer workspaces"
         message = f"the environment takes {taken >> 10} KiB of the {words >> 10} KiB limit for new processes"
         warnings.append(Problem(message, hint=hint))
     shown = "any number of" if files == resource.RLIM_INFINITY else files
-    return CheckResult(
-        "limits", f"{shown} open files, {words >> 10} KiB of arguments", warnings=tuple(warnings)
-    )
+    summary = f"{shown} open files, {words >> 10} KiB of arguments"
+    return CheckResult("limits", summary, warnings=tuple(warnings))
 
 
 def capacity(_subject: CheckContext) -> CheckResult:
@@ -159,37 +154,16 @@ def _lacking_features(folder: Path) -> Iterator[Problem]:
             lower.touch()
             if Path(made, "NAME").exists():
                 hint = "build elsewhere: '--build-base' and '--install-base' on another file system"
-                yield Problem(
-                    "the file system ignores case; names of packages may clash", Location(folder), hint
-                )
+                message = "the file system ignores case; names of packages may clash"
+                yield Problem(message, Location(folder), hint)
             try:
                 Path(made, "link").symlink_to("name")
             except OSError:
                 hint = "do not use '--symlink-install', or install on another file system"
-                yield Problem(
-                    "the file system does not support symbolic links: versioned libraries cannot be "
-                    "installed",
-                    Location(folder),
-                    hint,
-                )
+                message = "the file system has no symbolic links: versioned libraries cannot be installed"
+                yield Problem(message, Location(folder), hint)
     except OSError:
         return
-
-
-def _skew(folder: Path) -> float:
-    """Return by how many seconds the file system is ahead of the clock; 0 if it is unknown."""
-    try:
-        with tempfile.NamedTemporaryFile(prefix=".forge_doctor_", dir=folder) as made:
-            return os.fstat(made.fileno()).st_mtime - time.time()
-    except OSError:
-        return 0.0
-
-
-def _children(folder: Path) -> list[Path]:
-    try:
-        return sorted(folder.iterdir())
-    except OSError:
-        return []
 
 
 def _is_foreign(path: Path) -> bool:

@@ -50,11 +50,9 @@ class CheckContext:
 
     def texts(self, package: Package, *endings: str) -> Iterator[tuple[str, str]]:
         """Yield name and text of a package's files with these suffixes, top-level ones first."""
-        for name, _ in sorted(
-            self.files.get(package.name, ()), key=lambda pair: (pair[0].count("/"), pair[0])
-        ):
-            if name.endswith(endings):
-                yield name, self.text(package, name)
+        names = [name for name, _ in self.files.get(package.name, ()) if name.endswith(endings)]
+        for name in sorted(names, key=lambda name: (name.count("/"), name)):
+            yield name, self.text(package, name)
 
 
 @frozen
@@ -73,11 +71,7 @@ class CheckResult:
 
 def graded(topic: str, summary: str, problems: tuple[Problem, ...], *, serious: bool) -> CheckResult:
     """Return a result whose problems are errors if they are serious, else warnings."""
-    return (
-        CheckResult(topic, summary, errors=problems)
-        if serious
-        else CheckResult(topic, summary, warnings=problems)
-    )
+    return CheckResult(topic, summary, problems if serious else (), () if serious else problems)
 
 
 def files_of(root: Path, package: Package) -> Files:
@@ -92,8 +86,6 @@ def files_of(root: Path, package: Package) -> Files:
 @lru_cache(maxsize=4096)
 def _text(path: Path) -> str:
     try:
-        if path.stat().st_size > _LARGEST:
-            return ""
-        return read_text(path)
+        return "" if path.stat().st_size > _LARGEST else read_text(path)
     except OSError:
         return ""

@@ -65,9 +65,14 @@ def _setup(subject: CheckContext, package: Package) -> Iterator[Problem]:
     if facts and facts.name and facts.name.replace("-", "_") != package.name.replace("-", "_"):
         message = f"the name is '{package.name}' in package.xml, but '{facts.name}' in setup.py"
         yield Problem(message, Location(package.path / "setup.py"), "use the same name in both")
-    if "console_scripts" in text and not _sets_script_folder(
-        subject.text(package, "setup.cfg"), package.name
-    ):
+    parser, scripts = configparser.RawConfigParser(), ""
+    try:
+        parser.read_string(subject.text(package, "setup.cfg"))
+    except configparser.Error:
+        return  # setuptools reports it
+    for key in ("install_scripts", "install-scripts"):
+        scripts = scripts or parser.get("install", key, fallback="")
+    if "console_scripts" in text and not scripts.rstrip("/").endswith(f"lib/{package.name}"):
         what = "are installed in 'bin', where 'forge run' does not find them"
         yield Problem(
             f"executables of '{package.name}' {what}",
@@ -79,15 +84,3 @@ def _setup(subject: CheckContext, package: Package) -> Iterator[Problem]:
                 "add install_scripts=$base/lib/NAME to the section [install] of each setup.cfg",
             ),
         )
-
-
-def _sets_script_folder(text: str, name: str) -> bool:
-    """Tell whether a setup.cfg installs executables where `forge run` finds them."""
-    parser = configparser.RawConfigParser()
-    try:
-        parser.read_string(text)
-    except configparser.Error:
-        return True  # malformed: setuptools reports it
-    section = dict(parser["install"]) if parser.has_section("install") else {}
-    folder = section.get("install_scripts") or section.get("install-scripts") or ""
-    return folder.rstrip("/").endswith(f"lib/{name}")

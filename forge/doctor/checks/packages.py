@@ -1,34 +1,35 @@
-"""Checks the packages of a workspace: undeclared dependencies, and names that hide others."""
+"""Checks the packages of a workspace: undeclared and unused dependencies, and names that hide others."""
 
 from __future__ import annotations
 
+import re
 import sys
 from collections import defaultdict
-from functools import partial
+from contextlib import suppress
 from pathlib import PurePath
 from typing import TYPE_CHECKING
 
 from forge.base.errors import GroupedProblems, Location, Problem
-from forge.doctor.checks.declarations import (
-    Findings,
-    KnownPackages,
-    undeclared_in_cmake,
-    undeclared_in_python,
-    unused,
-)
+from forge.base.frozen import frozen
+from forge.base.graph import closure
 from forge.doctor.checks.model import CheckResult
 from forge.environment.prefixes import installed_packages
 from forge.environment.underlays import overridden
-from forge.workspace.cmake_text import calls
+from forge.workspace.cmake_text import calls, package_references
 from forge.workspace.discovery import discover_embedded
-from forge.workspace.resolve import ALL_KINDS, INTERFACE_GROUP, provided_names
+from forge.workspace.model import TEST_KINDS, DependencyKind
+from forge.workspace.python_metadata import imported_modules, mentioned_modules
+from forge.workspace.resolve import ALL_KINDS, INTERFACE_GROUP, is_ros_name, provided_names
 
 if TYPE_CHECKING:
-    import re
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator, Mapping
+    from pathlib import Path
 
+    from forge.base.errors import Severity
     from forge.doctor.checks.model import CheckContext
     from forge.workspace.model import Package
+
+    Finding = tuple[Severity, Problem]
 
 _CODE = (".c", ".cc", ".cpp", ".cu", ".cxx", ".h", ".hh", ".hpp", ".ipp", ".tpp", ".py", ".pyi", ".sh")
 _BUILDING = (".txt", ".cmake", ".in", ".cfg", ".toml")
@@ -37,6 +38,10 @@ _SEARCHED = (*_CODE, *_BUILDING, *_DATA, ".msg", ".srv", ".action", ".idl")
 """Files in which a dependency may be mentioned."""
 
 _TEST_FOLDERS = frozenset({"test", "tests"})
+_TEST_PARTS = _TEST_FOLDERS | {"testing"}
+_SILENT_BEGINNINGS = ("ament_", "rosidl_", "rmw_")
+_SILENT = frozenset({"ros2launch", "launch", "launch_ros", "action_msgs"})
+"""Dependencies that need no reference in files of the package."""
 
 
 def declarations(subject: CheckContext) -> CheckResult:
@@ -58,21 +63,22 @@ def declarations(subject: CheckContext) -> CheckResult:
         outside = frozenset(resolution.packages[name].manifest.names(ALL_KINDS)) & installed.keys()
         needs[name] |= outside
     around = KnownPackages(brought, near, modules, needs)
-    found: list[Findings] = []
+    found: list[Finding] = []
     notes: list[Problem] = []
     for package in subject.packages.values():
         if not package.ros:
             continue  # its dependencies are derived from these files
         text = subject.text(package, "CMakeLists.txt")
         if package.build_type in {"ament_cmake", "cmake"} and text:
-            found.append(undeclared_in_cmake(package, text, package.path / "CMakeLists.txt", around))
+            found += undeclared_in_cmake(package, text, package.path / "CMakeLists.txt", around)
         if package.build_type == "ament_python":
             files = ((package.path / name, text) for name, text in subject.texts(package, ".py"))
-            found.append(undeclared_in_python(package, files, around))
-        notes += unused(package, around.known, partial(_mentions, subject, package))
-    errors = tuple(problem for grades in found for problem in grades.errors)
-    warnings = tuple(problem for grades in found for problem in grades.warnings)
-    implied = tuple(problem for grades in found for problem in grades.notes)
+            found += undeclared_in_python(package, files, around)
+        notes += _unused(subject, package, around.known)
+    errors, warnings, implied = (
+        tuple(problem for each, problem in found if each == severity)
+        for severity in ("error", "warning", "note")
+    )
     forgotten = len(errors) + len(warnings)
     parts = (
         f"{forgotten} used but not declared" if forgotten else "",
@@ -107,12 +113,6 @@ def modules_of(subject: CheckContext, package: Package) -> frozenset[str]:
     return frozenset(found)
 
 
-def _mentions(subject: CheckContext, package: Package, pattern: re.Pattern[str]) -> Iterator[str]:
-    for name, text in subject.texts(package, *_SEARCHED):
-        if name != "package.xml":
-            yield from pattern.findall(text)
-
-
 def _clashing_modules(subject: CheckContext) -> Iterator[Problem]:
     owners: dict[str, list[Package]] = defaultdict(list)
     for package in subject.packages.values():
@@ -145,3 +145,107 @@ def _hidden_packages(subject: CheckContext) -> Iterator[Problem]:
         elif len(roots) > 1:
             kind = GroupedProblems(f"{{}} in '{roots[0]}' override those in '{roots[1]}'", name)
             yield Problem(f"'{name}' in '{roots[0]}' overrides the one in '{roots[1]}'", group=kind)
+
+
+@frozen
+class KnownPackages:
+    """The packages in reach: known names, owners of modules, and dependencies.
+
+    `near` are the packages of the workspace, which must be built before their dependents.
+    """
+
+    known: frozenset[str]
+    near: frozenset[str]
+    modules: Mapping[str, str]
+    needs: Mapping[str, frozenset[str]]
+
+    def knows(self, name: str) -> bool:
+        """Tell whether a name is a package in reach or certainly a ROS package."""
+        return name in self.known or is_ros_name(name)
+
+    def owner(self, module: str) -> str | None:
+        """Return the package that provides a Python module."""
+        return self.modules.get(module) or (module if is_ros_name(module) else None)
+
+
+def undeclared_in_cmake(package: Package, text: str, path: Path, around: KnownPackages) -> Iterator[Finding]:
+    """Yield packages that a CMakeLists.txt uses without declaring them, each once.
+
+    It is an error if CMake certainly fails: a required package of the workspace that no declared dependency
+    provides transitively.
+    """
+    reported = _declared(package)
+    below = closure(around.needs, around.needs.get(package.name, frozenset()))
+    for use in package_references(text):
+        if use.name in reported or not around.knows(use.name):
+            continue
+        reported.add(use.name)
+        is_error = use.required and use.name in around.near
+        severity: Severity = "note" if use.name in below else "error" if is_error else "warning"
+        tag = "test_depend" if use.testing else "depend"
+        yield severity, _undeclared(package, use.name, Location(path, use.line), tag)
+
+
+def undeclared_in_python(
+    package: Package, texts: Iterable[tuple[Path, str]], around: KnownPackages
+) -> Iterator[Finding]:
+    """Yield packages that Python files import without declaring them, each once."""
+    reported = _declared(package)
+    below = closure(around.needs, around.needs.get(package.name, frozenset()))
+    for path, text in texts:
+        # Parse only files with candidate lines, because parsing is slow.
+        if reported.issuperset(filter(None, map(around.owner, mentioned_modules(text)))):
+            continue
+        with suppress(SyntaxError, ValueError, RecursionError):
+            for module, line in imported_modules(text):
+                name = around.owner(module)
+                if name is None or name in reported:
+                    continue
+                reported.add(name)
+                tag = "exec_depend" if _TEST_PARTS.isdisjoint(path.parts) else "test_depend"
+                # Launch files rarely declare dependencies and run in a complete system.
+                is_mild = name in below or path.name.endswith((".launch.py", "_launch.py"))
+                problem = _undeclared(package, name, Location(path, line), tag)
+                yield "note" if is_mild else "warning", problem
+
+
+def _unused(subject: CheckContext, package: Package, known: frozenset[str]) -> Iterator[Problem]:
+    """Yield declared build and run dependencies that no other file of the package mentions."""
+    wanted = {
+        dependency.name
+        for dependency in package.manifest.dependencies
+        if dependency.name in known
+        and dependency.kinds & {DependencyKind.BUILD, DependencyKind.EXEC}
+        and not dependency.name.startswith(_SILENT_BEGINNINGS)
+        and dependency.name not in _SILENT
+    }
+    pattern = re.compile(rf"(?<![\w-])(?:{'|'.join(map(re.escape, sorted(wanted)))})(?![\w-])")
+    for name, text in subject.texts(package, *_SEARCHED) if wanted else ():
+        if name != "package.xml":
+            wanted.difference_update(pattern.findall(text))
+        if not wanted:
+            return
+    for name in sorted(wanted):
+        message = f"'{package.name}' declares '{name}', but none of its files mentions it"
+        many = f"{{}} declare '{name}', but none of their files mentions it"
+        every = "remove the line from each package.xml that does not need it"
+        group = GroupedProblems(many, package.name, every)
+        yield Problem(message, Location(package.manifest.path), "remove the line if it is not needed", group)
+
+
+def _declared(package: Package) -> set[str]:
+    return {package.name, *package.manifest.names(ALL_KINDS | TEST_KINDS | {DependencyKind.DOC})}
+
+
+def _undeclared(package: Package, name: str, place: Location, tag: str) -> Problem:
+    line = f"<{tag}>{name}</{tag}>"
+    return Problem(
+        f"'{package.name}' uses '{name}' without declaring it in its manifest",
+        place,
+        f"add {line} to {package.manifest.path}",
+        GroupedProblems(
+            f"{{}} use '{name}' without declaring it in their manifests",
+            package.name,
+            f"add {line} to each package.xml",
+        ),
+    )

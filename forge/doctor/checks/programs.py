@@ -30,11 +30,9 @@ from forge.workspace.cmake_text import calls
 from forge.workspace.resolve import INTERFACE_GROUP
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
-    from pathlib import Path
+    from collections.abc import Iterator, Sequence
 
     from forge.doctor.checks.model import CheckContext
-    from forge.toolchain.interpreter import Interpreter
     from forge.workspace.model import Package
 
 _OLDEST_CMAKE = (3, 18)
@@ -57,8 +55,8 @@ def compiler(subject: CheckContext) -> CheckResult:
         return graded("compiler", "none", (no_compiler(compiled),), serious=bool(compiled))
     summary = " ".join(words)
     argv = (*words, "-std=c++17", "-x", "c++", "-fsyntax-only", "-")
-    failure = _failure(subject, argv, _PROGRAM)
-    if failure is None:
+    _, failure = _run(subject, argv, _PROGRAM)
+    if not failure:
         return CheckResult("compiler", f"{summary} {_version(subject, words)}, C++17")
     hint = "install g++ 9 or clang++ 9 or newer with its standard library, or set CXX to one"
     problem = Problem(f"'{summary}' cannot compile C++17: {failure}", hint=hint)
@@ -105,10 +103,33 @@ def python(subject: CheckContext) -> CheckResult:
         known = interpreter_properties(interpreter.path, ("numpy", "em", "catkin_pkg", "lark"))
     except HostError as fault:
         return CheckResult("python", "none", errors=fault.problems)
-    has = frozenset(known)
-    errors = [*_missing_modules(subject, interpreter, has), *_missing_header(subject, interpreter, has)]
     setuptools = known.get("setuptools", "")
-    errors += _old_setuptools(subject, interpreter, setuptools)
+    is_old = setuptools and _numbers(setuptools) < _PROJECT_TABLE
+    packages, prefixes = subject.packages.values(), subject.underlays.prefixes
+
+    def is_installed(name: str) -> bool:
+        # An embedded package that stands in for it has no manifest of this name.
+        return any((prefix / "share" / name / "package.xml").is_file() for prefix in prefixes)
+
+    wanted = ["numpy"] if any(INTERFACE_GROUP in package.manifest.groups for package in packages) else []
+    generators = ["em", "lark"] if wanted and is_installed("rosidl_cmake") else []
+    wanted += ["catkin_pkg"] if packages and is_installed("ament_cmake_core") else []
+    missing = [name for name in (*wanted, *generators) if name not in known]
+    errors = [missing_modules_problem(interpreter.path, missing)] if missing else []
+    for package in packages:
+        lists, text = subject.text(package, "CMakeLists.txt"), subject.text(package, "pyproject.toml")
+        if "header" not in known and package.build_type in CMAKE_TYPES and _HEADERS.search(lists):
+            why = f"but '{interpreter.path}' has no Python.h"
+            example = "`apt install python3-dev` or `dnf install python3-devel`"
+            hint = f"install its headers, for example with {example}"
+            message = f"'{package.name}' compiles a Python extension, {why}"
+            group = GroupedProblems(f"{{}} compile Python extensions, {why}", package.name, hint)
+            errors.append(Problem(message, Location(package.path / "CMakeLists.txt"), hint, group))
+        if is_old and "[project]" in text and "setuptools" in text:
+            which = f"a setuptools that supports pyproject.toml, which {setuptools} does not"
+            hint = f"{interpreter.path} -m pip install -U setuptools"
+            place = Location(package.path / "pyproject.toml")
+            errors.append(Problem(f"'{package.name}' needs {which}", place, hint))
     summary = f"{known['version']} ({interpreter.path}, {interpreter.origin}), "
     summary += f"setuptools {setuptools or 'bundled with forge'}"
     warnings = other_than_recorded(recorded_python(subject.layout.install), interpreter)
@@ -124,22 +145,18 @@ def shells(subject: CheckContext) -> CheckResult:
     if not login or login in SHELLS or login in _SPEAKS_SH:
         return CheckResult("shells", summary)
     hint = "start it with 'forge shell' in the environment of the workspace, or use 'forge env'"
-    return CheckResult(
-        "shells", summary, warnings=(Problem(f"no setup script for shell '{login}'", hint=hint),)
-    )
+    problem = Problem(f"no setup script for shell '{login}'", hint=hint)
+    return CheckResult("shells", summary, warnings=(problem,))
 
 
 def _minimum(subject: CheckContext, package: Package, version: tuple[int, ...]) -> Iterator[Problem]:
-    call = next(
-        (
-            call
-            for call in calls(subject.text(package, "CMakeLists.txt"))
-            if call.command == "cmake_minimum_required" and call.words[:1] == ("VERSION",) and call.words[1:]
-        ),
-        None,
-    )
-    least, _, most = call.words[1].partition("...") if call else ("", "", "")
-    if call is None or not _VERSION.fullmatch(least):
+    """Yield a problem if a CMake of this version rejects the package."""
+    text = subject.text(package, "CMakeLists.txt")
+    call = next((call for call in calls(text) if call.command == "cmake_minimum_required"), None)
+    if call is None or call.words[:1] != ("VERSION",) or not call.words[1:]:
+        return
+    least, _, most = call.words[1].partition("...")
+    if not _VERSION.fullmatch(least):
         return
     place = Location(package.path / "CMakeLists.txt", call.line)
     shown = ".".join(map(str, version))
@@ -148,89 +165,19 @@ def _minimum(subject: CheckContext, package: Package, version: tuple[int, ...]) 
         yield Problem(f"'{package.name}' requires CMake {least}, but CMake {shown} is installed", place, hint)
     elif version >= _POLICIES_GONE and _numbers(most or least) < _LEAST_POLICY:
         hint = f"use VERSION {least}...3.10, or build with --cmake-args -DCMAKE_POLICY_VERSION_MINIMUM=3.5"
-        requested = f"requests compatibility with CMake {most or least}"
-        message = f"'{package.name}' {requested}, which CMake {shown} no longer supports"
-        kind = GroupedProblems(
-            message.replace(f"'{package.name}' requests", "{} request", 1), package.name, hint
-        )
-        yield Problem(message, place, hint, kind)
-
-
-def _missing_modules(
-    subject: CheckContext, interpreter: Interpreter, has: frozenset[str]
-) -> Iterator[Problem]:
-    packages = subject.packages.values()
-    wanted = ["numpy"] if any(INTERFACE_GROUP in package.manifest.groups for package in packages) else []
-    prefixes = subject.underlays.prefixes
-    if packages and _has_package("ament_cmake_core", prefixes):
-        wanted.append("catkin_pkg")
-    if wanted[:1] == ["numpy"] and _has_package("rosidl_cmake", prefixes):
-        wanted += ["em", "lark"]
-    missing = [name for name in wanted if name not in has]
-    if missing:
-        yield missing_modules_problem(interpreter.path, missing)
-
-
-def _has_package(name: str, prefixes: Iterable[Path]) -> bool:
-    """Tell whether a package itself is installed, and not an embedded package that stands in for it."""
-    return any((prefix / "share" / name / "package.xml").is_file() for prefix in prefixes)
-
-
-def _missing_header(
-    subject: CheckContext, interpreter: Interpreter, has: frozenset[str]
-) -> Iterator[Problem]:
-    if "header" in has:
-        return
-    for package in subject.packages.values():
-        if package.build_type in CMAKE_TYPES and _HEADERS.search(subject.text(package, "CMakeLists.txt")):
-            why = f"but '{interpreter.path}' has no Python.h"
-            hint = (
-                "install its headers, for example with `apt install python3-dev` or `dnf install "
-                "python3-devel`"
-            )
-            yield Problem(
-                f"'{package.name}' compiles a Python extension, {why}",
-                Location(package.path / "CMakeLists.txt"),
-                hint,
-                GroupedProblems(f"{{}} compile Python extensions, {why}", package.name, hint),
-            )
-
-
-def _old_setuptools(subject: CheckContext, interpreter: Interpreter, version: str) -> Iterator[Problem]:
-    """Yield packages with metadata only in pyproject.toml if setuptools is too old."""
-    if not version or _numbers(version) >= _PROJECT_TABLE:
-        return
-    for package in subject.packages.values():
-        text = subject.text(package, "pyproject.toml")
-        if "[project]" in text and "setuptools" in text:
-            yield Problem(
-                f"'{package.name}' needs a setuptools that supports pyproject.toml, which {version} does not",
-                Location(package.path / "pyproject.toml"),
-                f"{interpreter.path} -m pip install -U setuptools",
-            )
+        what = f"compatibility with CMake {most or least}, which CMake {shown} no longer supports"
+        group = GroupedProblems(f"{{}} request {what}", package.name, hint)
+        yield Problem(f"'{package.name}' requests {what}", place, hint, group)
 
 
 def _version(subject: CheckContext, words: Sequence[str]) -> str:
     """Return the version that a program reports, '' if it does not run."""
-    try:
-        done = subprocess.run(
-            [*words, "--version"],
-            env=dict(subject.variables),
-            stdin=subprocess.DEVNULL,
-            capture_output=True,
-            text=True,
-            errors="replace",
-            check=True,
-            timeout=20,
-        )
-    except (OSError, subprocess.SubprocessError):
-        return ""
-    found = _VERSION.search(done.stdout)
+    found = _VERSION.search(_run(subject, (*words, "--version"))[0])
     return found[0] if found else ""
 
 
-def _failure(subject: CheckContext, argv: Sequence[str], text: str) -> str | None:
-    """Return why a program rejects a text, in one line; None if it accepts it."""
+def _run(subject: CheckContext, argv: Sequence[str], text: str = "") -> tuple[str, str]:
+    """Return the output of a program, and why it failed in one line, '' if it did not."""
     try:
         done = subprocess.run(
             argv,
@@ -243,13 +190,13 @@ def _failure(subject: CheckContext, argv: Sequence[str], text: str) -> str | Non
             timeout=60,
         )
     except OSError as error:
-        return (error.strerror or str(error)).lower()
+        return "", (error.strerror or str(error)).lower()
     except subprocess.TimeoutExpired:
-        return "timeout after a minute"
+        return "", "timeout after a minute"
     if not done.returncode:
-        return None
+        return done.stdout, ""
     lines = [line for line in done.stderr.splitlines() if "error" in line] or done.stderr.splitlines()
-    return lines[0].strip() if lines else f"exit code {done.returncode}"
+    return "", lines[0].strip() if lines else f"exit code {done.returncode}"
 
 
 def _numbers(version: str) -> tuple[int, ...]:

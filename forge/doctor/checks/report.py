@@ -17,15 +17,16 @@ if TYPE_CHECKING:
 
 _WIDTH = 12
 _PLAIN = Palette()
+_SEVERITIES: tuple[Severity, ...] = ("error", "warning", "note")
 
 
 def lines(results: Sequence[CheckResult], *, everything: bool, palette: Palette = _PLAIN) -> Iterator[str]:
     """Yield a line for each topic, then the findings by decreasing severity, and a conclusion."""
     for result in results:
-        word, meaning = _word(result)
-        yield f"{palette.paint(meaning, f'{word:8}')}{result.topic:{_WIDTH}} {result.summary}"
-    shown: tuple[Severity, ...] = ("error", "warning", "note") if everything else ("error", "warning")
-    for severity in shown:
+        word: Meaning = "error" if result.errors else "warning" if result.warnings else "success"
+        shown_word = "ok" if word == "success" else word
+        yield f"{palette.paint(word, f'{shown_word:8}')}{result.topic:{_WIDTH}} {result.summary}"
+    for severity in _SEVERITIES if everything else _SEVERITIES[:2]:
         for problem in _of_severity(results, severity):
             yield ""
             yield problem.render(severity, palette)
@@ -35,24 +36,17 @@ def lines(results: Sequence[CheckResult], *, everything: bool, palette: Palette 
 
 def plain(results: Sequence[CheckResult]) -> dict[str, object]:
     """Return the results for JSON: topics, findings, and their numbers."""
-    found = list(graded(results))
+    found = [
+        (severity, result.topic, problem)
+        for severity in _SEVERITIES
+        for result in results
+        for problem in getattr(result, f"{severity}s")
+    ]
     return {
-        **{
-            f"{word}s": sum(severity == word for severity, _, _ in found)
-            for word in ("error", "warning", "note")
-        },
+        **{f"{word}s": sum(severity == word for severity, _, _ in found) for word in _SEVERITIES},
         "checked": [{"topic": result.topic, "summary": result.summary} for result in results],
         "findings": [_plain(severity, topic, problem) for severity, topic, problem in found],
     }
-
-
-def graded(results: Sequence[CheckResult]) -> Iterator[tuple[Severity, str, Problem]]:
-    """Yield severity, topic and problem of all findings by decreasing severity."""
-    severities: tuple[Severity, ...] = ("error", "warning", "note")
-    for word in severities:
-        for result in results:
-            for problem in getattr(result, f"{word}s"):
-                yield word, result.topic, problem
 
 
 def _of_severity(results: Sequence[CheckResult], severity: str) -> list[Problem]:
@@ -62,23 +56,15 @@ def _of_severity(results: Sequence[CheckResult], severity: str) -> list[Problem]
 
 def conclusion(results: Sequence[CheckResult], *, everything: bool) -> str:
     """Return the last line, which tells whether builds are possible and whether there are more findings."""
-    errors, warnings, notes = (len(_of_severity(results, word)) for word in ("error", "warning", "note"))
+    errors, warnings, notes = (len(_of_severity(results, word)) for word in _SEVERITIES)
     if errors:
-        verb = "prevents" if errors == 1 else "prevent"
-        text = f"{counted(errors, 'error')} {verb} builds" + (
-            f"; {counted(warnings, 'warning')}" if warnings else ""
-        )
+        text = f"{counted(errors, 'error')} {'prevents' if errors == 1 else 'prevent'} builds"
+        text += f"; {counted(warnings, 'warning')}" if warnings else ""
     elif warnings:
         text = f"no errors; {counted(warnings, 'warning')}"
     else:
         text = "no problems found"
     return text if everything or not notes else f"{text} ({counted(notes, 'more note')} with --all)"
-
-
-def _word(result: CheckResult) -> tuple[str, Meaning]:
-    if result.errors:
-        return "error", "error"
-    return ("warning", "warning") if result.warnings else ("ok", "success")
 
 
 def _plain(severity: str, topic: str, problem: Problem) -> dict[str, object]:

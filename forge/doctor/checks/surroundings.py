@@ -38,11 +38,10 @@ _CACHE_HOME = re.compile(r"^CMAKE_HOME_DIRECTORY:INTERNAL=(.*)$", re.MULTILINE)
 def underlays(subject: CheckContext) -> CheckResult:
     """Check that each sourced workspace exists, is complete, and in order."""
     chain = subject.underlays.chain
-    warnings = [
-        *lost_underlays(subject.layout.install, subject.variables),
-        *_unusable(subject),
-        *other_distributions(chain, subject.variables.get(VARIABLE, "")),
-    ]
+    warnings = [*lost_underlays(subject.layout.install, subject.variables)]
+    with suppress(WorkspaceError):  # an invalid record, which `results` reports
+        warnings += unusable_overlays(subject.layout.install, subject.underlays.overlays)
+    warnings += other_distributions(chain, subject.variables.get(VARIABLE, ""))
     notes: list[Problem] = []
     sourced = {root.resolve() for root in chain}
     for root in chain:
@@ -53,14 +52,18 @@ def underlays(subject: CheckContext) -> CheckResult:
         # Built without a package although all its underlays are sourced: that build did not need it.
         is_complete = all(below.resolve() in sourced for below in underlays_of(root))
         (notes if is_complete else warnings).extend(_without_needs(root, subject))
-    warnings += _out_of_order(chain)
-    said = ", ".join(f"{root} ({_maker(root)})" for root in chain) or "none sourced"
-    return CheckResult("underlays", said, warnings=tuple(warnings), notes=tuple(notes))
-
-
-def _unusable(subject: CheckContext) -> Iterator[Problem]:
-    with suppress(WorkspaceError):  # an invalid record, which `results` reports
-        yield from unusable_overlays(subject.layout.install, subject.underlays.overlays)
+    for place, root in enumerate(chain):
+        try:
+            below = recorded_underlays(root)
+        except WorkspaceError as error:
+            warnings += error.problems
+            continue
+        for other in below:
+            if other in chain[place + 1 :]:
+                message = f"'{root}' was built on '{other}', but is sourced before it"
+                warnings.append(Problem(message, hint=f"in a new terminal, source '{other}' first"))
+    summary = ", ".join(f"{root} ({_maker(root)})" for root in chain) or "none sourced"
+    return CheckResult("underlays", summary, warnings=tuple(warnings), notes=tuple(notes))
 
 
 def environment(subject: CheckContext) -> CheckResult:
@@ -85,10 +88,16 @@ def results(subject: CheckContext) -> CheckResult:
     errors = [problem for problem in (foreign_build(layout), other_layout(layout)) if problem]
     if layout.install.exists() and not layout.install.is_dir():
         errors.append(Problem(f"the install folder '{layout.install}' is a file", hint="remove it"))
-    notes = [problem for name in subject.packages for problem in _moved(name, subject)]
+    notes = []
+    for name, package in subject.packages.items():
+        build, source = layout.build_dir(name), subject.root / package.path
+        match = _CACHE_HOME.search(text_or_nothing(build / "CMakeCache.txt"))
+        if match and Path(match[1]).resolve() != source.resolve():
+            message = f"'{build.name}' was built from '{match[1]}' and will be rebuilt"
+            notes.append(Problem(message, Location(build), f"forge clean packages {name}"))
     built = (layout.build / ".built_by").is_file()
-    said = f"{layout.build.name}, {layout.install.name}" if built else "nothing built yet"
-    return CheckResult("results", said, tuple(errors), notes=tuple(notes))
+    summary = f"{layout.build.name}, {layout.install.name}" if built else "nothing built yet"
+    return CheckResult("results", summary, tuple(errors), notes=tuple(notes))
 
 
 def _maker(root: Path) -> str:
@@ -115,20 +124,6 @@ def _without_needs(root: Path, subject: CheckContext) -> Iterator[Problem]:
         hint = f"source the workspace that contains '{need}' before '{root}', or rebuild '{root}'"
         message = f"{listed(sorted(users))} in '{root}' needs '{need}', which no sourced underlay contains"
         yield Problem(message, hint=hint)
-
-
-def _out_of_order(chain: tuple[Path, ...]) -> Iterator[Problem]:
-    """Yield workspaces that are sourced in another order than they were built."""
-    for place, root in enumerate(chain):
-        try:
-            below = recorded_underlays(root)
-        except WorkspaceError as error:
-            yield from error.problems
-            continue
-        for other in below:
-            if other in chain[place + 1 :]:
-                message = f"'{root}' was built on '{other}', but is sourced before it"
-                yield Problem(message, hint=f"in a new terminal, source '{other}' first")
 
 
 def _of_another_ros(variables: Mapping[str, str]) -> Iterator[Problem]:
@@ -178,13 +173,3 @@ def _leading_nowhere(variables: Mapping[str, str]) -> Iterator[Problem]:
         value = variables.get(name)
         if value and os.sep in value and not os.path.lexists(expand_home(value)):
             yield Problem(f"'{name}' names '{value}', which does not exist", hint=f"unset {name}")
-
-
-def _moved(name: str, subject: CheckContext) -> Iterator[Problem]:
-    """Yield a note if a build folder was configured for another source path."""
-    build = subject.layout.build_dir(name)
-    match = _CACHE_HOME.search(text_or_nothing(build / "CMakeCache.txt"))
-    source = subject.root / subject.packages[name].path
-    if match and Path(match[1]).resolve() != source.resolve():
-        message = f"'{build.name}' was built from '{match[1]}' and will be rebuilt"
-        yield Problem(message, Location(build), f"forge clean packages {name}")
