@@ -96,10 +96,6 @@ def test_all_kinds_of_packages_are_tested(forge: Forge, workspace: Path) -> None
     assert not (workspace / "build/c_none/Testing").exists()
     assert (workspace / "log/latest_test/c_bad/stdout_stderr.log").is_file()
     assert not list(workspace.glob("src/**/__pycache__"))
-
-
-def test_totals_match_the_result_files(forge: Forge, workspace: Path) -> None:
-    forge("test", cwd=workspace)
     ran = forge("test-result", cwd=workspace)
     assert ran.code == 1
     assert ran.out.endswith("\nSummary: 9 tests, 0 errors, 3 failures, 1 skipped\n")
@@ -119,12 +115,6 @@ def test_failed_tests_can_be_repeated_by_the_printed_lines(forge: Forge, workspa
         # In a subshell, so that the folder and the variables of the terminal remain; short enough to read.
         assert line.startswith("(. build/")
         assert str(workspace) not in line
-
-
-def test_failed_tests_are_an_exit_code_on_request(forge: Forge, workspace: Path) -> None:
-    option = "--return-code-on-test-failure"
-    assert forge("test", option, "--packages-select", "c_bad", cwd=workspace).code == 1
-    assert forge("test", option, "--packages-select", "c_good", cwd=workspace).code == 0
 
 
 FAILED = '<testsuite tests="0" failures="0"><testcase name="t"><failure message="no"/></testcase></testsuite>'
@@ -161,10 +151,7 @@ def test_a_test_program_that_exits_with_0_hides_no_failure(
 @pytest.mark.parametrize(
     "statement",
     [
-        "import nosuch",
         "import os\ndef test_a(): os._exit(0)",
-        "import os, signal\ndef test_a(): os.kill(os.getpid(), signal.SIGSEGV)",
-        "import atexit, os\natexit.register(os.unlink, '../../build/p/pytest.xml')\ndef test_a(): pass",
         "import atexit, os\natexit.register(os.truncate, '../../build/p/pytest.xml', 60)\ndef test_a(): pass",
         "import atexit\ndef put(): open('../../build/p/pytest.xml', 'w').write('<html/>')\n"
         "atexit.register(put)\ndef test_a(): pass",
@@ -380,7 +367,6 @@ def test_third():
 @pytest.mark.parametrize(
     "case",
     [
-        ((), ">=", "failed", 1),
         (("--retest-until-pass", "5"), ">=", "passed", 3),
         (("--retest-until-pass", "1"), ">=", "failed", 2),
         (("--retest-until-fail", "5"), "<", "failed", 3),
@@ -462,14 +448,9 @@ def test_a_package_whose_configuration_failed_has_no_tests(forge: Forge, tree: T
     assert "hint: forge build --packages-select c_good\n" in ran.err
     assert "1 package not tested: c_good" in ran.out
     assert forge("test", "--return-code-on-test-failure", cwd=root).code == 1
-
-
-def test_a_package_that_cmake_refused_to_configure_has_a_build_folder(forge: Forge, tree: Tree) -> None:
-    root = tree(cmake_package("c_good", GOOD))
-    assert forge("build", cwd=root).code == 0
-    assert forge("build", "--cmake-args", "-j4", cwd=root).code == 1
-    ran = forge("test", cwd=root)
-    assert "warning: 'c_good' cannot be tested: CMake failed in the last build" in ran.err
+    lists.write_text(lists.read_text().replace("message(FATAL_ERROR no)\n", ""))
+    assert forge("build", "--cmake-args", "-j4", cwd=root).code == 1, "CMake rejects this option"
+    assert "CMake failed in the last build" in forge("test", cwd=root).err
     assert forge("build", "--packages-select", "c_good", cwd=root).code == 0
     assert "cannot be tested" not in forge("test", cwd=root).err
 

@@ -106,9 +106,6 @@ def test_only_paths_are_printed_on_request(forge: Forge, results: Path) -> None:
     assert (ran.code, ran.out) == (1, "build/b/unittest.xml\nbuild/c/test_results/c/no.xunit.xml\n")
     ran = forge("test-result", "--result-files-only", "--test-result-base", "build/a", cwd=results)
     assert (ran.code, ran.out) == (0, "")
-
-
-def test_without_failures_the_exit_code_is_0(forge: Forge, results: Path) -> None:
     ran = forge("test-result", "--test-result-base", "build/a", cwd=results)
     assert (ran.code, ran.out) == (0, "Summary: 1 test, 0 errors, 0 failures, 0 skipped\n")
 
@@ -158,7 +155,7 @@ def test_results_that_cannot_be_read_are_errors(forge: Forge, tree: Tree) -> Non
     assert (root / "build/a/torn.xml").exists()
 
 
-ENCODINGS = ("utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-32", "iso-8859-1", "windows-1252", "gb18030")
+ENCODINGS = ("utf-8-sig", "utf-16", "utf-32", "windows-1252", "gb18030")
 
 
 @pytest.mark.parametrize("encoding", ENCODINGS)

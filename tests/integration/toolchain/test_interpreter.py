@@ -11,14 +11,6 @@ from tests.conftest import Tree
 OWN = Interpreter(own_path(), (sys.version_info.major, sys.version_info.minor))
 
 
-def test_the_active_virtual_environment_comes_before_our_own(tree: Tree) -> None:
-    """It is asked for its version, and is not followed to where its links lead."""
-    root = tree({"venv/bin/python": "#!/bin/sh\necho 3 12\n"})
-    found = find_interpreter(None, {"VIRTUAL_ENV": str(root / "venv")})
-    assert found == Interpreter(root / "venv/bin/python", (3, 12))
-    assert not found.own
-
-
 def test_the_option_comes_first(tree: Tree) -> None:
     """A path, or a name to look for."""
     root = tree({"bin/python3.13": "#!/bin/sh\necho 3 13\n"})

@@ -223,14 +223,6 @@ def test_plain_cmake_packages_are_told_to_find_dependencies_in_their_config() ->
     assert hint.endswith("add find_dependency(Threads) to the CMake config that 'plain' installs")
 
 
-def test_missing_build_tools_are_buildtool_dependencies() -> None:
-    said = 'package configuration file provided by "ament_cmake", but'
-    scene = FailureContext(package("mine"), {"ament_cmake": package("ament_cmake")})
-    assert "add <buildtool_depend>ament_cmake</buildtool_depend> to src/mine/package.xml" in str(
-        hint_of(said, scene)
-    )
-
-
 def test_the_embedded_cmake_commands_report_unknown_targets_in_words_that_have_a_hint() -> None:
     texts = [path.read_text(encoding="utf-8") for path in (PACKAGE / "embedded").rglob("*.cmake")]
     messages = [found for text in texts for found in re.findall(r'"([^"]*was given \'\$[^"]*target)"', text)]

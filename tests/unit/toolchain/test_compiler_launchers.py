@@ -18,7 +18,6 @@ from forge.toolchain.compiler_launchers import (
     LAUNCHERS,
     LauncherSummary,
     launcher_variables,
-    open_launcher_stats,
     remote_slots,
     selected_launcher,
 )
@@ -46,11 +45,6 @@ def context_of(launcher: Path | None) -> BuildContext:
         generator=(),
         launcher=launcher,
     )
-
-
-@pytest.mark.parametrize(("word", "name"), [(None, ""), ("none", ""), ("ccache", "ccache"), ("recc", "recc")])
-def test_a_launcher_is_chosen_by_its_name(word: str | None, name: str) -> None:
-    assert selected_launcher(word) == name
 
 
 def test_an_unknown_launcher_in_the_variable_is_an_error() -> None:
@@ -123,12 +117,6 @@ def test_the_initial_cache_sets_the_launcher_and_removes_a_former_one() -> None:
 )
 def test_distcc_host_lists_are_parsed(text: str, slots: list[int]) -> None:
     assert remote_slots(text) == slots
-
-
-@pytest.mark.parametrize("name", ["icecc", "recc"])
-def test_launchers_without_statistics_add_no_slots(name: str, tmp_path: Path) -> None:
-    stats = open_launcher_stats(tmp_path / name, tmp_path, tmp_path, {})
-    assert (stats.slots, stats.problem, stats.finish()) == (0, None, ())
 
 
 @pytest.mark.parametrize(

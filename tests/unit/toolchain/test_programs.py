@@ -57,13 +57,6 @@ def test_everything_missing_is_reported_together_with_hints(
     assert extra_command("cmake") in (error.value.problems[0].hint or "")
 
 
-def test_cmake_without_ninja_and_make_is_an_error(tree: Tree, monkeypatch: pytest.MonkeyPatch) -> None:
-    root = tree({"bin/cmake": PROGRAM})
-    beside_nothing(monkeypatch, root)
-    with pytest.raises(HostError, match="neither Ninja nor make found"):
-        find_tools([package("a")], {"PATH": str(root / "bin")})
-
-
 def test_the_ninja_of_forge_precedes_the_system_ninja(tree: Tree, monkeypatch: pytest.MonkeyPatch) -> None:
     """A distribution's seldom shares jobs."""
     root = tree(
@@ -135,10 +128,12 @@ def test_a_compiler_set_explicitly_need_not_be_on_path(
     assert find_tools([made], variables) is not None
 
 
-def test_a_build_program_set_explicitly_need_not_be_on_path(
+def test_ninja_or_make_is_needed_unless_an_argument_names_another_program(
     tree: Tree, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     root = tree({"bin/cmake": PROGRAM})
     beside_nothing(monkeypatch, root)
+    with pytest.raises(HostError, match="neither Ninja nor make found"):
+        find_tools([package("a")], {"PATH": str(root / "bin")})
     named = ("-DCMAKE_MAKE_PROGRAM=/opt/ninja",)
     assert find_tools([package("a")], {"PATH": str(root / "bin")}, cmake_args=named) is not None
