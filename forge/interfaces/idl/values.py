@@ -9,7 +9,13 @@ from typing import TYPE_CHECKING, Literal, cast
 from forge.base.frozen import frozen
 from forge.interfaces.model import Array, Element, Named, Primitive, Sequence, String, Type, Value
 from forge.interfaces.read.errors import ParseError
-from forge.interfaces.read.literals import INTEGER_RANGES, SURROGATES, escaped_character, within_bound
+from forge.interfaces.read.literals import (
+    SURROGATES,
+    check_length,
+    check_range,
+    escaped_character,
+    within_bound,
+)
 
 if TYPE_CHECKING:
     from lark import Token, Tree
@@ -44,9 +50,8 @@ def read_expression(tree: Tree[Token]) -> Expression:
         case "number":
             return _number(str(token), offset)
         case "texts":
-            return Expression(
-                "text", "".join(_unescape(cast("Token", text)) for text in tree.children), offset
-            )
+            texts = (_unescape(cast("Token", text)) for text in tree.children)
+            return Expression("text", "".join(texts), offset)
         case "truth":
             return Expression("truth", str(token) == "TRUE", offset)
         case _:
@@ -58,9 +63,8 @@ def read_size(tree: Tree[Token]) -> int:
     """Parse a size or bound: a decimal number of at least 1. Raises ParseError."""
     size = read_expression(tree)
     if size.kind != "integer":
-        raise ParseError(
-            "a size must be a decimal number", offset=size.offset, hint="constants are not supported here"
-        )
+        hint = "constants are not supported here"
+        raise ParseError("a size must be a decimal number", offset=size.offset, hint=hint)
     if int(size.value) < 1:
         raise ParseError("a size must be at least 1", offset=size.offset)
     return int(size.value)
@@ -72,11 +76,7 @@ def value_of(written: Expression, type_: Type) -> Value:
         if not isinstance(type_, Array | Sequence):
             return _single(written, type_)
         values = _collection(written, type_.of)
-        match type_:
-            case Array(_, size) if len(values) != size:
-                raise ParseError(f"expected {size} elements, found {len(values)}")
-            case Sequence(_, int(bound)) if len(values) > bound:
-                raise ParseError(f"expected at most {bound} elements, found {len(values)}")
+        check_length(values, type_)
         return values
     except ParseError as error:
         raise error.shifted(written.offset) from None
@@ -98,9 +98,8 @@ def _signed(sign: str, operand: Expression) -> Expression:
 def _number(text: str, offset: int) -> Expression:
     if text.isdigit():
         if text.startswith("0") and text.strip("0"):
-            raise ParseError(
-                "a number with a leading zero is octal", offset=offset, hint="write it in decimal"
-            )
+            message = "a number with a leading zero is octal"
+            raise ParseError(message, offset=offset, hint="write it in decimal")
         try:
             return Expression("integer", int(text), offset)
         except ValueError:
@@ -119,11 +118,8 @@ def _unescape(token: Token) -> str:
         return inside
     plain = (_WIDE_ESCAPE if wide else _ESCAPE).sub(escaped_character, inside)
     if SURROGATES.search(plain):
-        raise ParseError(
-            "this escape is half of a surrogate pair",
-            offset=token.start_pos or 0,
-            hint="write the character itself",
-        )
+        message = "this escape is half of a surrogate pair"
+        raise ParseError(message, offset=token.start_pos or 0, hint="write the character itself")
     return _DOUBLED.sub(r"\1", plain)
 
 
@@ -154,10 +150,7 @@ def _single(written: Expression, type_: Type) -> bool | int | float | str:
         case Primitive(name):
             if written.kind != "integer":
                 raise ParseError(f"'{written.value}' is not an integer")
-            low, high = INTEGER_RANGES[name]
-            if not low <= int(written.value) <= high:
-                hint = f"the range is {low} to {high}"
-                raise ParseError(f"'{written.value}' is out of range for {name}", hint=hint)
+            check_range(int(written.value), name, str(written.value))
             return int(written.value)
         case _:
             raise ParseError("a member of a struct's type cannot have a default", hint="leave it out")

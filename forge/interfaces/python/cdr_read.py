@@ -186,56 +186,46 @@ class _Reader:
             if group.of.name in CONVERSIONS:
                 self.lines.add(f"{slot} = _pieces.{CONVERSIONS[group.of.name]}(view[o:{end}])")
             else:
-                self._sequence(group, end)
+                # Numbers are copied into an array; on first access if they are many.
+                code = TYPE_CODES[group.of.name]
+                empty = self.lines.table(f"no_{group.of.name}", f"_array({code!r})")
+                name = self.slots.local(group.path)
+                owner = self.slots.owner(group.path[:-1])
+                self.lines.add(
+                    f"if {end} - o <= limit:",
+                    f"    {slot} = {name} = {empty}[:]",
+                    f"    if {number}:",
+                    f"        {name}.frombytes(view[o:{end}])",
+                    "else:",
+                    f"    _lazy.postpone({owner}, '_{group.path[-1]}', view[o:{end}], {code!r})",
+                )
         self.cursor.move_to(end, last=last)
-
-    def _sequence(self, group: PrimitiveElements, end: str) -> None:
-        """Emit the lines that copy numbers into an array, or on first access if they are many."""
-        code = TYPE_CODES[group.of.name]
-        empty = self.lines.table(f"no_{group.of.name}", f"_array({code!r})")
-        name = self.slots.local(group.path)
-        arguments = f"{self.slots.owner(group.path[:-1])}, '_{group.path[-1]}', view[o:{end}], {code!r}"
-        self.lines.add(
-            f"if {end} - o <= limit:",
-            f"    {self.slots.slot(group.path)} = {name} = {empty}[:]",
-            f"    if {self.slots.length(group.path)}:",
-            f"        {name}.frombytes(view[o:{end}])",
-            "else:",
-            f"    _lazy.postpone({arguments})",
-        )
 
     def _loop(self, group: Loop, *, last: bool) -> None:
         counted = None if isinstance(group.type, Array) else self.slots.length(group.path)
         number = str(group.type.size) if isinstance(group.type, Array) else self.slots.length(group.path)
         run = _batch(group)
         if run:
+            # `iter_unpack` unpacks elements of one size.
             self.cursor.pad(group.start.padding(run.alignment), run.alignment, counted)
-            self._batched(group, run, number, last=last)
+            end = self.cursor.check_available(f"{sum(segment.size for segment in run.segments)} * {number}")
+            unpack = self.lines.table("iterate", f"_pieces.fixed({struct_format(run)!r}, 0).iter_unpack")
         else:
             self.cursor.store()
             if counted:
                 least = f"{group.body.min_size} * {number}" if group.body.min_size > 1 else number
                 self.lines.add(f"if {least} > size - o:", "    raise _pieces.Refused")
-            self._repeated(group, number)
-
-    def _batched(self, group: Loop, run: Run, number: str, *, last: bool) -> None:
-        """Emit the loop over elements of one size, which `iter_unpack` unpacks."""
-        end = self.cursor.check_available(f"{sum(segment.size for segment in run.segments)} * {number}")
-        unpack = self.lines.table("iterate", f"_pieces.fixed({struct_format(run)!r}, 0).iter_unpack")
-        element = self._element(group)
-        self._for_all(group, number, element, (run, f"{unpack}(view[o:{end}])"))
-        if len(group.body.inlined) == 1:
-            self.lines.add("pass")
-        self.lines.dedent()
-        self.cursor.move_to(end, last=last)
-
-    def _repeated(self, group: Loop, number: str) -> None:
-        element = self._element(group)
-        if group.body.inlined:
+        root = self.lines.name(singular(group.path[-1]))
+        element = _Reader(self.lines, Slots(self.lines, root), Cursor(self.lines, absolute=False))
+        if run:
+            self._for_all(group, number, element, (run, f"{unpack}(view[o:{end}])"))
+            if len(group.body.inlined) == 1:
+                self.lines.add("pass")
+        elif group.body.inlined:
             self._for_all(group, number, element, None)
             element.read(group.body, keep_offset=True, made=True)
         else:
-            name, root = self.slots.local(group.path), element.slots.root
+            name = self.slots.local(group.path)
             append = self.lines.name(f"append_{root}")
             self.lines.add(f"{self.slots.slot(group.path)} = {name} = []", f"{append} = {name}.append")
             self.lines.add(f"for _ in range({number}):")
@@ -243,10 +233,8 @@ class _Reader:
             element.read(group.body, keep_offset=True)
             self.lines.add(f"{append}({root})")
         self.lines.dedent()
-
-    def _element(self, group: Loop) -> _Reader:
-        slots = Slots(self.lines, self.lines.name(singular(group.path[-1])))
-        return _Reader(self.lines, slots, Cursor(self.lines, absolute=False))
+        if run:
+            self.cursor.move_to(end, last=last)
 
     def _for_all(self, group: Loop, number: str, element: _Reader, values: tuple[Run, str] | None) -> None:
         """Emit the lines that create all elements, and the head of the loop over them.

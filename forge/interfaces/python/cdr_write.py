@@ -172,20 +172,18 @@ class _Writer:
             packer = self.lines.table("pack", f"_pieces.fixed({before!r}, {start}).pack")
         else:
             packer = f"{self.lines.table('structs', f'_pieces.phased({before!r})')}[o & 7].pack"
-        if counting or not group.fixed:
-            name = self.lines.name("piece")
-            self.lines.add(*wrap_arguments(f"{name} = {packer}(", values, ")"))
-            self._piece(name, counting=counting, first=with_header)
-        elif self.appending:
+        call = f"{packer}({', '.join(values)})"
+        named = counting or not group.fixed
+        if not named and self.appending:
             self.lines.add(*wrap_arguments(f"append({packer}(", values, "))"))
-        elif self.sole:
+        elif not named and self.sole:
             self.lines.add(*wrap_arguments(f"return {packer}(", values, ")"))
-        elif len(call := f"{packer}({', '.join(values)})") <= _READABLE:
+        elif not named and len(call) <= _READABLE:
             self.pieces.append(call)
         else:
             name = self.lines.name("piece")
             self.lines.add(*wrap_arguments(f"{name} = {packer}(", values, ")"))
-            self.pieces.append(name)
+            self._piece(name, counting=counting, first=with_header)
 
     def _values(self, run: Run | None) -> list[str]:
         values = []

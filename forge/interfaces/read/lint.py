@@ -9,7 +9,6 @@ import re
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from math import inf
-from pathlib import PurePosixPath
 
 from forge.base.errors import Location, Problem
 from forge.base.names import python_attribute
@@ -72,9 +71,7 @@ def lint(parsed: Iterable[Parsed]) -> list[Problem]:
     return all_problems
 
 
-def _problem(
-    place: Location | None, message: str, hint: str | None = None, *, at: str | None = None
-) -> Problem:
+def _problem(place: Location | None, message: str, hint: str | None = None, *, at: str) -> Problem:
     """Return a problem in a line; its column is that of the text `at`."""
     if place and at and place.source and at in place.source:
         place = Location(place.path, place.line, place.source.index(at) + 1, place.source)
@@ -83,13 +80,12 @@ def _problem(
 
 def _names(message: Message) -> Iterator[Problem]:
     for field in message.fields:
-        if field.name in _NAMES:
-            hint = f"rename it, for example to '{field.name}_value'"
-            yield _problem(
-                field.place, f"avoid the field name '{field.name}': {_NAMES[field.name]}", hint, at=field.name
-            )
-        if field.name == HIDDEN_MEMBER:
-            yield _problem(field.place, "this name is reserved for empty messages", at=field.name)
+        name, place = field.name, field.place
+        if name in _NAMES:
+            hint = f"rename it, for example to '{name}_value'"
+            yield _problem(place, f"avoid the field name '{name}': {_NAMES[name]}", hint, at=name)
+        if name == HIDDEN_MEMBER:
+            yield _problem(place, "this name is reserved for empty messages", at=name)
     for constant in message.constants:
         if constant.name in _CONSTANT_NAMES:
             text = f"avoid the constant name '{constant.name}': it is a macro of C or Windows"
@@ -113,40 +109,35 @@ def _value(declared: Field | Constant) -> Iterator[Problem]:
     text = rest.removeprefix(declared.name).strip().removeprefix("=").strip()
     element = element_of(declared.type)
     if isinstance(element, String):
-        yield from _quotes(declared, text, mark)
-        yield from _characters(declared, text)
+        yield from _string(declared, text, is_cut=bool(mark))
     elif isinstance(element, Primitive):
         for part in text.strip("[]").split(","):
-            yield from _number(declared, element, part.strip())
+            yield from _number(declared.place, element, part.strip())
 
 
-def _quotes(declared: Field | Constant, text: str, mark: str) -> Iterator[Problem]:
+def _string(declared: Field | Constant, text: str, *, is_cut: bool) -> Iterator[Problem]:
+    """Yield the problems of strings; a comment follows them if `is_cut`."""
     place = declared.place
     opened = text.lstrip("[ ")[:1]
     if opened and opened in QUOTES and text.replace(f"\\{opened}", "").count(opened) % 2:
-        if mark:
+        if is_cut:
             hint = "a string cannot contain '#'"
             yield _problem(place, "the string ends at '#', which starts a comment", hint, at="#")
         else:
             yield _problem(place, "this quote is not closed and becomes part of the string", at=opened)
-    if isinstance(declared.type, Array | Sequence) and _SIDE_BY_SIDE.search(text):
+    in_array = isinstance(declared.type, Array | Sequence)
+    if in_array and _SIDE_BY_SIDE.search(text):
         yield _problem(place, "two strings without a comma between them are two elements", at=text)
-
-
-def _characters(declared: Field | Constant, text: str) -> Iterator[Problem]:
-    place = declared.place
     if "\t" in text:
         yield _problem(place, "a tab in a string becomes a space", "write '\\t'", at="\t")
-    if isinstance(declared.type, Array | Sequence):
-        if not text.isascii():
-            yield _problem(place, "rosidl fails on non-ASCII characters in string arrays", at=text)
-    elif misread := _MISREAD.search(text):
+    if in_array and not text.isascii():
+        yield _problem(place, "rosidl fails on non-ASCII characters in string arrays", at=text)
+    elif not in_array and (misread := _MISREAD.search(text)):
         message = f"rosidl interprets the escape '{misread[0]}' differently, or fails"
         yield _problem(place, message, "avoid it", at=misread[0])
 
 
-def _number(declared: Field | Constant, element: Primitive, text: str) -> Iterator[Problem]:
-    place = declared.place
+def _number(place: Location | None, element: Primitive, text: str) -> Iterator[Problem]:
     if element.name not in {"float", "double"}:
         if _LEADING_ZERO.fullmatch(text):
             hint = f"write {int(text)}, or 0o{text.lstrip('+-0')} for the octal number"
@@ -167,33 +158,24 @@ def _comments(source: Source) -> Iterator[Problem]:
             column = line.index("\\", len(line) - len(comment)) + 1
             message = "rosidl reads a backslash in a comment as the start of an escape"
             yield Problem(message, Location(source.path, number, column, line), "avoid it")
-    yield from _heading(source, lines)
-
-
-def _heading(source: Source, lines: list[str]) -> Iterator[Problem]:
-    """Yield a problem if rosidl removes brackets from the comment at the start of a .msg file."""
-    if PurePosixPath(source.relative).suffix != ".msg":
-        return
+    # rosidl removes brackets from the comment at the start of a .msg file.
     end = next((n for n, line in enumerate(lines) if not line.startswith("#")), len(lines))
     brackets = [(n, match) for n, line in enumerate(lines[:end], 1) for match in _BRACKETS.finditer(line)]
-    if len(brackets) == 1:
+    if len(brackets) == 1 and source.relative.endswith(".msg"):
         number, match = brackets[0]
         message = f"'[{match[1]}]' is parsed as a unit and removed from the comment"
-        column = match.start(1)
-        yield Problem(
-            message, Location(source.path, number, column, lines[number - 1]), "remove the brackets"
-        )
+        place = Location(source.path, number, match.start(1), lines[number - 1])
+        yield Problem(message, place, "remove the brackets")
 
 
 def python_keywords(interfaces: Iterable[Interface]) -> Iterator[Problem]:
     """Yield a warning for each field that is named like a keyword of Python."""
-    for interface in interfaces:
-        for field in (field for message in sections_of(interface) for field in message.fields):
-            attribute = python_attribute(field.name)
-            if attribute != field.name:
-                text = f"field name '{field.name}' is a keyword of Python, where it becomes '{attribute}'"
-                place = field.place
-                match = re.search(rf"\b{field.name}\b", place.source) if place and place.source else None
-                if place and match:
-                    place = replace(place, column=match.start() + 1)
-                yield Problem(text, place, f"rename it, for example to '{field.name}_value'")
+    for field in (field for each in interfaces for message in sections_of(each) for field in message.fields):
+        attribute = python_attribute(field.name)
+        if attribute != field.name:
+            text = f"field name '{field.name}' is a keyword of Python, where it becomes '{attribute}'"
+            place = field.place
+            match = re.search(rf"\b{field.name}\b", place.source) if place and place.source else None
+            if place and match:
+                place = replace(place, column=match.start() + 1)
+            yield Problem(text, place, f"rename it, for example to '{field.name}_value'")

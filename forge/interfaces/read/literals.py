@@ -39,15 +39,9 @@ def read_value(text: str, type_: Type) -> Value:
     Raises ParseError if it is malformed, out of range, or too long.
     """
     match type_:
-        case Array(of, size):
+        case Array(of) | Sequence(of):
             values = _collection(text, of)
-            if len(values) != size:
-                raise ParseError(f"expected {counted(size, 'element')}, found {len(values)}")
-            return values
-        case Sequence(of, bound):
-            values = _collection(text, of)
-            if bound is not None and len(values) > bound:
-                raise ParseError(f"expected at most {counted(bound, 'element')}, found {len(values)}")
+            check_length(values, type_)
             return values
         case String():
             return within_bound(_unescape(_unquote(text)), type_)
@@ -55,6 +49,23 @@ def read_value(text: str, type_: Type) -> Value:
             return _number(text, name)
         case Named():
             raise ParseError("a field of a message type cannot have a default", hint="remove the value")
+
+
+def check_length(values: tuple[object, ...], type_: Array | Sequence) -> None:
+    """Raise ParseError unless a value of the type can have so many elements."""
+    match type_:
+        case Array(_, size) if len(values) != size:
+            raise ParseError(f"expected {counted(size, 'element')}, found {len(values)}")
+        case Sequence(_, int(bound)) if len(values) > bound:
+            raise ParseError(f"expected at most {counted(bound, 'element')}, found {len(values)}")
+
+
+def check_range(value: int, name: str, text: str, *, octet: str = "octet") -> None:
+    """Raise ParseError if an integer is out of range for a type; `octet` is its name in the language."""
+    low, high = INTEGER_RANGES[name]
+    if not low <= value <= high:
+        kind = octet if name == "octet" else name
+        raise ParseError(f"'{text}' is out of range for {kind}", hint=f"the range is {low} to {high}")
 
 
 def _collection(text: str, of: Element) -> tuple[bool | int | float | str, ...]:
@@ -96,10 +107,7 @@ def _number(text: str, name: str) -> bool | int | float:
             value = int(text, 0)
         except ValueError:
             raise _unreadable(text, "an integer") from None
-    low, high = INTEGER_RANGES[name]
-    if not low <= value <= high:
-        kind = "byte" if name == "octet" else name
-        raise ParseError(f"'{text}' is out of range for {kind}", hint=f"the range is {low} to {high}")
+    check_range(value, name, text, octet="byte")
     return value
 
 

@@ -47,7 +47,11 @@ def undeclared_dependencies(
             f"'{catalog.package}' does not depend on '{name.package}'",
             member.place,
             f"add {name.package} to the DEPENDENCIES of rosidl_generate_interfaces()"
-            + ("" if known.declares(name.package) else f", and {_declaration(name.package)}"),
+            + (
+                ""
+                if known.declares(name.package)
+                else f", and <depend>{name.package}</depend> to package.xml"
+            ),
         )
         for interface in catalog.interfaces.values()
         for member, name in _references(interface)
@@ -92,13 +96,9 @@ def require(name: TypeName, known: DefinitionLookup) -> Parsed:
     """Return an interface; raises InterfaceError if it does not exist."""
     parsed = known.find(name)
     if not parsed:
-        hint = f"add {_declaration(name.package)}"
+        hint = f"add <depend>{name.package}</depend> to package.xml"
         raise InterfaceError(Problem(f"cannot find '{name}', which generated code requires", hint=hint))
     return parsed
-
-
-def _declaration(package: str) -> str:
-    return f"<depend>{package}</depend> to package.xml"
 
 
 def _references(interface: Interface) -> Iterator[tuple[Field, TypeName]]:

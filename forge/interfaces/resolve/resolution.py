@@ -47,11 +47,23 @@ def resolve(
     """
     if events:
         parsed = [replace(each, interface=with_events(each.interface)) for each in parsed]
-    unique, problems = _unique(parsed)
+    unique: dict[TypeName, Parsed] = {}
+    outputs: dict[tuple[str, str], Parsed] = {}
+    problems = []
+    for each in parsed:
+        name = each.interface.name
+        other = unique.setdefault(name, each)
+        if other is not each:
+            message = f"'{name}' is also defined in '{other.source.path}'"
+            problems.append(Problem(message, Location(each.source.path)))
+            continue
+        other = outputs.setdefault((name.kind, snake_case(name.name)), each)
+        if other is not each:
+            problems.append(same_output(name, other.interface.name, each.source.path))
     own = {message.name: message for p in unique.values() for message in messages_of(p.interface)}
     search = _Search(package, own, known, set(unique), undeclared_types or {})
-    for message in own.values():
-        search.follow(message)
+    for start in own.values():
+        search.follow(start)
     messages = {**own, **search.found}
     problems += search.problems
     problems += cycle_problems(messages)
@@ -66,31 +78,7 @@ def nested_messages(parsed: Parsed, known: DefinitionLookup) -> dict[TypeName, M
 
     Raises InterfaceError if one does not exist or contains itself.
     """
-    own = {message.name: message for message in messages_of(parsed.interface)}
-    search = _Search("", own, known, set())
-    for message in own.values():
-        search.follow(message)
-    messages = {**own, **search.found}
-    raise_if_any([*search.problems, *cycle_problems(messages)], InterfaceError)
-    return messages
-
-
-def _unique(parsed: Iterable[Parsed]) -> tuple[dict[TypeName, Parsed], list[Problem]]:
-    unique: dict[TypeName, Parsed] = {}
-    outputs: dict[tuple[str, str], Parsed] = {}
-    problems = []
-    for each in parsed:
-        name = each.interface.name
-        other = unique.setdefault(name, each)
-        if other is not each:
-            message = f"'{name}' is also defined in '{other.source.path}'"
-            problems.append(Problem(message, Location(each.source.path)))
-            continue
-        output = snake_case(name.name)
-        other = outputs.setdefault((name.kind, output), each)
-        if other is not each:
-            problems.append(same_output(name, other.interface.name, each.source.path))
-    return unique, problems
+    return dict(resolve("", [parsed], known).known)
 
 
 def same_output(name: TypeName, other: TypeName, path: Path) -> Problem:
@@ -108,7 +96,7 @@ class _Search:
     own: Mapping[TypeName, Message]
     known: DefinitionLookup
     interfaces: set[TypeName]
-    undeclared_types: Mapping[str, str] = field(default_factory=dict)
+    undeclared_types: Mapping[str, str]
     found: dict[TypeName, Message] = field(default_factory=dict)
     sources: dict[TypeName, Source] = field(default_factory=dict)
     problems: list[Problem] = field(default_factory=list)
@@ -152,9 +140,8 @@ class _Search:
             return Problem(message, hint=f"add <depend>{name.package}</depend> to package.xml")
         written = f"{name.package}/{name.name}"
         if name.package == self.package and name.name in self.undeclared_types:
-            hint = (
-                f'add "{self.undeclared_types[name.name]}" to rosidl_generate_interfaces() in CMakeLists.txt'
-            )
+            file = self.undeclared_types[name.name]
+            hint = f'add "{file}" to rosidl_generate_interfaces() in CMakeLists.txt'
             return Problem(f"unknown type '{written}'", member.place, hint)
         if len(self.problems) >= MAX_EXPLAINED:
             return Problem(f"unknown type '{written}'", member.place)
@@ -162,18 +149,13 @@ class _Search:
             return Problem(f"unknown type '{written}'", member.place, elsewhere)
         names = [*self.interfaces, *(n for n in self.known.names() if n.package != self.package)]
         candidates = {f"{n.package}/{n.name}": n for n in names if n.kind not in {"srv", "action"}}
-        return Problem(f"unknown type '{written}'", member.place, self._hint(name, candidates))
-
-    def _hint(self, name: TypeName, candidates: Mapping[str, TypeName]) -> str | None:
         near = self._nearest(name, candidates)
         package = near.partition("/")[0] if near else name.package
         declared = {self.package, name.package} if near else {each.package for each in candidates.values()}
         missing = package not in declared and not self.known.declares(package)
-        hints = (
-            f"did you mean '{near}'?" if near else "",
-            f"add <depend>{package}</depend> to package.xml" if missing else "",
-        )
-        return " ".join(filter(None, hints)) or None
+        hints = [f"did you mean '{near}'?"] if near else []
+        hints += [f"add <depend>{package}</depend> to package.xml"] if missing else []
+        return Problem(f"unknown type '{written}'", member.place, " ".join(hints) or None)
 
     def _nearest(self, name: TypeName, candidates: Mapping[str, TypeName]) -> str | None:
         """Return the type that was probably meant; types of declared packages are preferred."""
