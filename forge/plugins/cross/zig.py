@@ -5,9 +5,12 @@ from __future__ import annotations
 import hashlib
 import importlib.util
 import os
+import re
 import shlex
 import subprocess
 import sys
+import tempfile
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,9 +22,10 @@ from forge.base.layout import OWN_CACHE_DIR
 from forge.base.own_environment import extra_command
 from forge.base.templating import render
 from forge.toolchain.programs import find_program
+from forge.toolchain.resources import processors
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping, Sequence
 
     from forge.base.layout import Layout
     from forge.plugins.cross.targets import Target
@@ -29,6 +33,17 @@ if TYPE_CHECKING:
 _TOOLS = {"cc": "cc", "c++": "c++", "ar": "ar", "ranlib": "ranlib"}
 _COMPILERS = frozenset({"cc", "c++"})
 _VARIABLES = {"CC": "cc", "CXX": "c++", "AR": "ar", "RANLIB": "ranlib"}
+
+_LIB_DIR = re.compile(r'"?\.?lib_dir"?\s*[:=]\s*"([^"]+)"')
+_OTHER_PLATFORMS = re.compile(r"/(pstl|support/(win32|ibm))/")
+_REPLACED = frozenset({"cxa_noexception.cpp", "libcxx/src/new.cpp"})
+"""Sources for other configurations; those of libc++abi define operator new."""
+_INCLUDED = ("libcxx/src", "libcxxabi/include", "libcxx/libc", "")
+_FLAGS = (
+    *("-std=c++23", "-O2", "-g0", "-w", "-fPIC", "-fexperimental-library", "-DNDEBUG"),
+    *("-D_LIBCPP_BUILDING_LIBRARY", "-D_LIBCXXABI_BUILDING_LIBRARY", "-DLIBCXX_BUILDING_LIBCXXABI"),
+    *("-DLIBCXXABI_USE_LLVM_UNWINDER", "-DHAVE___CXA_THREAD_ATEXIT_IMPL"),
+)
 
 
 @frozen
@@ -97,9 +112,7 @@ class Zig:
             file=sys.stderr,
             flush=True,
         )
-        from forge.plugins.cross.cxx_library import compile_cxx_library
-
-        failure = compile_cxx_library(self.program, folder, self.library)
+        failure = _compile_cxx_library(self.program, folder, self.library)
         if not failure:
             return ()
         message = (
@@ -124,3 +137,51 @@ def find_zig(target: Target, layout: Layout, variables: Mapping[str, str]) -> Zi
         )
         raise HostError(Problem(f"no compiler for '{target.triple}' found", hint=hint))
     return Zig(program, target, (own_cache(variables) or layout.build / OWN_CACHE_DIR) / "zig")
+
+
+def _compile_cxx_library(zig: Path, compilers: Path, archive: Path) -> str:
+    """Compile the library with the compilers in a folder; return '', or the output of what failed.
+
+    zig hides all symbols of the copy that it links into each library and program. An exception that one of
+    them throws then has another type than the one that another catches, and each has its own `std::cout`.
+    With visible symbols, the dynamic linker of the target uses one copy for all of them, as it does for GCC's
+    library.
+    """
+    answer = subprocess.run((zig, "env"), capture_output=True, text=True, check=False)
+    found = _LIB_DIR.search(answer.stdout)
+    if found is None:
+        return answer.stdout + answer.stderr
+    home = Path(found[1])
+    archive.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=archive.parent) as scratch:
+        objects = [(source, Path(scratch, f"{number}.o")) for number, source in enumerate(_sources(home))]
+        compiler = (str(compilers / "c++"), *_FLAGS, *(f"-I{home / folder}" for folder in _INCLUDED))
+        commands = [(*compiler, "-c", str(source), "-o", str(output)) for source, output in objects]
+        draft = Path(scratch, archive.name)
+        packed = (str(compilers / "ar"), "qcs", str(draft), *(str(output) for _, output in objects))
+        failure = _run_all(commands) or _run(packed)
+        if not failure:
+            draft.replace(archive)
+    return failure
+
+
+def _sources(home: Path) -> Iterator[Path]:
+    for folder in ("libcxx/src", "libcxxabi/src"):
+        for path in sorted(home.joinpath(folder).rglob("*.cpp")):
+            name = path.relative_to(home).as_posix()
+            if not (_OTHER_PLATFORMS.search(name) or path.name in _REPLACED or name in _REPLACED):
+                yield path
+
+
+def _run_all(commands: Sequence[tuple[str, ...]]) -> str:
+    """Run the commands in parallel; return the output of the first that fails, '' if none does."""
+    pool = ThreadPoolExecutor(processors())
+    try:
+        return next(filter(None, pool.map(_run, commands)), "")
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _run(argv: tuple[str, ...]) -> str:
+    done = subprocess.run(argv, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)
+    return "" if done.returncode == 0 else done.stderr or f"exit code {done.returncode}"

@@ -91,7 +91,15 @@ def connected_cluster(address: str, build: Path, programs: Mapping[str, str]) ->
     """
     client = _client(address)
     try:
-        _await_workers(client, address)
+        if not client.nthreads():
+            seconds = f"for {_WORKER_SECONDS} seconds at most"
+            print(f"waiting for a worker at {address}, {seconds}", file=sys.stderr)
+        until = time.monotonic() + _WORKER_SECONDS
+        while not client.nthreads():
+            if time.monotonic() > until:
+                hint = f"start one with `dask worker {address}`, or give an adaptive cluster a minimum of 1"
+                raise HostError(Problem(f"the scheduler at '{address}' has no worker", hint=hint))
+            time.sleep(0.2)
         yield _surveyed(
             client, address, build, tuple(sorted({**programs, "forge's Python": sys.executable}.items()))
         )
@@ -102,6 +110,8 @@ def connected_cluster(address: str, build: Path, programs: Mapping[str, str]) ->
 
 def _client(address: str) -> Client:
     try:
+        import dask.config
+        from dask.utils import parse_timedelta
         from distributed import Client
     except ImportError:
         problem = Problem("'--executor dask' needs Dask", hint=f"run: {extra_command('dask')}")
@@ -114,40 +124,19 @@ def _client(address: str) -> Client:
             with contextlib.suppress(Exception):
                 super().__del__()  # type: ignore[no-untyped-call]
 
+    theirs = parse_timedelta(dask.config.get("distributed.comm.timeouts.connect"))
+    timeout = min(float(_CONNECT_SECONDS), float(theirs))
     # forge reports its problems itself.
     logging.getLogger("distributed").setLevel(logging.CRITICAL + 1)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             # Dask's constructor is untyped.
-            return Quiet(address, timeout=_connect_timeout(), set_as_default=False, name="forge")  # type: ignore[no-untyped-call]
+            return Quiet(address, timeout=timeout, set_as_default=False, name="forge")  # type: ignore[no-untyped-call]
     except (OSError, ValueError, TypeError, RuntimeError) as error:
         hint = "check that `dask scheduler` is running there, and that this is the address it printed"
         message = f"cannot connect to the scheduler at '{address}': {_first_line(error)}"
         raise HostError(Problem(message, hint=hint)) from None
-
-
-def _connect_timeout() -> float:
-    """Return the connection timeout: the smaller one of Dask's setting and forge's."""
-    import dask.config
-    from dask.utils import parse_timedelta
-
-    theirs = parse_timedelta(dask.config.get("distributed.comm.timeouts.connect"))
-    return min(float(_CONNECT_SECONDS), float(theirs))
-
-
-def _await_workers(client: Client, address: str) -> None:
-    """Wait for a worker; raise HostError if none joins."""
-    until = time.monotonic() + _WORKER_SECONDS
-    reported = False
-    while not client.nthreads():
-        if not reported:
-            sys.stderr.write(f"waiting for a worker at {address}, for {_WORKER_SECONDS} seconds at most\n")
-            reported = True
-        if time.monotonic() > until:
-            hint = f"start one with `dask worker {address}`, or set the minimum of an adaptive cluster to 1"
-            raise HostError(Problem(f"the scheduler at '{address}' has no worker", hint=hint))
-        time.sleep(0.2)
 
 
 def _surveyed(client: Client, address: str, build: Path, programs: Pairs) -> Cluster:
@@ -179,38 +168,27 @@ def _surveyed(client: Client, address: str, build: Path, programs: Pairs) -> Clu
 
 
 def survey(probe: str, content: str, programs: Pairs, dask_worker: Worker) -> WorkerInfo:
-    """Return the properties of this worker; the client calls this on every worker."""
-    return WorkerInfo(
-        dask_worker.address,
-        socket.gethostname(),
-        traits_of(programs),
-        _contains(probe, content),
-        dask_worker.state.nthreads,
-    )
+    """Return the properties of this worker; the client calls this on every worker.
+
+    `probe` is a file that the client has written with `content`.
+    """
+    try:
+        sharing = Path(probe).read_text(encoding="utf-8") == content
+    except (OSError, ValueError):
+        sharing = False
+    slots = dask_worker.state.nthreads
+    return WorkerInfo(dask_worker.address, socket.gethostname(), traits_of(programs), sharing, slots)
 
 
 def traits_of(programs: Pairs = ()) -> Traits:
     """Return the properties of this machine that must be equal on all machines."""
     version = ".".join(platform.python_version_tuple()[:2])
     identities = tuple((name, _program_identity(path)) for name, path in programs)
-    return Traits(f"{__version__} ({_own_digest()})", version, identities)
-
-
-def _contains(probe: str, content: str) -> bool:
-    """Return True if a file written by the client exists here under the same path."""
-    try:
-        return Path(probe).read_text(encoding="utf-8") == content
-    except (OSError, ValueError):
-        return False
-
-
-def _own_digest() -> str:
-    """Return a short digest of forge's own source files."""
     digest = hashlib.sha256()
     for path in source_files(str(PACKAGE), NO_CODE):
         if path.endswith(".py"):
             digest.update(os.path.relpath(path, PACKAGE).encode() + Path(path).read_bytes())
-    return digest.hexdigest()[:8]
+    return Traits(f"{__version__} ({digest.hexdigest()[:8]})", version, identities)
 
 
 def _program_identity(path: str) -> str:

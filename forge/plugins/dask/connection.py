@@ -14,23 +14,9 @@ from typing import TYPE_CHECKING, Any
 from forge.base.errors import HostError, Problem
 from forge.build.events import Aborted, Finished, Output, StepStarted
 from forge.execution.runner import GRACE_SECONDS, changed_variables
-from forge.plugins.dask.messages import (
-    ACK_INTERVAL,
-    FINISH,
-    INTERRUPT,
-    KILL,
-    RemoteTask,
-    Router,
-    TaskRequest,
-)
+from forge.plugins.dask import worker
+from forge.plugins.dask.messages import ACK_INTERVAL, FINISH, INTERRUPT, KILL, RemoteTask, Router, TaskRequest
 from forge.plugins.dask.step_runner import try_lock
-from forge.plugins.dask.worker import (
-    acknowledge,
-    deliver_task,
-    forget,
-    run_remote_task,
-    send_command,
-)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -58,7 +44,6 @@ class Connection:
     """The executor on the workers; thread-safe. Close it when all tasks have ended."""
 
     def __init__(self, cluster: Cluster, jobs: JobOptions, resources: tuple[tuple[str, float], ...]) -> None:
-        """Subscribe to the messages of workers; nothing is submitted yet."""
         self.cluster = cluster
         self.slots = cluster.slots
         self.topic = f"forge-{uuid.uuid4().hex}"
@@ -89,7 +74,18 @@ class Connection:
             return RemoteTask(task, environment, self._jobs, lock)
 
         mailbox = self._router.open(key)
-        call = Call(self, task.name, remote_task, mailbox, self._submit(key, mailbox))
+        future = self._client.submit(
+            worker.run_remote_task,
+            self.topic,
+            key,
+            key=key,
+            pure=False,
+            retries=_RETRIES,
+            resources=self._resources,
+            workers=list(self.cluster.allowed_workers) or None,
+        )
+        future.add_done_callback(lambda _: mailbox.note(_ENDED))
+        call = Call(self, task.name, remote_task, mailbox, future)
         if self.command:
             mailbox.note(self.command)
         try:
@@ -114,12 +110,11 @@ class Connection:
         packed = pickle.dumps(remote_task)
         # If the worker has died meanwhile, another one will request the task.
         with contextlib.suppress(OSError, TimeoutError):
-            self._client.run(deliver_task, request.attempt, packed, workers=[request.address])
+            self._client.run(worker.deliver_task, request.attempt, packed, workers=[request.address])
 
     def acknowledge_messages(self, request: TaskRequest) -> None:
-        """Acknowledge messages to a worker."""
         with contextlib.suppress(OSError, TimeoutError):
-            self._client.run(acknowledge, request.attempt, workers=[request.address])
+            self._client.run(worker.acknowledge, request.attempt, workers=[request.address])
 
     def finish_steps(self) -> None:
         """Let running steps finish and start no further step."""
@@ -137,21 +132,7 @@ class Connection:
         """Unsubscribe and remove the messages from the scheduler."""
         with contextlib.suppress(Exception):  # the build has ended, so errors do not matter
             self._client.unsubscribe_topic(self.topic)
-            self._client.run_on_scheduler(forget, self.topic)
-
-    def _submit(self, key: str, mailbox: Mailbox) -> Future[Any]:
-        future = self._client.submit(
-            run_remote_task,
-            self.topic,
-            key,
-            key=key,
-            pure=False,
-            retries=_RETRIES,
-            resources=self._resources,
-            workers=list(self.cluster.allowed_workers) or None,
-        )
-        future.add_done_callback(lambda _: mailbox.note(_ENDED))
-        return future
+            self._client.run_on_scheduler(worker.forget, self.topic)
 
     def _broadcast(self, command: str) -> None:
         self.command = command
@@ -161,7 +142,7 @@ class Connection:
 
     def _send_command(self, command: str) -> None:
         with contextlib.suppress(Exception):  # unreachable workers are abandoned after the timeout
-            self._client.run(send_command, self.topic, command)
+            self._client.run(worker.send_command, self.topic, command)
 
 
 class Call:
@@ -175,7 +156,6 @@ class Call:
         mailbox: Mailbox,
         future: Future[Any],
     ) -> None:
-        """Start before any worker has requested the task."""
         self._connection = connection
         self._name = name
         self._make_remote_task = remote_task
@@ -195,7 +175,10 @@ class Call:
                 events = self._handle_command(message)
             else:
                 events = (message,)
-                self._count()
+                self._until_ack -= 1
+                if not self._until_ack and self._request:
+                    self._until_ack = ACK_INTERVAL
+                    self._connection.acknowledge_messages(self._request)
             yield from events
             if events and isinstance(events[-1], Finished | Aborted):
                 return
@@ -205,13 +188,6 @@ class Call:
         if not self._future.done():
             with contextlib.suppress(OSError, TimeoutError):
                 self._future.cancel()
-
-    def _count(self) -> None:
-        """Count a received message, and acknowledge from time to time."""
-        self._until_ack -= 1
-        if not self._until_ack and self._request:
-            self._until_ack = ACK_INTERVAL
-            self._connection.acknowledge_messages(self._request)
 
     def _receive(self, request: TaskRequest) -> tuple[Event, ...]:
         """Deliver the task unless the build is being stopped."""

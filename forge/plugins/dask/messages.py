@@ -51,13 +51,12 @@ class Mailbox:
     """The messages of one task from any worker; `attempt` is the current attempt."""
 
     def __init__(self) -> None:
-        """Start empty."""
         self.attempt = ""
         self._expected = 0
         self._messages: queue.SimpleQueue[tuple[str, int, Any]] = queue.SimpleQueue()
 
     def put(self, attempt: str, number: int, content: object) -> None:
-        """Add a message from an attempt, or from the client if `attempt` is empty."""
+        """Add a message from an attempt."""
         self._messages.put((attempt, number, content))
 
     def note(self, command: str) -> None:
@@ -90,7 +89,6 @@ class Router:
     """Distributes messages from workers; `deliver` is called in the client's event loop."""
 
     def __init__(self) -> None:
-        """Start without mailboxes."""
         self._mailboxes: dict[str, Mailbox] = {}
         self._attempts: dict[str, Mailbox] = {}
         self._lock = threading.Lock()

@@ -43,7 +43,11 @@ _PATIENCE_SECONDS = 30.0
 
 def main(argv: list[str]) -> int:
     """Run the task in stdin; see `run_task`."""
-    run_task(argv, _own_stdin(), _own_stdout())
+    # Unbuffered: the lock of a buffer would block the exit while a thread still reads.
+    source = os.fdopen(os.dup(0), "rb", buffering=0)
+    target = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # what the task prints must not get between the messages
+    run_task(argv, source, target)
     return 0
 
 
@@ -83,18 +87,6 @@ def _exactly(stream: BinaryIO, size: int) -> bytes:
             raise EOFError
         content += more
     return content
-
-
-def _own_stdin() -> BinaryIO:
-    """Return unbuffered stdin: the lock of a buffer would block the exit while a thread still reads."""
-    return os.fdopen(os.dup(0), "rb", buffering=0)
-
-
-def _own_stdout() -> BinaryIO:
-    """Return exclusive stdout: other output to stdout is redirected to stderr."""
-    own = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)
-    return own
 
 
 def _write(target: BinaryIO, lock: threading.Lock, event: Event) -> None:

@@ -40,7 +40,6 @@ class Attempt:
     """One attempt of a task on this worker."""
 
     def __init__(self, worker: Worker, topic: str, key: str) -> None:
-        """Start without a task; nothing is sent yet."""
         self.name = uuid.uuid4().hex
         self.topic = topic
         self.remote_task: asyncio.Future[bytes] = asyncio.get_running_loop().create_future()
@@ -79,7 +78,7 @@ async def run_remote_task(topic: str, key: str) -> None:
     worker = get_worker()
     attempt = Attempt(worker, topic, key)
     _attempts[attempt.name] = attempt
-    watch = asyncio.ensure_future(_watch(attempt))
+    watch = asyncio.ensure_future(_interrupt_when_unwanted(attempt))
     try:
         request = TaskRequest(attempt.name, worker.address, socket.gethostname())
         attempt.send(pickle.dumps((key, request)))
@@ -93,12 +92,11 @@ async def run_remote_task(topic: str, key: str) -> None:
         del _attempts[attempt.name]
 
 
-async def deliver_task(attempt: str, remote_task: bytes) -> bool:
-    """Deliver a pickled RemoteTask; return False if the attempt has ended. Called by the client."""
+async def deliver_task(attempt: str, remote_task: bytes) -> None:
+    """Deliver a pickled RemoteTask unless the attempt has ended. Called by the client."""
     found = _attempts.get(attempt)
     if found is not None and not found.remote_task.done():
         found.remote_task.set_result(remote_task)
-    return found is not None
 
 
 async def acknowledge(attempt: str) -> None:
@@ -108,16 +106,11 @@ async def acknowledge(attempt: str) -> None:
         found.acknowledge()
 
 
-async def send_command(topic: str, command: str, attempt: str = "") -> int:
-    """Send a command to all attempts of a build, or to one; return their number."""
-    found = [
-        attempt_
-        for attempt_ in _attempts.values()
-        if attempt_.topic == topic and attempt in {"", attempt_.name}
-    ]
-    for attempt_ in found:
-        attempt_.commands.put_nowait(command)
-    return len(found)
+async def send_command(topic: str, command: str) -> None:
+    """Send a command to all attempts of a build. Called by the client."""
+    for attempt in _attempts.values():
+        if attempt.topic == topic:
+            attempt.commands.put_nowait(command)
 
 
 def forget(topic: str, dask_scheduler: Scheduler) -> None:
@@ -126,7 +119,7 @@ def forget(topic: str, dask_scheduler: Scheduler) -> None:
         dask_scheduler._broker.truncate(topic)
 
 
-async def _watch(attempt: Attempt) -> None:
+async def _interrupt_when_unwanted(attempt: Attempt) -> None:
     """Interrupt the step runner when the result is no longer needed."""
     while attempt.is_wanted:
         await asyncio.sleep(_POLL_SECONDS)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import threading
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
@@ -33,7 +32,6 @@ class WorkerJobs:
     """
 
     def __init__(self, jobs: int | None, slots: int) -> None:
-        """Start with the requested number of jobs, or the number of processors."""
         self._jobs = max(jobs or processors(), slots)
         self._slots = slots
         self._pool: TokenPool | None = None
@@ -46,15 +44,13 @@ class WorkerJobs:
         with self._lock:
             if self._styles is None:
                 tools = {"ninja": find_ninja(variables), "make": find_program("make", variables)}
-                found = {
-                    name: supported_styles(name, Path(tool), variables)
-                    for name, tool in tools.items()
-                    if tool
+                styles_of = {
+                    name: supported_styles(name, tool, variables) for name, tool in tools.items() if tool
                 }
-                style = common_style(found)
+                style = common_style(styles_of)
                 self._pool = create_pool(style, self._jobs) if style else None
                 self._jobs = min(self._jobs, self._pool.room) if self._pool else self._jobs
-                self._styles = tuple(name for name, styles in found.items() if style in styles)
+                self._styles = tuple(name for name, styles in styles_of.items() if style in styles)
             return self._styles
 
     @contextlib.contextmanager
@@ -64,15 +60,12 @@ class WorkerJobs:
             yield JobSettings((str(max(1, self._jobs // self._slots)), ""))
             return
         if not self._active:
-            self._refill(self._pool)
+            # Restore tokens lost by killed tools, while no task runs.
+            while self._pool.take_now():
+                pass
+            self._pool.give(TOKEN * (self._jobs - self._slots))
         self._active += 1
         try:
             yield JobSettings((str(self._jobs), self._pool.auth), self._pool.descriptors)
         finally:
             self._active -= 1
-
-    def _refill(self, pool: TokenPool) -> None:
-        """Restore tokens lost by killed tools, while no task runs."""
-        while pool.take_now():
-            pass
-        pool.give(TOKEN * (self._jobs - self._slots))

@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from forge.plugins.mixins.repositories import Change
 
 _SIGNS = "+ new, * changed, . unchanged, - renamed to *.obsolete"
-_ONLY = "only this repository (default: all)"
 
 
 def _files() -> Any:
@@ -39,7 +38,9 @@ class _AddOptions:
 
 @frozen
 class _UpdateOptions:
-    name: str | None = option(_ONLY, positional=True, nargs="?", metavar="REPOSITORY")
+    name: str | None = option(
+        "only this repository (default: all)", positional=True, nargs="?", metavar="REPOSITORY"
+    )
 
 
 @frozen
@@ -48,8 +49,7 @@ class _RemoveOptions:
 
 
 @frozen
-class _ListOptions:
-    name: str | None = option(_ONLY, positional=True, nargs="?", metavar="REPOSITORY")
+class _ListOptions(_UpdateOptions):
     mixin_files: tuple[str, ...] = _files()
 
 
@@ -140,7 +140,9 @@ def _print_names(mixins: Iterable[Mixin]) -> None:
 
 def _show(options: _ShowOptions) -> None:
     mixins = _all_mixins(options)
-    chosen = [mixin for mixin in mixins if _matches(mixin, options)]
+    chosen = [
+        mixin for mixin in mixins if options.of in {None, mixin.verb} and options.name in {None, mixin.name}
+    ]
     # A single word is a command, else a mixin of any command.
     chosen = chosen or [mixin for mixin in mixins if options.name is None and mixin.name == options.of]
     if not chosen:
@@ -163,7 +165,3 @@ def _show(options: _ShowOptions) -> None:
 def _all_mixins(options: _ListOptions | _ShowOptions) -> list[Mixin]:
     mixins = read_mixins(mixin_folders(os.environ), options.mixin_files)
     return [mixins[key] for key in sorted(mixins)]
-
-
-def _matches(mixin: Mixin, options: _ShowOptions) -> bool:
-    return options.of in {None, mixin.verb} and options.name in {None, mixin.name}

@@ -50,7 +50,12 @@ class MixinRepositories:
         """Read the list; raises WorkspaceError if it is malformed."""
         self._list = home / REPOSITORIES
         self._files = home / MIXIN_FOLDER
-        self.urls = _read_list(self._list)
+        try:
+            self.urls = read_yaml(read_file(self._list), self._list)
+        except FileNotFoundError:
+            self.urls = {}
+        if not all(isinstance(text, str) for pair in self.urls.items() for text in pair):
+            raise WorkspaceError(Problem("the file is not a mapping of names to URLs", Location(self._list)))
 
     def add(self, name: str, url: str) -> None:
         """Add a repository; `url` may also be the path of an index. Raises SelectionError."""
@@ -104,16 +109,6 @@ class MixinRepositories:
     def _write(self, urls: dict[str, str]) -> None:
         replace_file(self._list, yaml_text(urls).encode())
         self.urls = urls
-
-
-def _read_list(path: Path) -> dict[str, str]:
-    try:
-        content = read_yaml(read_file(path), path)
-    except FileNotFoundError:
-        return {}
-    if not all(isinstance(text, str) for pair in content.items() for text in pair):
-        raise WorkspaceError(Problem("the file is not a mapping of names to URLs", Location(path)))
-    return content
 
 
 def _index_url(text: str) -> str:

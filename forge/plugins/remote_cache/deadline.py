@@ -30,7 +30,6 @@ class Deadline:
     """A deadline some seconds from now, and one more second for each mebibyte transferred."""
 
     def __init__(self, seconds: float) -> None:
-        """Start the clock."""
         self._end = time.monotonic() + seconds
 
     def metered(self, blocks: Iterable[bytes]) -> Iterator[bytes]:
@@ -54,7 +53,6 @@ class TimeoutExecutor:
     """Runs blocking calls in threads, which are abandoned at their deadline."""
 
     def __init__(self) -> None:
-        """Start without threads."""
         self._waiting: set[SimpleQueue[tuple[Any, BaseException | None]]] = set()
         self._closed = False
 

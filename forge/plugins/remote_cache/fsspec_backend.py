@@ -68,24 +68,21 @@ def _library(scheme: str) -> str | None:
 
 
 class FsspecBackend:
-    """Files in an fsspec file system, which manages its connections itself."""
+    """A `Backend` of files in an fsspec file system, which manages its connections itself."""
 
     def __init__(self, url: str) -> None:
-        """Store the URL; the first request connects."""
         self._url = url
         self._scheme = url.partition(":")[0]
         self._lock = threading.Lock()
         self._connection: tuple[_FileSystem, str] | None = None
 
     def read(self, path: str) -> Generator[bytes]:
-        """Yield the bytes of a file in blocks; raises FileNotFoundError if it does not exist."""
         system, location = self._at(path)
         with system.open(location, "rb") as stream:
             while block := stream.read(_BLOCK):
                 yield block
 
     def size(self, path: str) -> int | None:
-        """Return the size of a file, None if unknown; raises FileNotFoundError if it does not exist."""
         system, location = self._at(path)
         size: int | None = system.info(location).get("size")
         return size
@@ -109,7 +106,7 @@ class FsspecBackend:
             raise
 
     def close(self) -> None:
-        """Do nothing."""
+        pass
 
     def _at(self, path: str) -> tuple[_FileSystem, str]:
         """Return the file system and a path in it; the first call connects."""

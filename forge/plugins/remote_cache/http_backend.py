@@ -67,7 +67,7 @@ def connect(url: str, options: RemoteOptions) -> Remote:
 
 
 class HttpBackend:
-    """Files on one server; redirects are not followed."""
+    """A `Backend` of files on one server; redirects are not followed."""
 
     def __init__(self, url: str, seconds: float, variables: Mapping[str, str]) -> None:
         """Set up a connection pool without connecting; each socket operation may take `seconds`."""
@@ -91,13 +91,11 @@ class HttpBackend:
         )
 
     def read(self, path: str) -> Generator[bytes]:
-        """Yield the bytes of a file in blocks; raises FileNotFoundError if it does not exist."""
         with self._response("GET", path) as response:
             self._check_exists(response)
             yield from response.stream(_BLOCK, decode_content=False)
 
     def size(self, path: str) -> int | None:
-        """Return the size of a file, None if unknown; raises FileNotFoundError if it may not exist."""
         with self._response("HEAD", path) as response:
             if response.status in {HTTPStatus.METHOD_NOT_ALLOWED, HTTPStatus.NOT_IMPLEMENTED}:
                 raise FileNotFoundError
@@ -105,7 +103,6 @@ class HttpBackend:
             return _length(response)
 
     def write(self, path: str, size: int, blocks: Callable[[], Iterable[bytes]]) -> None:
-        """Write a file; a valid server does so atomically."""
         with self._response("PUT", path, size, blocks) as response:
             if response.status in _TOO_MUCH:
                 raise BlobError(self._reason(response))
@@ -116,7 +113,6 @@ class HttpBackend:
             _skip_rest(response)
 
     def close(self) -> None:
-        """Close idle connections."""
         self._pool.close()
 
     def _check_exists(self, response: BaseHTTPResponse) -> None:
