@@ -54,7 +54,6 @@ def test_files_needed_only_for_building_are_recognized(path: str, expected: bool
 @each_layout
 @each_shell
 def test_a_bundle_is_relocatable(shell: str, layout_word: str, forge: Forge, tmp_path: Path) -> None:
-    """Its scripts find everything in the new place, and nothing leads back to the old one."""
     root = tmp_path / "the old place"
     layout = make_install(root, [WALKER], merged=layout_word == "merged")
     ran = forge("bundle", "-o", str(tmp_path / "x.tar.gz"), cwd=root)
@@ -76,7 +75,6 @@ def test_a_bundle_is_relocatable(shell: str, layout_word: str, forge: Forge, tmp
 
 
 def test_links_that_leave_the_tree_become_files(forge: Forge, tmp_path: Path) -> None:
-    """As --symlink-install leaves them; those within stay links, without the place."""
     root = tmp_path / "ws"
     layout = make_install(root, [WALKER])
     prefix = layout.prefix("walker")
@@ -95,7 +93,6 @@ def test_links_that_leave_the_tree_become_files(forge: Forge, tmp_path: Path) ->
 
 
 def test_bundles_are_reproducible(forge: Forge, tmp_path: Path) -> None:
-    """No dates, no owners."""
     make_install(tmp_path, [WALKER])
     assert forge("bundle", "--output", "a.tar.gz", "--with-build-files", cwd=tmp_path).code == 0
     (tmp_path / "install/walker/bin/go").touch()
@@ -114,7 +111,6 @@ def test_a_workspace_built_only_for_other_platforms_is_reported(forge: Forge, tr
 
 
 def test_missing_files_and_underlays_are_reported(forge: Forge, tmp_path: Path) -> None:
-    """No tree, links that lead nowhere, underlays that are not in it."""
     assert forge("bundle", cwd=tmp_path).err.startswith(
         f"error: '{tmp_path}/install' contains no installed packages"
     )
@@ -136,7 +132,6 @@ def test_missing_files_and_underlays_are_reported(forge: Forge, tmp_path: Path) 
 
 
 def test_a_symbolic_link_cycle_is_reported(forge: Forge, tmp_path: Path) -> None:
-    """Followed, it would have no end."""
     layout = make_install(tmp_path, [WALKER])
     (layout.install / "walker" / "all").symlink_to(tmp_path)
     ran = forge("bundle", cwd=tmp_path)

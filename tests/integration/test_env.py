@@ -37,14 +37,12 @@ WALKER = Made(
 
 @pytest.fixture
 def layout(tmp_path: Path) -> Layout:
-    """Install a package into a workspace whose path is hard to write."""
     made = make_install(tmp_path / ODD, [WALKER])
     (made.prefix("walker") / "lib/walker/say").chmod(0o755)
     return made
 
 
 def test_env_prints_what_sourcing_sets(forge: Forge, layout: Layout) -> None:
-    """Each changed variable and no other, from any folder of the workspace."""
     (layout.install.parent / "src").mkdir()
     ran = forge("env", "--format", "json", cwd=layout.install.parent / "src", env={"PYTHONPATH": "/mine"})
     assert (ran.code, ran.err) == (0, "")
@@ -55,7 +53,6 @@ def test_env_prints_what_sourcing_sets(forge: Forge, layout: Layout) -> None:
 
 @pytest.mark.parametrize("seen", [True, False])
 def test_env_of_a_sourced_shell_reports_no_changes(layout: Layout, *, seen: bool) -> None:
-    """A script that evaluates the output wants no note."""
     sourced = sourced_environment(layout.install, os.environ)
     ours, theirs = pty.openpty()
     with os.fdopen(ours), os.fdopen(theirs) as terminal:
@@ -73,7 +70,6 @@ def test_env_of_a_sourced_shell_reports_no_changes(layout: Layout, *, seen: bool
 
 @pytest.mark.needs("dash")
 def test_the_output_can_be_evaluated_by_sh(forge: Forge, layout: Layout) -> None:
-    """Whatever is in a path."""
     text = forge("env", cwd=layout.install.parent).out
     before = {"PATH": os.environ["PATH"]}
     done = subprocess.run(
@@ -89,7 +85,6 @@ def test_the_output_can_be_evaluated_by_sh(forge: Forge, layout: Layout) -> None
 
 
 def test_dotenv_contains_the_module_path(forge: Forge, layout: Layout) -> None:
-    """One variable by its name, though it may be as it was."""
     found = f"{layout.prefix('walker')}/{SITE}"
     ran = forge(
         "env", "--format", "dotenv", "PYTHONPATH", cwd=layout.install.parent, env={"PYTHONPATH": found}
@@ -99,7 +94,6 @@ def test_dotenv_contains_the_module_path(forge: Forge, layout: Layout) -> None:
 
 
 def test_variables_that_a_hook_unsets_are_unset(forge: Forge, tmp_path: Path) -> None:
-    """Null in JSON, unset in sh."""
     hook = {"share/hooked/hook.sh": "unset TAKEN\n"}
     make_install(tmp_path, [dsv_package("hooked", "source;share/hooked/hook.sh", files=hook)])
     told = json.loads(forge("env", "--format", "json", cwd=tmp_path, env={"TAKEN": "yes"}).out)
@@ -108,7 +102,6 @@ def test_variables_that_a_hook_unsets_are_unset(forge: Forge, tmp_path: Path) ->
 
 
 def test_mistakes_are_reported_with_one_message(forge: Forge, layout: Layout, tmp_path: Path) -> None:
-    """An unset variable, and a folder without a build."""
     ran = forge("env", "PYTONPATH", "ZZZ", cwd=layout.install.parent)
     assert (ran.code, ran.out) == (2, "")
     assert ran.err == (
@@ -128,7 +121,6 @@ def test_mistakes_are_reported_with_one_message(forge: Forge, layout: Layout, tm
 
 
 def shell(layout: Layout, *words: str, **variables: str) -> subprocess.CompletedProcess[str]:
-    """Run `forge shell`, which becomes another program."""
     env = {"PATH": os.environ["PATH"], "PYTHONPATH": str(Path(__file__).parents[2]), **variables}
     argv = [sys.executable, "-m", "forge", "shell", *words]
     cwd = layout.install.parent
@@ -136,7 +128,6 @@ def shell(layout: Layout, *words: str, **variables: str) -> subprocess.Completed
 
 
 def test_a_shell_needs_no_sourcing(layout: Layout) -> None:
-    """The user's own, or any command, whose end is the end."""
     mine = layout.install.parent / "mine"
     mine.write_text('#!/bin/sh\necho "$AMENT_PREFIX_PATH"\n')
     mine.chmod(0o755)
@@ -180,7 +171,6 @@ def typed(layout: Layout, home: Path, program: str, **variables: str) -> str:
     "program", [pytest.param(program, marks=pytest.mark.needs(program)) for program in PROMPTS]
 )
 def test_the_prompt_of_a_shell_names_the_workspace(layout: Layout, tmp_path: Path, program: str) -> None:
-    """In front of the user's own, unless they do not want it."""
     file, text = PROMPTS[program]
     (tmp_path / "home" / file).parent.mkdir(parents=True)
     (tmp_path / "home" / file).write_text(text)
@@ -202,14 +192,12 @@ def test_zsh_reads_the_startup_files_of_the_user(layout: Layout, tmp_path: Path)
 
 
 def test_a_missing_command_is_reported(layout: Layout) -> None:
-    """With its name."""
     done = shell(layout, "no-such-command")
     assert done.stderr == "error: cannot run 'no-such-command': no such file or directory\n"
     assert done.returncode == 2
 
 
 def test_run_needs_no_sourcing(forge: Forge, layout: Layout, tmp_path: Path) -> None:
-    """In a workspace its packages run in its environment; what was sourced comes first."""
     ran = forge("run", "walker", "say", cwd=layout.install.parent)
     assert (ran.code, ran.out) == (0, f"{layout.prefix('walker')}/{SITE}\n")
     other = make_install(tmp_path / "other", [WALKER])
@@ -225,7 +213,6 @@ def test_run_needs_no_sourcing(forge: Forge, layout: Layout, tmp_path: Path) -> 
 
 
 def test_underlays_are_sourced_by_their_scripts(tmp_path: Path) -> None:
-    """Of a distribution the script is run, one that is gone adds nothing."""
     (tmp_path / "ros").mkdir()
     script = tmp_path / "ros/local_setup.sh"
     script.write_text('export SEEN="$COLCON_CURRENT_PREFIX"\n')

@@ -117,7 +117,6 @@ def test_create_renames_a_node_called_like_the_library(forge: Forge, tmp_path: P
 
 
 def test_create_without_a_licence_notes_how_to_choose_one(forge: Forge, tmp_path: Path) -> None:
-    """It has not gone wrong: package.xml then has a TODO, as with 'ros2 pkg create'."""
     ran = forge("pkg", "create", "walker", cwd=tmp_path)
     assert ran.code == 0
     assert ran.err == "note: no license yet: choose one with --license, such as --license MIT\n"

@@ -237,7 +237,6 @@ def test_a_script_with_windows_line_ends_is_reported(forge: Forge, tree: Tree) -
 
 
 def test_a_program_for_another_platform_is_reported(forge: Forge, tree: Tree) -> None:
-    """For example one of a workspace that was built with --target."""
     root = tree({MARK: "", "lib/walker/say": ""})
     (root / "lib/walker/say").write_bytes(b"\x7fELF\x02\x01\x01" + bytes(57))
     (root / "lib/walker/say").chmod(0o755)
@@ -277,7 +276,6 @@ def test_unbuilt_packages_are_not_blamed_on_sourcing(forge: Forge, tree: Tree) -
 def test_programs_of_packages_without_ament_run_though_they_are_not_in_its_index(
     path: str, source: tuple[str, str], forge: Forge, tree: Tree
 ) -> None:
-    """They run in the environment of the workspace."""
     script = '#!/bin/sh\necho "$WALKS:$1"\n'
     root = tree(
         {
@@ -299,7 +297,6 @@ def test_programs_of_packages_without_ament_run_though_they_are_not_in_its_index
 
 
 def test_a_program_of_an_underlay_needs_no_sourcing_either(forge: Forge, tree: Tree) -> None:
-    """It runs in the environment that the workspace would give it."""
     script = '#!/bin/sh\necho "$AMENT_PREFIX_PATH:$1"\n'
     marker = {"install/.colcon_install_layout": "merged\n", "src/notes": ""}
     root = tree({**marker, f"under/{MARK}": "", "under/lib/walker/say": script})

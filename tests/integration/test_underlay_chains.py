@@ -54,7 +54,6 @@ def warning(overlay: Path) -> str:
 @pytest.mark.parametrize("shell", ["bash", "sh", pytest.param("zsh", marks=pytest.mark.needs("zsh"))])
 @pytest.mark.parametrize("tool", ["forge", pytest.param("colcon", marks=pytest.mark.needs("colcon"))])
 def test_an_overlay_never_becomes_an_underlay(shell: str, tool: str, forge: Forge, tmp_path: Path) -> None:
-    """For workspaces of either tool, in any shell; packages of this workspace come first."""
     low, top = workspace(tmp_path / "low", "pa"), workspace(tmp_path / "top", "pb", "<depend>pa</depend>")
     assert forge("build", cwd=low).code == 0
     below = sourced(low / "install/setup.sh")
@@ -77,7 +76,7 @@ def test_an_overlay_never_becomes_an_underlay(shell: str, tool: str, forge: Forg
 
 
 def test_a_recorded_overlay_is_removed_from_the_underlays(forge: Forge, tmp_path: Path) -> None:
-    """An earlier version has recorded it: the next build corrects it, though all is up to date."""
+    """An earlier version recorded it; the next build corrects it, even if all packages are up to date."""
     low, top = workspace(tmp_path / "low", "pa"), workspace(tmp_path / "top", "pb", "<depend>pa</depend>")
     assert forge("build", cwd=low).code == 0
     assert forge("build", cwd=top, env=sourced(low / "install/setup.sh")).code == 0
@@ -89,7 +88,6 @@ def test_a_recorded_overlay_is_removed_from_the_underlays(forge: Forge, tmp_path
 
 
 def test_a_cyclic_chain_is_not_an_underlay(forge: Forge, tmp_path: Path) -> None:
-    """Over any number of workspaces; what else it is built on may be used."""
     a, b, c = (workspace(tmp_path / name, f"p{name}") for name in "abc")
     other = make_install(tmp_path / "other", [Made("other")]).install
     assert forge("build", cwd=a).code == 0
@@ -102,7 +100,6 @@ def test_a_cyclic_chain_is_not_an_underlay(forge: Forge, tmp_path: Path) -> None
 
 
 def test_a_copied_workspace_is_not_its_own_underlay(forge: Forge, tmp_path: Path) -> None:
-    """`mv overlay underlay`: the record then names the install folder itself."""
     low, top = workspace(tmp_path / "low", "pa"), workspace(tmp_path / "top", "pb")
     assert forge("build", cwd=low).code == 0
     assert forge("build", cwd=top, env=sourced(low / "install/setup.sh")).code == 0
@@ -117,7 +114,6 @@ def test_a_copied_workspace_is_not_its_own_underlay(forge: Forge, tmp_path: Path
 
 @pytest.mark.parametrize("spelling", ["{link}/install", "{root}/src/../install", "{root}//install/"])
 def test_this_workspace_is_recognized_by_every_path(spelling: str, forge: Forge, tmp_path: Path) -> None:
-    """Sourcing it before a build makes no difference, through a link or with '..' in the path, either."""
     root = workspace(tmp_path / "ws", "pa")
     (tmp_path / "link").symlink_to(root)
     assert forge("build", cwd=root).code == 0

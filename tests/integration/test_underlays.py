@@ -22,7 +22,6 @@ LOST = (
 
 
 def test_missing_prefixes_in_the_environment_are_reported(tmp_path: Path) -> None:
-    """One problem a variable, not one an entry."""
     (tmp_path / "there").mkdir()
     gone = [str(tmp_path / name) for name in ("a", "b", "c", "d", "e")]
     variables = {"AMENT_PREFIX_PATH": ":".join([str(tmp_path / "there"), "", *gone])}
@@ -33,7 +32,6 @@ def test_missing_prefixes_in_the_environment_are_reported(tmp_path: Path) -> Non
 
 @pytest.mark.parametrize("merged", [False, True])
 def test_dependents_in_the_underlay_are_named(merged: bool, tmp_path: Path) -> None:
-    """If they are not built here, too."""
     made = [Made("base"), *(Made(name, ("base",)) for name in "vwxyz"), Made("lonely")]
     root = make_install(tmp_path / "below", made, merged=merged).install
     own, variables = tmp_path / "install", {"COLCON_PREFIX_PATH": str(root)}
@@ -64,7 +62,7 @@ def test_embedded_interfaces_join_embedded_generators_of_an_underlay(
     tree: Tree,
     tmp_path: Path,
 ) -> None:
-    """A workspace below that was built without ROS has only the interfaces that its packages need."""
+    """An underlay that was built without ROS has only the interfaces that its packages need."""
     name = "rosidl_default_generators"
     text = (EMBEDDED / name / "package.xml").read_text() if ours else manifest_text(name)
     core = "rosidl_core_generators"
@@ -101,7 +99,6 @@ def test_the_spelling_of_sourced_prefixes_rebuilds_nothing(forge: Forge, tree: T
 
 
 def test_missing_underlays_are_reported_and_can_be_reset(forge: Forge, tmp_path: Path) -> None:
-    """While an underlay is recorded and gone, each build says so; what was overridden, when it is built."""
     below = make_install(tmp_path / "below", [Made("base"), Made("user", ("base",))]).install
     root = tmp_path / "ws"
     (root / "src/base").mkdir(parents=True)
@@ -129,7 +126,6 @@ def test_missing_underlays_are_reported_and_can_be_reset(forge: Forge, tmp_path:
 
 
 def test_installed_files_of_removed_packages_are_reported(forge: Forge, tree: Tree) -> None:
-    """Others may still find it; one that an option keeps from being looked at has not left."""
     root = tree(
         {f"src/{name}/package.xml": manifest_text(name, build_type="cmake") for name in ("a", "b")}
         | {

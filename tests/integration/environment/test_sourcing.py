@@ -14,7 +14,6 @@ from tests.installs import dsv_package, make_install
 
 @pytest.mark.needs("dash")
 def test_hook_scripts_get_the_variables_of_ament_and_colcon(tmp_path: Path) -> None:
-    """The helpers, the prefix, and the environment of the hooks before it; its talk goes nowhere."""
     hook = (
         "echo talk\n"
         'ament_prepend_unique_value PATHS "$AMENT_CURRENT_PREFIX/one"\n'
@@ -38,7 +37,6 @@ def test_hook_scripts_get_the_variables_of_ament_and_colcon(tmp_path: Path) -> N
 
 
 def test_a_hook_that_exits_is_reported(tmp_path: Path) -> None:
-    """Named, with what it said."""
     hook = {"share/p/hook.sh": "echo it does not suit me >&2\nexit 3\n", "share/q/hook.sh": "exit 3\n"}
     layout = make_install(tmp_path, [])
     for name, said in (("p", "it does not suit me"), ("q", "exit code 3")):
@@ -56,7 +54,6 @@ def test_a_hook_that_exits_is_reported(tmp_path: Path) -> None:
     "shell", [pytest.param(name, marks=pytest.mark.needs(name)) for name in ("bash", "dash", "fish", "zsh")]
 )
 def test_scripts_work_or_name_the_script_for_the_current_shell(tmp_path: Path, shell: str) -> None:
-    """Nothing is half set: the exit code is 0 only where the package was added."""
     layout = make_install(tmp_path, [dsv_package("p", "prepend-non-duplicate;PATH;bin", files={"bin/x": ""})])
     for kind, name in itertools.product(("bash", "fish", "sh", "zsh"), ("setup", "local_setup", "package")):
         script = (layout.prefix("p") / "share/p" if name == "package" else layout.install) / f"{name}.{kind}"

@@ -11,10 +11,7 @@ from forge.base.errors import Location, Problem
 
 
 class Terminal(io.StringIO):
-    """A stream that says it is a terminal."""
-
     def isatty(self) -> bool:
-        """Return what a terminal does."""
         return True
 
 

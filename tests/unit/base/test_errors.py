@@ -8,7 +8,6 @@ from forge.base.errors import GroupedProblems, Problem, WarningReporter, joined
 
 
 def outdated(name: str) -> Problem:
-    """Return a problem of a package."""
     kind = GroupedProblems("{} are outdated", name, "update all")
     return Problem(f"'{name}' is outdated", hint=f"update {name}", group=kind)
 

@@ -16,8 +16,6 @@ from forge.base.frozen import frozen
 
 @frozen
 class Ours:
-    """One of each kind of field."""
-
     name: str
     count: int = 3
     words: dict[str, int] = field(default_factory=dict, hash=False)
@@ -26,8 +24,6 @@ class Ours:
 
 @dataclass(frozen=True, slots=True)
 class Theirs:
-    """The same by dataclass."""
-
     name: str
     count: int = 3
     words: dict[str, int] = field(default_factory=dict, hash=False)
@@ -41,12 +37,9 @@ class Empty:
 
 @frozen
 class Checked:
-    """A value that refuses some."""
-
     size: int
 
     def __post_init__(self) -> None:
-        """Refuse what is negative."""
         if self.size < 0:
             raise ValueError("negative")
 

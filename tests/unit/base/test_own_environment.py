@@ -35,7 +35,7 @@ entrypoints = [
     ],
 )
 def test_uv_commands_keep_earlier_requirements(tree: Tree, source: str, expected: str) -> None:
-    """`uv tool install` would otherwise remove extras, and take another forge."""
+    """Otherwise, `uv tool install` would remove extras and install another forge."""
     prefix = tree({"ros-forge/uv-receipt.toml": RECEIPT.format(source=source)}) / "ros-forge"
     command = install_beside_forge("pygls<3,>=2", prefix=prefix)
     assert command == f"uv tool install --with 'fsspec>=2023.1' --with 'pygls<3,>=2' {expected}"

@@ -25,7 +25,6 @@ def after(held: dict[str, str], edits: Iterable[Edit], *, first: bool = False) -
     "line", ["prepend-non-duplicate", "set;A", "source", "prepend;A;b", "set;A B;c", "set;;c", "set;A$(x);c"]
 )
 def test_invalid_lines_are_reported_with_their_line(line: str) -> None:
-    """Nothing is skipped in silence, and nothing but a name gets where a shell evaluates names."""
     with pytest.raises(WorkspaceError) as caught:
         parse_dsv(f"set;GOOD;1\n{line}\n", "share/p/x.dsv")
     assert str(caught.value) == (
@@ -36,7 +35,6 @@ def test_invalid_lines_are_reported_with_their_line(line: str) -> None:
 
 
 def test_resolving_hooks_checks_which_files_exist() -> None:
-    """Conditional prepends stay or go; a value that is a file becomes a path."""
     hooks: list[DsvChange | Script] = [
         DsvChange("prepend-non-duplicate-if-exists", "PATH", "bin"),
         DsvChange("prepend-non-duplicate-if-exists", "PATH", "sbin"),
@@ -73,7 +71,6 @@ def test_resolving_hooks_checks_which_files_exist() -> None:
     ],
 )
 def test_prepending_keeps_the_order_of_existing_entries(held: str | None, first: bool, expected: str) -> None:
-    """The last one ends up first; an empty variable has no entries; only `first` moves and tidies."""
     variables = {} if held is None else {"X": held}
     assert after(variables, [prepend("a"), prepend("b"), prepend("a")][: 2 if first else 3], first=first) == {
         "X": expected
@@ -81,7 +78,6 @@ def test_prepending_keeps_the_order_of_existing_entries(held: str | None, first:
 
 
 def test_appending_setting_and_defaults() -> None:
-    """Each operation sees what those before it did."""
     edits = [
         Edit("append", "X", "a", below=True),
         Edit("append", "X", "a", below=True),
@@ -109,7 +105,6 @@ _HELD = st.dictionaries(st.sampled_from("XY"), st.sampled_from(["", "/p/a", "b:/
 
 @given(_EDITS, _HELD)
 def test_existing_entries_keep_their_order(edits: list[Edit], held: dict[str, str]) -> None:
-    """Sourcing adds entries around those of the user and never takes one away."""
     result = after(held, edits)
     for name, text in held.items():
         mine = (
@@ -120,11 +115,10 @@ def test_existing_entries_keep_their_order(edits: list[Edit], held: dict[str, st
 
 @given(graphs(acyclic=False))
 def test_order_handles_dependency_cycles(needs: dict[str, frozenset[str]]) -> None:
-    """Where packages need each other, each still comes once."""
     assert sorted(order(needs)) == sorted(needs)
 
 
 def test_independent_packages_are_in_alphabetical_order() -> None:
-    """As colcon's: the smallest ready name, not layer by layer; unknown names do not matter."""
+    """The smallest ready name comes next, as in colcon, not layer by layer; unknown names are ignored."""
     needs = {"a": frozenset({"c"}), "b": frozenset({"stranger"}), "c": frozenset(), "d": frozenset({"a"})}
     assert order(needs) == ("b", "c", "a", "d")

@@ -45,13 +45,11 @@ SITE = "lib/python3.11/site-packages"
     ],
 )
 def test_hooks_follow_from_installed_files(files: list[str], expected: dict[str, str]) -> None:
-    """Each hook by its name, as a dsv line; other files need no hook."""
     hooks = package_hooks("p", files, SITE, ament=False)
     assert hooks == {name: f"prepend-non-duplicate;{line}" for name, line in expected.items()}
 
 
 def test_ament_prefix_path_is_the_last_hook() -> None:
-    """Others say so in their own local_setup, or are no ament packages."""
     hooks = package_hooks("p", [f"{SITE}/p.py", "bin/p"], SITE, ament=True)
     assert list(hooks) == ["path", "pythonpath", "ament_prefix_path"]
     assert hooks["ament_prefix_path"] == "prepend-non-duplicate;AMENT_PREFIX_PATH;"

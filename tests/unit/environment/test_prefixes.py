@@ -16,12 +16,10 @@ OWN = Path("/nowhere/install")
 
 
 def paths(*folders: Path) -> str:
-    """Return folders as a path variable."""
     return ":".join(map(str, folders))
 
 
 def test_underlays_are_lowest_first_and_prefixes_highest_first(tmp_path: Path) -> None:
-    """As the variables have them: the one sourced last stands first there."""
     low = make_install(tmp_path / "low", [Made("base")], merged=True).install
     high = make_install(tmp_path / "high", [Made("library"), Made("tool")]).install
     variables = {
@@ -35,7 +33,6 @@ def test_underlays_are_lowest_first_and_prefixes_highest_first(tmp_path: Path) -
 
 
 def test_the_own_install_folder_is_not_an_underlay(tmp_path: Path) -> None:
-    """Though the user has sourced it, by whatever spelling of its path."""
     own = make_install(tmp_path / "ws", [Made("mine")]).install
     (tmp_path / "link").symlink_to(own)
     variables = {
@@ -46,7 +43,6 @@ def test_the_own_install_folder_is_not_an_underlay(tmp_path: Path) -> None:
 
 
 def test_an_ament_prefix_stands_for_the_root_with_setup_scripts(tree: Tree) -> None:
-    """A distribution's own prefix, an isolated tree around a package's, or nothing that could be sourced."""
     root = tree(
         {
             "humble/local_setup.bash": "",
@@ -72,7 +68,6 @@ def test_an_ament_prefix_stands_for_the_root_with_setup_scripts(tree: Tree) -> N
     ],
 )
 def test_a_manifest_or_cmake_config_identifies_a_provider(evidence: str, tree: Tree) -> None:
-    """The first prefix that has it is the one; the system's own index does not count."""
     root = tree({f"low/{evidence}": "", f"high/{evidence}": "", "other/share/Other/package.xml": ""})
     sourced = Underlays(prefixes=(root / "other", root / "high", root / "low"))
     assert provider("Lib", sourced, ()) == root / "high"

@@ -43,19 +43,16 @@ def test_local_setup_matches_the_expected_script(golden: Golden) -> None:
 
 
 def test_setup_sources_all_underlays(golden: Golden) -> None:
-    """Underlays by their scripts, then this workspace."""
     chain = [Path("/opt/ros/humble/local_setup.sh"), Path("/home/a b/install/local_setup.sh")]
     golden("scripts/chain", {"setup.sh": setup("sh", ROOT, chain)})
 
 
 def test_package_setup_prepends_its_entries(golden: Golden) -> None:
-    """A hook for PowerShell is a file that nobody sources."""
     package = PackageEdits("odd", "", EVERYTHING)
     golden("scripts/package-odd", {"package.sh": package_setup("sh", ROOT / "odd", package)})
 
 
 def test_dsv_files_are_rendered_line_by_line() -> None:
-    """No lines, no text."""
     assert render_dsv([]) == ""
     assert render_dsv(["set;A;b", "source;c"]) == "set;A;b\nsource;c\n"
 
@@ -68,5 +65,4 @@ def test_dsv_files_are_rendered_line_by_line() -> None:
     ],
 )
 def test_special_characters_are_escaped_in_double_quotes(shell: str, quoted: str) -> None:
-    """What means something between double quotes differs: fish takes a backquote as it is."""
     assert SHELLS[shell].quoted("a \"b\" $c `d` \\e 'f' !g “h”") == quoted

@@ -3,19 +3,16 @@
 from pathlib import Path
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from forge.base.errors import WorkspaceError
 from forge.workspace.manifest import parse_manifest
-from forge.workspace.model import RUN_KINDS, Manifest
+from forge.workspace.model import Manifest
 from tests.packages import manifest_text
 
 PATH = Path("src/a/package.xml")
 
 
 def parse(text: str) -> Manifest:
-    """Parse as the workspace would."""
     return parse_manifest(text.encode(), PATH, {"ROS_VERSION": "2"})
 
 
@@ -24,13 +21,6 @@ def problems(text: str) -> list[str]:
     with pytest.raises(WorkspaceError) as error:
         parse(text)
     return [problem.render().splitlines()[0] for problem in error.value.problems]
-
-
-def test_exports_keep_their_inner_text() -> None:
-    manifest = parse(manifest_text("a").replace("<export>", '<export><x y="1>2"><b>c</b> d</x>'))
-    assert [(e.tag, e.attributes, e.content) for e in manifest.exports[:1]] == [
-        ("x", (("y", "1>2"),), "<b>c</b> d")
-    ]
 
 
 def test_the_last_matching_build_type_is_used_with_a_warning() -> None:
@@ -43,11 +33,6 @@ def test_the_last_matching_build_type_is_used_with_a_warning() -> None:
     )
     assert manifest.build_type == "ament_cmake"
     assert "several build types" in manifest.warnings[0].message
-
-
-def test_format_1_supports_run_depend() -> None:
-    text = manifest_text("a", "<run_depend>b</run_depend>").replace(' format="3"', "")
-    assert parse(text).names(RUN_KINDS) == ("b",)
 
 
 def test_all_structural_errors_are_reported_together() -> None:
@@ -95,13 +80,6 @@ def test_semantic_errors_are_reported(lines: list[str], message: str) -> None:
     assert message in problems(manifest_text("a", *lines))[0]
 
 
-def test_a_format_1_test_depend_may_not_repeat() -> None:
-    text = manifest_text("a", "<build_depend>b</build_depend>", "<test_depend>b</test_depend>")
-    assert problems(text.replace(' format="3"', "")) == [
-        f"{PATH}:9:3: error: <test_depend>b</test_depend> repeats <build_depend>"
-    ]
-
-
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -122,11 +100,3 @@ def test_empty_and_unknown_elements_are_warnings() -> None:
         "package name 'Robot' does not follow the convention of lower-case names",
         "element 'depend' is empty",
     ]
-
-
-@given(st.binary() | st.text().map(str.encode))
-def test_any_bytes_are_a_manifest_or_a_clear_error(content: bytes) -> None:
-    try:
-        parse_manifest(content, PATH, {})
-    except WorkspaceError as error:
-        assert error.problems  # noqa: PT017  (there may be none to raise)

@@ -1,4 +1,4 @@
-"""package.xml as forge and catkin_pkg read it: the same dependencies, exports, groups and refusals."""
+"""forge and catkin_pkg agree on each package.xml: on dependencies, exports, groups and errors."""
 
 from __future__ import annotations
 
@@ -39,8 +39,6 @@ OPERATORS = st.sampled_from(["version_lt", "version_gte", "version_eq"])
 
 @dataclass
 class Line:
-    """An element below <package>."""
-
     tag: str
     text: str
     attributes: dict[str, str] = field(default_factory=dict)
@@ -53,7 +51,7 @@ class Line:
 
 @st.composite
 def dependencies(draw: st.DrawFn, format_: str) -> Line:
-    """Draw a dependency of any kind, some with a version or a condition, few where that is wrong."""
+    """Draw a dependency of any kind; few have an invalid attribute."""
     attributes = {}
     if draw(st.integers(0, 4)) == 0:
         attributes[draw(OPERATORS)] = "1.0.0"
@@ -64,7 +62,7 @@ def dependencies(draw: st.DrawFn, format_: str) -> Line:
 
 @st.composite
 def others(draw: st.DrawFn) -> Line:
-    """Draw an element that is allowed, or not quite."""
+    """Draw another element, valid or almost valid."""
     attributes = {"condition": draw(CONDITIONS)} if draw(st.booleans()) else {}
     build_type = f"<build_type{_condition(attributes)}> ament_python </build_type>"
     return draw(
@@ -99,7 +97,7 @@ def _condition(attributes: dict[str, str]) -> str:
 
 @st.composite
 def manifests(draw: st.DrawFn) -> str:
-    """Draw a package.xml that is right more often than not."""
+    """Draw a package.xml that is mostly valid."""
     format_ = draw(st.sampled_from(["1", "2", "3", "3"]))
     written = format_ if draw(st.integers(0, 14)) else draw(st.sampled_from([None, "4", "x"]))
     version = draw(VERSIONS) if draw(st.integers(0, 5)) == 0 else "1.2.3"
@@ -121,8 +119,6 @@ def manifests(draw: st.DrawFn) -> str:
 
 @dataclass(frozen=True)
 class Reading:
-    """What both must agree on."""
-
     name: str
     version: str
     dependencies: frozenset[tuple[str, str]]
@@ -145,7 +141,7 @@ _LISTS = {
 
 
 def theirs(text: str) -> Reading | None:
-    """Return catkin_pkg's reading, None for a refusal."""
+    """Return catkin_pkg's result, None for an error."""
     try:
         package = catkin.parse_package_string(text, warnings=[])
         package.evaluate_conditions(VARIABLES)
@@ -170,7 +166,7 @@ def theirs(text: str) -> Reading | None:
 
 
 def ours(text: str) -> Reading | None:
-    """Return forge's reading, None for a refusal."""
+    """Return forge's result, None for an error."""
     try:
         manifest = parse_manifest(text.encode(), Path("package.xml"), VARIABLES)
     except WorkspaceError:

@@ -29,7 +29,7 @@ def requiring(tree: Tree, made: Package, *names: str) -> Package:
 def missing_in(
     *packages: Package, known: Iterable[str] = (), skip_keys: tuple[str, ...] = ()
 ) -> MissingDependencies:
-    """Return what a workspace lacks of which nothing is installed."""
+    """Return the missing dependencies of a workspace without underlays."""
     workspace: Mapping[str, Package] = {each.name: each for each in packages}
     resolution = resolve_dependencies(workspace, {}, lambda _: None)
     resolution = replace(resolution, known=lambda: (*workspace, *known))
@@ -38,7 +38,6 @@ def missing_in(
 
 
 def beginnings(problems: Iterable[Problem]) -> list[str]:
-    """Return who needs what."""
     return [problem.message.split(",")[0] for problem in problems]
 
 
@@ -165,7 +164,7 @@ def test_a_misspelt_dependency_of_a_python_package_is_a_warning() -> None:
 
 
 def test_unresolved_build_dependencies_that_resemble_ros_packages_are_warnings() -> None:
-    """Words with '_' between them are hardly ever a system package; but what is named may be optional."""
+    """System packages hardly ever have '_' in their names; such a dependency may still be optional."""
     missing = missing_in(
         package("a", "libodd_collector", "lib_x-dev", "spdlog"),
         package("x", "libodd_collector", tag="exec_depend"),
@@ -176,7 +175,6 @@ def test_unresolved_build_dependencies_that_resemble_ros_packages_are_warnings()
 
 
 def test_a_group_dependency_uses_the_existing_members() -> None:
-    """Its manifest lists all of them as dependencies for tools that know no groups."""
     switch = package("switch", "rmw_one", "rmw_two")
     switch = replace(switch, manifest=replace(switch.manifest, group_dependencies=("rmw_packages",)))
     missing = missing_in(switch, package("rmw_one"))

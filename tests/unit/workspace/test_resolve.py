@@ -14,12 +14,11 @@ from tests.packages import package
 
 
 def by_name(*packages: Package) -> dict[str, Package]:
-    """Return a table of packages."""
     return {p.name: p for p in packages}
 
 
 def embedded(name: str, *depends: str, family: str = "", answers: tuple[str, ...] = ()) -> Package:
-    """Return a package that forge might bring along."""
+    """Return a package like those embedded in forge."""
     made = package(name, *depends)
     exports = [Export("forge_provides", (), other) for other in answers]
     if family:
@@ -136,7 +135,6 @@ def test_packages_with_the_same_suffix_are_not_suggested(name: str, expected: st
 
 
 def test_superseded_embedded_packages_are_listed_for_removal() -> None:
-    """A family as a whole, single packages by their name; the workspace's own is not meant."""
     own = by_name(package("a", "std_msgs"), package("unique_identifier_msgs"))
     assert resolve_dependencies(own, EMBEDDED, nobody).superseded == set()
     made = resolve_dependencies(

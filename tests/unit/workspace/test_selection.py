@@ -20,6 +20,23 @@ ORDERED = ("a", "d", "b", "c")
         (Query(up_to=("b",)), ("a", "b")),
         (Query(above=("b",)), ("b", "c")),
         (Query(up_to=("c",), above=("b",)), ("b", "c")),
+        (Query(select_regex=("[ab]",)), ("a", "b")),
+        (Query(select=("c",), select_regex=("a",)), ("a", "c")),
+        (Query(select_regex=()), ()),
+        (Query(skip_regex=("[ab]",)), ("d", "c")),
+        (Query(up_to_regex=("b",)), ("a", "b")),
+        (Query(above_and_dependencies=("b",)), ("a", "b", "c")),
+        (Query(above_depth=(0, ("a",))), ("a",)),
+        (Query(above_depth=(1, ("a",))), ("a", "b")),
+        (Query(above_depth=(9, ("a",))), ("a", "b", "c")),
+        (Query(above_depth=(2, ())), ("a", "d", "b", "c")),
+        (Query(select_by_dep=("a",)), ("b", "c")),
+        (Query(select_by_dep=("nobody",)), ()),
+        (Query(skip_by_dep=("a",)), ("a", "d")),
+        (Query(skip_up_to=("b",)), ("d", "c")),
+        (Query(start="d"), ("d", "b", "c")),
+        (Query(end="d"), ("a", "d")),
+        (Query(start="d", end="b"), ("d", "b")),
     ],
 )
 def test_selection_options_narrow_the_selection(query: Query, expected: tuple[str, ...]) -> None:
@@ -42,34 +59,6 @@ def test_unknown_names_in_up_to_and_above_are_errors() -> None:
     with pytest.raises(SelectionError) as error:
         select(Query(up_to=("x",), above=("y",)), ORDERED, NEEDS)
     assert len(error.value.problems) == 2
-
-
-@pytest.mark.parametrize(
-    ("query", "expected"),
-    [
-        (Query(select_regex=("[ab]",)), ("a", "b")),
-        (Query(select=("c",), select_regex=("a",)), ("a", "c")),
-        (Query(select_regex=()), ()),
-        (Query(skip_regex=("[ab]",)), ("d", "c")),
-        (Query(up_to_regex=("b",)), ("a", "b")),
-        (Query(above_and_dependencies=("b",)), ("a", "b", "c")),
-        (Query(above_depth=(0, ("a",))), ("a",)),
-        (Query(above_depth=(1, ("a",))), ("a", "b")),
-        (Query(above_depth=(9, ("a",))), ("a", "b", "c")),
-        (Query(above_depth=(2, ())), ("a", "d", "b", "c")),
-        (Query(select_by_dep=("a",)), ("b", "c")),
-        (Query(select_by_dep=("nobody",)), ()),
-        (Query(skip_by_dep=("a",)), ("a", "d")),
-        (Query(skip_up_to=("b",)), ("d", "c")),
-        (Query(start="d"), ("d", "b", "c")),
-        (Query(end="d"), ("a", "d")),
-        (Query(start="d", end="b"), ("d", "b")),
-    ],
-)
-def test_other_options_only_deselect_as_well(query: Query, expected: tuple[str, ...]) -> None:
-    selection, warnings = select(query, ORDERED, NEEDS)
-    assert selection.names == expected
-    assert not warnings
 
 
 def test_limits_deselect_in_addition_to_options() -> None:
