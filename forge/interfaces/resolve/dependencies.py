@@ -42,21 +42,15 @@ def undeclared_dependencies(
     Such a type may be found, but generated code may not compile, because its package may not be built yet.
     """
     accepted = {catalog.package, *listed}
-    return [
-        Problem(
-            f"'{catalog.package}' does not depend on '{name.package}'",
-            member.place,
-            f"add {name.package} to the DEPENDENCIES of rosidl_generate_interfaces()"
-            + (
-                ""
-                if known.declares(name.package)
-                else f", and <depend>{name.package}</depend> to package.xml"
-            ),
-        )
-        for interface in catalog.interfaces.values()
-        for member, name in _references(interface)
-        if member.place and name.package not in accepted
-    ]
+    problems = []
+    for member, name in (pair for each in catalog.interfaces.values() for pair in _references(each)):
+        if member.place and name.package not in accepted:
+            hint = f"add {name.package} to the DEPENDENCIES of rosidl_generate_interfaces()"
+            if not known.declares(name.package):
+                hint += f", and <depend>{name.package}</depend> to package.xml"
+            message = f"'{catalog.package}' does not depend on '{name.package}'"
+            problems.append(Problem(message, member.place, hint))
+    return problems
 
 
 def dependency_catalogs(

@@ -345,7 +345,7 @@ def test_a_lone_hidden_member_is_not_a_field() -> None:
             '@default(value="(f(),)") sequence<int8> a;',
             "an element must be a number, a string, True or False",
         ),
-        ('@default(value="(1, 2)") sequence<int8, 1> a;', "expected at most 1 elements, found 2"),
+        ('@default(value="(1, 2)") sequence<int8, 1> a;', "expected at most 1 element, found 2"),
         ("@default(value=1) q::msg::B a;", "a member of a struct's type cannot have a default"),
         ('@default(value="()") sequence<q::msg::B> a;', "a member of a struct's type cannot have a default"),
         ("@range(min=0x1) int8 a;", "'x1' is not expected here"),
