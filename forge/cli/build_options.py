@@ -21,8 +21,6 @@ from forge.toolchain.targets import CrossOptions
 from forge.workspace.selection import Query
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from forge.output.reporters import Start
 
 _Options = TypeVar("_Options")
@@ -188,8 +186,14 @@ class BuildOptions:
             hint = f"remove {word} or '--target'"
             message = f"--target cannot be combined with {word}: its compilers are on this machine"
             raise SelectionError(Problem(message, hint=hint))
-        if self.audit and (others := list(self._prevent_audit())):
-            words = ", ".join(others)
+        without_audit = {
+            "--watch": self.watch,
+            f"--executor {self.execution.executor}": not self.execution.is_local,
+            "a package cache (--cache, --remote-cache)": self.cache.wanted,
+            "--compiler-launcher": selected_launcher(self.cmake.compiler_launcher),
+        }
+        if self.audit and any(without_audit.values()):
+            words = ", ".join(word for word, given in without_audit.items() if given)
             message = f"--audit cannot be combined with {words}: all steps must run on this machine"
             hint = "remove these options, also from forge.toml and the environment"
             raise SelectionError(Problem(message, hint=hint))
@@ -202,16 +206,6 @@ class BuildOptions:
             hint = "remove '--timings', or choose a log folder with '--log-base'"
             message = "--timings needs a log folder, but logs are disabled"
             raise SelectionError(Problem(message, hint=hint))
-
-    def _prevent_audit(self) -> Iterator[str]:
-        if self.watch:
-            yield "--watch"
-        if not self.execution.is_local:
-            yield f"--executor {self.execution.executor}"
-        if self.cache.wanted:
-            yield "a package cache (--cache, --remote-cache)"
-        if selected_launcher(self.cmake.compiler_launcher):
-            yield "--compiler-launcher"
 
 
 def for_rebuild(options: BuildOptions) -> BuildOptions:

@@ -17,34 +17,36 @@ PASSED_ON = frozenset(
 )
 """Options that take all arguments up to the next option of colcon and pass them to another program."""
 
-_PACKAGES = frozenset(
-    {"--base-paths", "--build-base", "--ignore-user-meta", "--metas", "--packages-above"}
-    | {"--packages-above-and-dependencies", "--packages-above-depth", "--packages-end", "--packages-ignore"}
-    | {"--packages-ignore-regex", "--packages-select", "--packages-select-build-failed"}
-    | {"--packages-select-by-dep", "--packages-select-regex", "--packages-select-test-failures"}
-    | {"--packages-skip", "--packages-skip-build-finished", "--packages-skip-by-dep", "--packages-skip-regex"}
-    | {"--packages-skip-test-passed", "--packages-skip-up-to", "--packages-start", "--packages-up-to"}
-    | {"--packages-up-to-regex", "--paths", "--help", "-h"}
-)
-_TASKS = frozenset(
-    {"--event-handlers", "--executor", "--install-base", "--merge-install", "--parallel-workers"}
-    | {"--test-result-base"}
+_COMMON = frozenset(
+    """
+    --base-paths --build-base --event-handlers --executor --help --ignore-user-meta --install-base
+    --merge-install --metas --packages-above --packages-above-and-dependencies --packages-above-depth --packages-end
+    --packages-ignore --packages-ignore-regex --packages-select --packages-select-build-failed
+    --packages-select-by-dep --packages-select-regex --packages-select-test-failures --packages-skip
+    --packages-skip-build-finished --packages-skip-by-dep --packages-skip-regex --packages-skip-test-passed
+    --packages-skip-up-to --packages-start --packages-up-to --packages-up-to-regex --parallel-workers --paths
+    --test-result-base -h
+    """.split()
 )
 EXTRA_EXTENSIONS = frozenset({"--cargo-args", "--mixin", "--mixin-files"})
 """Options of colcon-cargo and colcon-mixin, which are not part of colcon-common-extensions."""
 
 COLCON_OPTIONS = {
-    "build": _PACKAGES
-    | _TASKS
-    | EXTRA_EXTENSIONS
-    | {"--ament-cmake-args", "--catkin-cmake-args", "--catkin-skip-building-tests", "--cmake-args"}
-    | {"--cmake-clean-cache", "--cmake-clean-first", "--cmake-force-configure", "--cmake-target"}
-    | {"--cmake-target-skip-unavailable", "--continue-on-error", "--symlink-install"},
-    "test": _PACKAGES
-    | _TASKS
-    | EXTRA_EXTENSIONS
-    | {"--abort-on-error", "--ctest-args", "--pytest-args", "--pytest-with-coverage", "--python-testing"}
-    | {"--retest-until-fail", "--retest-until-pass", "--return-code-on-test-failure", "--unittest-args"},
+    "build": _COMMON.union(
+        EXTRA_EXTENSIONS,
+        """
+        --ament-cmake-args --catkin-cmake-args --catkin-skip-building-tests --cmake-args --cmake-clean-cache
+        --cmake-clean-first --cmake-force-configure --cmake-target --cmake-target-skip-unavailable
+        --continue-on-error --symlink-install
+        """.split(),
+    ),
+    "test": _COMMON.union(
+        EXTRA_EXTENSIONS,
+        """
+        --abort-on-error --ctest-args --pytest-args --pytest-with-coverage --python-testing
+        --retest-until-fail --retest-until-pass --return-code-on-test-failure --unittest-args
+        """.split(),
+    ),
 }
 """The options of colcon for each command with options in PASSED_ON."""
 

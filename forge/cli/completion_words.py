@@ -101,13 +101,20 @@ def _names(words: Sequence[str], variables: Mapping[str, str]) -> Iterator[str]:
     names: Iterator[str]
     match list(words):
         case ["packages", *_]:
-            home = variables.get("XDG_CACHE_HOME") or os.path.join(variables.get("HOME", ""), ".cache")
-            cache = Path(home) / "forge" / "names" if os.path.isabs(home) else None
+            caches = variables.get("XDG_CACHE_HOME") or os.path.join(variables.get("HOME", ""), ".cache")
+            cache = Path(caches) / "forge" / "names" if os.path.isabs(caches) else None
             names = package_names(find_root(Path.cwd(), Path.home()), cache)
         case ["installed", *_]:
             names = (name for prefix in _prefixes(variables) for name in _indexed(prefix, "packages"))
         case ["runnable", *_]:
-            names = chain(_names(["installed"], variables), _in_workspace())
+            from forge.environment.prefixes import PACKAGES, package_prefixes
+
+            # Packages without ament are found only in the enclosing workspace.
+            install = find_install(Path.cwd(), Path.home())
+            own = (
+                _files(f"{prefix}/{PACKAGES}") for prefix in (package_prefixes(install) if install else ())
+            )
+            names = chain(_names(["installed"], variables), *own)
         case ["executables", package, *_]:
             names = _executables(package, variables)
         case ["interface_packages", *_]:
@@ -115,11 +122,25 @@ def _names(words: Sequence[str], variables: Mapping[str, str]) -> Iterator[str]:
         case ["interfaces", *_]:
             names = (name for folder in _interface_folders(variables) for name in _interfaces(folder))
         case ["mixins", verb, *_]:
-            names = _mixins(verb, variables)
+            _add_site_packages()
+            from forge.cli.mixins import mixin_folders, read_mixins
+
+            names = (name for command, name in read_mixins(mixin_folders(variables)) if command == verb)
         case ["repositories", *_]:
-            names = _repositories(variables)
+            _add_site_packages()
+            from forge.base.env_vars import home
+            from forge.base.files import text_or_nothing
+            from forge.base.formats import read_yaml
+            from forge.cli.mixins import REPOSITORIES
+
+            path = home(variables) / REPOSITORIES
+            names = map(str, read_yaml(text_or_nothing(path), path))
         case ["profiles", *_]:
-            names = _profiles(find_root(Path.cwd(), Path.home()))
+            _add_site_packages()
+            from forge.workspace.forge_toml import FORGE_TOML, read_forge_toml, table_of
+
+            root = find_root(Path.cwd(), Path.home())
+            names = iter(table_of(read_forge_toml(root), "profiles", root / FORGE_TOML))
         case _:
             names = iter(())
     return names
@@ -198,15 +219,6 @@ def _prefixes(variables: Mapping[str, str]) -> tuple[Path, ...]:
     return known_prefixes(variables, find_install(Path.cwd(), Path.home()))
 
 
-def _in_workspace() -> Iterator[str]:
-    """Yield the packages that the enclosing workspace has installed, also those without ament."""
-    from forge.environment.prefixes import PACKAGES, package_prefixes
-
-    install = find_install(Path.cwd(), Path.home())
-    for prefix in package_prefixes(install) if install else ():
-        yield from _files(f"{prefix}/{PACKAGES}")
-
-
 def _executables(package: str, variables: Mapping[str, str]) -> Iterator[str]:
     """Yield the programs of a package; those of a package without ament may be in bin."""
     from forge.environment.installed import is_registered, unregistered_prefix
@@ -237,31 +249,6 @@ def _interfaces(folder: str) -> Iterator[str]:
             name, _, ending = file.rpartition(".")
             if ending in {kind, "idl"} and "_" not in name:
                 yield f"{package}/{kind}/{name}"
-
-
-def _mixins(verb: str, variables: Mapping[str, str]) -> Iterator[str]:
-    _add_site_packages()
-    from forge.cli.mixins import mixin_folders, read_mixins
-
-    return (name for command, name in read_mixins(mixin_folders(variables)) if command == verb)
-
-
-def _repositories(variables: Mapping[str, str]) -> Iterator[str]:
-    _add_site_packages()
-    from forge.base.env_vars import home
-    from forge.base.files import text_or_nothing
-    from forge.base.formats import read_yaml
-    from forge.cli.mixins import REPOSITORIES
-
-    path = home(variables) / REPOSITORIES
-    return map(str, read_yaml(text_or_nothing(path), path))
-
-
-def _profiles(root: Path) -> Iterator[str]:
-    _add_site_packages()
-    from forge.workspace.forge_toml import FORGE_TOML, read_forge_toml, table_of
-
-    return iter(table_of(read_forge_toml(root), "profiles", root / FORGE_TOML))
 
 
 def _add_site_packages() -> None:

@@ -231,32 +231,16 @@ def open_session(
         report.displayed = partial(displayed_below, Path.cwd(), origin)
         direct = handlers["console_direct"]
         json_events = JsonEvents(plan, packages, log=log.note, printed=options.json, output=direct)
-        # colcon lists other packages only when it builds.
-        others = packages if command == "build" else {}
-        _announce(log, plan, others, layout, needs)
+        if log.folder is not None:
+            # colcon lists other packages only when it builds. Indirect dependencies are left out of packages
+            # that are up to date, which start and end at once, and of all packages if there are too many.
+            jobs = {name: needs.get(name, ()) for name in plan.fresh}
+            direct = sum(len(task.needs) for task in plan.tasks.values()) > _MOST_NEEDS
+            for name, task in plan.tasks.items():
+                jobs[name] = needs.get(name, ()) if direct else task.needs or needs.get(name, ())
+            others = packages.items() if command == "build" else ()
+            unselected = [name for name, each in others if name not in jobs and not each.embedded]
+            queued = {name: {need: layout.prefix(need) for need in below} for name, below in jobs.items()}
+            log.announce(queued, unselected=unselected, fresh=plan.fresh)
         with closing(Session(command, began, log, view, report, json_events)) as session:
             yield session
-
-
-def _announce(
-    log: LogWriter,
-    plan: BuildPlan,
-    packages: Mapping[str, Package],
-    layout: Layout,
-    needs: Mapping[str, Collection[str]],
-) -> None:
-    """Write the packages of the run to the log with their dependencies.
-
-    Indirect ones are left out of packages that are up to date, which start and end at once, and of all if
-    there are too many.
-    """
-    if log.folder is None:
-        return
-    jobs = {name: needs.get(name, ()) for name in plan.fresh}
-    direct = sum(len(task.needs) for task in plan.tasks.values()) > _MOST_NEEDS
-    for name, task in plan.tasks.items():
-        jobs[name] = needs.get(name, ()) if direct else task.needs or needs.get(name, ())
-    prefixes = {need: layout.prefix(need) for found in jobs.values() for need in found}
-    unselected = [name for name, package in packages.items() if name not in jobs and not package.embedded]
-    queued = {name: {need: prefixes[need] for need in found} for name, found in jobs.items()}
-    log.announce(queued, unselected=unselected, fresh=plan.fresh)

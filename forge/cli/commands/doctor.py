@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from forge.base.layout import Layout
-    from forge.workspace.load import LoadedWorkspace
 
 _ANYWHERE = (
     *(programs.compiler, programs.cmake, programs.builder, programs.python, programs.shells),
@@ -107,21 +106,13 @@ def _load(root: Path, layout: Layout, options: Options) -> tuple[CheckResult, Ch
     summary = f"{counted(own, 'package')}{others}" if own else "no packages found"
     faults = (*loaded.workspace.problems, *missing.errors)
     warnings = (*loaded.warnings, *missing.warnings)
-    return CheckResult("workspace", summary, errors=faults, warnings=warnings), _subject(bare, loaded)
-
-
-def _subject(bare: CheckContext, loaded: LoadedWorkspace) -> CheckContext:
     everything = loaded.workspace.packages
     # The packages of the user come first in all findings.
-    names = sorted(loaded.selection.names, key=lambda name: loaded.resolution.packages[name].embedded)
-    return CheckContext(
-        bare.root,
-        bare.layout,
-        bare.variables,
-        bare.surroundings,
-        bare.python,
-        bare.underlays,
-        {name: everything[name] for name in names if name in everything},
-        loaded.resolution,
-        {name: files_of(bare.root, package) for name, package in everything.items()},
+    ordered = sorted(names, key=lambda name: loaded.resolution.packages[name].embedded)
+    subject = replace(
+        bare,
+        packages={name: everything[name] for name in ordered if name in everything},
+        resolution=loaded.resolution,
+        files={name: files_of(root, package) for name, package in everything.items()},
     )
+    return CheckResult("workspace", summary, errors=faults, warnings=warnings), subject

@@ -27,8 +27,7 @@ from forge.interfaces.rendering import TARGETS
 from forge.output.handlers import HANDLERS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
-
+    from collections.abc import Iterable
 
 Options = NoOptions
 
@@ -54,13 +53,10 @@ def _print(kind: str, own: Iterable[str], group: str = "") -> None:
     """Print one kind; other distributions extend it by entry points of `group`, if it has one."""
     print(f"{kind} (entry points '{group}'):" if group else f"{kind}:")
     rows = [(name, f"ros-forge {__version__}") for name in sorted({*own, *installed(group)})]
-    rows += _of_others(group, {name for name, _ in rows}) if group else ()
+    known = {name for name, _ in rows}
+    for name, entry in entry_points(group).items() if group else ():
+        remark = " (not used: forge has its own)" if name in known else ""
+        rows.append((name, f"{distribution_of(entry)}{remark}"))
     width = max((len(name) for name, _ in rows), default=0)
     for name, distribution in rows:
         print(f"  {name:<{width}}  {distribution}")
-
-
-def _of_others(group: str, own: set[str]) -> Iterator[tuple[str, str]]:
-    for name, entry in entry_points(group).items():
-        remark = " (not used: forge has its own)" if name in own else ""
-        yield name, f"{distribution_of(entry)}{remark}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from forge.base.distributions import OLDEST
 from forge.base.errors import HostError, Problem, SelectionError, print_warnings
@@ -20,9 +20,6 @@ from forge.environment.prefixes import find_underlays
 from forge.workspace.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from forge.toolchain.interpreter import Interpreter
     from forge.workspace.load import LoadedWorkspace
     from forge.workspace.model import Package
 
@@ -46,71 +43,62 @@ def run(options: Options) -> int:
     loaded = options.listing.load()
     packages = _requested(loaded, tuple(name.lstrip() for name in options.names))
     packages.sort(key=lambda package: (package.name, str(package.path)))
-    if options.listing.json:
-        found = [
-            {
-                "path": shared.displayed(package.path, options.origin),
-                "type": package.type,
-                "name": package.name,
-                "dependencies": _dependencies(package),
-                "hooks": list(package.hooks),
-                "metadata": _metadata(package),
-            }
-            for package in packages
-        ]
-        python, chain = _surroundings(options)
-        fields = python and {"path": str(python.path), "version": python.release, "origin": python.origin}
-        answer = {
-            "workspace": str(Path.cwd()),
-            "python": fields,
-            "rosdistro": _rosdistro(options),
-            "underlays": list(map(str, chain)),
-            "targets": _targets(options),
-            "packages": found,
+    rows: list[dict[str, Any]] = [
+        {
+            "path": shared.displayed(package.path, options.origin),
+            "type": package.type,
+            "name": package.name,
+            "dependencies": _dependencies(package),
+            "hooks": list(package.hooks),
+            "metadata": _metadata(package),
         }
-        print(json.dumps(answer, indent=2, default=str))
+        for package in packages
+    ]
+    if options.listing.json:
+        print(json.dumps({**_surroundings(options), "packages": rows}, indent=2, default=str))
         return 0
+    lines: list[str] = []
     if not options.names:
-        print(*_workspace(options), sep="\n")
-    for package in packages:
-        print(*_paragraph(package, options), sep="\n")
+        around = _surroundings(options)
+        lines.append(f"workspace: {around['workspace']}")
+        if python := around["python"]:
+            lines.append(f"  python: {python['path']} ({python['version']}, {python['origin']})")
+        lines.append(f"  ROS distribution: {around['rosdistro']}")
+        for title, key in (("underlays", "underlays"), ("built for other platforms", "targets")):
+            lines += (f"  {title}: {' '.join(around[key])}",) if around[key] else ()
+    for row in rows:
+        lines += (f"path: {row['path']}", f"  type: {row['type']}", f"  name: {row['name']}")
+        lines += ("  dependencies:",) if row["dependencies"] else ()
+        lines += (f"    {word}: {' '.join(names)}" for word, names in row["dependencies"].items())
+        lines += (f"  hooks: {' '.join(row['hooks'])}",) if row["hooks"] else ()
+        lines += ("  metadata:",) if row["metadata"] else ()
+        lines += (f"    {key}: {row['metadata'][key]}" for key in sorted(row["metadata"]))
+    print(*lines, sep="\n")
     return 0
 
 
-def _workspace(options: Options) -> Iterator[str]:
-    """Yield the interpreter of the workspace with what chose it, the ROS distribution and the underlays."""
-    python, chain = _surroundings(options)
-    yield f"workspace: {Path.cwd()}"
-    if python:
-        yield f"  python: {python.path} ({python.release}, {python.origin})"
-    yield f"  ROS distribution: {_rosdistro(options)}"
-    if chain:
-        yield f"  underlays: {' '.join(map(str, chain))}"
-    if targets := _targets(options):
-        yield f"  built for other platforms: {' '.join(targets)}"
+def _surroundings(options: Options) -> dict[str, Any]:
+    """Return the interpreter with what chose it, the ROS distribution, the underlays and built platforms.
 
-
-def _targets(options: Options) -> list[str]:
-    """Return the platforms for which packages are installed, besides this machine."""
-    install = Path.cwd() / options.install_base
-    return sorted(marker.parent.name for marker in install.glob(f"*/{LAYOUT_MARKER}"))
-
-
-def _rosdistro(options: Options) -> str:
-    root = Path.cwd()
-    return known_rosdistro(None, root, root / options.install_base) or OLDEST
-
-
-def _surroundings(options: Options) -> tuple[Interpreter | None, Sequence[Path]]:
-    """Return the interpreter, None after a warning if there is none, and the underlays."""
+    Without an interpreter, print a warning.
+    """
     root = Path.cwd()
     layout = FolderOptions(install_base=options.install_base).layout(root)
     chain = find_underlays(build_variables(layout, os.environ), layout.install).chain
+    python = None
     try:
-        return workspace_interpreter(None, layout, root), chain
+        found = workspace_interpreter(None, layout, root)
+        python = {"path": str(found.path), "version": found.release, "origin": found.origin}
     except HostError as fault:
         print_warnings(fault.problems)
-        return None, chain
+    install = root / options.install_base
+    return {
+        "workspace": str(root),
+        "python": python,
+        "rosdistro": known_rosdistro(None, root, install) or OLDEST,
+        "underlays": list(map(str, chain)),
+        "targets": sorted(marker.parent.name for marker in install.glob(f"*/{LAYOUT_MARKER}")),
+    }
 
 
 def _requested(loaded: LoadedWorkspace, names: tuple[str, ...]) -> list[Package]:
@@ -132,22 +120,6 @@ def _requested(loaded: LoadedWorkspace, names: tuple[str, ...]) -> list[Package]
     print_warnings(unknown)
     selected = (loaded.packages[node] for node in loaded.selection.names)
     return [package for package in selected if not names or package.name in names]
-
-
-def _paragraph(package: Package, options: Options) -> Iterator[str]:
-    yield f"path: {shared.displayed(package.path, options.origin)}"
-    yield f"  type: {package.type}"
-    yield f"  name: {package.name}"
-    dependencies = _dependencies(package)
-    if dependencies:
-        yield "  dependencies:"
-        yield from (f"    {word}: {' '.join(names)}" for word, names in dependencies.items())
-    if package.hooks:
-        yield f"  hooks: {' '.join(package.hooks)}"
-    metadata = _metadata(package)
-    if metadata:
-        yield "  metadata:"
-        yield from (f"    {key}: {metadata[key]}" for key in sorted(metadata))
 
 
 def _dependencies(package: Package) -> dict[str, list[str]]:

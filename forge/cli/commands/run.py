@@ -8,7 +8,7 @@ import shlex
 import signal
 import subprocess
 import sys
-from contextlib import contextmanager
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -29,7 +29,7 @@ from forge.environment.installed import (
 from forge.workspace.root import find_install, source_packages
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
     from types import FrameType
 
 
@@ -74,7 +74,15 @@ def run(options: Options) -> int:
         more = f"; 'forge pkg executables {package}' lists all {len(names)}"
         hint = f"'{package}' has {shown}{more if len(names) > _SHOWN_NAMES else ''}"
         raise ForgeError(Problem("missing argument EXECUTABLE", hint=hint))
-    path = _choose(package, name or "x", prefix, paths)
+    matches = [path for path in paths if path.name == (name or "x")]
+    if not matches:
+        hint = missing_executable_hint(package, name or "x", prefix, paths)
+        raise ForgeError(Problem("no executable found", hint=hint))
+    if len(matches) > 1:
+        listing = "".join(f"\n- {path}" for path in matches)
+        raise ForgeError(Problem(f"multiple executables found:{listing}"))
+    path = matches[0]
+    refuse_windows_line_endings(path)
     program = [str(path)]
     # The python3 of an active virtual environment is the one that `env` finds.
     if not any(variables.get(each) for each in ("VIRTUAL_ENV", "CONDA_PREFIX")) and _by_env(path):
@@ -90,20 +98,6 @@ def run(options: Options) -> int:
     return code
 
 
-def _choose(package: str, name: str, prefix: Path, paths: Sequence[Path]) -> Path:
-    """Return the only executable with this name; raises ForgeError for none or several."""
-    matches = [path for path in paths if path.name == name]
-    if not matches:
-        raise ForgeError(
-            Problem("no executable found", hint=missing_executable_hint(package, name, prefix, paths))
-        )
-    if len(matches) > 1:
-        listing = "".join(f"\n- {path}" for path in matches)
-        raise ForgeError(Problem(f"multiple executables found:{listing}"))
-    refuse_windows_line_endings(matches[0])
-    return matches[0]
-
-
 def _by_env(path: Path) -> bool:
     """Tell whether a script starts with '#!/usr/bin/env python3'."""
     try:
@@ -116,52 +110,28 @@ def _by_env(path: Path) -> bool:
 def _wait_for(argv: Sequence[str], variables: Mapping[str, str]) -> int:
     """Run a program with our stdin, stdout and working directory until it ends, forwarding signals."""
     sys.stdout.flush()
-    with _forwarded_signals() as children:
-        try:
-            child = subprocess.Popen(argv, env=variables)
-        except OSError as error:
-            problem = Problem(
-                f"cannot run '{argv[0]}': {(error.strerror or str(error)).lower()}", hint=_fix(argv[0])
-            )
-            raise HostError(problem) from None
-        children.append(child)
-        return child.wait()
-
-
-def _fix(program: str) -> str:
-    """Return what to do about a program that cannot be started."""
-    try:
-        with Path(program).open("rb") as stream:
-            compiled = stream.read(4) == b"\x7fELF"
-    except OSError:
-        compiled = False
-    if compiled:
-        return (
-            "it was compiled for another platform; with qemu-user, run it with "
-            "--prefix 'qemu-aarch64 -L /usr/aarch64-linux-gnu' or similar"
-        )
-    return "scripts need a line such as '#!/usr/bin/env python3' at the beginning"
-
-
-@contextmanager
-def _forwarded_signals() -> Iterator[list[subprocess.Popen[bytes]]]:
-    """Let the child handle Ctrl-C, which the terminal sends to it as well; forward other signals to it.
-
-    Uses handlers instead of SIG_IGN, because the child would inherit that.
-    """
     children: list[subprocess.Popen[bytes]] = []
 
-    def ignore(_number: int, _frame: FrameType | None) -> None:
-        pass
-
     def forward(number: int, _frame: FrameType | None) -> None:
-        for child in children:
+        # The terminal sends Ctrl-C to the child as well. SIG_IGN would be inherited by the child.
+        for child in children if number != signal.SIGINT else ():
             child.send_signal(number)
 
-    handlers = {signal.SIGINT: ignore, signal.SIGTERM: forward, signal.SIGHUP: forward}
-    before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    before = {number: signal.signal(number, forward) for number in numbers}
     try:
-        yield children
+        children.append(subprocess.Popen(argv, env=variables))
+        return children[0].wait()
+    except OSError as error:
+        hint = "scripts need a line such as '#!/usr/bin/env python3' at the beginning"
+        with suppress(OSError), Path(argv[0]).open("rb") as stream:
+            if stream.read(4) == b"\x7fELF":
+                hint = (
+                    "it was compiled for another platform; with qemu-user, run it with "
+                    "--prefix 'qemu-aarch64 -L /usr/aarch64-linux-gnu' or similar"
+                )
+        reason = (error.strerror or str(error)).lower()
+        raise HostError(Problem(f"cannot run '{argv[0]}': {reason}", hint=hint)) from None
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
