@@ -20,9 +20,10 @@ PASSED_ON = frozenset(
 _COMMON = frozenset(
     """
     --base-paths --build-base --event-handlers --executor --help --ignore-user-meta --install-base
-    --merge-install --metas --packages-above --packages-above-and-dependencies --packages-above-depth --packages-end
-    --packages-ignore --packages-ignore-regex --packages-select --packages-select-build-failed
-    --packages-select-by-dep --packages-select-regex --packages-select-test-failures --packages-skip
+    --merge-install --metas --packages-above --packages-above-and-dependencies
+    --packages-above-depth --packages-end --packages-ignore --packages-ignore-regex
+    --packages-select --packages-select-build-failed --packages-select-by-dep
+    --packages-select-regex --packages-select-test-failures --packages-skip
     --packages-skip-build-finished --packages-skip-by-dep --packages-skip-regex --packages-skip-test-passed
     --packages-skip-up-to --packages-start --packages-up-to --packages-up-to-regex --parallel-workers --paths
     --test-result-base -h
@@ -63,19 +64,12 @@ def classified(verb: str | None, arguments: Iterable[str]) -> Iterator[tuple[str
     in_list = False
     for argument in arguments:
         name, equals, value = argument.partition("=")
-        option = _completed(name, options)
+        option = name if name in options else None
+        if option is None and name[:2] == "--" and name not in NO_ABBREVIATIONS:
+            matching = [each for each in options if each.startswith(name)]
+            option = matching[0] if len(matching) == 1 else None
         if option:
             in_list = option in PASSED_ON and not equals
             yield f"{option}{equals}{value}", False
         else:
             yield argument, in_list
-
-
-def _completed(name: str, options: frozenset[str]) -> str | None:
-    """Return colcon's option of this name or unambiguous abbreviation, None without one."""
-    if name in options:
-        return name
-    if name[:2] != "--" or name in NO_ABBREVIATIONS:
-        return None
-    matching = [option for option in options if option.startswith(name)]
-    return matching[0] if len(matching) == 1 else None

@@ -151,8 +151,21 @@ class WatchLoop(BuildMode):
         if self._failed and states and states.items() <= self._seen.items():
             return  # late events of a save that was built already, and would fail again
         self._seen = states
-        self._ran = False
-        self._build_once()
+        self._ran = self._failed = False
+        self.warn.start_next_build()
+        clear_edit_cache()
+        try:
+            self._options = for_rebuild(self._read_again())
+            if self._folders_outdated:
+                self._update_folders()
+            self._build(self._options, self)
+        except ForgeError as error:
+            self._print_problems(error.problems)
+        except OSError as error:
+            problem = problem_from_oserror(error)
+            if problem is None:
+                raise
+            self._print_problems((problem,))
         self._consecutive_builds = (
             self._consecutive_builds + 1 if self._ran and self.silent_if_up_to_date else 0
         )
@@ -183,24 +196,6 @@ class WatchLoop(BuildMode):
         elif not self._options.report.json and (self._ran or tally.aborted or not self.silent_if_up_to_date):
             line = line_of(tuple(plan.tasks), tally, seconds, report.screen.palette())
             report.screen.write(f"{_clock()} {line}\n".encode())
-
-    def _build_once(self) -> None:
-        """Build once with the current options, and report errors that prevent the build."""
-        self.warn.start_next_build()
-        clear_edit_cache()
-        self._failed = False
-        try:
-            self._options = for_rebuild(self._read_again())
-            if self._folders_outdated:
-                self._update_folders()
-            self._build(self._options, self)
-        except ForgeError as error:
-            self._print_problems(error.problems)
-        except OSError as error:
-            problem = problem_from_oserror(error)
-            if problem is None:
-                raise
-            self._print_problems((problem,))
 
     def _update_folders(self) -> None:
         options, root = self._options, Path.cwd()
@@ -360,18 +355,14 @@ class FileWatcher:
 
         Raises OSError if folders keep disappearing.
         """
-        for _ in range(_ATTEMPTS):
-            with suppress(FileNotFoundError):
-                self._watch(list_folders())
+        for attempt in range(_ATTEMPTS + 1):
+            with suppress(FileNotFoundError) if attempt < _ATTEMPTS else nullcontext():
+                wanted = {folder: spec for folder, spec in list_folders().items() if _can_be_watched(folder)}
+                if self._changes is None or wanted.keys() != self._watched.keys():
+                    self._changes = self._begin(sorted(wanted))
+                self._watched = wanted
                 return
             time.sleep(0.05)
-        self._watch(list_folders())
-
-    def _watch(self, watch_specs: Mapping[str, WatchSpec]) -> None:
-        wanted = {folder: spec for folder, spec in watch_specs.items() if _can_be_watched(folder)}
-        if self._changes is None or wanted.keys() != self._watched.keys():
-            self._changes = self._begin(sorted(wanted))
-        self._watched = wanted
 
     def wait(self) -> frozenset[str]:
         """Wait for relevant changes and return their paths; empty if the paths are unknown.
@@ -396,7 +387,12 @@ class FileWatcher:
 
     def states(self, changed: frozenset[str]) -> dict[str, str]:
         """Return the states of the changed files, when polling of everything, to compare them later."""
-        paths = {*changed, *self._watched, *self._files()} if self._polling else changed
+        paths = set(changed)
+        if self._polling:
+            paths.update(self._watched)
+            for folder in self._watched:
+                with suppress(OSError), os.scandir(folder) as entries:
+                    paths.update(e.path for e in entries if not e.is_dir() and self._counts(e.path))
         return {path: file_state(path) for path in paths}
 
     def moves_folders(self, changed: frozenset[str]) -> bool:
@@ -407,12 +403,6 @@ class FileWatcher:
             or os.path.isdir(path)
             for path in changed
         )
-
-    def _files(self) -> Iterator[str]:
-        """Yield the watched files, without folders."""
-        for folder in self._watched:
-            with suppress(OSError), os.scandir(folder) as entries:
-                yield from (e.path for e in entries if not e.is_dir() and self._counts(e.path))
 
     def _counts(self, path: str) -> bool:
         if path in self.ignored_folders:

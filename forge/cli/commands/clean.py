@@ -164,7 +164,9 @@ def _names(options: Options, root: Path, layout: Layout, journal: Journal) -> tu
     Raises SelectionError for invalid combinations of arguments.
     """
     made = built_packages(layout, journal.records)
-    chosen = _has_selection(options.query)
+    query = options.query
+    unlimited = Query(search=query.search, build_base=query.build_base, since=query.since)
+    chosen = query != replace(unlimited, no_test_dependencies=query.no_test_dependencies)
     if options.what != "packages" and (options.names or chosen):
         hint = "forge clean packages PKG ..."
         command = f"clean {options.what or ''}".rstrip()
@@ -240,9 +242,3 @@ def _report_rest(entries: Iterable[tuple[Path, str]], options: Options) -> None:
         print(f"not removed, because {reason}: {_displayed(path, options)}", file=sys.stderr)
     if len(found) > _MOST:
         print(f"not removed: {len(found) - _MOST} more", file=sys.stderr)
-
-
-def _has_selection(query: Query) -> bool:
-    """Tell whether any option selects packages."""
-    unlimited = Query(search=query.search, build_base=query.build_base, since=query.since)
-    return query != replace(unlimited, no_test_dependencies=query.no_test_dependencies)

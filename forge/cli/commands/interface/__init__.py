@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from forge.base.extensions import VERBS, installed
-from forge.cli.commands.interface import asking, compiling, describing
+from forge.cli.commands.interface import asking, compiling
 from forge.cli.main import add_plugin
 
 if TYPE_CHECKING:
@@ -18,7 +18,6 @@ def register(parser: Parser) -> None:
     verbs = parser.add_subparsers(metavar="VERB", required=True, parser_class=type(parser))
     asking.register(verbs)
     compiling.register(verbs)
-    describing.register(verbs)
     asked = next((word for word in parser.words if not word.startswith("-")), None)
     # Builds wait for 'generate': it imports no plugins.
     if asked not in verbs.choices:
