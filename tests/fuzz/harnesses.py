@@ -11,7 +11,7 @@ import contextlib
 import json
 import tempfile
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -68,14 +68,16 @@ if TYPE_CHECKING:
     Harness = Callable[[bytes], None]
 
 HARNESSES: dict[str, Harness] = {}
+"""Each harness by the name of what it reads."""
+
 _INPUTS = BuildDirInputs("base", "shape", {}, {})
 _NOTHING_KNOWN = FileChecks(
     lambda *_: None, lambda paths: dict.fromkeys(paths, ""), lambda _: False, lambda *_: False
 )
-"""Each harness by the name of what it reads."""
-
-_XML = Path("package.xml")
 _LAYOUT = Layout(Path("/ws/build"), Path("/ws/install"), None)
+_FOLDER = tempfile.TemporaryDirectory(prefix="forge-fuzz-")
+ROOM = Path(_FOLDER.name)
+"""The folder for files that forge reads; it is removed when the program ends."""
 
 
 def harness(function: Harness) -> Harness:
@@ -84,37 +86,18 @@ def harness(function: Harness) -> Harness:
     return function
 
 
-@cache
-def room() -> Path:
-    """Return the folder in which harnesses put the bytes that forge reads from files."""
-    folder = tempfile.TemporaryDirectory(prefix="forge-fuzz-")
-    _ROOMS.append(folder)
-    return Path(folder.name)
-
-
-_ROOMS: list[tempfile.TemporaryDirectory[str]] = []
-"""Kept, so that they are removed when the program ends."""
-
-
 def place(folder: str, name: str, data: bytes) -> Path:
-    """Write a file into a folder of the room and return the folder."""
-    path = room() / folder / name
-    if not path.parent.is_dir():
-        path.parent.mkdir(parents=True)
+    """Write a file into a folder below ROOM and return the folder."""
+    path = ROOM / folder / name
+    path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(data)
-    return room() / folder
-
-
-def text_of(data: bytes) -> str:
-    """Return bytes as text that a caller has read already."""
-    return data.decode("utf-8", "surrogateescape")
+    return ROOM / folder
 
 
 @harness
 def manifest(data: bytes) -> None:
-    """Read package.xml, and what CMake and the check of versions make of it."""
     with contextlib.suppress(ForgeError):
-        found = parse_manifest(data, _XML, ROS_DEFAULTS)
+        found = parse_manifest(data, Path("package.xml"), ROS_DEFAULTS)
         manifest_variables(found)
         package = Package(Path("src/p"), found)
         needed = {
@@ -126,12 +109,11 @@ def manifest(data: bytes) -> None:
 
 @harness
 def condition(data: bytes) -> None:
-    """Read a condition attribute of package.xml."""
     with contextlib.suppress(conditions.ConditionError):
-        conditions.holds(text_of(data), ROS_DEFAULTS)
+        conditions.holds(data.decode("utf-8", "surrogateescape"), ROS_DEFAULTS)
 
 
-def definition(data: bytes, relative: str) -> None:
+def definition(relative: str, data: bytes) -> None:
     """Read a definition and go on to its IDL and its hash, as far as it is good."""
     with contextlib.suppress(ForgeError):
         source = read_source("fuzzed", place("definitions", relative, data), relative)
@@ -141,35 +123,19 @@ def definition(data: bytes, relative: str) -> None:
         parse(Source("fuzzed", "msg/X.idl", Path("X.idl"), idl_text(interface, relative)))
 
 
-@harness
-def message(data: bytes) -> None:
-    """Read a .msg file."""
-    definition(data, "msg/X.msg")
-
-
-@harness
-def service(data: bytes) -> None:
-    """Read a .srv file."""
-    definition(data, "srv/X.srv")
-
-
-@harness
-def action(data: bytes) -> None:
-    """Read an .action file."""
-    definition(data, "action/X.action")
-
-
-@harness
-def idl(data: bytes) -> None:
-    """Read an .idl file."""
-    definition(data, "msg/X.idl")
+for _name, _relative in {
+    "message": "msg/X.msg",
+    "service": "srv/X.srv",
+    "action": "action/X.action",
+    "idl": "msg/X.idl",
+}.items():
+    HARNESSES[_name] = partial(definition, _relative)
 
 
 @harness
 def schema(data: bytes) -> None:
-    """Read the text of a schema as recordings store it."""
     with contextlib.suppress(InterfaceError):
-        parse_all(read_schema(text_of(data), TypeName("fuzzed", "msg", "X")))
+        parse_all(read_schema(data.decode("utf-8", "surrogateescape"), TypeName("fuzzed", "msg", "X")))
 
 
 @cache
@@ -190,21 +156,18 @@ def configuration(folder: str, name: str, data: bytes, **given: object) -> None:
 
 @harness
 def defaults(data: bytes) -> None:
-    """Read colcon_defaults.yaml."""
     configuration("defaults", "colcon_defaults.yaml", data)
 
 
 @harness
 def forge_toml(data: bytes) -> None:
-    """Read forge.toml, with a profile."""
     configuration("toml", "forge.toml", data, profile="fast")
     with contextlib.suppress(ForgeError):
-        read_overrides(room() / "toml", (), None)
+        read_overrides(ROOM / "toml", (), None)
 
 
 @harness
 def metas(data: bytes) -> None:
-    """Read a *.meta file, and the package that it speaks of."""
     root = place("metas", "colcon.meta", data)
     place("metas", "p/package.xml", PLAIN)
     with contextlib.suppress(ForgeError):
@@ -213,14 +176,12 @@ def metas(data: bytes) -> None:
 
 @harness
 def colcon_pkg(data: bytes) -> None:
-    """Read a colcon.pkg beside a package.xml."""
     place("colcon_pkg", "p/package.xml", PLAIN)
     workspace(place("colcon_pkg", "p/colcon.pkg", data))
 
 
 @harness
 def mixin(data: bytes) -> None:
-    """Read a *.mixin file, and all its mixins together."""
     root = place("mixins", "a.mixin", data)
     with contextlib.suppress(ForgeError):
         mixins = read_mixins((), (str(root / "a.mixin"),))
@@ -242,7 +203,6 @@ def workspace(root: Path, overrides: Any = None) -> None:
 
 @harness
 def cmake_lists(data: bytes) -> None:
-    """Read a CMakeLists.txt without a package.xml."""
     workspace(place("cmake", "CMakeLists.txt", data))
 
 
@@ -254,7 +214,6 @@ def setup_py(data: bytes) -> None:
 
 @harness
 def setup_cfg(data: bytes) -> None:
-    """Read a setup.cfg, for what it says of the package and of where programs go."""
     place("setup_cfg", "setup.py", b"from setuptools import setup\nsetup()\n")
     folder = place("setup_cfg", "setup.cfg", data)
     workspace(folder)
@@ -264,7 +223,6 @@ def setup_cfg(data: bytes) -> None:
 
 @harness
 def pyproject(data: bytes) -> None:
-    """Read a pyproject.toml, for what it says of the package and of its backend."""
     folder = place("pyproject", "pyproject.toml", data)
     workspace(folder)
     with contextlib.suppress(ForgeError):
@@ -276,7 +234,7 @@ def journal(data: bytes) -> None:
     """Read the record of earlier builds, which a crash or another version may have left in any state."""
     folder = place("journal", "forge_journal.jsonl", data)
     found = Journal(folder / "forge_journal.jsonl")
-    found.read(text_of(data))
+    found.read(data.decode("utf-8", "surrogateescape"))
     find_changed_externals(found, FileTable(folder / "none.json"))
     for name, record in sorted(found.records.items()):
         found.set_record(name, record)
@@ -288,7 +246,7 @@ def tables(data: bytes) -> None:
     """Read tables and notes in JSON that forge keeps for itself, none of which it may trust."""
     build = place("tables", "forge_files.json", data)
     table = FileTable(build / "forge_files.json")
-    table.digest(str(room() / "tables" / "forge_files.json"), (build / "forge_files.json").stat())
+    table.digest(str(ROOM / "tables" / "forge_files.json"), (build / "forge_files.json").stat())
     for name in ("begun", "ended", "sources", "externals"):
         place("tables", f"p/.forge/{name}.json", data)
     place("tables", "p/forge_installed.json", data)
@@ -307,21 +265,19 @@ def tables(data: bytes) -> None:
 
 @harness
 def dsv(data: bytes) -> None:
-    """Read a dsv file of an installed package, and the scripts that come of it."""
     prefix = place("dsv", "share/p/package.dsv", data)
     sourcing._read_edits.cache_clear()
     with contextlib.suppress(ForgeError):
         edits = sourcing.package_edits("p", prefix)
         for shell in SHELLS:
             write_if_changed(
-                room() / "local_setup", local_setup(shell, prefix, [PackageEdits("p", "p", edits)])
+                ROOM / "local_setup", local_setup(shell, prefix, [PackageEdits("p", "p", edits)])
             )
-            write_if_changed(room() / "package", package_setup(shell, prefix, PackageEdits("p", "", edits)))
+            write_if_changed(ROOM / "package", package_setup(shell, prefix, PackageEdits("p", "", edits)))
 
 
 @harness
 def install_index(data: bytes) -> None:
-    """Read the markers of an install tree: its layout, and what a package needs to run."""
     root = place("index", ".colcon_install_layout", b"merged\n")
     place("index", "share/colcon-core/packages/p", data)
     installed_packages(root)
@@ -331,7 +287,6 @@ def install_index(data: bytes) -> None:
 
 @harness
 def build_logs(data: bytes) -> None:
-    """Read what ninja, make and compilers leave in a build folder."""
     build = place("ninja", ".ninja_deps", b"# ninjadeps\n\x04\0\0\0" + data)
     place("ninja", "build.ninja", data)
     place("ninja", "CMakeFiles/rules.ninja", b"")
@@ -348,7 +303,6 @@ def build_logs(data: bytes) -> None:
 
 @harness
 def test_results(data: bytes) -> None:
-    """Read JUnit files and CTest's, and the TAG that leads to the latter."""
     base = place("results", "p/result.xunit.xml", data)
     place("results", "q/Testing/TAG", b"run\n")
     place("results", "q/Testing/run/Test.xml", data)
@@ -360,7 +314,7 @@ def test_results(data: bytes) -> None:
 @harness
 def make_flags(data: bytes) -> None:
     """Read MAKEFLAGS, with the address of a jobserver in it."""
-    flags = read_make_flags(text_of(data))
+    flags = read_make_flags(data.decode("utf-8", "surrogateescape"))
     flags.line(3, "fifo:/x")
     if flags.auth and "\0" not in flags.auth:
         pool = join_pool(flags.auth if "fifo" in flags.auth else f"1{flags.auth}")
@@ -370,13 +324,12 @@ def make_flags(data: bytes) -> None:
 
 @harness
 def generator_arguments(data: bytes) -> None:
-    """Read the @FILE with the words of `forge interface generate`."""
     from forge.cli.main import main
 
     folder = place("arguments", "generate.args", data)
-    argv = ["interface", "generate", f"@{folder}/generate.args", "--output", str(room() / "generated")]
+    argv = ["interface", "generate", f"@{folder}/generate.args", "--output", str(ROOM / "generated")]
     with (
-        (room() / "said").open("w", errors="replace") as said,
+        (ROOM / "said").open("w", errors="replace") as said,
         contextlib.redirect_stdout(said),
         contextlib.redirect_stderr(said),
         contextlib.suppress(SystemExit),
@@ -405,7 +358,6 @@ def cached_tree(data: bytes) -> None:
 
 @harness
 def cached_inputs(data: bytes) -> None:
-    """Read the lists of files that a key in a cache leads to."""
     found = keys.decode_lists(data)
     assert keys.decode_lists(keys.encode_lists(found)) == tuple(dict.fromkeys(found))
 

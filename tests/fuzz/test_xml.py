@@ -28,15 +28,7 @@ def test_document_types_are_rejected(document: str) -> None:
         parse_xml(document.encode(), Path("package.xml"))
 
 
-@pytest.mark.parametrize(
-    "content",
-    [
-        b"<a>&b;</a>",
-        b"<a>\xff</a>",
-        b"<a>\0</a>",
-        b"<a>&#0;</a>",
-    ],
-)
+@pytest.mark.parametrize("content", [b"<a>&b;</a>", b"<a>\xff</a>", b"<a>\0</a>", b"<a>&#0;</a>"])
 def test_entities_and_unusual_xml_are_rejected(content: bytes) -> None:
     with pytest.raises(WorkspaceError, match="not well-formed XML"):
         parse_xml(content, Path("package.xml"))

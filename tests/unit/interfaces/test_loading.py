@@ -23,12 +23,7 @@ def test_a_folder_provides_its_classes_and_nested_ones(tree: Tree) -> None:
         {"tour/msg/A.msg": "std_msgs/Header header\nint8[] numbers [1, 2]", "tour/srv/B.srv": "A a\n---\n"}
     )
     types = load(folder / "tour")
-    assert list(types) == [
-        "tour/msg/A",
-        "tour/srv/B",
-        "builtin_interfaces/msg/Time",
-        "std_msgs/msg/Header",
-    ]
+    assert list(types) == ["tour/msg/A", "tour/srv/B", "builtin_interfaces/msg/Time", "std_msgs/msg/Header"]
     assert (len(types), "tour/msg/A" in types, "tour/msg/C" in types) == (4, True, False)
     assert repr(types).startswith("<types tour/msg/A, tour/srv/B, ")
     header = types["std_msgs/msg/Header"](frame_id="map")

@@ -64,10 +64,7 @@ def test_forges_own_targets_come_first() -> None:
     ("name", "cause"),
     [
         ("broken", "ZeroDivisionError: division by zero"),
-        (
-            "missing",
-            "ModuleNotFoundError: No module named 'third_missing'",
-        ),
+        ("missing", "ModuleNotFoundError: No module named 'third_missing'"),
         ("empty", "it has no function 'files'"),
     ],
 )

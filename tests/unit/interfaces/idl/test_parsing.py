@@ -369,10 +369,7 @@ def test_members_that_rosidl_cannot_read_are_reported(members: str, text: str) -
         ("typedef Y X;", "unknown type 'Y'"),
         ("enum E { X }; typedef E Y;", "unknown type 'E'"),
         ("module A_Constants { const int8 X = 1; const int8 X = 1; };", "'X' is already declared"),
-        (
-            "module A_Constants { const int8 new = 1; };",
-            "constant name 'new' is a keyword of C++",
-        ),
+        ("module A_Constants { const int8 new = 1; };", "constant name 'new' is a keyword of C++"),
         ("module A_Constants { const int8 X = 1 + 1; };", "'+' is not expected here"),
         ("\n#define X 1\n", "the only supported preprocessor directive is #include"),
     ],

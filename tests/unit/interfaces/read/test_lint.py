@@ -23,10 +23,7 @@ def told(text: str, relative: str = "msg/A.msg") -> list[str]:
     ("line", "message"),
     [
         ("int8 requires", "1:6 avoid the field name 'requires': it is a keyword of C++20"),
-        (
-            "int8[<=2] in",
-            "1:11 field name 'in' is a keyword of Python, where it becomes 'in_'",
-        ),
+        ("int8[<=2] in", "1:11 field name 'in' is a keyword of Python, where it becomes 'in_'"),
         ("int8 errno", "1:6 avoid the field name 'errno': it is a macro in common headers"),
         ("int8 unix", "1:6 avoid the field name 'unix': it is a macro in common headers"),
         (
@@ -62,10 +59,7 @@ def told(text: str, relative: str = "msg/A.msg") -> list[str]:
         ),
         (r"int8 a # C:\Users", "1:12 rosidl reads a backslash in a comment as the start of an escape"),
         ("# K[0] == 0\nint8 a", "1:4 '[0]' is parsed as a unit and removed from the comment"),
-        (
-            "uint8 structure_needs_at_least_one_member\nint8 a",
-            "1:7 this name is reserved for empty messages",
-        ),
+        ("uint8 structure_needs_at_least_one_member\nint8 a", "1:7 this name is reserved for empty messages"),
     ],
 )
 def test_error_prone_definitions_are_reported_with_their_position(line: str, message: str) -> None:

@@ -7,14 +7,7 @@ from collections.abc import Mapping
 import pytest
 
 from forge.interfaces.model import TypeName
-from forge.interfaces.wire.layout import (
-    INLINE_LIMIT,
-    START,
-    LayoutBuilder,
-    MessageLayout,
-    Phase,
-    Run,
-)
+from forge.interfaces.wire.layout import INLINE_LIMIT, START, LayoutBuilder, MessageLayout, Phase, Run
 from tests.generated import catalog_of, embedded_catalog
 
 
