@@ -13,7 +13,7 @@ from forge.environment.install_state import recorded_underlays
 from forge.environment.prefixes import PACKAGES, package_prefixes
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterator, Mapping
+    from collections.abc import Callable, Iterator, Mapping
 
 _AMENT = "ament_"
 """The prefix of the build types whose packages are in ament's index."""
@@ -65,21 +65,17 @@ def find_package(
         message = f"'{name}' is a package without ament, which ament's index does not contain"
         hint = f"it is installed in '{plain}', and 'forge run {name}' runs its programs"
         raise ForgeError(Problem(message, hint=hint))
-    remedy = _remedy(name, install, built, ament_index.resources("packages", where))
+    if install and is_package_name(name) and (install / name / "lib").is_dir():
+        where_to_call = "at the end of its CMakeLists.txt, which registers the package"
+        remedy: str | None = f"call ament_package() {where_to_call}"
+    elif name in built:
+        remedy = f"build it: forge build --packages-select {name}"
+    else:
+        remedy = did_you_mean(name, {*ament_index.resources("packages", where), *built})
     if install is None or variables.get("AMENT_PREFIX_PATH") or not is_package_name(name):
         raise ForgeError(Problem(f"package '{name}' not found", hint=remedy))
     shown = install.relative_to(Path.cwd()) if install.parent == Path.cwd() else install
     raise ForgeError(Problem(f"package '{name}' is not installed in '{shown}'", hint=remedy))
-
-
-def _remedy(
-    name: str, install: Path | None, sources: Mapping[str, str], installed: Collection[str]
-) -> str | None:
-    if install and is_package_name(name) and (install / name / "lib").is_dir():
-        return "call ament_package() at the end of its CMakeLists.txt, which registers the package"
-    if name in sources:
-        return f"build it: forge build --packages-select {name}"
-    return did_you_mean(name, {*installed, *sources})
 
 
 def is_registered(name: str, variables: Mapping[str, str], install: Path | None) -> bool:

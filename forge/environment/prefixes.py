@@ -52,7 +52,11 @@ def find_underlays(variables: Mapping[str, str], install: Path) -> Underlays:
     that is named by several paths counts once.
     """
     roots = _folders(variables, "COLCON_PREFIX_PATH")
-    roots += filter(None, map(_root_of, _folders(variables, "AMENT_PREFIX_PATH")))
+    for prefix in _folders(variables, "AMENT_PREFIX_PATH"):
+        if any(prefix.glob("local_setup.*")):
+            roots.append(prefix)
+        elif _layout(prefix.parent) == "isolated":
+            roots.append(prefix.parent)
     # The setup scripts of ros_workspace, as each ROS 2 in /opt/ros has them.
     roots += [
         prefix
@@ -176,13 +180,6 @@ def _folders(variables: Mapping[str, str], *names: str) -> list[Path]:
 
 def _inside(path: Path, root: Path) -> bool:
     return path == root or root in path.parents
-
-
-def _root_of(prefix: Path) -> Path | None:
-    """Return the root whose setup scripts source an ament prefix, or None."""
-    if any(prefix.glob("local_setup.*")):
-        return prefix
-    return prefix.parent if _layout(prefix.parent) == "isolated" else None
 
 
 def _layout(root: Path) -> str | None:

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 _SETS_ROSDISTRO = re.compile(rf"^(?:set;{VARIABLE};|export {VARIABLE}=)(\w+)$", re.MULTILINE)
+_ROSDISTRO_HOOK = "share/ros_environment/environment/1.ros_distro"
 _VARIABLES = ("COLCON_PREFIX_PATH", "AMENT_PREFIX_PATH")
 
 
@@ -67,20 +68,14 @@ def other_distributions(chain: Sequence[Path], rosdistro: str) -> Iterator[Probl
     """Yield a warning for each underlay that is, or was built for, another ROS distribution."""
     for root in chain:
         with suppress(WorkspaceError):  # an invalid record, which commands that need it report
-            other = recorded_rosdistro(root) or _provided_rosdistro(root)
+            prefixes = (root, root / "ros_environment")
+            scripts = (f"{prefix}/{_ROSDISTRO_HOOK}{end}" for prefix in prefixes for end in (".dsv", ".sh"))
+            sets = (match[1] for path in scripts if (match := _SETS_ROSDISTRO.search(text_or_nothing(path))))
+            other = recorded_rosdistro(root) or next(sets, None)
             if rosdistro and other and other != rosdistro:
                 message = f"the underlay '{root}' is for ROS '{other}', but this build is for '{rosdistro}'"
                 hint = "in a new terminal, source only underlays of one distribution"
                 yield Problem(message, hint=f"{hint}, or pass '--rosdistro {other}'")
-
-
-def _provided_rosdistro(root: Path) -> str | None:
-    hook = "share/ros_environment/environment/1.ros_distro"
-    files = (
-        f"{prefix}/{hook}{end}" for prefix in (root, root / "ros_environment") for end in (".dsv", ".sh")
-    )
-    distributions = (match[1] for file in files if (match := _SETS_ROSDISTRO.search(text_or_nothing(file))))
-    return next(distributions, None)
 
 
 def overridden(names: Collection[str], install: Path, variables: Mapping[str, str]) -> Iterator[Problem]:

@@ -14,6 +14,7 @@ from forge.base.errors import Problem
 from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
 from forge.base.text import counted
+from forge.workspace.source_names import is_environment, may_contain_packages
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -125,8 +126,12 @@ def calls(text: str) -> Iterator[Call]:
 
 
 def cmake_files(folder: Path) -> Iterator[str]:
-    """Yield the paths of all CMakeLists.txt and .cmake files below a folder."""
-    for place, _, names in os.walk(folder):
+    """Yield the paths of all CMake files below a folder, except hidden and installed ones."""
+    for place, folders, names in os.walk(folder):
+        if place != os.fspath(folder) and is_environment({*folders, *names}.__contains__):
+            folders.clear()
+            continue
+        folders[:] = sorted(filter(may_contain_packages, folders))
         for name in sorted(names):
             if name == "CMakeLists.txt" or name.endswith(".cmake"):
                 yield f"{place}/{name}"

@@ -28,6 +28,7 @@ _COMPARISONS: dict[str, Callable[[str, str], bool]] = {
 }
 _WORD = re.compile(r"[A-Za-z0-9_-]+")
 _VARIABLE = re.compile(r"\$[A-Za-z0-9_]+")
+_DEEPEST = 50
 
 
 class ConditionError(ValueError):
@@ -40,79 +41,46 @@ class ConditionError(ValueError):
 
 def holds(condition: str, variables: Mapping[str, str]) -> bool:
     """Tell whether `condition` is true under `variables`; raises ConditionError if it is malformed."""
-    reader = _Reader(condition, variables)
-    value = reader.expression()
-    reader.expect_end()
-    return value
+    tokens = _tokens(condition)[::-1]
 
+    def expression(depth: int) -> bool:
+        alternatives = [[atom(depth)]]
+        while tokens[-1][:2] in {("word", "and"), ("word", "or")}:
+            if tokens.pop()[1] == "or":
+                alternatives.append([])
+            alternatives[-1].append(atom(depth))
+        return any(map(all, alternatives))
 
-class _Reader:
-    """A recursive descent parser; both sides of a connective are always parsed."""
-
-    def __init__(self, text: str, variables: Mapping[str, str]) -> None:
-        self.variables = variables
-        self.tokens = _tokens(text)
-        self.at = 0
-        self.depth = 0
-
-    def expression(self) -> bool:
-        value = self.conjunction()
-        while self.accept("or"):
-            right = self.conjunction()
-            value = value or right
+    def atom(depth: int) -> bool:
+        kind, _, column = tokens[-1]
+        if kind != "(":
+            left = operand()
+            compare = _COMPARISONS[take("comparison", "one of == != <= < >= >")]
+            return compare(left, operand())
+        if depth == _DEEPEST:
+            raise ConditionError("too many nested parentheses", column)
+        tokens.pop()
+        value = expression(depth + 1)
+        take(")", "a closing parenthesis")
         return value
 
-    def conjunction(self) -> bool:
-        value = self.atom()
-        while self.accept("and"):
-            right = self.atom()
-            value = value and right
-        return value
-
-    def atom(self) -> bool:
-        kind, _, column = self.tokens[self.at]
-        if kind == "(":
-            self.depth += 1
-            if self.depth > 50:
-                raise ConditionError("too many nested parentheses", column)
-            self.at += 1
-            value = self.expression()
-            self.take(")", "a closing parenthesis")
-            self.depth -= 1
-            return value
-        left = self.operand()
-        compare = _COMPARISONS[self.take("comparison", "one of == != <= < >= >")]
-        return compare(left, self.operand())
-
-    def operand(self) -> str:
-        kind, text, column = self.tokens[self.at]
-        self.at += 1
-        if kind == "quoted":
+    def operand() -> str:
+        kind, text, column = tokens.pop()
+        if kind == "quoted" or (kind == "word" and _WORD.fullmatch(text)):
             return text
         if kind == "word" and _VARIABLE.fullmatch(text):
-            return self.variables.get(text[1:], "")
-        if kind == "word" and _WORD.fullmatch(text):
-            return text
+            return variables.get(text[1:], "")
         raise ConditionError("expected a $VARIABLE, a word or a quoted string", column)
 
-    def accept(self, word: str) -> bool:
-        kind, text, _ = self.tokens[self.at]
-        if kind == "word" and text == word:
-            self.at += 1
-            return True
-        return False
-
-    def take(self, kind: str, description: str) -> str:
-        found, text, column = self.tokens[self.at]
+    def take(kind: str, description: str) -> str:
+        found, text, column = tokens.pop()
         if found != kind:
             raise ConditionError(f"expected {description}", column)
-        self.at += 1
         return text
 
-    def expect_end(self) -> None:
-        kind, _, column = self.tokens[self.at]
-        if kind != "end":
-            raise ConditionError("expected 'and', 'or' or the end", column)
+    value = expression(0)
+    take("end", "'and', 'or' or the end")
+    return value
 
 
 def _tokens(text: str) -> list[tuple[str, str, int]]:

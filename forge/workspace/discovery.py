@@ -23,6 +23,7 @@ from forge.workspace.source_names import is_environment, is_source_folder, may_c
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
+_GROUP_KINDS = frozenset({DependencyKind.BUILD, DependencyKind.BUILD_EXPORT, DependencyKind.EXEC})
 _PYTHON_TYPES = ("python", "ament_python")
 _READ_BY_TOOLS = (
     *("CMakeLists.txt", "setup.cfg", "pyproject.toml", "MANIFEST.in", ".cmake", ".in", ".py"),
@@ -149,7 +150,7 @@ class _Walk:
                     waiting.append((f"{folder}/{name}", child))
 
     def workspace(self) -> Workspace:
-        found = _with_groups(_with_project_names([*self.packages.values(), *self.duplicates]))
+        found = _with_all_dependencies([*self.packages.values(), *self.duplicates])
         count = len(self.packages)
         packages = {package.name: package for package in found[:count]}
         self.notes += _projects_twice(found[:count])
@@ -208,25 +209,6 @@ def projects(packages: Iterable[Package]) -> dict[str, list[Package]]:
     return found
 
 
-def _with_project_names(packages: Sequence[Package]) -> list[Package]:
-    """Return the packages with dependencies on Python projects spelled like the names of these packages.
-
-    Between two ROS packages, names are literal.
-    """
-    known, names = projects(packages), {package.name for package in packages}
-    found = []
-    for package in packages:
-        needs: list[Dependency] = []
-        for need in package.manifest.dependencies if known else ():
-            same = () if need.name in names else known.get(project_name(need.name), ())
-            spelled = dict.fromkeys(other.name for other in same if not (package.ros and other.ros))
-            needs += (replace(need, name=name) for name in spelled or (need.name,))
-        if known and tuple(needs) != package.manifest.dependencies:
-            package = replace(package, manifest=replace(package.manifest, dependencies=tuple(needs)))
-        found.append(package)
-    return found
-
-
 def _projects_twice(packages: Sequence[Package]) -> Iterator[Problem]:
     """Yield a warning for each Python project of which there are several spellings."""
     for same in projects(packages).values():
@@ -237,8 +219,12 @@ def _projects_twice(packages: Sequence[Package]) -> Iterator[Problem]:
             yield Problem(message, Location(other.path), hint)
 
 
-def _with_groups(packages: Sequence[Package]) -> list[Package]:
-    """Return the packages with group dependencies expanded to dependencies (REP 149)."""
+def _with_all_dependencies(packages: Sequence[Package]) -> list[Package]:
+    """Return the packages with group dependencies expanded (REP 149), and Python projects spelled as here.
+
+    Between two ROS packages, names are literal.
+    """
+    known, names = projects(packages), {package.name for package in packages}
     members: dict[str, list[str]] = {}
     for package in packages:
         for group in package.manifest.groups:
@@ -246,10 +232,14 @@ def _with_groups(packages: Sequence[Package]) -> list[Package]:
     found = []
     for package in packages:
         manifest = package.manifest
+        needs: list[Dependency] = []
+        for need in manifest.dependencies:
+            same = () if need.name in names else known.get(project_name(need.name), ())
+            spelled = dict.fromkeys(other.name for other in same if not (package.ros and other.ros))
+            needs += (replace(need, name=name) for name in spelled) if spelled else (need,)
         wanted = {member for group in manifest.group_dependencies for member in members.get(group, ())}
-        if wanted:
-            kinds = frozenset({DependencyKind.BUILD, DependencyKind.BUILD_EXPORT, DependencyKind.EXEC})
-            extra = tuple(Dependency(member, kinds) for member in sorted(wanted - {package.name}))
-            manifest = replace(manifest, dependencies=manifest.dependencies + extra)
-        found.append(package if manifest is package.manifest else replace(package, manifest=manifest))
+        needs += (Dependency(member, _GROUP_KINDS) for member in sorted(wanted - {package.name}))
+        if tuple(needs) != manifest.dependencies:
+            package = replace(package, manifest=replace(manifest, dependencies=tuple(needs)))
+        found.append(package)
     return found

@@ -31,7 +31,11 @@ def clashes(workspace: Workspace, names: Collection[str]) -> Iterator[Problem]:
     copies = [(name, path) for name, found in paths.items() for path in found if path != kept[name]]
     groups: dict[tuple[Path, Path], list[tuple[str, Path]]] = {}
     for name, path in copies:
-        groups.setdefault(_tops(kept[name], path), []).append((name, path))
+        # The copies of folders with the same contents below are one group.
+        first, second = kept[name], path
+        while first.parts and second.parts and first.name == second.name:
+            first, second = first.parent, second.parent
+        groups.setdefault((first, second), []).append((name, path))
     tops = {top for pair in groups for top in pair}
     if len(tops) > 1 and all(top != Path() and (workspace.root / top / "src").is_dir() for top in tops):
         quoted = listed(sorted(paths), _FEW)
@@ -57,15 +61,3 @@ def clashes(workspace: Workspace, names: Collection[str]) -> Iterator[Problem]:
             quoted = listed([name for name, _ in found], _FEW)
             message = f"{len(found)} packages are in '{top}' and again in '{copy}': {quoted}"
             yield Problem(message, Location(copy), hint)
-
-
-def _tops(first: Path, second: Path) -> tuple[Path, Path]:
-    """Return the folders in which both paths are the same, else the paths."""
-    common = 0
-    for one, other in zip(reversed(first.parts), reversed(second.parts), strict=False):
-        if one != other:
-            break
-        common += 1
-    if not common:
-        return first, second
-    return Path(*first.parts[:-common]), Path(*second.parts[:-common])

@@ -19,7 +19,7 @@ from forge.workspace.forge_toml import package_options, plugin_types, read_forge
 from forge.workspace.model import Dependency, DependencyKind
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
+    from collections.abc import Iterable, Mapping
 
     from forge.workspace.model import Package
 
@@ -58,7 +58,10 @@ def read_overrides(root: Path, metas: Iterable[str], home: Path | None) -> Overr
     """
     by_name: dict[str, dict[str, Any]] = {}
     by_path: dict[str, dict[str, Any]] = {}
-    files = list(_user_files(home))
+    files: list[Path] = []
+    for place, folders, names in os.walk(home / "metadata", followlinks=True) if home else ():
+        folders[:] = sorted(name for name in folders if not name.startswith("."))
+        files += (Path(place, name) for name in sorted(names) if name.endswith(".meta"))
     for meta in metas:
         path = root / meta
         path = path / "colcon.meta" if path.is_dir() else path
@@ -130,15 +133,6 @@ def _hooks(options: Mapping[str, Any], package: Package) -> list[str]:
             Problem(message, Location(package.path / COLCON_PKG), "for example 'share/NAME/hook.sh'")
         )
     return paths
-
-
-def _user_files(home: Path | None) -> Iterator[Path]:
-    """Yield all *.meta files below the user's folder 'metadata', except in hidden folders."""
-    if home is None:
-        return
-    for folder, names, files in os.walk(home / "metadata", followlinks=True):
-        names[:] = sorted(name for name in names if not name.startswith("."))
-        yield from (Path(folder) / file for file in sorted(files) if file.endswith(".meta"))
 
 
 def _section(options: Mapping[str, Any], key: str, path: Path) -> Mapping[str, Mapping[str, Any]]:

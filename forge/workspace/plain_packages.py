@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,7 +10,7 @@ from forge.base.errors import Location, Problem
 from forge.base.extensions import BUILD_TYPES, PACKAGE_FILES, absent
 from forge.base.files import not_regular_reason, text_or_nothing
 from forge.base.formats import read_toml
-from forge.workspace.cmake_text import cmake_dependencies, is_catkin_toplevel, project_name
+from forge.workspace.cmake_text import cmake_dependencies, cmake_files, is_catkin_toplevel, project_name
 from forge.workspace.identity import Identity, identify_with
 from forge.workspace.model import Dependency, DependencyKind, Manifest, Package
 from forge.workspace.overrides import COLCON_PKG
@@ -21,23 +20,25 @@ from forge.workspace.python_metadata import (
     read_setup_cfg,
     read_setup_py,
 )
-from forge.workspace.source_names import is_environment, may_contain_packages
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from forge.workspace.identity import Folder
 
 
 def identify_plain(folder: Folder) -> Identity | None:
-    """Return the identity according to CMake or Python files, or to those of plugins, or None.
+    """Return the identity according to CMake or Python files, or to those of forge's plugins, or None.
 
     Raises WorkspaceError for a malformed pyproject.toml, OSError for unreadable files.
     """
-    for step in (_ambiguous, cmake_package, python_package, _of_plugin):
-        identity = step(folder)
-        if identity is not None:
-            return identity
+    identity = _ambiguous(folder) or cmake_package(folder) or python_package(folder)
+    if identity is not None:
+        return identity
+    for file, build_type in PACKAGE_FILES.items():
+        if folder.may_be(build_type) and folder.has(file):
+            if problem := absent(BUILD_TYPES, build_type, "build type"):
+                note = replace(problem, location=Location(folder.display_path / file))
+                return Identity(notes=(note,), descend=True)
+            return identify_with(build_type, folder)
     # Files that are not regular are reported.
     notes = []
     for name in sorted({"CMakeLists.txt", "setup.py", "pyproject.toml"}.intersection(folder.entries)):
@@ -48,17 +49,6 @@ def identify_plain(folder: Folder) -> Identity | None:
         if reason:
             notes.append(Problem(f"ignored: {reason}", Location(folder.display_path / name)))
     return Identity(descend=True, notes=tuple(notes)) if notes else None
-
-
-def _of_plugin(folder: Folder) -> Identity | None:
-    """Let one of forge's own plugins read the file that it describes packages with."""
-    for file, name in PACKAGE_FILES.items():
-        if folder.may_be(name) and folder.has(file):
-            if problem := absent(BUILD_TYPES, name, "build type"):
-                note = replace(problem, location=Location(folder.display_path / file))
-                return Identity(notes=(note,), descend=True)
-            return identify_with(name, folder)
-    return None
 
 
 def _ambiguous(folder: Folder) -> Identity | None:
@@ -89,7 +79,8 @@ def cmake_package(folder: Folder) -> Identity | None:
     name = name or folder.absolute.resolve().name
     # As in colcon, dependencies are not read if the user assigned both name and type.
     assigned = folder.name and folder.type
-    wanted = set() if assigned else cmake_dependencies((text, *_cmake_texts(folder.absolute))) - {name}
+    texts = () if assigned else map(text_or_nothing, cmake_files(folder.absolute))
+    wanted = cmake_dependencies(texts) - {name}
     kinds = frozenset({DependencyKind.BUILD, DependencyKind.EXEC})
     dependencies = tuple(Dependency(need, kinds) for need in sorted(wanted))
     return Identity(plain_package(folder, folder.name or name, "cmake", path, dependencies), notes=notes)
@@ -148,19 +139,6 @@ def plain_package(
     """Return a package without package.xml; `path` is the file that describes it."""
     own = tuple(dependency for dependency in dependencies if dependency.name != name)
     return Package(folder.display_path, Manifest(name, "", "", build_type, own, path), ros=False)
-
-
-def _cmake_texts(folder: Path) -> Iterator[str]:
-    """Yield the CMake files below a folder except its own CMakeLists.txt; skip hidden, installed ones."""
-    for place, names, files in os.walk(folder):
-        if Path(place) != folder and is_environment({*names, *files}.__contains__):
-            names.clear()
-            continue
-        names[:] = sorted(filter(may_contain_packages, names))
-        for file in sorted(files):
-            path = Path(place) / file
-            if (file == "CMakeLists.txt" and path.parent != folder) or file.endswith(".cmake"):
-                yield text_or_nothing(path)
 
 
 def _no_literal(folder: Folder, path: Path) -> Problem:

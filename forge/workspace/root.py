@@ -39,12 +39,8 @@ def find_root(start: Path, home: Path) -> Path:
     around = [folder for folder in start.parents if _may_be_found(folder, home)]
     marked = [folder for folder in around if _has_marker(folder)]
     sources = [folder for folder in around if start.is_relative_to(folder / "src")]
-    candidates = (
-        *(folder for folder in marked if folder in sources),
-        *(folder for folder in (start, *sources) if _has_sources(folder)),
-        *marked,
-    )
-    return next(iter(candidates), start)
+    with_sources = [folder for folder in (start, *sources) if _has_sources(folder)]
+    return next(iter([*(folder for folder in marked if folder in sources), *with_sources, *marked, start]))
 
 
 def find_install(start: Path, home: Path) -> Path | None:
