@@ -20,9 +20,8 @@ from forge.cli.session import open_session
 from forge.environment.prefixes import find_underlays, provider
 from forge.environment.underlays import overridden
 from forge.execution.executor import ExecutorContext
-from forge.execution.job_pool import without_job_variables
+from forge.execution.job_pool import open_job_pool, without_job_variables
 from forge.execution.observer import open_observer
-from forge.execution.opening import open_job_pool
 from forge.execution.runner import LocalExecutor, TaskRunner, unwrapped
 from forge.execution.scheduler import Scheduler
 from forge.execution.started import StartedProcesses

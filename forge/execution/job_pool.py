@@ -7,21 +7,31 @@ ninja, make and compilers take them. So jobs never outnumber tokens, and no toke
 
 from __future__ import annotations
 
+import contextlib
+import json
 import threading
 import time
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from forge.base.env_vars import own_cache
+from forge.base.errors import Problem
+from forge.base.files import write_if_changed
+from forge.base.layout import STYLES_FILE
 from forge.build.tasks import StepKind
-from forge.execution.jobserver import MAX_JOBS, TOKEN
-from forge.execution.makeflags import MakeFlags
+from forge.execution.jobserver import MAX_JOBS, TOKEN, common_style, create_pool, join_pool, supported_styles
+from forge.execution.makeflags import MakeFlags, read_make_flags
+from forge.toolchain.resources import is_overloaded, processors
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
+    from collections.abc import Callable, Iterable, Iterator, Mapping
 
+    from forge.build.recipes.context import BuildContext
     from forge.build.tasks import Step
     from forge.execution.jobserver import TokenPool
+    from forge.execution.options import JobOptions
 
 _IMPLICIT_TOKEN = b""
 """The implicit token of a parent make for this process; it is never in the pool."""
@@ -30,6 +40,11 @@ _PERIOD_SECONDS = 0.25
 """The interval of memory and load checks."""
 _PAUSE_SECONDS = 0.005
 """How long a released token waits for the next package before tools may take it."""
+
+_MAX_STORED_STYLES = 8
+"""Workspaces and virtual environments have different tools, and share the file."""
+_JOB_VARIABLES = frozenset({"MAKEFLAGS", "MFLAGS", "CMAKE_BUILD_PARALLEL_LEVEL"})
+"""Variables that set the number of jobs, which forge replaces."""
 
 
 class JobPool:
@@ -157,11 +172,8 @@ class JobPool:
             thread.start()
 
     def _may_begin(self, ticket: object) -> bool:
-        return (
-            bool(self._free_tokens)
-            and self._waiting[0] is ticket
-            and not (self._overloaded and self._running)
-        )
+        is_next = bool(self._free_tokens) and self._waiting[0] is ticket
+        return is_next and not (self._overloaded and self._running)
 
     @contextmanager
     def _share(self) -> Iterator[int]:
@@ -191,7 +203,9 @@ class JobPool:
         """Take tokens out of the pool while packages wait for one or memory is short."""
         while True:
             with self._changed:
-                self._changed.wait_for(lambda: self._closed or self._wants_tokens())
+                self._changed.wait_for(
+                    lambda: self._closed or self._overloaded or len(self._waiting) > len(self._free_tokens)
+                )
                 if self._closed:
                     return
             token = pool.take()
@@ -202,9 +216,6 @@ class JobPool:
                     self._free_tokens.append(token)
                 self._changed.notify_all()
             self._wake.set()
-
-    def _wants_tokens(self) -> bool:
-        return self._overloaded or len(self._waiting) > len(self._free_tokens)
 
     def _watch(self) -> None:
         """Check memory and load periodically, and put tokens that no package waits for into the pool."""
@@ -220,17 +231,13 @@ class JobPool:
             with self._changed:
                 self._overloaded = overloaded
                 if not woken:
-                    self._replace_lost()
+                    # If no token is left though nothing runs, a tool was killed while holding them.
+                    lost = bool(self._waiting) and not self._running and not self._free_tokens
+                    self._idle_checks = self._idle_checks + 1 if lost else 0
+                    self._free_tokens += [TOKEN] * self.jobs if self._idle_checks > 1 else []
                 if not overloaded:
                     self._return_to_pool(len(self._free_tokens) - len(self._waiting))
                 self._changed.notify_all()
-
-    def _replace_lost(self) -> None:
-        """Create new tokens if none is left though nothing runs: a tool was killed while holding them."""
-        lost = bool(self._waiting) and not self._running and not self._free_tokens
-        self._idle_checks = self._idle_checks + 1 if lost else 0
-        if self._idle_checks > 1:
-            self._free_tokens += [TOKEN] * self.jobs
 
     def _return_to_pool(self, count: int) -> None:
         if self._pool is not None and count > 0:
@@ -244,5 +251,63 @@ def without_job_variables(variables: Mapping[str, str]) -> dict[str, str]:
     return {name: value for name, value in variables.items() if name not in _JOB_VARIABLES}
 
 
-_JOB_VARIABLES = frozenset({"MAKEFLAGS", "MFLAGS", "CMAKE_BUILD_PARALLEL_LEVEL"})
-"""Variables that set the number of jobs, which forge replaces."""
+def open_job_pool(
+    options: JobOptions,
+    context: BuildContext,
+    variables: Mapping[str, str],
+    *,
+    compiles: bool,
+    remote_slots: int,
+    warn: Callable[[Iterable[Problem]], object],
+) -> JobPool:
+    """Return the job pool of a build: that of a parent make, else a new one with the requested size.
+
+    Without a requested number, the `remote_slots` of a distributed compiler are added to the local
+    processors. If the build `compiles`, its tools share one jobserver style, because one may start the other;
+    supported styles are detected by trial.
+    """
+    flags = read_make_flags(variables.get("MAKEFLAGS", ""))
+    level = variables.get("CMAKE_BUILD_PARALLEL_LEVEL", "")
+    jobs = options.jobs or flags.jobs or (int(level) if level.isdigit() else 0)
+    local = jobs or processors()
+    jobs = jobs or local + (0 if flags.auth else remote_slots)
+    pool = join_pool(flags.auth) if flags.auth and not options.jobs else None
+    if flags.auth and pool is None and not options.jobs:
+        hint = "start the make rule with '+', or pass --jobs to forge"
+        warn([Problem("cannot connect to the jobserver of the parent make", hint=hint)])
+    supported = _styles(context, variables) if compiles else {}
+    style = pool.style if pool else common_style(supported)
+    if pool is None and style is not None:
+        pool = create_pool(style, jobs)
+    tools = frozenset(name for name, styles in supported.items() if style in styles)
+    overloaded = partial(is_overloaded, options.memory_limit, context.load_limit)
+    job_pool = JobPool(jobs, pool, tools, flags, overloaded)
+    job_pool.local = min(local, job_pool.jobs)
+    return job_pool
+
+
+def _styles(context: BuildContext, variables: Mapping[str, str]) -> dict[str, frozenset[str]]:
+    """Return the jobserver styles that each tool supports; results are cached by tool version."""
+    file = (own_cache(variables) or context.layout.build) / STYLES_FILE
+    identity = "\n".join(
+        f"{name} {identity}" for name, identity in context.tools if name in {"ninja", "make"}
+    )
+    stored = {}
+    with contextlib.suppress(OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
+        stored = json.loads(file.read_bytes())["styles"]
+        return {name: frozenset(styles) for name, styles in stored[identity].items()}
+    tools = {"ninja": context.ninja, "make": context.make}
+    found = {name: supported_styles(name, tool, variables) for name, tool in tools.items() if tool}
+    others = [*stored.items()][-_MAX_STORED_STYLES + 1 :] if isinstance(stored, dict) else []
+    styles = {name: sorted(of_tool) for name, of_tool in found.items()}
+    with contextlib.suppress(OSError):  # read-only cache folder
+        write_if_changed(file, json.dumps({"styles": {**dict(others), identity: styles}}))
+    return found
+
+
+def open_test_job_pool(options: JobOptions, variables: Mapping[str, str]) -> JobPool:
+    """Return the job pool with one job per package under test; a parent make may provide it."""
+    flags = read_make_flags(variables.get("MAKEFLAGS", ""))
+    pool = join_pool(flags.auth) if flags.auth and not options.jobs else None
+    short = partial(is_overloaded, options.memory_limit, options.load_limit or flags.load)
+    return JobPool(options.jobs or flags.jobs or processors(), pool, flags=flags, is_overloaded=short)

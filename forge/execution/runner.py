@@ -254,10 +254,8 @@ class LocalExecutor:
                     start_new_session=True,
                 )
             except OSError as error:
-                missing = (
-                    "its working directory no longer exists" if not step.cwd.is_dir() else error.strerror
-                )
-                message = f"forge: cannot start '{argv[0]}': {missing}\n"
+                reason = error.strerror if step.cwd.is_dir() else "its working directory no longer exists"
+                message = f"forge: cannot start '{argv[0]}': {reason}\n"
                 put(Output(task.name, message.encode(), stderr=True))
                 code = _NOT_STARTED
             else:
@@ -271,9 +269,7 @@ class LocalExecutor:
                     self._observer.note_process(variables, process.pid, step)
                 try:
                     with process:  # which closes both pipes in the end
-                        _read_lines(
-                            process, lambda lines, stderr: put(Output(task.name, lines, stderr=stderr))
-                        )
+                        _read_lines(process, lambda text, stderr: put(Output(task.name, text, stderr=stderr)))
                     code = process.returncode
                 finally:
                     with self._lock:
@@ -353,10 +349,6 @@ def _exit_descriptor(process: subprocess.Popen[bytes]) -> Iterator[int | None]:
 
 def changed_variables(variables: Mapping[str, str]) -> tuple[tuple[str, str], ...]:
     """Return the variables that differ from forge's own environment and that are valid after this build."""
-    return tuple(
-        sorted(
-            (name, value)
-            for name, value in variables.items()
-            if os.environ.get(name) != value and (not name.startswith(_OWN_PREFIX) or name in _VALID_LATER)
-        )
-    )
+    changed = {name: value for name, value in variables.items() if os.environ.get(name) != value}
+    own = {name for name in changed if name.startswith(_OWN_PREFIX)} - _VALID_LATER
+    return tuple(sorted((name, value) for name, value in changed.items() if name not in own))

@@ -19,7 +19,7 @@ from forge.base.frozen import frozen
 from forge.base.layout import PROCESSES_FILE
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Iterator, Mapping
 
 BUILD_FOLDER_VARIABLE = "FORGE_BUILD_FOLDER"
 """An environment variable of the programs of a build: the absolute path of the build folder."""
@@ -151,38 +151,33 @@ def _all() -> dict[int, Process]:
 
 def _noted_processes(
     table: Mapping[int, Process], recorded: Mapping[int, set[int]], build: Path
-) -> tuple[Process, ...]:
-    """Return the recorded processes, and those in groups and sessions that these lead or led."""
-    return tuple(process for process in table.values() if _is_noted(process, table, recorded, build))
-
-
-def _is_noted(
-    process: Process, table: Mapping[int, Process], recorded: Mapping[int, set[int]], build: Path
-) -> bool:
-    for number in {process.number, process.group, process.session} & recorded.keys():
-        leader = table.get(number)
-        if leader is not None:
-            if leader.started in recorded[number]:
-                return True
-        # The leader has ended. Its id is not reused while the group has members, but these may belong to a
-        # newer group with a reused id. So the process must also have the build folder in its environment.
-        elif process.started >= min(recorded[number]) and _has_build_variable(process, build):
-            return True
-    return False
-
-
-def _has_build_variable(process: Process, build: Path) -> bool:
-    """Return True if the process has the build folder in its environment."""
+) -> Iterator[Process]:
+    """Yield the recorded processes, and those in groups and sessions that these lead or led."""
     mark = f"{BUILD_FOLDER_VARIABLE}={build}".encode(errors="surrogateescape")
-    try:
-        return mark in (_PROCESSES / str(process.number) / "environ").read_bytes().split(b"\0")
-    except OSError:
-        return False
+    for process in table.values():
+        for number in {process.number, process.group, process.session} & recorded.keys():
+            if (leader := table.get(number)) is not None:
+                is_noted = leader.started in recorded[number]
+            else:
+                # The leader has ended. Its id is not reused while the group has members, but these may belong
+                # to a newer group with a reused id. So the process must also have the build folder in its
+                # environment.
+                variables = b""
+                with contextlib.suppress(OSError):
+                    variables = (_PROCESSES / str(process.number) / "environ").read_bytes()
+                is_noted = process.started >= min(recorded[number]) and mark in variables.split(b"\0")
+            if is_noted:
+                yield process
+                break
 
 
 def _with_descendants(processes: Iterable[Process], table: Mapping[int, Process]) -> list[Process]:
     """Return the living processes and their descendants, without this process and its ancestors."""
-    protected = _self_and_ancestors(table)
+    protected = {os.getpid()}
+    process = table.get(os.getpid())
+    while process is not None and process.parent not in protected:
+        protected.add(process.parent)
+        process = table.get(process.parent)
     children: dict[int, list[Process]] = {}
     for process in table.values():
         children.setdefault(process.parent, []).append(process)
@@ -194,16 +189,6 @@ def _with_descendants(processes: Iterable[Process], table: Mapping[int, Process]
             found[process.number] = process
             waiting += children.get(process.number, ())
     return [process for process in found.values() if not process.ended]
-
-
-def _self_and_ancestors(table: Mapping[int, Process]) -> set[int]:
-    """Return the ids of this process and its ancestors."""
-    own = {os.getpid()}
-    process = table.get(os.getpid())
-    while process is not None and process.parent not in own:
-        own.add(process.parent)
-        process = table.get(process.parent)
-    return own
 
 
 def _send(process: Process, number: signal.Signals) -> None:

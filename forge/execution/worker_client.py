@@ -19,18 +19,21 @@ DECLINED_PREFIX = "forge: runs "
 
 def main(argv: "list[str]") -> int:
     """Run the arguments in the worker and return the exit code; without a worker, execute forge."""
-    if argv[:1] == ["--in"]:
-        return _run_in(argv[1], argv[2:])
-    address = os.environ.get(WORKER_VARIABLE)
+    is_program = argv[:1] == ["--in"]
+    variable, words = (argv[1], argv[2:]) if is_program else (WORKER_VARIABLE, argv)
+    address = os.environ.get(variable)
     if address:
         try:
-            return _ask(address, argv)
+            code = _ask(address, words)
+            if not (is_program and code == DECLINED):
+                return code
         except OSError:
             # The worker is unavailable or has ended. Continue without it, only slower.
             pass
-    home = os.path.abspath(f"{__file__}/../../..")  # noqa: PTH100
-    start = f"{home}/_ros_forge.py"
-    return os.execv(sys.executable, [sys.executable, start, *argv])  # noqa: S606  (no shell is wanted)
+    if not is_program:
+        home = os.path.abspath(f"{__file__}/../../..")  # noqa: PTH100
+        words = [sys.executable, f"{home}/_ros_forge.py", *words]
+    return os.execvp(words[0], words)  # noqa: S606  (no shell is wanted)
 
 
 def receive_exactly(connection: _socket.socket, size: int) -> bytes:
@@ -42,19 +45,6 @@ def receive_exactly(connection: _socket.socket, size: int) -> bytes:
             raise OSError("the connection ended")
         received += chunk
     return received
-
-
-def _run_in(variable: str, argv: "list[str]") -> int:
-    """Run a program in a worker if possible, else in this process."""
-    address = os.environ.get(variable)
-    if address:
-        try:
-            code = _ask(address, argv)
-        except OSError:
-            code = DECLINED
-        if code != DECLINED:
-            return code
-    return os.execvp(argv[0], argv)  # noqa: S606  (no shell is wanted)
 
 
 def _ask(address: str, argv: "list[str]") -> int:

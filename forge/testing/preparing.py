@@ -19,14 +19,10 @@ from forge.build.tests.detection import requirements_of_tests
 from forge.build.tests.recipes import TestContext, framework
 from forge.environment.install_state import recorded_python
 from forge.environment.prefixes import PACKAGES, find_underlays, provider
-from forge.execution.job_pool import JobPool
-from forge.execution.jobserver import join_pool
-from forge.execution.makeflags import read_make_flags
 from forge.toolchain.cmake_variables import was_built_without_tests
 from forge.toolchain.interpreter import find_interpreter
 from forge.toolchain.programs import CMAKE_TYPES, PYTHON_TYPES, compiled_packages, find_ctest
 from forge.toolchain.python_modules import install_command, missing_modules
-from forge.toolchain.resources import is_overloaded, processors
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -34,7 +30,6 @@ if TYPE_CHECKING:
     from forge.base.errors import WarningReporter
     from forge.base.layout import Layout
     from forge.build.tests.options import TestOptions
-    from forge.execution.options import JobOptions
     from forge.workspace.load import LoadedWorkspace
     from forge.workspace.model import Package
 
@@ -220,14 +215,6 @@ def _lacking(packages: Sequence[Package], require: Callable[[], object]) -> dict
     except HostError as fault:
         return {package.name: fault.problems[0] for package in packages}
     return {}
-
-
-def open_test_job_pool(options: JobOptions, variables: Mapping[str, str]) -> JobPool:
-    """Return the job pool with one job per package under test; a parent make may provide it."""
-    flags = read_make_flags(variables.get("MAKEFLAGS", ""))
-    pool = join_pool(flags.auth) if flags.auth and not options.jobs else None
-    short = partial(is_overloaded, options.memory_limit, options.load_limit or flags.load)
-    return JobPool(options.jobs or flags.jobs or processors(), pool, flags=flags, is_overloaded=short)
 
 
 def make_test_plan(

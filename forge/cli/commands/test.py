@@ -21,6 +21,7 @@ from forge.build.tests.options import TestOptions
 from forge.cli.options import FolderOptions, OptionSources
 from forge.cli.preparation import build_variables, output_problems, require_packages
 from forge.cli.session import open_session
+from forge.execution.job_pool import open_test_job_pool
 from forge.execution.lock import lock_build_dir
 from forge.execution.options import JobOptions
 from forge.execution.runner import LocalExecutor, TaskRunner
@@ -35,7 +36,6 @@ from forge.testing.preparing import (
     changed_since_build,
     make_test_plan,
     needs_of_tests,
-    open_test_job_pool,
     prepare_context,
     tested_names,
 )
