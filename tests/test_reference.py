@@ -120,7 +120,7 @@ def test_every_variable_that_forge_reads_is_told() -> None:
 def test_every_key_for_single_packages_is_told() -> None:
     part = _page("configuration").split("## Options for single packages")[1].split("\n## ")[0]
     told = set(re.findall(r"`([a-z-]+)`", "\n".join(re.findall(r"^\| (`.*?) \|", part, re.MULTILINE))))
-    read = set(re.findall(r'\.option_values\("([a-z-]+)"\)', CODE))
+    read = set(re.findall(r'\b(?:option_)?values\("([a-z-]+)"\)', CODE))
     read |= set(re.findall(r'package\.settings\.get\("([a-z-]+)"\)', CODE))
     assert told == read | NO_SETTINGS
 
@@ -140,9 +140,10 @@ def _events() -> dict[str, set[str]]:
     """Return the events that json_events.py writes and their keys; those of a whole dictionary included."""
     tree = ast.parse((ROOT / "forge/output/json_events.py").read_text(encoding="utf-8"))
     functions = {node.name: node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)}
+    cases = [node for node in ast.walk(tree) if isinstance(node, ast.match_case)]
     more = {
         "StepStarted": _keys(functions["_step"]),
-        "Finished": _keys(functions["_finish"]),
+        "Finished": _keys(next(case for case in cases if "Finished(name, code" in ast.unparse(case.pattern))),
         "Summary": {field.name for field in dataclasses.fields(Tally)},
     }
     found: dict[str, set[str]] = {}
@@ -154,7 +155,7 @@ def _events() -> dict[str, set[str]]:
     return found
 
 
-def _keys(function: ast.FunctionDef) -> set[str]:
+def _keys(function: ast.AST) -> set[str]:
     tables = [node for node in ast.walk(function) if isinstance(node, ast.Dict)]
     return {str(key.value) for table in tables for key in table.keys if isinstance(key, ast.Constant)}
 
