@@ -77,12 +77,3 @@ def test_compiled_python_modules_are_refused(tree: Tree, forge: Forge) -> None:
     site = "install/aarch64-linux-gnu/plain/lib/python3.10/site-packages"
     assert (root / site / "plain/__init__.py").is_file()
     assert "  built for other platforms: aarch64-linux-gnu\n" in forge("info", cwd=root).out
-
-
-def test_all_unsupported_rust_packages_are_named_together(tree: Tree, forge: Forge) -> None:
-    rust = {f"src/{name}/Cargo.toml": f'[package]\nname = "{name}"\nversion = "1.0.0"\n' for name in "abcd"}
-    ran = forge(
-        "build", "--target", "arm64", "--toolchain-file", "own.cmake", cwd=tree({**rust, "own.cmake": ""})
-    )
-    assert (ran.code, "'--target' does not support Rust: 'a', 'b', 'c' and 1 more\n" in ran.err) == (2, True)
-    assert "pass --packages-skip a b c d\n" in ran.err

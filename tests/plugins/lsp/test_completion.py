@@ -55,7 +55,7 @@ def is_embedded(label: str) -> bool:
         ("nav/package.xml", "<package>\n  <depend>shapes|</depend>", ["shapes"]),
         ("nav/package.xml", "<package>\n  <depend>std_m|</depend>", ["std_msgs"]),
         ("nav/package.xml", "<package>\n  <exec_|", ["exec_depend"]),
-        ("nav/package.xml", "<export><build_type>ament_|", ["ament_cargo", "ament_cmake", "ament_python"]),
+        ("nav/package.xml", "<export><build_type>ament_p|", ["ament_python"]),
         ("nav/package.xml", "<member_of_group>|", ["rosidl_interface_packages"]),
         ("nav/package.xml", "<version>1|", []),
         ("nav/package.xml", "words|", []),
