@@ -22,7 +22,6 @@ from forge.interfaces.model import (
     Array,
     Interface,
     Message,
-    Named,
     Primitive,
     Sequence,
     Source,
@@ -136,12 +135,6 @@ def made(text: str) -> Any:
     return load(text, "tour/msg/A")["tour/msg/A"]
 
 
-def hash_of(name: str) -> str:
-    package = name.partition("/")[0]
-    catalog = resolve(package, parse_all(read_folder(package, EMBEDDED / package)), Library())
-    return hashes(catalog)[TypeName(*name.split("/"))].removeprefix("RIHS01_")
-
-
 @pytest.fixture(scope="module")
 def test_msgs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Write ROS's test messages."""
@@ -198,19 +191,9 @@ def test_bytes_and_their_constants_are_bytes_in_python() -> None:
     )
 
 
-def test_integer_defaults_of_floats_are_floats_and_not_hashed() -> None:
+def test_integer_defaults_of_floats_are_floats() -> None:
     pose = load(EMBEDDED / "geometry_msgs")["geometry_msgs/msg/Pose"]()
     assert (type(pose.orientation.w), pose.orientation.w) == (float, 1.0)
-    expected = "d501954e9476cea2996984e812054b68026ae0bfae789d9a10b23daf35cc90fa"
-    assert hash_of("geometry_msgs/msg/Pose") == expected
-
-
-def test_bounded_sequences_of_messages_are_parsed() -> None:
-    descriptor = embedded("rcl_interfaces/msg/ParameterDescriptor")
-    types = [field.type for field in descriptor.fields]
-    assert Sequence(Named(TypeName("rcl_interfaces", "msg", "FloatingPointRange")), 1) in types
-    (field,) = message("float64[<=3] dimensions  # At no point more").fields
-    assert (field.type, field.doc) == (Sequence(Primitive("double"), 3), ("At no point more",))
 
 
 def test_any_bracketed_text_is_a_unit_as_in_rosidl() -> None:
@@ -222,8 +205,6 @@ def test_any_bracketed_text_is_a_unit_as_in_rosidl() -> None:
 
 def test_char_arrays_of_events_are_hashed_as_uint8(forge: Forge, tmp_path: Path) -> None:
     assert embedded("service_msgs/msg/ServiceEventInfo").fields[2].type == Array(Primitive("uint8"), 16)
-    expected = "41bcbbe07a75c9b52bc96bfd5c24d7f0fc0a08c0cb7921b3373c5732345a6f45"
-    assert hash_of("service_msgs/msg/ServiceEventInfo") == expected
     arguments = ["--package", "service_msgs", "--lang", "json", "--output", str(tmp_path)]
     forge("interface", "generate", *arguments, str(EMBEDDED / "service_msgs"))
     stored = json.loads((tmp_path / "json/service_msgs/msg/ServiceEventInfo.json").read_text())
@@ -262,12 +243,3 @@ def test_files_of_other_folders_belong_to_the_generating_package(forge: Forge, t
         "test_msgs/msg/Inner",
         "test_msgs/msg/Outer",
     ]
-
-
-def test_float32_accepts_its_range_and_infinity() -> None:
-    class_ = made("float32 a")
-    assert class_(a=float("inf")).a == float("inf")
-    assert class_(a=3.4028234663852886e38).a == 3.4028234663852886e38
-    with pytest.raises(AssertionError):
-        class_(a=1e39)
-    assert message("float32 a 1e39").fields[0].default == 1e39

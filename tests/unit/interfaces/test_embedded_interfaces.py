@@ -18,13 +18,12 @@ from forge.interfaces.model import (
     Action,
     Constant,
     Field,
-    Interface,
     Message,
     Named,
     Primitive,
-    Service,
     Value,
     element_of,
+    sections_of,
 )
 from forge.interfaces.read.parsing import SECTIONS, Parsed, parse_all, type_name
 from forge.interfaces.read.sources import Library, read_folder
@@ -36,32 +35,12 @@ EMBEDDED = Path(forge.__file__).parent / "embedded"
 HASHES = Path(__file__).parents[2] / "data/embedded_hashes.json"
 VALUES = Path(__file__).parents[2] / "data/embedded_values.json"
 REFERENCE = Path(__file__).parents[3] / "docs/reference/embedded-interfaces.md"
-NAMES = [
-    "action_msgs",
-    "actionlib_msgs",
-    "builtin_interfaces",
-    "composition_interfaces",
-    "diagnostic_msgs",
-    "example_interfaces",
-    "geometry_msgs",
-    "lifecycle_msgs",
-    "nav_msgs",
-    "rcl_interfaces",
-    "rosgraph_msgs",
-    "sensor_msgs",
-    "service_msgs",
-    "shape_msgs",
-    "statistics_msgs",
-    "std_msgs",
-    "std_srvs",
-    "stereo_msgs",
-    "tf2_msgs",
-    "trajectory_msgs",
-    "turtlesim",
-    "type_description_interfaces",
-    "unique_identifier_msgs",
-    "visualization_msgs",
-]
+NAMES = """
+    action_msgs actionlib_msgs builtin_interfaces composition_interfaces diagnostic_msgs
+    example_interfaces geometry_msgs lifecycle_msgs nav_msgs rcl_interfaces rosgraph_msgs
+    sensor_msgs service_msgs shape_msgs statistics_msgs std_msgs std_srvs stereo_msgs tf2_msgs
+    trajectory_msgs turtlesim type_description_interfaces unique_identifier_msgs visualization_msgs
+""".split()
 GROUP = "rosidl_interface_packages"
 
 
@@ -91,19 +70,9 @@ def _everywhere(name: str) -> dict[Path, Parsed]:
     return {p.source.path: p for rosdistro in DISTRIBUTIONS for p in _of_distribution(name, rosdistro)}
 
 
-def _sections(interface: Interface) -> tuple[Message, ...]:
-    match interface:
-        case Message():
-            return (interface,)
-        case Service(_, request, response):
-            return (request, response)
-        case Action(_, goal, result, feedback):
-            return (goal, result, feedback)
-
-
 def _messages(name: str) -> Iterator[Message]:
     for parsed in _everywhere(name).values():
-        yield from _sections(parsed.interface)
+        yield from sections_of(parsed.interface)
 
 
 def _needs(name: str) -> set[str]:
@@ -167,7 +136,7 @@ def test_constants_and_defaults_are_those_of_the_distribution(rosdistro: str) ->
     """Type hashes leave them out, so they have a table of their own."""
     values: dict[str, dict[str, Value]] = {}
     interfaces = (parsed.interface for name in NAMES for parsed in _of_distribution(name, rosdistro))
-    for message in (message for interface in interfaces for message in _sections(interface)):
+    for message in (message for interface in interfaces for message in sections_of(interface)):
         members: list[Field | Constant] = [*message.constants, *message.fields]
         for member in members:
             value = member.value if isinstance(member, Constant) else member.default

@@ -11,7 +11,7 @@ from forge.interfaces.cpp import target as cpp
 from forge.interfaces.hashing import hashes
 from forge.interfaces.model import Catalog, Message, Source, TypeName, messages_of, with_events
 from forge.interfaces.python import target as python
-from forge.interfaces.read.parsing import Parsed, parse_all
+from forge.interfaces.read.parsing import parse_all
 from forge.interfaces.read.sources import Library
 from forge.interfaces.resolve.resolution import resolve
 
@@ -64,28 +64,10 @@ def test_events_are_generated_in_cpp_and_python_on_request(*, events: bool) -> N
     assert {path: text in texts[path] for path, text in expected.items()} == dict.fromkeys(expected, events)
 
 
-class _Nothing:
-    """Knows no definitions."""
-
-    def find(self, name: TypeName) -> Parsed | None:
-        """Return nothing."""
-
-    def distribution_hint(self, name: TypeName) -> None:
-        del name
-
-    def declares(self, package: str) -> bool:
-        del package
-        return False
-
-    def names(self) -> tuple[TypeName, ...]:
-        """Return nothing."""
-        return ()
-
-
 def test_a_missing_dependency_of_a_service_is_named() -> None:
     source = Source("demo", "srv/Move.srv", Path("Move.srv"), DEFINITIONS["srv/Move.srv"])
     with pytest.raises(InterfaceError) as caught:
-        resolve("demo", parse_all([source]), _Nothing(), events=True)
+        resolve("demo", parse_all([source]), Library(embedded=None), events=True)
     (problem,) = caught.value.problems
     assert (
         problem.message

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from pathlib import Path
 
 import pytest
@@ -215,15 +214,6 @@ TYPES = st.builds(
 def test_every_well_formed_declaration_becomes_a_field(types: list[str], between: str) -> None:
     text = "".join(f"{type_} f{number}{between}" for number, type_ in enumerate(types))
     assert [f.name for f in message(text).fields] == [f"f{number}" for number in range(len(types))]
-
-
-PIECES = ["int8", "a", "[", "]", "<=", "3", "=", " ", "#", '"', "/", "Pose", "---", "\n", "\t"]
-
-
-@given(st.lists(st.sampled_from(PIECES)), st.sampled_from(["msg/Walk.msg", "srv/Walk.srv"]))
-def test_any_text_is_parsed_or_rejected_with_a_problem(pieces: list[str], relative: str) -> None:
-    with contextlib.suppress(InterfaceError):
-        parse(Source("tour", relative, Path(relative), "".join(pieces)))
 
 
 def test_constant_names_are_checked() -> None:
