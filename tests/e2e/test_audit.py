@@ -11,7 +11,6 @@ import pytest
 
 from tests.cmake.test_shapes import copy_shapes
 from tests.conftest import Forge, Ran, Tree
-from tests.snippets import ROOT
 
 pytestmark = [pytest.mark.slow, pytest.mark.needs("strace", "cmake", "g++")]
 
@@ -167,13 +166,6 @@ def test_missing_strace_is_reported(forge: Forge, tree: Tree, tmp_path: Path) ->
     assert ran.code == 2
     assert "error: '--audit' needs strace, which was not found" in ran.err
     assert "apt install strace" in ran.err
-
-
-def test_the_examples_use_nothing_that_is_not_tracked(forge: Forge, tmp_path: Path) -> None:
-    shutil.copytree(ROOT / "examples_ws/src", tmp_path / "src")
-    ran, lines = audit(forge, tmp_path)
-    assert lines[-1] == "audit: 17 packages, no unexpected inputs", "\n".join(lines)
-    assert ran.code == 0
 
 
 def test_the_shapes_use_nothing_that_is_not_tracked(forge: Forge, tmp_path: Path) -> None:

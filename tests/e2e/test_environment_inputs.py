@@ -270,18 +270,6 @@ def test_a_changed_toolchain_file_or_include_causes_a_rebuild(forge: Forge, tree
     assert builds.same_as_clean()
 
 
-def test_a_changed_toolchain_file_from_the_environment_causes_a_rebuild(forge: Forge, tree: Tree) -> None:
-    compilers = {f"opt/cc{i}": wrapper(i) for i in "12"}
-    root = tree(cmake("a", "") | compilers | {"opt/COLCON_IGNORE": ""})
-    variables = {"CMAKE_TOOLCHAIN_FILE": f"{root}/opt/tc.cmake"}
-    builds = Builds(forge, root)
-    tree({"opt/tc.cmake": f"set(CMAKE_C_COMPILER {root}/opt/cc1)\n"})
-    builds.build(variables)
-    tree({"opt/tc.cmake": f"set(CMAKE_C_COMPILER {root}/opt/cc2)\n"})
-    assert builds.build(variables) == ["a"]
-    assert builds.same_as_clean(variables)
-
-
 @pytest.mark.parametrize(
     "argument",
     [

@@ -285,25 +285,6 @@ def test_removed_workspace_scripts_are_recreated(forge: Forge, tree: Tree, optio
         assert look(root / "install") == before
 
 
-def test_files_not_made_by_builds_are_kept(forge: Forge, tree: Tree) -> None:
-    """What a running program, or a person, puts into a prefix is theirs."""
-    root = tree(cmake("a", "install(FILES x DESTINATION share/a)", x="1"))
-    build(forge, root)
-    own = root / "install/a/share/a/calibration.yaml"
-    own.write_text("mine")
-    (root / "src/a/x").write_text("2")
-    build(forge, root)
-    assert own.read_text() == "mine"
-    shutil.rmtree(root / "build")
-    (root / "src/a/x").write_text("3")
-    build(forge, root)
-    assert own.read_text() == "mine"
-    (root / "src/a/x").write_text("4")
-    (root / "src/a/CMakeLists.txt").write_text("message(FATAL_ERROR no)")
-    assert forge("build", cwd=root).code == 1
-    assert own.read_text() == "mine"
-
-
 def test_without_records_files_of_earlier_builds_are_removed(forge: Forge, tree: Tree) -> None:
     """The build folder was removed, the install folder was not."""
     root = tree(cmake("a", "install(DIRECTORY d/ DESTINATION share/d)", **{"d/x": "1", "d/y": "1"}))

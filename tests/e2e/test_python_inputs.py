@@ -14,7 +14,6 @@ from pathlib import Path
 import pytest
 import setuptools
 
-from forge.build.inputs.depfiles import external_inputs
 from tests.conftest import Forge, Tree, Variables
 from tests.evolving import differences, look
 from tests.packages import manifest_text
@@ -34,14 +33,6 @@ EXTENSION = """#include <Python.h>
 #include "size.h"
 static struct PyModuleDef talk = {PyModuleDef_HEAD_INIT, "talk.fast", 0, SIZE, 0};
 PyMODINIT_FUNC PyInit_fast(void) { return PyModule_Create(&talk); }
-"""
-BACKEND = """import os
-from setuptools.build_meta import *
-from setuptools.build_meta import build_wheel as original
-def build_wheel(*arguments):
-    with open("talk/made.py", "w") as stream:
-        stream.write("made = 'here'")
-    return original(*arguments)
 """
 
 
@@ -329,35 +320,3 @@ def test_files_written_into_sources_cause_no_endless_rebuilds(tree: Tree, forge:
     shutil.rmtree(root / "build")
     assert workspace.build() == "not built yet"
     assert workspace.build() == ""
-
-
-def test_an_ordinary_package_reads_few_files_outside(tree: Tree, forge: Forge) -> None:
-    """They are listed in the journal for each package."""
-    root = tree(package())
-    Workspace(root, forge)
-    found = external_inputs(root / "build/talk", root / "src/talk", (root,))
-    assert 0 < len(found) < 20
-    assert not [path for path in found if path.endswith((".pyc", "input.json"))]
-
-
-def test_cached_results_depend_on_external_files(tree: Tree, forge: Forge) -> None:
-    root = tree(package(READERS["open"], VERSION="1.0\n"))
-    cache = ("--cache", str(root / "cache"))
-
-    def build() -> tuple[str, str]:
-        for name in ("build", "install", "log"):
-            shutil.rmtree(root / name, ignore_errors=True)
-        ran = forge("build", *cache, cwd=root)
-        assert ran.code == 0, ran.err
-        (info,) = root.glob("install/talk/lib/python*/site-packages/talk-*.egg-info")
-        return info.name.partition("-py")[0], ran.out
-
-    assert build()[0] == "talk-1.0"
-    (root / "VERSION").write_text("2.0\n")
-    name, said = build()
-    assert name == "talk-2.0"
-    assert "came from the cache" not in said
-    (root / "VERSION").write_text("1.0\n")
-    name, said = build()
-    assert name == "talk-1.0"
-    assert "came from the cache" in said

@@ -68,16 +68,6 @@ def test_the_workspace_of_the_nodes_holds_those_of_the_outer_one_too(forge: Forg
     assert listed.err == ""
 
 
-def test_dependencies_are_known_without_ros(forge: Forge, workspace: Path) -> None:
-    order = forge("list", "--names-only", "--topological-order", cwd=workspace / "ros2").out.split()
-    assert order.index("robot_motion") < order.index("example_action_rclcpp") < order.index("robot_startup")
-    graph = forge("graph", "--packages-above", "robot_motion", cwd=workspace / "ros2")
-    assert graph.code == 0
-    above = {line.split()[0] for line in graph.out.splitlines()}
-    assert above >= {"robot_motion", "example_action_rclcpp", "example_interfaces_rclcpp", "robot_startup"}
-    assert "example_topic_rclcpp" not in above
-
-
 def test_a_build_without_ros_names_what_is_missing_and_starts_nothing(forge: Forge, workspace: Path) -> None:
     ran = forge("build", cwd=workspace / "ros2")
     assert ran.code == 2
@@ -143,14 +133,3 @@ def test_the_launch_file_of_components_loads_classes_that_are_registered() -> No
         assert plugin in components(package)
     registered = re.findall(r"RCLCPP_COMPONENTS_REGISTER_NODE\(([\w:]+)\)", code(loaded[0][0], "*.cpp"))
     assert set(registered) == components(loaded[0][0])
-
-
-@pytest.mark.parametrize("package", NODES)
-def test_every_program_is_run_by_the_demo_and_listed_in_the_documentation(package: str) -> None:
-    page = (ROOT / "docs/ros2-from-source.md").read_text(encoding="utf-8")
-    demo = (EXAMPLES / "ros2/demo.sh").read_text(encoding="utf-8")
-    assert f"| `{package}` |" in page
-    launched = "".join(text_of_launch(file) for file in SOURCES.rglob("*.launch.*"))
-    for program in programs(package):
-        assert f"`{program}`" in page
-        assert re.search(rf"\b{program}\b", demo + launched)

@@ -156,16 +156,6 @@ def _sets_apart(variables: dict[str, str]) -> dict[str, str]:
 
 @each_layout
 @each_shell
-def test_sourcing_twice_adds_nothing(shell: str, layout_word: str, tmp_path: Path) -> None:
-    """The second time finds everything in its place."""
-    layout = make_install(tmp_path, [LIBRARY, PROGRAMS], merged=layout_word == "merged")
-    once = report(shell, sourced(shell), PLAIN, setup(layout, shell))
-    assert once["PATH"].startswith(str(layout.prefix("programs") / "bin:"))
-    assert report(shell, sourced(shell, times=2), PLAIN, setup(layout, shell)) == once
-
-
-@each_layout
-@each_shell
 def test_sourcing_after_a_build_adds_what_is_new(shell: str, layout_word: str, tmp_path: Path) -> None:
     """A terminal goes on with what it has; new packages come in front of all, others stay where they are."""
     merged = layout_word == "merged"

@@ -172,18 +172,6 @@ def test_a_plugin_finds_the_variables_that_its_files_name(
     assert (ran.code, "the build type 'make' failed: ZeroDivisionError" in ran.err) == (2, True)
 
 
-def test_another_version_of_a_plugin_reads_files_again(
-    forge: Forge, greeter: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    install(monkeypatch, tmp_path / "old", PLUGIN)
-    (greeter / "src/greeter/x.rules").write_text("NOISE\n")
-    assert forge("build", cwd=greeter).code == 0
-    install(monkeypatch, tmp_path / "new", PLUGIN + READER)
-    assert forge("build", cwd=greeter).code == 0
-    ran = forge("build", "--dry-run", cwd=greeter, env={"NOISE": "loud"})
-    assert "greeter: build, the environment variable 'NOISE' " in ran.out
-
-
 def test_the_steps_of_a_plugin_that_stages_are_not_observed(
     forge: Forge, greeter: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -239,22 +239,6 @@ def test_completion_uses_current_package_names(workspace: Path, tmp_path: Path) 
     assert sorted(package_names(workspace, None)) == ["aleph", "beta", "plain_cmake"]
 
 
-def test_installed_names_and_programs_are_found(tree: Tree, capsys: pytest.CaptureFixture[str]) -> None:
-    root = tree(
-        {
-            "i/share/ament_index/resource_index/packages/walker": "",
-            "i/share/ament_index/resource_index/packages/.hidden": "",
-            "i/lib/walker/walk": "#!/bin/sh\n",
-            "i/lib/walker/.git/hook": "#!/bin/sh\n",
-            "i/lib/walker/notes": "",
-        }
-    )
-    variables = {"AMENT_PREFIX_PATH": f"{root}/i:/nowhere:"}
-    assert main(["installed"], variables) == 0
-    assert main(["executables", "walker"], variables) == 0
-    assert capsys.readouterr().out == "walker\nwalk\n"
-
-
 def test_programs_of_packages_without_ament_are_found(
     tree: Tree, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -273,24 +257,6 @@ def test_programs_of_packages_without_ament_are_found(
     assert capsys.readouterr().out == "plain\nwalker\nrun\nwalk\n"
     assert main(["installed"], variables) == 0
     assert capsys.readouterr().out == "walker\n"
-
-
-def test_packages_of_the_current_workspace_are_completed(
-    workspace: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(workspace / "src/group")
-    (workspace / "src/loop").symlink_to(workspace / "src")
-    (workspace / "src/broken").symlink_to(workspace / "gone")
-    assert main(["packages"], {"HOME": str(workspace / "home")}) == 0
-    assert capsys.readouterr().out.split() == NAMES
-    assert main(["packages"], {"HOME": "nowhere"}) == 0
-    assert capsys.readouterr().out.split() == NAMES
-
-
-def test_unknown_completions_print_nothing(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main([], {}) == 0
-    assert main(["installed"], {"AMENT_PREFIX_PATH": "/nowhere"}) == 0
-    assert capsys.readouterr().out == ""
 
 
 def test_packages_of_the_workspace_and_of_forge_are_completed(

@@ -69,12 +69,6 @@ def of_topic(found: dict[str, Any], topic: str) -> list[dict[str, Any]]:
     return [finding for finding in found["findings"] if finding["topic"] == topic]
 
 
-def test_packages_of_the_user_are_listed_first(forge: Forge, tree: Tree) -> None:
-    root = tree(cmake_package("z", depends=("ament_cmake",)))
-    found = findings(forge, root)
-    assert found["checked"][0]["summary"] == "1 package, and 1 embedded in forge"
-
-
 @pytest.mark.needs("cmake", "g++")
 def test_all_checks_are_listed_and_summarized(forge: Forge, tree: Tree) -> None:
     root = tree({**cmake_package("a"), **cmake_package("b", "find_package(a REQUIRED)", depends=("a",))})
@@ -98,19 +92,6 @@ def test_doctor_works_outside_of_a_workspace(forge: Forge, tmp_path: Path) -> No
     assert found["checked"][0] == {"topic": "workspace", "summary": "no packages found"}
     home = findings(forge, tmp_path, env={"HOME": str(tmp_path)})
     assert "not searching for packages" in home["checked"][0]["summary"]
-
-
-def test_doctor_writes_nothing_and_runs_no_code_of_the_workspace(forge: Forge, tree: Tree) -> None:
-    root = tree(
-        {
-            **python_package("p", "raise SystemExit('imported')\n"),
-            "src/p/setup.py": "open('ran', 'w')\n",
-            **cmake_package("c", 'file(WRITE ${CMAKE_SOURCE_DIR}/ran "")'),
-        }
-    )
-    before = sorted(root.rglob("*"))
-    findings(forge, root)
-    assert sorted(root.rglob("*")) == before
 
 
 def test_a_required_package_of_the_workspace_that_is_not_declared_stops_a_build(

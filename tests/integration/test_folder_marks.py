@@ -49,7 +49,7 @@ def everything(root: Path) -> dict[str, tuple[int, str]]:
 
 def cases() -> list[tuple[str, str, str, str]]:
     """Return each command, base and slip, with one of the ways that are possible for them in turn."""
-    found = []
+    found: list[tuple[str, str, str, str]] = []
     for command in COMMANDS:
         for base in BASES.get(command, ("build", "install", "log")):
             for slip in SLIPS:

@@ -276,7 +276,3 @@ def test_the_current_workspace_need_not_be_sourced(layout: str, forge: Forge, tr
     assert forge("pkg", "prefix", "wlaker", cwd=root / "ws").err == (
         "error: package 'wlaker' is not installed in 'install'\nhint: did you mean 'walker'?\n"
     )
-
-
-def test_pkg_requires_a_subcommand(forge: Forge) -> None:
-    assert forge("pkg").code == 2

@@ -101,20 +101,6 @@ def test_ctrl_c_goes_to_the_program_and_other_signals_are_forwarded(tree: Tree) 
         assert started.wait(10) == 5
 
 
-def test_signals_to_forge_itself_reach_the_program_except_ctrl_c(forge: Forge, tree: Tree) -> None:
-    script = (
-        "#!/bin/sh\ntrap 'exit 5' TERM\nkill -INT $PPID\nsleep 0.1\nkill -TERM $PPID\n"
-        "while :; do sleep 0.02; done\n"
-    )
-    assert run(forge, tree({MARK: "", "lib/walker/end": script}), "walker", "end")[0] == 5
-
-
-def test_signal_handlers_are_restored(forge: Forge, tree: Tree) -> None:
-    before = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)]
-    run(forge, tree({MARK: "", "lib/walker/say": SAY}), "walker", "say")
-    assert before == [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)]
-
-
 @pytest.mark.parametrize(
     ("argv", "message"),
     [
@@ -175,12 +161,6 @@ def test_run_requires_package_and_program(
 ) -> None:
     root = tree({MARK: "", **{f"lib/walker/{name}": SAY for name in programs}})
     assert run(forge, root, *argv) == (2, "", f"error: {told}\n".replace("{}", str(root)))
-
-
-def test_a_package_without_programs_is_reported(forge: Forge, tree: Tree) -> None:
-    root = tree({MARK: ""})
-    told = f"hint: package 'walker' has no executables in '{root}/lib/walker'\n"
-    assert run(forge, root, "walker", "say") == (2, "", f"error: no executable found\n{told}")
 
 
 def package_xml(build_type: str) -> dict[str, str]:

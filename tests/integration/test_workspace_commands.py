@@ -194,12 +194,6 @@ def test_packages_of_one_name_are_shown_and_refused_only_by_a_build_of_both(
     assert forge("build", "--dry-run", "--packages-select", "p", cwd=workspace).code == 0
 
 
-def test_info_without_packages_is_an_error(forge: Forge, tree: Tree) -> None:
-    ran = forge("info", cwd=tree({}))
-    assert ran.code == 2
-    assert "no packages found below" in ran.err
-
-
 BROKEN = "<package format='3'><name>{name}</name><!-- no maintainer --></package>"
 
 
@@ -264,11 +258,3 @@ def test_a_broken_manifest_stops_what_needs_it_and_says_how_to_go_around(
     remedy = "'--packages-ignore broken', or an empty file 'src/b/COLCON_IGNORE'"
     assert f"hint: to leave the package out: {remedy}" in ran.err
     assert "no package named" not in ran.err
-
-
-def test_stale_results_are_not_removed_while_a_manifest_is_broken(forge: Forge, with_broken: Path) -> None:
-    assert forge("build", "--packages-select", "good", cwd=with_broken).code == 0
-    text = (with_broken / "src/good/package.xml").read_text()
-    (with_broken / "src/good/package.xml").write_text(text.replace("<license>", "<licence>"))
-    assert forge("clean", "stale", "-y", cwd=with_broken).code == 2
-    assert (with_broken / "install/good").is_dir()

@@ -6,19 +6,11 @@ import os
 import shutil
 import subprocess
 import sys
-from contextlib import closing
 from pathlib import Path
 
 import pytest
 
-from forge.build.tasks import BuildPlan, Step, StepKind, Task
-from forge.execution.job_pool import JobPool
 from forge.execution.jobserver import FIFO, PIPE, supported_styles
-from forge.execution.loop import execute
-from forge.execution.runner import LocalExecutor, TaskRunner
-from forge.execution.scheduler import Scheduler
-from tests.integration.execution.test_loop import Lifecycle
-from tests.packages import package
 from tests.unit.execution.test_jobserver import BOTH, NONE, ONLY_PIPE
 
 
@@ -64,37 +56,3 @@ def test_an_unused_job_pool_closes_immediately() -> None:
             threading.Event().wait(0.1)
     """
     subprocess.run((sys.executable, "-W", "error", "-c", program), check=True, timeout=20)
-
-
-def test_waiting_for_a_token_ends_with_the_build(tmp_path: Path) -> None:
-    """Two packages may begin, but there is one job: when the first fails, the second never ran.
-
-    The failure and the token it gives back race through two threads: one clean stop in five is asked for.
-    """
-    ends = [_end_of_the_one_that_waits(tmp_path / str(number)) for number in range(5)]
-    assert ["Started", "Aborted"] in ends
-
-
-def _end_of_the_one_that_waits(tmp_path: Path) -> list[str]:
-    tmp_path.mkdir()
-    steps = {
-        "bad": "import time; time.sleep(0.3); raise SystemExit(1)",
-        "late": "print('never')",
-    }
-    tasks = {
-        name: Task(
-            name,
-            package(name),
-            tmp_path,
-            tmp_path / name,
-            (),
-            (Step(StepKind.INSTALL, (sys.executable, "-c", code), tmp_path),),
-            "",
-        )
-        for name, code in steps.items()
-    }
-    plan = BuildPlan(tasks)
-    with closing(JobPool(1)) as budget:
-        runner = TaskRunner(Lifecycle(), LocalExecutor(budget), budget)
-        events = list(execute(plan, runner, Scheduler(plan, 2), lambda task: task))
-    return [type(event).__name__ for event in events if event.task == "late"]

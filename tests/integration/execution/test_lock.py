@@ -6,12 +6,11 @@ import re
 import subprocess
 import sys
 import threading
-import time
 from pathlib import Path
 
 import pytest
 
-from forge.base.layout import LAYOUT_MARKER, LOCK_FILE, PROCESSES_FILE
+from forge.base.layout import LAYOUT_MARKER, PROCESSES_FILE
 from forge.execution.lock import lock_build_dir, lock_install_dir
 from forge.execution.started import StartedProcesses
 from tests.conftest import Forge, Tree
@@ -41,34 +40,6 @@ def sleeper(build: Path) -> subprocess.Popen[bytes]:
     process = subprocess.Popen(["sleep", "60"], start_new_session=True)
     StartedProcesses(build).note(process.pid)
     return process
-
-
-def test_a_second_build_waits_and_names_the_first(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    with holder(tmp_path) as first:
-        argv = [sys.executable, "-c", HOLD, str(tmp_path)]
-        second = subprocess.Popen(argv, stdin=subprocess.PIPE, text=True)
-        time.sleep(0.5)
-        assert second.poll() is None
-        first.communicate("go\n")
-        second.communicate("go\n")
-    out, err = capfd.readouterr()
-    assert (out, err) == (
-        "holding\n",
-        f"waiting for process {first.pid} to release the lock on the build folder '{tmp_path}'\n",
-    )
-    assert (tmp_path / LOCK_FILE).read_text() == ""
-
-
-def test_processes_left_by_a_killed_build_are_ended(tmp_path: Path) -> None:
-    (tmp_path / "other").mkdir()
-    first = holder(tmp_path)
-    with first, sleeper(tmp_path) as own, sleeper(tmp_path / "other") as foreign:
-        first.kill()
-        first.wait()
-        with lock_build_dir(tmp_path):
-            assert own.wait(timeout=5) < 0
-            assert foreign.poll() is None
-        foreign.kill()
 
 
 def test_processes_left_by_a_finished_build_keep_running(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -94,49 +94,6 @@ def test_an_exception_in_a_worker_is_raised_in_the_loop(tmp_path: Path) -> None:
         run(plan_of(task(tmp_path, "a", "print()"), task(tmp_path, "b", "print()")), runner, limit=1)
 
 
-def interrupted(plan: BuildPlan, ready: Callable[[], bool], times: int = 1) -> list[Event]:
-    """Execute, sending SIGINT to ourselves when `ready`, and return the events until the end."""
-
-    def send() -> None:
-        while not ready():
-            time.sleep(0.01)
-        for _ in range(times):
-            os.kill(os.getpid(), signal.SIGINT)
-            time.sleep(0.2)
-
-    events: list[Event] = []
-    thread = threading.Thread(target=send)
-    thread.start()
-    with pytest.raises(KeyboardInterrupt):
-        # extend() keeps what came before the interrupt.
-        events.extend(execute(plan, real_runner(), Scheduler(plan, 0), lambda one: one))
-    thread.join()
-    return events
-
-
-def test_an_interrupt_ends_the_programs_and_their_children(tmp_path: Path) -> None:
-    flag = tmp_path / "flag"
-    child = f"open({str(flag)!r}, 'w').close(); import time; time.sleep(60)"
-    program = f"import subprocess, sys; subprocess.run([sys.executable, '-c', {child!r}])"
-    plan = plan_of(task(tmp_path, "a", program), task(tmp_path, "b", "print()", needs=["a"]))
-    begun = time.monotonic()
-    events = interrupted(plan, flag.exists)
-    assert time.monotonic() - begun < 30
-    assert ends(events) == {"a": "Aborted" if ends(events)["a"] == "Aborted" else 1, "b": "Skipped"}
-
-
-def test_a_second_interrupt_kills_what_ignores_the_first(tmp_path: Path) -> None:
-    flag = tmp_path / "flag"
-    program = (
-        "import signal, time; signal.signal(signal.SIGINT, signal.SIG_IGN); "
-        f"open({str(flag)!r}, 'w').close(); time.sleep(60)"
-    )
-    begun = time.monotonic()
-    events = interrupted(plan_of(task(tmp_path, "a", program)), flag.exists, times=2)
-    assert time.monotonic() - begun < 4
-    assert ends(events) == {"a": "Aborted"}
-
-
 def test_a_daemon_that_a_step_leaves_behind_is_not_waited_for(tmp_path: Path) -> None:
     program = "import subprocess; print(subprocess.Popen(['sleep', '30']).pid, flush=True)"
     begun = time.monotonic()
@@ -161,9 +118,3 @@ def test_leaving_the_loop_early_ends_the_programs(tmp_path: Path) -> None:
     events.close()
     assert time.monotonic() - begun < 10
     assert threading.active_count() == 1 or not [t for t in threading.enumerate() if t.name in {"a", "b"}]
-
-
-def test_signal_handlers_are_as_before_afterwards(tmp_path: Path) -> None:
-    before = signal.getsignal(signal.SIGINT)
-    run(plan_of(task(tmp_path, "a", "print()")))
-    assert signal.getsignal(signal.SIGINT) is before

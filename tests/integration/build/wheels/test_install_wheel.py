@@ -696,44 +696,6 @@ def test_a_script_without_a_function_does_not_keep_the_others_from_being_install
     assert {"lib/talk/hello", "lib/talk/bad"} <= files(root / "install")
 
 
-COMMAND = """from distutils.command.install_data import install_data
-
-class Loud(install_data):
-    def run(self):
-        super().run()
-        print("loud command")
-"""
-WITH_PLUGIN = """import sys
-from setuptools import setup
-sys.path.append({folder!r})
-reads = []
-sys.addaudithook(lambda event, args: event == "open" and "loud-1" in str(args[0]) and reads.append(args[0]))
-setup(name="talk", version="0.1.0", packages=["talk"], data_files=[("share/talk", ["setup.py"])],
-      entry_points={{"console_scripts": ["hello = talk.hello:main"]}})
-print("reads:", sum(str(path).endswith("entry_points.txt") for path in reads))
-"""
-
-
-def test_setuptools_reads_the_entry_points_of_other_distributions_once(
-    tree: Tree, capfd: pytest.CaptureFixture[str]
-) -> None:
-    root = tree(
-        {
-            **SETUP,
-            "plugins/loud.py": COMMAND,
-            "plugins/loud-1.dist-info/METADATA": "Metadata-Version: 2.1\nName: loud\nVersion: 1\n",
-            "plugins/loud-1.dist-info/entry_points.txt": "[distutils.commands]\ninstall_data = loud:Loud\n",
-        }
-    )
-    tree({"src/talk/setup.py": WITH_PLUGIN.format(folder=str(root / "plugins"))})
-    assert install(root) == 0
-    printed = capfd.readouterr().out
-    assert "loud command\n" in printed
-    assert int(printed.partition("reads: ")[2].split()[0]) == 1
-    read = (root / "build/talk/.forge/read_by_backend").read_text(encoding="utf-8")
-    assert f"{root}/plugins/loud" in read
-
-
 @pytest.mark.parametrize(("has_setuptools", "starts"), [(True, 1), (False, 3)])
 def test_a_package_starts_one_interpreter(has_setuptools: bool, starts: int, tree: Tree) -> None:
     """One without setuptools is asked what it lacks, and started again with those of forge."""
