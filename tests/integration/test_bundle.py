@@ -7,10 +7,7 @@ import subprocess
 import tarfile
 from pathlib import Path
 
-import pytest
-
 from forge.base.layout import LAYOUT_MARKER
-from forge.environment.bundling import for_building
 from tests.conftest import Forge, Tree
 from tests.e2e.test_shells import PLAIN, each_layout, each_shell, report, sourced
 from tests.installs import Made, make_install
@@ -25,30 +22,16 @@ WALKER = Made(
         "lib/libwalker.so": "",
         "lib/libwalker.a": "",
         "share/walker/cmake/walkerConfig.cmake": "",
+        "share/walker/cmake/template.in": "",
+        "lib/cmake/walker/walker-config.cmake": "",
+        "lib/pkgconfig/walker.pc": "",
+        "lib/walker/include/data": "",
+        "bin/cmake": "",
         "share/walker/msg/Step.msg": "",
         f"{SITE}/walker.py": "",
         f"{SITE}/__pycache__/walker.pyc": "",
     },
 )
-
-
-@pytest.mark.parametrize(
-    ("path", "expected"),
-    [
-        ("include/p/p.hpp", True),
-        ("share/p/cmake/pConfig.cmake", True),
-        ("share/p/cmake/template.in", True),
-        ("lib/cmake/p/p-config.cmake", True),
-        ("lib/pkgconfig/p.pc", True),
-        ("lib/libp.a", True),
-        ("lib/libp.so.1", False),
-        ("lib/p/include/data", False),
-        ("share/p/msg/P.msg", False),
-        ("bin/cmake", False),
-    ],
-)
-def test_files_needed_only_for_building_are_recognized(path: str, expected: bool) -> None:
-    assert for_building(path) is expected
 
 
 @each_layout
@@ -70,8 +53,9 @@ def test_a_bundle_is_relocatable(shell: str, layout_word: str, forge: Forge, tmp
     assert after["PATH"] == f"{prefix}/bin:{PLAIN['PATH']}"
     assert str(layout.install.parent) not in "".join(after.values())
     files = {path.name for path in prefix.rglob("*") if path.is_file()}
-    assert {"go", "libwalker.so", "walker.py", "Step.msg"} <= files
-    assert not files & {"walker.hpp", "walkerConfig.cmake", "libwalker.a", "walker.pyc"}
+    assert {"go", "cmake", "libwalker.so", "walker.py", "Step.msg", "data"} <= files
+    build_files = {"walker.hpp", "walkerConfig.cmake", "walker-config.cmake", "template.in", "walker.pc"}
+    assert not files & {*build_files, "libwalker.a", "walker.pyc"}
 
 
 def test_links_that_leave_the_tree_become_files(forge: Forge, tmp_path: Path) -> None:

@@ -116,14 +116,13 @@ def test_create_renames_a_node_called_like_the_library(forge: Forge, tmp_path: P
     assert (tmp_path / "walker/src/x_node.cpp").is_file()
 
 
-def test_create_without_a_licence_notes_how_to_choose_one(forge: Forge, tmp_path: Path) -> None:
+def test_create_warns_of_an_unusual_name_and_a_missing_license(forge: Forge, tmp_path: Path) -> None:
     ran = forge("pkg", "create", "walker", cwd=tmp_path)
-    assert ran.code == 0
-    assert ran.err == "note: no license yet: choose one with --license, such as --license MIT\n"
+    assert (ran.code, ran.err) == (
+        0,
+        "note: no license yet: choose one with --license, such as --license MIT\n",
+    )
     assert "<license>TODO: License declaration</license>" in (tmp_path / "walker/package.xml").read_text()
-
-
-def test_create_warns_of_an_unusual_name_and_a_missing_licence(forge: Forge, tmp_path: Path) -> None:
     ran = forge("pkg", "create", "Walker", "--license", "apache-2.0", cwd=tmp_path)
     assert ran.code == 0
     assert ran.err.splitlines() == [
@@ -145,27 +144,29 @@ def test_a_created_package_of_interfaces_has_one_of_each_kind(forge: Forge, tmp_
 
 
 @pytest.mark.parametrize("argv", [("walker", "--license", "?"), ("--license", "?")])
-def test_a_question_mark_lists_the_licences(argv: tuple[str, ...], forge: Forge, tmp_path: Path) -> None:
+def test_a_question_mark_lists_the_licenses(argv: tuple[str, ...], forge: Forge, tmp_path: Path) -> None:
     ran = forge("pkg", "create", *argv, cwd=tmp_path)
     assert ran.code == 0
     assert ran.out.splitlines()[:2] == ["Supported licenses:", "Apache-2.0"]
     assert not any(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("there", ["walker/file", "walker"])
-def test_create_keeps_existing_files(there: str, forge: Forge, tree: Tree) -> None:
+@pytest.mark.parametrize(
+    ("there", "destination", "message"),
+    [
+        ("walker/file", ".", "'walker' already exists\nhint: remove it, or choose another name or "),
+        ("walker", ".", "'walker' already exists\nhint: "),
+        ("file", "file", "cannot create 'file/walker': not a directory\n"),
+    ],
+)
+def test_create_keeps_existing_files(
+    there: str, destination: str, message: str, forge: Forge, tree: Tree
+) -> None:
     root = tree({there: "mine\n"})
-    ran = forge("pkg", "create", "walker", cwd=root)
-    assert (ran.code, ran.out) == (2, "")
-    assert ran.err == (
-        "error: 'walker' already exists\nhint: remove it, or choose another name or --destination-directory\n"
-    )
-
-
-def test_create_explains_write_errors(forge: Forge, tree: Tree) -> None:
-    ran = forge("pkg", "create", "walker", "--destination-directory", "file", cwd=tree({"file": ""}))
+    ran = forge("pkg", "create", "walker", "--destination-directory", destination, cwd=root)
     assert ran.code == 2
-    assert ran.err == "error: cannot create 'file/walker': not a directory\n"
+    assert ran.err.startswith(f"error: {message}")
+    assert [path.name for path in root.rglob("*") if path.is_file()] == [Path(there).name]
 
 
 def test_create_validates_before_writing(forge: Forge, tmp_path: Path) -> None:
@@ -190,31 +191,23 @@ def test_without_git_the_login_name_is_used(forge: Forge, tmp_path: Path) -> Non
     assert "maintainer: ['ada <ada@todo.todo>']" in ran.out
 
 
-def test_list_names_each_package_once(forge: Forge, prefix: Path) -> None:
-    assert forge("pkg", "list", env=sourced(prefix)).out == "arm\nwalker\n"
-
-
-def test_executables_are_the_programs_below_lib_of_the_package(forge: Forge, prefix: Path) -> None:
-    everything = forge("pkg", "executables", env=sourced(prefix)).out
-    assert everything == "arm wave\nwalker run\nwalker stroll\nwalker walk\n"
-    paths = forge("pkg", "executables", "walker", "--full-path", env=sourced(prefix)).out
-    folder = prefix / "one/lib/walker"
-    assert paths.splitlines() == [f"{folder}/deep/run", f"{folder}/stroll", f"{folder}/walk"]
-
-
-def test_prefix_is_the_first_that_has_the_package(forge: Forge, prefix: Path) -> None:
-    assert forge("pkg", "prefix", "walker", env=sourced(prefix)).out == f"{prefix}/one\n"
-    assert forge("pkg", "prefix", "arm", "--share", env=sourced(prefix)).out == f"{prefix}/two/share/arm\n"
-
-
-def test_xml_prints_the_manifest_from_its_root_on(forge: Forge, prefix: Path) -> None:
-    ran = forge("pkg", "xml", "walker", env=sourced(prefix))
-    assert ran.out == MANIFEST[MANIFEST.index("<package") :]
-
-
-def test_xml_prints_the_text_of_a_tag(forge: Forge, prefix: Path) -> None:
-    assert forge("pkg", "xml", "walker", "-t", "version", env=sourced(prefix)).out == "1.2.3\n"
-    assert forge("pkg", "xml", "walker", "--tag", "depend", env=sourced(prefix)).out == "legs\nfeet\n"
+@pytest.mark.parametrize(
+    ("argv", "out"),
+    [
+        ("list", "arm\nwalker\n"),
+        ("executables", "arm wave\nwalker run\nwalker stroll\nwalker walk\n"),
+        ("executables arm --full-path", "{}/two/lib/arm/wave\n"),
+        ("prefix walker", "{}/one\n"),
+        ("prefix arm --share", "{}/two/share/arm\n"),
+        ("xml walker", MANIFEST[MANIFEST.index("<package") :]),
+        ("xml walker -t version", "1.2.3\n"),
+        ("xml walker --tag depend", "legs\nfeet\n"),
+    ],
+)
+def test_installed_packages_are_queried_in_the_order_of_the_prefixes(
+    argv: str, out: str, forge: Forge, prefix: Path
+) -> None:
+    assert forge("pkg", *argv.split(), env=sourced(prefix)).out == out.replace("{}", str(prefix))
 
 
 @pytest.mark.parametrize(

@@ -28,31 +28,27 @@ def test_missing_prefixes_in_the_environment_are_reported(tmp_path: Path) -> Non
     (problem,) = lost_underlays(tmp_path, variables)
     listed = ", ".join(f"'{path}'" for path in gone[:3])
     assert problem.message == f"'AMENT_PREFIX_PATH' names {listed} and 2 more, which do not exist"
+    root = tmp_path / "gone/install"  # an isolated underlay is reported once
+    prefixes = os.pathsep.join(f"{root}/{name}" for name in "abc")
+    (problem,) = lost_underlays(tmp_path, {"COLCON_PREFIX_PATH": f"{root}/", "AMENT_PREFIX_PATH": prefixes})
+    assert problem.message == f"'COLCON_PREFIX_PATH' names '{root}/', which does not exist"
 
 
 @pytest.mark.parametrize("merged", [False, True])
 def test_dependents_in_the_underlay_are_named(merged: bool, tmp_path: Path) -> None:
-    made = [Made("base"), *(Made(name, ("base",)) for name in "vwxyz"), Made("lonely")]
+    made = [Made("base"), *(Made(name, ("base",)) for name in "vwxyz"), Made("deep", ("v",)), Made("lonely")]
     root = make_install(tmp_path / "below", made, merged=merged).install
     own, variables = tmp_path / "install", {"COLCON_PREFIX_PATH": str(root)}
     (problem,) = overridden({"base", "lonely", "z"}, own, variables)
     assert problem.message == (
         f"'base' overrides the package in '{root}', on which 'v', 'w', 'x' and 1 more there depend"
     )
-    (both,) = overridden({"base", "v", "w", "lonely"}, own, variables)
-    assert both.message.startswith("'base' overrides the package in"), "its dependents are built, too"
-    assert list(overridden({"base", *"vwxyz"}, own, variables)) == []
-    assert list(overridden({"mine"}, own, variables)) == []
-
-
-def test_overridden_packages_are_one_warning(tmp_path: Path) -> None:
-    made = [Made("one"), Made("two"), Made("three"), Made("user", ("one", "two")), Made("other", ("two",))]
-    root = make_install(tmp_path / "below", made).install
-    variables = {"COLCON_PREFIX_PATH": str(root)}
-    (problem,) = overridden({"one", "two", "three"}, tmp_path / "install", variables)
-    assert problem.message == (
-        f"'one', 'two' override the packages in '{root}', on which 'other', 'user' there depend"
+    (both,) = overridden({"base", "lonely", "v"}, own, variables)
+    assert both.message == (
+        f"'base', 'v' override the packages in '{root}', on which 'deep', 'w', 'x' and 2 more there depend"
     )
+    assert list(overridden({"base", "deep", *"vwxyz"}, own, variables)) == []
+    assert list(overridden({"mine"}, own, variables)) == []
 
 
 @pytest.mark.parametrize("ours", [True, False])
@@ -145,11 +141,3 @@ def test_installed_files_of_removed_packages_are_reported(forge: Forge, tree: Tr
     assert forge("clean", "stale", "--yes", cwd=root).code == 0
     (root / "src/a/newest").write_text("")
     assert "no longer" not in forge("build", cwd=root).err
-
-
-def test_an_isolated_underlay_that_is_gone_is_one_line(tmp_path: Path) -> None:
-    root = tmp_path / "gone/install"
-    prefixes = os.pathsep.join(f"{root}/{name}" for name in "abc")
-    variables = {"COLCON_PREFIX_PATH": f"{root}/", "AMENT_PREFIX_PATH": prefixes}
-    (problem,) = lost_underlays(tmp_path / "install", variables)
-    assert problem.message == f"'COLCON_PREFIX_PATH' names '{root}/', which does not exist"

@@ -32,16 +32,6 @@ def test_underlays_are_lowest_first_and_prefixes_highest_first(tmp_path: Path) -
     assert found.prefixes == (high / "tool", low, high / "library")
 
 
-def test_the_own_install_folder_is_not_an_underlay(tmp_path: Path) -> None:
-    own = make_install(tmp_path / "ws", [Made("mine")]).install
-    (tmp_path / "link").symlink_to(own)
-    variables = {
-        "COLCON_PREFIX_PATH": paths(own, tmp_path / "link"),
-        "AMENT_PREFIX_PATH": paths(own / "mine", tmp_path / "link" / "mine"),
-    }
-    assert find_underlays(variables, own) == Underlays()
-
-
 def test_an_ament_prefix_stands_for_the_root_with_setup_scripts(tree: Tree) -> None:
     root = tree(
         {

@@ -2,11 +2,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
-
 from forge.environment.dsv import Edit, PackageEdits, Script
-from forge.environment.scripts import local_setup, package_setup, render_dsv, setup
-from forge.environment.shells import SHELLS
+from forge.environment.scripts import local_setup, package_setup, setup
 from tests.conftest import Golden
 
 ROOT = Path("/ws/install")
@@ -50,19 +47,3 @@ def test_setup_sources_all_underlays(golden: Golden) -> None:
 def test_package_setup_prepends_its_entries(golden: Golden) -> None:
     package = PackageEdits("odd", "", EVERYTHING)
     golden("scripts/package-odd", {"package.sh": package_setup("sh", ROOT / "odd", package)})
-
-
-def test_dsv_files_are_rendered_line_by_line() -> None:
-    assert render_dsv([]) == ""
-    assert render_dsv(["set;A;b", "source;c"]) == "set;A;b\nsource;c\n"
-
-
-@pytest.mark.parametrize(
-    ("shell", "quoted"),
-    [
-        ("sh", "a \\\"b\\\" \\$c \\`d\\` \\\\e 'f' !g “h”"),
-        ("fish", "a \\\"b\\\" \\$c `d` \\\\e 'f' !g “h”"),
-    ],
-)
-def test_special_characters_are_escaped_in_double_quotes(shell: str, quoted: str) -> None:
-    assert SHELLS[shell].quoted("a \"b\" $c `d` \\e 'f' !g “h”") == quoted
