@@ -129,7 +129,6 @@ class JobPool:
                 yield found, ()
 
     def stop(self) -> None:
-        """Let no further package start."""
         with self._changed:
             self._stopped = True
             self._changed.notify_all()

@@ -102,7 +102,6 @@ class TokenPool:
         os.write(self._wake_writer if self.joined else self._writer, TOKEN)
 
     def close(self) -> None:
-        """Close the descriptors."""
         ends = (self._blocking, self._nonblocking, self._wake_reader, self._wake_writer)
         for end in ends if self.joined and self.style == PIPE else (*ends, self._reader, self._writer):
             os.close(end)

@@ -26,7 +26,6 @@ class Inbox:
     """The queue of messages from workers and signal handlers to the loop."""
 
     def __init__(self) -> None:
-        """Start empty."""
         self._messages: queue.SimpleQueue[Event | BaseException] = queue.SimpleQueue()
         self._output_slots = threading.Semaphore(_MAX_PENDING_OUTPUT)
 
@@ -38,7 +37,6 @@ class Inbox:
         self._messages.put(message)
 
     def get(self) -> Event | BaseException:
-        """Wait for the next message."""
         message = self._messages.get()
         if isinstance(message, Output):
             self._output_slots.release()

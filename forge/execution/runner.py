@@ -151,7 +151,6 @@ class Launch(Protocol):
 
 
 def unwrapped(_: Task, step: Step) -> AbstractContextManager[Sequence[str]]:
-    """Run the argv of the step itself."""
     return nullcontext(step.argv)
 
 
@@ -165,7 +164,6 @@ class LocalExecutor:
         launch: Launch = unwrapped,
         observer: Observer | None = None,
     ) -> None:
-        """Store the job pool, the record of started processes, and the observer."""
         self.slots = job_pool.local if job_pool else 1
         self._job_pool = job_pool
         self._started = started
@@ -200,7 +198,6 @@ class LocalExecutor:
         return None
 
     def finish_steps(self) -> None:
-        """Let running steps finish and start no further step."""
         self._stopping.set()
         if self._job_pool:
             self._job_pool.stop()

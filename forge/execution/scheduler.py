@@ -33,7 +33,6 @@ class Scheduler:
         continue_on_error: bool = False,
         in_order: bool = False,
     ) -> None:
-        """Start with every task of the plan waiting."""
         # Tasks list their transitive dependencies: millions of entries for a chain of thousands. Reduce them,
         # since they are visited whenever a task ends.
         direct = reduced(
@@ -62,7 +61,6 @@ class Scheduler:
 
     @property
     def running(self) -> frozenset[str]:
-        """The tasks that started and have not ended."""
         return frozenset(self._running)
 
     @property

@@ -45,7 +45,6 @@ class StartedProcesses:
     """The recorded processes of one build folder."""
 
     def __init__(self, build: Path) -> None:
-        """Store the folder; the file is created with the first record."""
         self._build = build
         self._machine = _machine()
 
@@ -144,7 +143,6 @@ def _read_process(number: int) -> Process | None:
 
 
 def _all() -> dict[int, Process]:
-    """Return all processes by their ids."""
     numbers = (int(name) for name in os.listdir(_PROCESSES) if name.isdecimal())  # noqa: PTH208  (names alone)
     return {number: process for number in numbers if (process := _read_process(number))}
 

@@ -173,7 +173,6 @@ class ConsoleReporter:
 
     @property
     def tally(self) -> Tally:
-        """The results so far."""
         own = [name for name in self.packages if not self._embedded(name)]
         return Tally(
             finished=tuple(sorted({*self._finished}.intersection(own))),
@@ -189,7 +188,6 @@ class ConsoleReporter:
         )
 
     def fault(self, task: str) -> PackageFailure | None:
-        """Return the failure of a package, None if it did not fail."""
         return self._failed.get(task)
 
     def show(self, event: Event) -> None:

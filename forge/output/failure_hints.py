@@ -84,11 +84,9 @@ class FailureContext:
 
     @property
     def manifest(self) -> str:
-        """The path of the package's manifest, for hints."""
         return str(self.package.manifest.path)
 
     def declares(self, name: str) -> bool:
-        """Tell whether the manifest declares a build dependency."""
         return name in self.package.manifest.names(BUILD_KINDS)
 
     def depend(self, name: str) -> str:

@@ -101,13 +101,11 @@ class JsonEvents:
                 self._emit("Skipped", name, because=because)
 
     def report_failures(self, failures: Iterable[Failure]) -> None:
-        """Write a line for each failed test."""
         for failure in failures:
             values = {"test": failure.test, "message": list(failure.lines), "repeat": failure.repeat}
             self._emit("TestFailure", failure.package, **values)
 
     def note(self, event: str, package: str | None, members: Mapping[str, object]) -> None:
-        """Write an event of a reporter."""
         self._emit(event, package, **members)
 
     def conclude(self, report: ConsoleReporter, seconds: float, code: int | None = None) -> None:

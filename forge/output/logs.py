@@ -153,7 +153,6 @@ class LogWriter:
         self._append("logger_all.log", stamp.encode() + text)
 
     def _beat(self) -> None:
-        """Append timer events until the log is closed."""
         while not self._closed.wait(_HEARTBEAT):
             with contextlib.suppress(OSError):  # the next event reports it
                 self._note_event("-", "TimerEvent", "{}")

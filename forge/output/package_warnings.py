@@ -63,7 +63,6 @@ class CompilerWarnings:
 
     @property
     def text(self) -> bytes:
-        """The output of the commands that printed warnings."""
         return b"".join(self._found)
 
 
@@ -71,7 +70,6 @@ class RepeatedWarnings:
     """The kinds of warnings of one build, and the packages that printed each."""
 
     def __init__(self) -> None:
-        """Start without warnings."""
         self._first: dict[bytes, str] = {}
         self._repeated: dict[str, dict[str, None]] = {}
 

@@ -61,7 +61,6 @@ def first_lines(cases: Sequence[Case]) -> tuple[str, ...]:
 
 
 def last_lines(text: str) -> tuple[str, ...]:
-    """Return the last lines of a program's output."""
     return tuple(_filled_lines(text)[-_SHOWN_LINES:])
 
 

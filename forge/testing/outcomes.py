@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
 @frozen
 class Counts:
-    """Numbers of tests, errors, failures and skipped tests."""
-
     tests: int = 0
     errors: int = 0
     failures: int = 0
@@ -35,7 +33,6 @@ class Counts:
 
     @property
     def bad(self) -> bool:
-        """Tell whether any test failed."""
         return bool(self.errors or self.failures)
 
 

@@ -82,7 +82,6 @@ class LauncherSummary:
 
     @property
     def words(self) -> str:
-        """The summary as a line of text."""
         if self.compilations is not None:
             total = counted(self.compilations, "compilation")
             return f"{self.launcher}: {self.from_cache} of {total} from the cache"

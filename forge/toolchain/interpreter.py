@@ -69,7 +69,6 @@ class Interpreter:
 
     @property
     def own(self) -> bool:
-        """Tell whether this interpreter runs forge."""
         return is_own(self.path)
 
 
@@ -83,7 +82,6 @@ def own_path() -> Path:
 
 
 def is_own(path: Path) -> bool:
-    """Tell whether an interpreter runs forge."""
     return path in {own_path(), Path(sys.executable)}
 
 

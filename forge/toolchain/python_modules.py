@@ -1,10 +1,12 @@
-"""Checks which modules an interpreter has, and tells the command that installs missing ones."""
+"""Checks which modules an interpreter has, tells the command that installs others, and lends setuptools."""
 
 from __future__ import annotations
 
 import importlib.util
 import os
 import shlex
+import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -28,6 +30,17 @@ except m.PackageNotFoundError:
     pass
 """
 _MISSING = "import importlib.util as u, sys; print(*(n for n in sys.argv[1:] if not u.find_spec(n)))"
+
+_SETUPTOOLS = """import importlib.util, os, sys
+sys.path = [entry for entry in sys.path if entry]
+home, other = (
+    os.path.dirname(found.origin) if (found := importlib.util.find_spec(name)) and found.origin else ""
+    for name in ("setuptools", "wheel")
+)
+able = home and (other or os.path.exists(home + "/command/bdist_wheel.py"))
+print("%d.%d.%d" % sys.version_info[:3], "wheels" if able else "setuptools" if home else "nothing")
+"""
+_FILES_OF_SETUPTOOLS = ("setuptools", "pkg_resources", "_distutils_hack", "setuptools-*.dist-info")
 
 _ON_INDEX = {"cv2": "opencv-python", "em": "empy<4", "pytest_cov": "pytest-cov", "yaml": "PyYAML"}
 """Distributions on PyPI that have another name than their module."""
@@ -107,3 +120,38 @@ def _package_manager(python: Path, system: Mapping[str, str] | None) -> str:
         return ""
     kin = families(os_release() if system is None else system) if is_default else ()
     return "apt" if not DEBIAN.isdisjoint(kin) else "" if RED_HAT.isdisjoint(kin) else "dnf"
+
+
+def setuptools_path(python: str, folder: Path, *, wheels: bool) -> Path | None:
+    """Return a PYTHONPATH folder with forge's setuptools; None if it is not needed or not compatible.
+
+    It is needed by an interpreter without setuptools, or for `wheels` without one that builds them, such as
+    Ubuntu's Python without python3-wheel.
+    """
+    if Path(python).parent == Path(sys.executable).parent:
+        return None
+    import subprocess
+
+    asked = subprocess.run(
+        (python, "-c", _SETUPTOOLS), capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL
+    )
+    version, _, word = asked.stdout.strip().partition(" ")
+    own = importlib.util.find_spec("setuptools")
+    if word not in ({"nothing", "setuptools"} if wheels else {"nothing"}) or own is None or not own.origin:
+        return None
+    from importlib.metadata import PackageNotFoundError, distribution
+
+    from packaging.specifiers import SpecifierSet
+
+    home, required = Path(own.origin).parent, "<0"
+    with suppress(PackageNotFoundError):
+        required = distribution("setuptools").metadata["Requires-Python"] or ""
+    if not (SpecifierSet(required).contains(version) and (home / "command/bdist_wheel.py").is_file()):
+        return None
+    folder.mkdir(parents=True, exist_ok=True)
+    for pattern in _FILES_OF_SETUPTOOLS:
+        for path in home.parent.glob(pattern):
+            link = folder / path.name
+            link.unlink(missing_ok=True)
+            link.symlink_to(path)
+    return folder

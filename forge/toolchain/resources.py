@@ -50,7 +50,6 @@ class MemoryLimit:
     size: int | None = None
 
     def exceeded(self, memory: Memory) -> bool:
-        """Tell whether memory use is above the limit."""
         used = memory.total - memory.available
         return (self.share is not None and used > self.share * memory.total) or (
             self.size is not None and used > self.size

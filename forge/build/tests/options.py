@@ -19,8 +19,6 @@ def _absolute(path: str) -> Path:
 
 @frozen
 class TestOptions:
-    """The options of `forge test` itself."""
-
     GROUP = "test options"
 
     __test__ = False  # pytest collects classes with this prefix

@@ -44,7 +44,6 @@ class TestContext:
     options: TestOptions = TestOptions()
 
     def source(self, package: Package) -> Path:
-        """Return the absolute folder of a package."""
         return self.root / package.path
 
     def of(self, package: Package) -> TestContext:
@@ -62,7 +61,6 @@ class TestContext:
         return replace(self, options=own)
 
     def results_of(self, name: str) -> Path:
-        """Return the folder for results of a package."""
         return (self.options.test_result_base or self.layout.build) / name
 
     def not_run(self, name: str) -> Path:
@@ -169,7 +167,6 @@ def missing_result(package: Package, program: str) -> str:
 
 
 def error_result(package: str, test: str, message: str) -> str:
-    """Return a JUnit file with one error."""
     return render("testing/error_result.xml.j2", package=package, test=test, message=message)
 
 

@@ -91,14 +91,10 @@ class Result(unittest.TextTestResult):
 
 
 class Runner(unittest.TextTestRunner):
-    """unittest's runner with our result class."""
-
     resultclass = Result  # type: ignore[assignment]  # (typeshed expects a factory function)
 
 
 class CaseRecord:
-    """The record of one test."""
-
     def __init__(self, name: str) -> None:
         self.name = name
         self.events: list[tuple[str, str, str]] = []
@@ -110,13 +106,11 @@ class CaseRecord:
 
     @property
     def kind(self) -> str:
-        """The most severe event."""
         kinds = {kind for kind, _, _ in self.events}
         return next((kind for kind in ("error", "failure", "skipped") if kind in kinds), "")
 
 
 def main(words: Sequence[str]) -> int:
-    """Run the tests and return the exit code."""
     junit, package, *arguments = words
     program = unittest.TestProgram(
         module=None, argv=["python -m unittest", *arguments], testRunner=Runner, exit=False

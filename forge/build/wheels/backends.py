@@ -37,8 +37,7 @@ from forge.build.wheels.backend_inputs import (
 )
 from forge.build.wheels.backend_output import DISK_FULL, progress_and_failure
 from forge.build.wheels.entry_points import invalid_scripts_of_setup
-from forge.toolchain.bundled_setuptools import setuptools_path
-from forge.toolchain.python_modules import install_command
+from forge.toolchain.python_modules import install_command, setuptools_path
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
