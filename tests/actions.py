@@ -1,7 +1,5 @@
 """ActionResult as protobuf's own package reads and writes it, made of a description instead of a compiler."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory

@@ -8,8 +8,6 @@ optional libraries are empty, so that neither PATH nor an absolute path nor CMak
 see no change. It needs dpkg and the right to mount: root, user namespaces or sudo.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import re

@@ -10,8 +10,6 @@ It has no network. After each test the fixture asserts that no page complained: 
 console, nothing loaded but files.
 """
 
-from __future__ import annotations
-
 import shutil
 import tempfile
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """A scheduler of Dask and workers on loopback, as programs of their own, each worker with its own folder."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import subprocess

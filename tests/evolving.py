@@ -4,8 +4,6 @@ Every edit is a function of the workspace and a number; it returns the packages 
 run because of it. What it must run nobody says: the tree of a clean build tells if it ran too little.
 """
 
-from __future__ import annotations
-
 import hashlib
 import itertools
 import os

@@ -5,8 +5,6 @@ in ROS each lies in a library of its own. A size pass comes first, then everythi
 buffer of that size.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping
 
 from forge.interfaces.cpp.headers import main_path

@@ -1,7 +1,5 @@
 """Generated Python for tests: definitions in, modules on sys.path out."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Texts that mean something to one of the languages forge writes, and what becomes of them."""
 
-from __future__ import annotations
-
 from hypothesis import strategies as st
 from hypothesis.strategies import SearchStrategy
 

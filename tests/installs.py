@@ -1,7 +1,5 @@
 """Makes install trees for tests: packages with files, put into prefixes as a build does."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """The files that docs/reference/from-colcon.md lists as different from those of colcon."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Messages of any generated class: random ones, and their values as plain data."""
 
-from __future__ import annotations
-
 import sys
 from array import array
 from importlib import import_module

@@ -1,7 +1,5 @@
 """Debian's nginx as the cache of a team, configured as the page on it says."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import re

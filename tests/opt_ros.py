@@ -6,8 +6,6 @@ lib/python3.X/site-packages, those of ament_cmake packages in local/lib/python3.
 ament_cmake_core itself generates the setup scripts.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import site

@@ -4,8 +4,6 @@ Those are modules that name such a tool in a string, or import a module of tests
 start no programs.
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Makes packages for tests, from the text of a manifest, and the context of a build with CMake."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from forge.base.layout import Layout

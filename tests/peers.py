@@ -1,7 +1,5 @@
 """The tools that forge is compared with: colcon, kept in a virtual environment of its own."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -3,8 +3,6 @@
 The same for the same seed. What each package installs decides which hooks its environment gets.
 """
 
-from __future__ import annotations
-
 import random
 from collections.abc import Iterator, Sequence
 

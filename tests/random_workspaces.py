@@ -1,7 +1,5 @@
 """Workspaces of any shape, the same for the same seed: odd names, marks, conditions, loops and gaps."""
 
-from __future__ import annotations
-
 import random
 from dataclasses import dataclass, field
 from pathlib import Path

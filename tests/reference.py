@@ -9,8 +9,6 @@ In a page, a table stands between two comments; what is around them is written b
 `pytest tests/test_reference.py --accept` writes the tables anew.
 """
 
-from __future__ import annotations
-
 import argparse
 import re
 from collections.abc import Iterable, Iterator

@@ -1,7 +1,5 @@
 """A real rosidl for tests: Debian's, unpacked by `make debian-peers`, and both versions of EmPy."""
 
-from __future__ import annotations
-
 import os
 import sys
 from collections.abc import Iterator

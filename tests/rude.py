@@ -1,7 +1,5 @@
 """A local server with scripted responses, valid or not."""
 
-from __future__ import annotations
-
 import contextlib
 import socket
 import threading

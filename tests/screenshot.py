@@ -1,7 +1,5 @@
 """`python -m tests.screenshot`: make docs/images/terminal.svg of what forge prints on a real terminal."""
 
-from __future__ import annotations
-
 import fcntl
 import os
 import pty

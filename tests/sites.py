@@ -1,7 +1,5 @@
 """HTML sites for tests: what stands in their pages, and where their links lead."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass, field
 from html.parser import HTMLParser

@@ -13,8 +13,6 @@ In a console block, lines after '$ ' are commands and the others are what they p
 order; '...' stands for anything.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import shlex

@@ -1,7 +1,5 @@
 """Strategies that several tests share."""
 
-from __future__ import annotations
-
 from hypothesis import strategies as st
 
 NAMES = st.from_regex(r"[a-z][a-z0-9_]{0,8}", fullmatch=True)

@@ -1,7 +1,5 @@
 """What the README and the docs tell the reader to type works as told."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

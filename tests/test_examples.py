@@ -1,7 +1,5 @@
 """The end of every help text: two examples that work, and a page that exists."""
 
-from __future__ import annotations
-
 import argparse
 import re
 import shlex

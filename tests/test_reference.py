@@ -1,7 +1,5 @@
 """The reference says what the code says: tables made from it, and names that both have."""
 
-from __future__ import annotations
-
 import argparse
 import ast
 import dataclasses

@@ -1,7 +1,5 @@
 """The picture of a terminal in the README is up to date."""
 
-from __future__ import annotations
-
 import re
 import xml.etree.ElementTree as ET
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Packages with tests, which cost little to build: for forge's own tests of `forge test`."""
 
-from __future__ import annotations
-
 from tests.packages import manifest_text
 
 CMAKE = """cmake_minimum_required(VERSION 3.18)

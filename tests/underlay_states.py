@@ -1,7 +1,5 @@
 """An underlay with two states, and workspaces above it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path

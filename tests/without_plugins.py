@@ -1,7 +1,5 @@
 """Run `make quick` without each plugin and its tests: `python -m tests.without_plugins [NAME ...]`."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import sys

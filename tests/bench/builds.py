@@ -5,8 +5,6 @@ by both on one and the same ament: the embedded one, which forge installs into a
 Debian's.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace

@@ -4,8 +4,6 @@ Fast-CDR is driven as ROS's type support drives it, both are compiled with -O2. 
 strings differ in length. Reading is measured into a message that has been used and into a new one.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

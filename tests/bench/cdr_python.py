@@ -1,7 +1,5 @@
 """Python's wire format beside rosbags and mcap-ros2-support, in turns, in one process."""
 
-from __future__ import annotations
-
 import json
 import os
 import sys

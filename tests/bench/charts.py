@@ -1,7 +1,5 @@
 """Charts for the page: where each bar and each line goes, as finished numbers and strings for a template."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass

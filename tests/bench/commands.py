@@ -1,7 +1,5 @@
 """The command lines that scenarios share: forge's and colcon's."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Mapping
 from pathlib import Path

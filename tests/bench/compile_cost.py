@@ -4,8 +4,6 @@ Debian's rosidl generates headers from the same definitions. Each figure is the 
 run. A unit that writes ROS's bytes has no peer: rosidl's headers leave that to a library.
 """
 
-from __future__ import annotations
-
 import subprocess
 from collections.abc import Iterator, Mapping
 from dataclasses import replace

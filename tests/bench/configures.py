@@ -4,8 +4,6 @@ Each command line is the one that forge runs, beginning with a folder that CMake
 a language is enabled the compilers are known already, as in every build but a workspace's first.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import shlex

@@ -4,8 +4,6 @@ Nothing is installed: below /usr they would be an underlay of every workspace. N
 rights; on a machine without them it says so, and the bench goes on without these peers.
 """
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import sys

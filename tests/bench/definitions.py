@@ -1,7 +1,5 @@
 """Packages of messages of any size, the same for the same seed, much as people write them."""
 
-from __future__ import annotations
-
 import random
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What a sitting measured: series of variants that took turns, their medians and ratios, and JSON."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field

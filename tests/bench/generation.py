@@ -4,8 +4,6 @@ forge's turns begin with a folder that does not exist, then nothing changes, the
 start of the interpreter. Of these nothing is deleted before all is measured, for the reason in builds.away().
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager

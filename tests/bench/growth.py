@@ -1,7 +1,5 @@
 """How time grows with size: the exponent of the power of the size that fits the medians best."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass

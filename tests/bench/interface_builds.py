@@ -1,7 +1,5 @@
 """Packages of interfaces: built from nothing, and after a change of one message."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What the measurements were made on, and with which versions."""
 
-from __future__ import annotations
-
 import os
 import platform
 import re

@@ -4,8 +4,6 @@ Importing is compared with an interpreter that imports numpy and nothing else, a
 make its types; constructing with plain classes whose properties check (tests/bench/plain.py).
 """
 
-from __future__ import annotations
-
 import sys
 import timeit
 from collections.abc import Callable, Iterator, Mapping

@@ -1,7 +1,5 @@
 """How full a cold build of compile-heavy packages keeps its jobs."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import time

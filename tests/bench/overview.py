@@ -1,7 +1,5 @@
 """What the page opens with: the few cases that a user cares about, as three charts and a table."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """`python -m tests.bench.page`: make docs/benchmarks.md and its charts of docs/benchmarks.json."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import sys

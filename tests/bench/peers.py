@@ -1,7 +1,5 @@
 """The tools that forge is measured beside: where each is, in which version, or how to get it."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess

@@ -4,8 +4,6 @@ The constructor hands every field to its property, whether given or not; nothing
 generated classes are measured against.
 """
 
-from __future__ import annotations
-
 import math
 from array import array
 from collections import UserList, UserString

@@ -5,8 +5,6 @@ of the compiler of interfaces, what forge itself does. forge is looked at by cPr
 times slower and calls dearer than they are; programs are looked at in /proc.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

@@ -1,7 +1,5 @@
 """Questions to results, as data: what a target's value is, and which scenario measured it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from statistics import geometric_mean, median

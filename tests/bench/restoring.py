@@ -1,7 +1,5 @@
 """What forge's cache of packages brings back, beside building it and beside copying it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """All that is measured: a table of scenarios, in the order of the page."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """What every scenario is given: a folder, the peers, how thorough to be, workspaces built once."""
 
-from __future__ import annotations
-
 import subprocess
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field

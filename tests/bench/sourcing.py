@@ -1,7 +1,5 @@
 """What sourcing takes: packages, each in its own prefix, beside an empty shell and colcon's script."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Iterator
 from pathlib import Path

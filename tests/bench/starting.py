@@ -1,7 +1,5 @@
 """What answers at once: the start, the list of packages, the completion of a command line."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

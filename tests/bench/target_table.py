@@ -1,7 +1,5 @@
 """Every target that forge has set itself, issue by issue, and how its value is found."""
 
-from __future__ import annotations
-
 from tests.bench import occupancy
 from tests.bench.builds import COMPILERS
 from tests.bench.cdr_cpp import FAST_CDR

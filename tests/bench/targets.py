@@ -1,7 +1,5 @@
 """What a target is, and whether results meet it; tests/bench/target_table.py has all of them."""
 
-from __future__ import annotations
-
 import operator
 from collections.abc import Iterable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Run command lines in turn, A B A B, and report what they took; nothing is asserted."""
 
-from __future__ import annotations
-
 import os
 import resource
 import subprocess

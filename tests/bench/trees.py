@@ -4,8 +4,6 @@ Counted is each process's proportional set: pages that several share are shared 
 sum over a tree is what the tree takes. What lives shorter than the time between two looks is missed.
 """
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Iterator

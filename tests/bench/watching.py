@@ -1,7 +1,5 @@
 """From a save to the line that says that it is built, under `forge build --watch`."""
 
-from __future__ import annotations
-
 import subprocess
 import time
 from collections.abc import Iterator

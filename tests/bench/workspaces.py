@@ -1,7 +1,5 @@
 """Workspaces of any size, kind and shape, the same for the same seed."""
 
-from __future__ import annotations
-
 import random
 from collections.abc import Callable, Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What happens to the embedded ament when there is another one: it steps aside as a whole."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping
 from pathlib import Path

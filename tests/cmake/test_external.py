@@ -1,7 +1,5 @@
 """Packages that build a foreign project with the make that builds them."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.conftest import Forge, Tree

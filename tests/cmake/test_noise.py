@@ -1,7 +1,5 @@
 """What forge tells CMake is no reason for CMake to warn."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.conftest import Forge, Tree

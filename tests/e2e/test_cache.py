@@ -1,7 +1,5 @@
 """Builds with a package cache: restored trees equal built ones, whatever goes wrong."""
 
-from __future__ import annotations
-
 import os
 import random
 import re

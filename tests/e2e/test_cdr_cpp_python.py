@@ -5,8 +5,6 @@ FORGE_CDR_MUTATIONS how many spoilt buffers are read; `make fuzz` sets both to w
 the program watched for every access and every overflow.
 """
 
-from __future__ import annotations
-
 import os
 import struct
 import subprocess

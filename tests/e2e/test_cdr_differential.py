@@ -4,8 +4,6 @@ FORGE_CDR_EXAMPLES sets how many messages of each type are drawn, FORGE_CDR_MUTA
 buffers are read; `make fuzz` sets both to what takes a while.
 """
 
-from __future__ import annotations
-
 import os
 import random
 import sys

@@ -1,7 +1,5 @@
 """Graph and timing pages in a real browser."""
 
-from __future__ import annotations
-
 import json
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Arguments for other programs, such as pytest, end where they end with colcon."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess

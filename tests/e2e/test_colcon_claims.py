@@ -1,7 +1,5 @@
 """Intended differences that docs/reference/from-colcon.md lists, shown by running both tools."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 from collections.abc import Callable, Iterator

@@ -3,8 +3,6 @@
 docs/reference/from-colcon.md lists which files are meant to differ.
 """
 
-from __future__ import annotations
-
 import re
 from collections import OrderedDict
 from collections.abc import Iterator

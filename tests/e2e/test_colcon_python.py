@@ -1,7 +1,5 @@
 """forge and colcon install the same files of Python packages that customise setuptools."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 docs/reference/from-colcon.md lists what is meant to differ.
 """
 
-from __future__ import annotations
-
 import random
 import re
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """A workspace of forge above one of colcon, and the other way round: each is the other's underlay."""
 
-from __future__ import annotations
-
 import itertools
 import os
 import shlex

@@ -3,8 +3,6 @@
 `make cross` does all of it with zig, which first compiles its C++ library for minutes: FORGE_TEST_ZIG=1.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import tarfile

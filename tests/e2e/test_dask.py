@@ -1,7 +1,5 @@
 """Builds on a cluster: a real scheduler of Dask and real workers on loopback."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import signal

@@ -1,7 +1,5 @@
 """Changed variables, programs and files named by packages or options cause rebuilds."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

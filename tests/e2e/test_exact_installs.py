@@ -3,8 +3,6 @@
 And what comes out the same keeps its time, so that nobody compiles because of it.
 """
 
-from __future__ import annotations
-
 import itertools
 import os
 import re

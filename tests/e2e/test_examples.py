@@ -1,7 +1,5 @@
 """The example workspace: built in every way, and its programs agree with each other."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

@@ -5,8 +5,6 @@ builds once more and compares with a clean build. `make soak` repeats random fau
 FORGE_TEST_FAULTS says, and lets a step print FORGE_TEST_FLOOD megabytes.
 """
 
-from __future__ import annotations
-
 import os
 import pty
 import random

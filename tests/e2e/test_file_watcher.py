@@ -1,7 +1,5 @@
 """Files that are saved while a build runs."""
 
-from __future__ import annotations
-
 import shutil
 
 import pytest

@@ -1,7 +1,5 @@
 """Files in a prefix that no build installed are kept unchanged."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import os

@@ -1,7 +1,5 @@
 """C++ compilers collect garbage later while forge builds, and make the same files."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

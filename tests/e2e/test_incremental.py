@@ -1,7 +1,5 @@
 """After any sequence of edits, an incremental build equals a clean one."""
 
-from __future__ import annotations
-
 import os
 import shutil
 from collections import Counter

@@ -1,7 +1,5 @@
 """An incremental build equals a clean build, whatever input changed and however it is used."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import time

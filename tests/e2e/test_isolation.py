@@ -1,7 +1,5 @@
 """forge builds packages that are called like its own modules and libraries, and is not led astray by them."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """One job budget, watched from outside: how many compilers run while real packages are built."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

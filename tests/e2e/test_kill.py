@@ -1,7 +1,5 @@
 """A build that is interrupted or killed at any moment leaves nothing that misleads the next one."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import random

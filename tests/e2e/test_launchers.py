@@ -1,7 +1,5 @@
 """Builds of real packages with ccache and distcc."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,7 +1,5 @@
 """A change inside a shared library builds what depends on it only where that can make a difference."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

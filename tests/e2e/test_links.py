@@ -1,7 +1,5 @@
 """Going from copies to links and back: every build ends as a clean one with its options."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

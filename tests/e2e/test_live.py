@@ -1,7 +1,5 @@
 """Output on a terminal: a real pseudo-terminal with an emulated screen."""
 
-from __future__ import annotations
-
 import fcntl
 import os
 import pty

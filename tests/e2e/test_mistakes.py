@@ -1,7 +1,5 @@
 """Typical mistakes in packages: each failure of the real tools ends with a helpful hint."""
 
-from __future__ import annotations
-
 import subprocess
 
 import pytest

@@ -1,7 +1,5 @@
 """Beginners' mistakes: one clear message with its location and a hint, exit code 2, no traceback."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

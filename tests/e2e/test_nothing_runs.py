@@ -1,7 +1,5 @@
 """Read-only commands run no code of the workspace; it runs only in its own build."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

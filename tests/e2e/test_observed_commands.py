@@ -1,7 +1,5 @@
 """Commands run again if something changed that they were observed to read, and only then."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Workspaces on a ROS that is installed as from binary packages, in one read-only prefix."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

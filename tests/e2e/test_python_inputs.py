@@ -3,8 +3,6 @@
 Each case is built, changed and built again; what is installed then is what a clean build installs.
 """
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import venv

@@ -1,7 +1,5 @@
 """The same sources make the same wheel and the same sdist, byte by byte, wherever and whenever."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

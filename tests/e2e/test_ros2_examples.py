@@ -1,7 +1,5 @@
 """The examples that need rclcpp or rclpy: what holds of them on a machine without any ROS."""
 
-from __future__ import annotations
-
 import re
 import shutil
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Rust packages, with and without package.xml, beside C++ and Python ones."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -4,8 +4,6 @@ FORGE_TEST_SCALE=1 tries 5,000 packages, chains of 3,000 and 20,000 interfaces, 
 `make scale`, some twenty minutes.
 """
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Real shells source what was written, and report the environment that was computed."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import tempfile

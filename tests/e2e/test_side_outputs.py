@@ -1,7 +1,5 @@
 """After CMake ran again, files beside the products of compilers and linkers are as in a clean build."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

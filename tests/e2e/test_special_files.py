@@ -3,8 +3,6 @@
 Each command runs in a process of its own, with a limit on its time and on its memory.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import socket

@@ -1,7 +1,5 @@
 """A team's cache behind nginx: clones at other paths get what was built, whatever becomes of the server."""
 
-from __future__ import annotations
-
 import itertools
 import os
 import re

@@ -3,8 +3,6 @@
 The workspace belongs to the python3 on PATH: it runs the installed programs, and is asked what is installed.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """A new user follows the tutorial, line by line, in an empty folder on a machine without ROS."""
 
-from __future__ import annotations
-
 import os
 import shlex
 import shutil

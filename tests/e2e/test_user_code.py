@@ -1,7 +1,5 @@
 """What ROS programs do with messages works with generated code: the snippets in tests/data/user_code."""
 
-from __future__ import annotations
-
 import runpy
 import shutil
 import subprocess

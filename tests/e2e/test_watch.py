@@ -1,7 +1,5 @@
 """`forge build --watch`: a real process, real saves, and the line that tells how each went."""
 
-from __future__ import annotations
-
 import os
 import queue
 import re

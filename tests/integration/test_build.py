@@ -1,7 +1,5 @@
 """`forge build` from the command line, on packages that cost little to build."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 from pathlib import Path

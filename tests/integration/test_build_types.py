@@ -1,7 +1,5 @@
 """Build types of other distributions, and packages whose build type is unknown."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import zipfile

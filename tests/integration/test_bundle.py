@@ -1,7 +1,5 @@
 """`forge bundle`: an archive with everything that running needs, for any path."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import tarfile

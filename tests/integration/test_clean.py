@@ -1,7 +1,5 @@
 """`forge clean` removes what was built, asks first, and leaves everything else alone."""
 
-from __future__ import annotations
-
 import io
 import json
 import re

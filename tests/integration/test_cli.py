@@ -1,7 +1,5 @@
 """The command line: greedy options, exit codes, errors."""
 
-from __future__ import annotations
-
 import errno
 import subprocess
 import sys

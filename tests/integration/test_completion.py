@@ -1,7 +1,5 @@
 """Shells complete what is typed after `forge`."""
 
-from __future__ import annotations
-
 import os
 import pty
 import re

@@ -1,7 +1,5 @@
 """Options from files: precedence, messages, profiles and mixins."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """--rosdistro: the ROS distribution whose interfaces forge brings along."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """`forge doctor` reports problems with their location and a hint, and none in a correct workspace."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

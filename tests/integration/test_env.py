@@ -1,7 +1,5 @@
 """forge env, shell and run: the environment of a workspace without sourcing it."""
 
-from __future__ import annotations
-
 import json
 import os
 import pty

@@ -1,7 +1,5 @@
 """Two packages of a merged tree that install one file."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.conftest import Forge, Ran, Tree

@@ -1,7 +1,5 @@
 """No command empties, renames or removes folders that forge did not make, whatever the options."""
 
-from __future__ import annotations
-
 import shutil
 import tarfile
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Text from packages never becomes code: compilers, CMake, shells and make read it as text."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

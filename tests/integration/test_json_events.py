@@ -1,7 +1,5 @@
 """JSON events, for `--json` and for the log."""
 
-from __future__ import annotations
-
 import json
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """Variables that would become too long are reported before the build."""
 
-from __future__ import annotations
-
 import subprocess
 from pathlib import Path
 

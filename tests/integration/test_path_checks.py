@@ -1,7 +1,5 @@
 """Workspaces at unusual paths: they build, or forge reports which tool cannot handle the path."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """forge pkg: output, files, errors."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

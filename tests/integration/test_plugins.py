@@ -1,7 +1,5 @@
 """forge works without each of its plugins, and finds the plugins of other distributions."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess

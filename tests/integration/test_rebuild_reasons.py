@@ -1,7 +1,5 @@
 """Rebuilds are announced and explained by what changed: the file, folder, option or variable."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Distributions beside forge extend the steps of CMake packages."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from tests.conftest import Tree

@@ -1,7 +1,5 @@
 """`forge run`: the program replaces forge and gets all arguments."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

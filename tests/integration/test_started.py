@@ -1,7 +1,5 @@
 """Processes that a build started are ended, and no others."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

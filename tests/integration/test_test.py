@@ -1,7 +1,5 @@
 """`forge test` on packages that cost little to build."""
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import os

@@ -1,7 +1,5 @@
 """Dependencies that only tests need may be left out: with BUILD_TESTING=OFF, or --no-test-dependencies."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """`forge test-result` reads as colcon's readers expect it."""
 
-from __future__ import annotations
-
 import io
 import json
 import os

@@ -1,7 +1,5 @@
 """Inconsistent underlays: cyclic chains, two paths of one tree, two ROS distributions."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

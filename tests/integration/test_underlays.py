@@ -1,7 +1,5 @@
 """Missing underlays, and packages that are also in an underlay."""
 
-from __future__ import annotations
-
 import os
 import shutil
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The worker process and its client."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

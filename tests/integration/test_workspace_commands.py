@@ -1,7 +1,5 @@
 """`forge list`, `graph` and `info` on small workspaces."""
 
-from __future__ import annotations
-
 import json
 import os
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What docs/compatibility.json holds: a row for each suite and repository, a count for each distribution."""
 
-from __future__ import annotations
-
 import json
 from argparse import ArgumentTypeError
 from collections.abc import Mapping

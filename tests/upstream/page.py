@@ -1,7 +1,5 @@
 """`python -m tests.upstream.page`: make docs/reference/compatibility.md of docs/compatibility.json."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ package counts if it was built, each of its types can be imported and has the by
 its C++ headers compile without a warning.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

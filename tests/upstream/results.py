@@ -1,7 +1,5 @@
 """Counts the test results of a workspace, as `forge test-result` does, by package."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Which packages of a workspace are measured: those that generate interfaces and need no client library."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

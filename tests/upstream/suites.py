@@ -1,7 +1,5 @@
 """The suites of upstream that apply to the embedded packages."""
 
-from __future__ import annotations
-
 SUITES = {
     "rosidl_generator_c": "generated C structures and functions",
     "rosidl_generator_cpp": "generated C++ structures, builders and traits",

@@ -5,8 +5,6 @@ so that neither the order nor the types of fields come from forge. It prints JSO
 package, the faults of those that have one, and which ones rosbags cannot read. Those are only read back.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import random

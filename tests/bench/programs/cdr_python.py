@@ -6,8 +6,6 @@ differ in length; all sides read `bytes`, and write the same bytes. SCHEMAS is a
 as recordings have it, which mcap-ros2-support reads.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import sys

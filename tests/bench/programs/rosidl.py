@@ -4,8 +4,6 @@ A program of its own, run by the Python that Debian's packages are for: .msg to 
 one process, which is less than what rosidl's CMake code starts.
 """
 
-from __future__ import annotations
-
 import json
 import sys
 from importlib import import_module

@@ -1,7 +1,5 @@
 """Every benchmark scenario runs: `make quick-bench`."""
 
-from __future__ import annotations
-
 import json
 import os
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Reuse of build folders as CMake and ninja leave them."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """The interface of a shared library differs wherever a program that links it would."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`forge build --watch` in this process; tests/e2e/test_watch.py has the rest."""
 
-from __future__ import annotations
-
 import os
 import signal
 import threading

@@ -1,7 +1,5 @@
 """Messages as dictionaries, YAML and CSV, and fields from dictionaries."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

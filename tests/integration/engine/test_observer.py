@@ -1,7 +1,5 @@
 """What the observer logs of real tools is what strace sees of them in the same run."""
 
-from __future__ import annotations
-
 import os
 import re
 import shlex

@@ -1,7 +1,5 @@
 """CMake finds the same config files with the variables that save it the search."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import tempfile

@@ -1,7 +1,5 @@
 """The jobserver with real tools, and job pools in a process of their own."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

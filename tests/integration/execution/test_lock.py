@@ -1,7 +1,5 @@
 """The lock of a build folder."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

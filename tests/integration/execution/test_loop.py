@@ -1,7 +1,5 @@
 """The loop and the runner that starts real programs."""
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

@@ -1,7 +1,5 @@
 """What the steps of a package write into its prefix is observed, or known not to be."""
 
-from __future__ import annotations
-
 import os
 import struct
 import subprocess

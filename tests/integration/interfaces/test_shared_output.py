@@ -1,7 +1,5 @@
 """Several packages generated into one output folder, in any order."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Tests of packages whose installed files came from the package cache."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path

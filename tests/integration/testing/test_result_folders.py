@@ -1,7 +1,5 @@
 """Folders for test results contain only results; whatever else is there belongs to somebody else."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Compiler launchers: distcc, ccache and sccache themselves, and builds with them."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import socket

@@ -1,7 +1,5 @@
 """CMake tests the compilers once; packages reuse the result."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

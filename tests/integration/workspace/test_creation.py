@@ -1,7 +1,5 @@
 """New packages build, and their tests pass."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import sys

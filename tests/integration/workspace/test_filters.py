@@ -1,7 +1,5 @@
 """Packages are selected by changes in git, and by earlier results."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 from pathlib import Path

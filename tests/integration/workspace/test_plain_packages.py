@@ -1,7 +1,5 @@
 """Packages without a package.xml build."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Names of Python projects are compared as pip does (PEP 503); names of ROS packages are literal."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.conftest import Forge, Tree

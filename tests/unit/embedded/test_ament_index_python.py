@@ -1,7 +1,5 @@
 """Installed packages and resources, read by ament_index_python and rosidl_runtime_py."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterator
 from importlib import import_module

@@ -1,7 +1,5 @@
 """The C type support of generated classes, as client libraries find it."""
 
-from __future__ import annotations
-
 import sys
 from importlib import import_module
 from pathlib import Path

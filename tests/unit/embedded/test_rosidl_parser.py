@@ -1,7 +1,5 @@
 """Type descriptions are values."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterator
 from importlib import import_module

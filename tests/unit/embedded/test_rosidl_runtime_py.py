@@ -1,7 +1,5 @@
 """Messages as dictionaries, YAML and CSV, and fields from dictionaries."""
 
-from __future__ import annotations
-
 from array import array
 from importlib import import_module
 from pathlib import Path

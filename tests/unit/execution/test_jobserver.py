@@ -1,7 +1,5 @@
 """The job pool: tokens are never lost, packages get jobs, nothing waits forever."""
 
-from __future__ import annotations
-
 import os
 import threading
 import time

@@ -1,7 +1,5 @@
 """The initial cache, read by CMake."""
 
-from __future__ import annotations
-
 import subprocess
 
 import pytest

@@ -1,7 +1,5 @@
 """The program that runs unittest and leaves a JUnit file."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Python packages into prefixes, with real backends."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

@@ -3,8 +3,6 @@
 FORGE_CDR_MUTATIONS sets the number of corrupt buffers for each type.
 """
 
-from __future__ import annotations
-
 import os
 import subprocess
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Generated C++: it compiles, and a program uses it as ROS programs do."""
 
-from __future__ import annotations
-
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path, PurePosixPath

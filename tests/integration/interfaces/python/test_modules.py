@@ -1,7 +1,5 @@
 """Generated Python in an interpreter of its own: what it imports, and when."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Type checkers accept and reject uses of generated Python by its stubs (PEP 561)."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path
