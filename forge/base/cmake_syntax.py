@@ -26,13 +26,11 @@ class CMakeArgument:
 
     @property
     def definition(self) -> tuple[str, str] | None:
-        """Return the name and the value of a variable that -D defines, else None."""
         name, separator, value = self.value.partition("=")
         return (name.partition(":")[0], value) if self.option == "-D" and separator else None
 
 
 def cmake_arguments(words: Iterable[str]) -> Iterator[CMakeArgument]:
-    """Yield the arguments in a command line of CMake."""
     remaining = iter(words)
     for word in remaining:
         name = word.partition("=")[0]

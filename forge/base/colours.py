@@ -31,8 +31,6 @@ _CODES: Mapping[str, str] = {
 
 @frozen
 class Palette:
-    """The colours of one stream."""
-
     enabled: bool = False
 
     def paint(self, meaning: Meaning, text: str) -> str:

@@ -52,5 +52,4 @@ def up_to(rosdistro: str) -> tuple[str, ...]:
 
 
 def has_service_events(rosdistro: str) -> bool:
-    """Tell whether services have a message 'Event' in a distribution."""
     return FIRST_WITH_EVENTS in up_to(rosdistro)

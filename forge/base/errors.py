@@ -163,8 +163,6 @@ class HostError(ForgeError):
 
 
 class NotRegularFileError(OSError):
-    """A file that is not a regular file."""
-
     def __init__(self, path: str, reason: str) -> None:
         """`reason` completes the sentence that starts with the file name."""
         super().__init__(None, reason, path)
@@ -222,12 +220,10 @@ class WarningReporter:
 
 
 def print_warnings(problems: Iterable[Problem]) -> None:
-    """Print warnings on stderr once each."""
     WarningReporter()(problems)
 
 
 def raise_if_any(problems: Iterable[Problem], error: type[ForgeError] = ForgeError) -> None:
-    """Raise `error` with the problems if there are any."""
     found = tuple(problems)
     if found:
         raise error(*found)

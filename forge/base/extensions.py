@@ -98,7 +98,6 @@ def is_installed(group: str, name: str) -> bool:
 
 
 def installed(group: str) -> list[str]:
-    """Return the names of forge's own plugins of a group that are installed."""
     return [name for name in OWN.get(group, ()) if is_installed(group, name)]
 
 
@@ -172,7 +171,6 @@ def checked(what: str, function: Callable[..., _Result], wanted: type[_Result]) 
 
 
 def distribution_of(entry: EntryPoint) -> str:
-    """Return name and version of the distribution that announces an entry point."""
     return f"{entry.dist.name} {entry.dist.version}" if entry.dist else "an unknown distribution"
 
 

@@ -48,7 +48,6 @@ def order(needs: Mapping[str, frozenset[str]]) -> tuple[str, ...] | None:
 
 
 def reverse(needs: Mapping[str, frozenset[str]]) -> dict[str, frozenset[str]]:
-    """Return a mapping from names to their dependents."""
     dependents: dict[str, set[str]] = {name: set() for name in needs}
     for name, dependencies in needs.items():
         for need in dependencies:
@@ -95,7 +94,6 @@ class RecursiveDependencies(Set[str]):
 
     @classmethod
     def _from_iterable(cls, names: Iterable[Any]) -> frozenset[Any]:
-        """Return the result of set operations."""
         return frozenset(names)
 
 

@@ -122,7 +122,6 @@ NO_CODE = ("embedded", "_docs")
 
 
 def own_folders() -> list[Path]:
-    """Return the folders with forge's modules and templates."""
     templates = templates_folder()
     return [PACKAGE] if templates.is_relative_to(PACKAGE) else [PACKAGE, templates]
 
@@ -154,5 +153,4 @@ class Layout:
 
     @property
     def word(self) -> str:
-        """The text of colcon's layout marker."""
         return "merged" if self.merged else "isolated"

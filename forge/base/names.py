@@ -58,6 +58,5 @@ def nearest(name: str, known: Iterable[str], nearness: float = 0.6) -> str | Non
 
 
 def did_you_mean(name: str, known: Iterable[str], nearness: float = 0.6) -> str | None:
-    """Return a hint with the most similar known name, or None."""
     near = nearest(name, known, nearness)
     return f"did you mean '{near}'?" if near else None

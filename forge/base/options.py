@@ -78,7 +78,6 @@ def options_of(cls: Callable[[], Any]) -> Any:
 
 
 def option_of(declared: Field[Any]) -> Option | None:
-    """Return the Option of a field, None if it is not set on the command line."""
     declared_option: Option | None = declared.metadata.get(_KEY)
     return declared_option
 
@@ -88,6 +87,5 @@ def default_of(declared: Field[Any]) -> object:
 
 
 def nested_options(declared: Field[Any]) -> Callable[..., Any] | None:
-    """Return the dataclass of a field by `options_of`, None for other fields."""
     nested: Callable[..., Any] | None = declared.metadata.get(_NESTED)
     return nested

@@ -48,7 +48,6 @@ def handle_signals(handle: Callable[[int], object]) -> Iterator[None]:
 
 
 def interrupt(_number: int) -> NoReturn:
-    """Raise KeyboardInterrupt for all handled signals."""
     raise KeyboardInterrupt
 
 
@@ -74,7 +73,6 @@ def open_standard_streams() -> None:
 
 
 def is_writable(descriptor: int) -> bool:
-    """Tell whether a descriptor is open for writing."""
     return bool(fcntl.fcntl(descriptor, fcntl.F_GETFL) & os.O_ACCMODE)
 
 

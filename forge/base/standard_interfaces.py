@@ -56,7 +56,6 @@ def is_embedded(folder: Path) -> bool:
 
 
 def has_definitions(folder: Path, rosdistro: str) -> bool:
-    """Tell whether an embedded package has any definition in a distribution."""
     paths = (
         path.relative_to(base).as_posix()
         for base in definition_folders(folder, rosdistro)

@@ -68,12 +68,10 @@ class Excerpt:
 
     @property
     def everything(self) -> bytes:
-        """The kept output of both streams."""
         middle = () if self._whole else (_LEFT_OUT,)
         first, last = (b for b, _ in self._first), (b for b, _ in self._last)
         return b"".join((*first, *middle, *last))
 
     @property
     def errors(self) -> bytes:
-        """The kept output of stderr."""
         return b"".join(lines for lines, stderr in (*self._first, *self._last) if stderr)

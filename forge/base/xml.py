@@ -53,7 +53,6 @@ class Element:
         return source[tag.end() if tag else len(source) :].decode(errors="replace")
 
     def all(self, tag: str) -> Iterator[Element]:
-        """Yield the direct children with this tag."""
         return (child for child in self.children if child.tag == tag)
 
 
@@ -107,8 +106,6 @@ _DECLARED_ENCODING = re.compile(rb"""<\?xml\s[^>]*?\bencoding\s*=\s*["']([A-Za-z
 
 
 class _RefusedError(Exception):
-    """Well-formed XML that is rejected."""
-
     def __init__(self, message: str, line: int) -> None:
         super().__init__(message)
         self.line = line

@@ -72,7 +72,6 @@ class Edit:
     below: bool
 
     def at(self, prefix: str) -> str:
-        """Return the value for a package in `prefix`."""
         if not self.below:
             return self.value
         return f"{prefix}/{self.value}" if self.value else prefix

@@ -49,7 +49,6 @@ def missing_executable_hint(package: str, name: str, prefix: Path, paths: Sequen
 
 
 def refuse_windows_line_endings(path: Path) -> None:
-    """Raise ForgeError for a script whose first line ends with a carriage return."""
     try:
         with path.open("rb") as stream:
             first = stream.readline(512)

@@ -57,7 +57,6 @@ def underlays_of(root: Path) -> tuple[Path, ...]:
 
 
 def forget_underlays(root: Path) -> None:
-    """Remove the recorded underlays of an install tree."""
     (root / INSTALL_STATE_FILE).unlink(missing_ok=True)
 
 
@@ -78,7 +77,6 @@ def python_of(prefix: Path) -> str | None:
 
 
 def recorded_rosdistro(root: Path) -> str | None:
-    """Return the ROS distribution of the last build of an install tree."""
     return _recorded(root).rosdistro
 
 

@@ -38,8 +38,6 @@ _VARIABLES = ("COLCON_PREFIX_PATH", "AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH")
 
 @frozen
 class InstalledPackage:
-    """A package in an install tree with its run dependencies."""
-
     name: str
     prefix: Path
     needs: frozenset[str]
@@ -165,7 +163,6 @@ def has_packages(root: Path) -> bool:
 
 
 def _candidates(root: Path) -> list[tuple[str, Path]]:
-    """Return the names and prefixes of potential packages in colcon's index."""
     if _layout(root) == "isolated":
         names = sorted(entry.name for entry in root.iterdir() if is_safe_name(entry.name))
         return [(name, root / name) for name in names]

@@ -216,7 +216,6 @@ def _statement(
 
 
 def _entries(shell: Shell, edit: Edit, function: str, entries: list[str], installed: str) -> Statement:
-    """Return the statement that adds entries to a list if the file `installed` exists."""
     return {
         "template": f"scripts/{shell.family}/entry.j2",
         "function": function,

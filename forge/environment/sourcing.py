@@ -115,7 +115,6 @@ def own_edits(name: str, prefix: Path, files: Iterable[str]) -> tuple[Edit | Scr
 
 
 def clear_edit_cache() -> None:
-    """Forget the cached edits of packages."""
     _read_edits.cache_clear()
 
 

@@ -178,8 +178,10 @@ def may_register_package(text: str) -> bool:
 def targets(text: str) -> tuple[str, ...]:
     """Return the targets with literal names, in order; ${PROJECT_NAME} is expanded."""
     name = project_name(text) or ""
-    made = (call for call in calls(text) if call.command in {"add_executable", "add_library"} and call.words)
-    return tuple(call.words[0].replace("${PROJECT_NAME}", name) for call in made)
+    definitions = (
+        call for call in calls(text) if call.command in {"add_executable", "add_library"} and call.words
+    )
+    return tuple(call.words[0].replace("${PROJECT_NAME}", name) for call in definitions)
 
 
 def linked_packages(text: str) -> frozenset[str]:

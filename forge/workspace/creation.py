@@ -109,13 +109,13 @@ def render_package(blueprint: NewPackage) -> dict[str, str | None]:
         "macro": macro,
         "class_name": "".join(part[:1].upper() + part[1:] for part in (library or "").split("_")),
     }
-    made: dict[str, str | None] = {"package.xml": _manifest(blueprint, build_tools)}
+    files: dict[str, str | None] = {"package.xml": _manifest(blueprint, build_tools)}
 
     def add(path: str, template: str, **more: object) -> None:
-        made[path] = render(f"pkg/{template}.j2", **names, **more)
+        files[path] = render(f"pkg/{template}.j2", **names, **more)
 
     if blueprint.build_type == "ament_python":
-        made[name] = None
+        files[name] = None
         literals = {
             "maintainer": repr(person.name),
             "email": repr(person.email),
@@ -124,25 +124,25 @@ def render_package(blueprint: NewPackage) -> dict[str, str | None]:
         }
         add("setup.py", "ament_python/setup.py", **literals)
         add("setup.cfg", "ament_python/setup.cfg")
-        made |= {"resource": None, f"resource/{name}": "", f"{name}/__init__.py": "", "test": None}
+        files |= {"resource": None, f"resource/{name}": "", f"{name}/__init__.py": "", "test": None}
         for test in ("test_copyright.py", "test_flake8.py", "test_pep257.py"):
             add(f"test/{test}", f"ament_python/{test}")
         if node:
             add(f"{name}/{node}.py", "ament_python/node.py")
         if library:
-            made |= {f"{name}/{library}": None, f"{name}/{library}/__init__.py": ""}
+            files |= {f"{name}/{library}": None, f"{name}/{library}/__init__.py": ""}
     elif blueprint.interfaces:
         paths = []
         for kind, interface_template in _INTERFACE_TEMPLATES.items():
-            files = [file for file in blueprint.interfaces if file.endswith(f".{kind}")]
-            made |= {kind: None} if files else {}
-            for file in files:
+            definitions = [file for file in blueprint.interfaces if file.endswith(f".{kind}")]
+            files |= {kind: None} if definitions else {}
+            for file in definitions:
                 paths.append(f"{kind}/{file}")
                 stem = file.removesuffix(f".{kind}")
-                made[paths[-1]] = render(f"pkg/interfaces/{interface_template}", name=stem)
+                files[paths[-1]] = render(f"pkg/interfaces/{interface_template}", name=stem)
         add("CMakeLists.txt", "interfaces/CMakeLists.txt", interfaces=paths)
     else:
-        made |= {"src": None, f"include/{name}": None}
+        files |= {"src": None, f"include/{name}": None}
         add("CMakeLists.txt", f"{blueprint.build_type}/CMakeLists.txt")
         if blueprint.build_type == "cmake":
             add(f"{name}Config.cmake.in", "cmake/Config.cmake.in")
@@ -156,12 +156,11 @@ def render_package(blueprint: NewPackage) -> dict[str, str | None]:
             guard = f"{macro}__VISIBILITY_CONTROL_H_"
             add(f"{include}/visibility_control.h", "cpp/visibility_control.h", guard=guard)
     if blueprint.license in LICENSES:
-        made["LICENSE"] = render(f"pkg/licenses/{LICENSES[blueprint.license]}", holder=person.name)
-    return made
+        files["LICENSE"] = render(f"pkg/licenses/{LICENSES[blueprint.license]}", holder=person.name)
+    return files
 
 
 def placeholder_email(name: str) -> str:
-    """Return a placeholder address for a maintainer without one."""
     return f"{re.sub('[^-a-zA-Z0-9_%+]+', '.', name).strip('.') or 'maintainer'}@todo.todo"
 
 

@@ -72,7 +72,6 @@ def changed_packages(
 
 
 def _is_moved(root: Path, path: Path, repositories: Repositories) -> bool:
-    """Tell whether the path of a package contains a symbolic link that changed."""
     for at in (root / path, *(root / path).parents):
         if at == root:
             break

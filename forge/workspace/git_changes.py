@@ -103,7 +103,6 @@ class Repository:
 
     @cached_property
     def index(self) -> Mapping[str, _Entry]:
-        """The files in the index, including submodules."""
         found = {}
         for match in _INDEX.finditer(self._git("ls-files", "--stage", "--debug", "-z")):
             mode, digest = match[1].decode(), match[2].decode()
@@ -209,7 +208,6 @@ class Repository:
         return GitError(Problem(message, Location(self.top), hint))
 
     def _git(self, *words: str) -> bytes:
-        """Return the output of git; raises GitError."""
         import subprocess
 
         # Variables may point to another repository, for example in a hook. An empty fsmonitor is none.

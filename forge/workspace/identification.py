@@ -53,10 +53,11 @@ def identify(
         return IGNORED
     folder = Folder(path, root / path, entries)
     try:
-        own, said = {}, overrides.placed(folder.absolute)
+        own: dict[str, Any] = {}
         if COLCON_PKG in entries and (folder.absolute / COLCON_PKG).exists():
             own = read_yaml(folder.content(COLCON_PKG), path / COLCON_PKG)
-        conflicts = _assign_type_and_name(folder, own, said, overrides)
+        placed = overrides.placed(folder.absolute)
+        conflicts = _assign_type_and_name(folder, own, placed, overrides)
         identity = _identify(folder, variables, overrides.build_types)
         package = identity.package
         if package is not None:
@@ -65,7 +66,7 @@ def identify(
                 signs = "letters, digits, '_', '-' and '.'"
                 hint = f"write 'name: NAME' into '{package.path / COLCON_PKG}', with {signs}"
                 raise WorkspaceError(Problem(message, Location(package.manifest.path), hint))
-            sources = (own, overrides.named(package.name), said)
+            sources = (own, overrides.named(package.name), placed)
             identity = replace(identity, package=with_overrides(package, sources))
     except WorkspaceError as error:
         return Identity(problems=error.problems, name=_likely_name(folder))
@@ -78,7 +79,6 @@ def identify(
 
 
 def _likely_name(folder: Folder) -> str:
-    """Return the name that an invalid package was given, '' if it is unreadable."""
     text = text_or_nothing(folder.absolute / "package.xml") if "package.xml" in folder.entries else ""
     named = _NAME.search(_COMMENT.sub("", text))
     return folder.name or (named[1] if named else "")
@@ -103,13 +103,13 @@ def _assign_type_and_name(
 ) -> tuple[Problem, ...]:
     """Record the type and name that users assign; the first one wins, conflicts are returned."""
     conflicts = []
-    for said in (own, placed):
+    for options in (own, placed):
         for key in ("type", "name"):
-            value, known = said.get(key), getattr(folder, key)
-            if value and known is None:
+            value, assigned = options.get(key), getattr(folder, key)
+            if value and assigned is None:
                 setattr(folder, key, str(value))
-            elif value and known != value:
-                message = f"the {key} '{known}' in {COLCON_PKG} overrides '{value}' in a *.meta file"
+            elif value and assigned != value:
+                message = f"the {key} '{assigned}' in {COLCON_PKG} overrides '{value}' in a *.meta file"
                 conflicts.append(Problem(message, Location(folder.display_path)))
     if folder.name and folder.type is None:
         assigned_type = overrides.named(folder.name).get("type")
@@ -118,7 +118,6 @@ def _assign_type_and_name(
 
 
 def _identify(folder: Folder, variables: Mapping[str, str], build_types: tuple[str, ...]) -> Identity:
-    claimed = folder.type or folder.name
     foreign: tuple[Problem, ...] = ()
     try:
         identity = _as_ros(folder, variables)
@@ -132,8 +131,9 @@ def _identify(folder: Folder, variables: Mapping[str, str], build_types: tuple[s
     if identity is None:
         identity = _as_other(folder, build_types)
     if identity is None:
-        missing = "its files do not provide the missing name or type"
-        identity = _incomplete(folder, missing) if claimed else NOT_A_PACKAGE
+        identity = NOT_A_PACKAGE
+        if folder.type or folder.name:
+            identity = _incomplete(folder, "its files do not provide the missing name or type")
     return replace(identity, notes=(*foreign, *identity.notes)) if foreign else identity
 
 
@@ -162,22 +162,22 @@ def _as_ros(folder: Folder, variables: Mapping[str, str]) -> Identity | None:
     """
     if folder.type not in {None, "ros"} and not str(folder.type).startswith("ros."):
         return None
-    whole = folder.type in {None, "ros"}
-    hidden = whole and any(
+    any_build_type = folder.type in {None, "ros"}
+    hidden = any_build_type and any(
         (folder.absolute / mark).exists() for mark in ROS_IGNORE_FILES if mark in folder.entries
     )
     if not hidden and "package.xml" in folder.entries:
         package = read_package(folder.absolute, folder.display_path, variables)
         if folder.name:
             package = replace(package, manifest=replace(package.manifest, name=folder.name))
-        if not whole:
+        if not any_build_type:
             manifest = replace(package.manifest, build_type=str(folder.type).removeprefix("ros."))
             package = replace(package, manifest=manifest)
         return Identity(package)
     if hidden or "manifest.xml" in folder.entries:
         # The latter is a rosbuild package, whose CMakeLists.txt is incompatible.
         return IGNORED
-    return None if whole else _incomplete(folder, "package.xml is missing")
+    return None if any_build_type else _incomplete(folder, "package.xml is missing")
 
 
 def _incomplete(folder: Folder, why: str, hint: str | None = None) -> Identity:

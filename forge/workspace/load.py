@@ -97,7 +97,7 @@ def load_workspace(
         for each in workspace.broken
         if each.name not in workspace.packages
     }
-    whole = resolve_workspace(
+    with_cycles = resolve_workspace(
         replace(workspace, packages={**workspace.packages, **broken}),
         variables,
         install or root / "install",
@@ -108,7 +108,7 @@ def load_workspace(
             if tested(each) is False or (query.no_test_dependencies and tested(each) is None)
         ),
     )
-    resolution, cycle_warnings = break_test_cycles(replace(whole, ignored=hidden))
+    resolution, cycle_warnings = break_test_cycles(replace(with_cycles, ignored=hidden))
     listing = install is None
     duplicates = workspace.duplicates if listing else ()
     packages = {

@@ -111,8 +111,6 @@ def tags_of(manifest_format: int) -> tuple[str, ...]:
 
 
 class _Reader:
-    """Parses one manifest and collects problems."""
-
     def __init__(self, root: Element, content: bytes, path: Path, variables: Mapping[str, str]) -> None:
         self.root = root
         self.content = content

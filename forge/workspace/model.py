@@ -46,8 +46,6 @@ class Dependency:
 
 @frozen
 class Person:
-    """A maintainer or an author."""
-
     name: str
     email: str | None = None
 
@@ -63,8 +61,6 @@ class Export:
 
 @frozen
 class Manifest:
-    """A package.xml with its conditions evaluated."""
-
     name: str
     version: str
     description: str
@@ -108,7 +104,6 @@ class Package:
 
     @property
     def build_type(self) -> str:
-        """The manifest's build type, such as ament_cmake."""
         return self.manifest.build_type
 
     @property
@@ -122,7 +117,6 @@ class Package:
         return frozenset(tested) - frozenset(used)
 
     def option_values(self, option: str) -> tuple[str, ...]:
-        """Return the package's own values of a list option."""
         value = self.settings.get(option, ())
         return tuple(map(str, value)) if isinstance(value, list | tuple) else (str(value),)
 

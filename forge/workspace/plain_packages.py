@@ -52,7 +52,6 @@ def identify_plain(folder: Folder) -> Identity | None:
 
 
 def _ambiguous(folder: Folder) -> Identity | None:
-    """Report a folder that may be a CMake or a Python package."""
     if folder.type is not None or not folder.has("CMakeLists.txt", "setup.py", "setup.cfg"):
         return None
     text = folder.text("setup.py")
@@ -66,7 +65,6 @@ def _ambiguous(folder: Folder) -> Identity | None:
 
 
 def cmake_package(folder: Folder) -> Identity | None:
-    """Read CMakeLists.txt."""
     if not folder.may_be("cmake") or not folder.has("CMakeLists.txt"):
         return None
     text = folder.text("CMakeLists.txt")

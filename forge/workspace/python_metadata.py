@@ -140,7 +140,7 @@ def mentioned_modules(text: str) -> frozenset[str]:
     """Return the top-level modules in lines that look like imports: a superset of the imported ones."""
     lists = (match[1] or match[2] for match in _IMPORT.finditer(text))
     return frozenset(
-        re.split(r"[.\s]", name.strip(), maxsplit=1)[0] for said in lists for name in said.split(",")
+        re.split(r"[.\s]", name.strip(), maxsplit=1)[0] for names in lists for name in names.split(",")
     )
 
 

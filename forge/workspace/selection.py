@@ -198,7 +198,6 @@ _STRICT = ("select_by_dep", "skip_by_dep", "skip_up_to")
 
 
 def name_of(node: str) -> str:
-    """Return the package name of a node."""
     return node.partition("\0")[0]
 
 
@@ -240,7 +239,6 @@ def ignored(query: Query, names: Iterable[str]) -> frozenset[str]:
 
 
 def _filters(query: Query, ordered: Sequence[str], needs: Graph) -> Iterator[FilterResult]:
-    """Yield what each option keeps, and the reason why other packages are left out."""
     nodes = frozenset(ordered)
     dependents = reverse(needs)
     if query.skip or query.skip_regex:

@@ -48,7 +48,6 @@ class Whereabouts:
 
 
 def submodule_remedy(paths: list[Path]) -> str:
-    """Return the command that checks out submodules."""
     words = " ".join(map(str, paths[:_FEW])) if len(paths) <= _FEW else "--recursive"
     which = f"submodule '{paths[0]}' is" if len(paths) == 1 else f"{len(paths)} submodules are"
     return f"the {which} not checked out: git submodule update --init {words}"
