@@ -81,7 +81,7 @@ def install(em: ModuleType, templates: CompiledTemplates) -> None:
     interpreted = em.Interpreter.string
 
     def string_3(self: Any, data: str, name: str = "<string>", locals: Any = None) -> None:
-        code = templates.code(data) if locals is not None and _is_plain_3(self) else None
+        code = templates.code(data) if locals is not None and _is_plain(self, self) else None
         if code is None:
             interpreted(self, data, name, locals)
             return
@@ -92,7 +92,8 @@ def install(em: ModuleType, templates: CompiledTemplates) -> None:
         self.contexts.pop()
 
     def string_4(self: Any, string: str, locals: Any = None, dispatcher: Any = None) -> None:
-        code = templates.code(string) if locals is not None and _is_plain_4(self) else None
+        is_plain = _is_plain(self, self.config) and self.config.noneSymbol is None and self.enabled
+        code = templates.code(string) if locals is not None and is_plain else None
         if code is None:
             interpreted(self, string, locals, dispatcher)
         else:
@@ -105,27 +106,14 @@ def _is_version_3(em: ModuleType) -> bool:
     return hasattr(em, "RAW_OPT")
 
 
-def _is_plain_3(interpreter: Any) -> bool:
-    """Tell whether an interpreter has no hooks, EmPy's own prefix, and one unfiltered output."""
-    return (
-        not interpreter.hooks
-        and len(interpreter.streams) == 1
-        and interpreter.prefix == "@"
-        and interpreter.pseudo == _PSEUDOMODULE
-    )
+def _is_plain(interpreter: Any, config: Any) -> bool:
+    """Tell whether an interpreter has no hooks, EmPy's own prefix, and one unfiltered output.
 
-
-def _is_plain_4(interpreter: Any) -> bool:
-    """Tell the same of an interpreter of EmPy 4, and that its output is not disabled."""
-    config = interpreter.config
-    return (
-        not interpreter.hooks
-        and len(interpreter.streams) == 1
-        and config.prefix == "@"
-        and config.pseudomoduleName == _PSEUDOMODULE
-        and config.noneSymbol is None
-        and interpreter.enabled
-    )
+    EmPy 4 has an object of its own for the configuration.
+    """
+    pseudomodule = config.pseudo if config is interpreter else config.pseudomoduleName
+    is_usual = config.prefix == "@" and pseudomodule == _PSEUDOMODULE
+    return is_usual and not interpreter.hooks and len(interpreter.streams) == 1
 
 
 def _execute(interpreter: Any, code: CodeType, locals_: dict[str, Any]) -> None:
@@ -296,14 +284,14 @@ class _Compiler:
 
     def _for(self, token: Any) -> list[ast.stmt]:
         (head, body), *others = self._chains(token, "else")
-        target, found, sequence = _partition(self._em.ControlToken.IN_RE, head.rest)
-        if not found or len(others) > 1:
+        parts = self._em.ControlToken.IN_RE.split(head.rest, 1)
+        if len(parts) != 2 or len(others) > 1:
             raise UncompilableError("for")
-        loop = ast.parse(f"for {target.strip()} in (): pass").body[0]
+        loop = ast.parse(f"for {parts[0].strip()} in (): pass").body[0]
         if not isinstance(loop, ast.For) or not _are_names(loop.target):
             raise UncompilableError("for")
         otherwise = others[0][1] if others else []
-        return [ast.For(loop.target, self._evaluated(sequence), body, otherwise)]
+        return [ast.For(loop.target, self._evaluated(parts[1]), body, otherwise)]
 
     def _while(self, token: Any) -> list[ast.stmt]:
         (head, body), *others = self._chains(token, "else")
@@ -330,11 +318,6 @@ def _are_names(target: ast.expr) -> bool:
     if isinstance(target, ast.Tuple):
         return all(map(_are_names, target.elts))
     return isinstance(target, ast.Name)
-
-
-def _partition(pattern: Any, text: str) -> tuple[str, bool, str]:
-    parts = pattern.split(text, 1)
-    return (parts[0], True, parts[1]) if len(parts) == 2 else (text, False, "")
 
 
 def _call(function: str, argument: ast.expr) -> list[ast.stmt]:

@@ -15,7 +15,7 @@ import os
 import runpy
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -104,11 +104,20 @@ class Generators:
         from forge.plugins.fast_rosidl.idl_trees import IdlTrees
 
         self._accelerated = True
-        em, parser = self._modules["em"], self._modules["rosidl_parser.parser"]
+        em, parser = self._modules["em"], cast("Any", self._modules["rosidl_parser.parser"])
         install(em, CompiledTemplates(em, self._cache))
         trees = IdlTrees(self._grammar)
         if self._is_same_parser(trees, parser):
-            _parse_trees_with(trees, parser)
+            slow = parser.get_ast_from_idl_string
+
+            def get_ast_from_idl_string(text: str) -> Any:
+                """Return the tree of a file; what the fast parser does not support goes to the slow one."""
+                try:
+                    return trees.parse(text)
+                except trees.errors:
+                    return slow(text)
+
+            parser.get_ast_from_idl_string = get_ast_from_idl_string
         self._share_contents(parser)
 
     def _import(self, *names: str) -> None:
@@ -219,19 +228,6 @@ def described(thing: object) -> object:
 def _slots(type_: type) -> list[str]:
     slots = vars(type_).get("__slots__", ())
     return [slots] if isinstance(slots, str) else list(slots)
-
-
-def _parse_trees_with(trees: IdlTrees, parser: Any) -> None:
-    """Replace the parser's slow step; what the fast one does not support goes to the slow one."""
-    slow = parser.get_ast_from_idl_string
-
-    def get_ast_from_idl_string(text: str) -> Any:
-        try:
-            return trees.parse(text)
-        except trees.errors:
-            return slow(text)
-
-    parser.get_ast_from_idl_string = get_ast_from_idl_string
 
 
 def _signature(path: str) -> tuple[int, int]:

@@ -64,7 +64,6 @@ class IdlTrees:
     """What parse() raises for files that are left to rosidl_parser."""
 
     def __init__(self, grammar: Path) -> None:
-        """Prepare the parser for the grammar in a file."""
         self._lark = Lark(grammar.read_text(encoding="utf-8"), parser="lalr", maybe_placeholders=False)
 
     def parse(self, text: str) -> Tree[Any]:
@@ -126,7 +125,7 @@ def _typedef(tree: Tree[Any], annotations: list[Tree[Any]]) -> Tree[Any]:
 def _constant(tree: Tree[Any], annotations: list[Tree[Any]]) -> Tree[Any]:
     type_, name, value = tree.children
     if type_.data == "basic":
-        kind = _nested(_BASIC[_words(type_)])
+        kind = _chain(*_BASIC[_words(type_)])
     elif type_.data == "text":
         kind = _string(type_)
     else:
@@ -166,7 +165,7 @@ def _type(tree: Tree[Any]) -> Tree[Any]:
     """Return simple_type_spec or template_type_spec."""
     match tree.data:
         case "basic":
-            return _chain("simple_type_spec", "base_type_spec", _nested(_BASIC[_words(tree)]))
+            return _chain("simple_type_spec", "base_type_spec", *_BASIC[_words(tree)])
         case "named":
             return _chain("simple_type_spec", _scoped_name(tree.children[0]))
         case "text":
@@ -265,10 +264,6 @@ def _words(tree: Tree[Any]) -> str:
 
 def _identifier(token: object) -> Token:
     return Token("IDENTIFIER", str(token))
-
-
-def _nested(names: tuple[str, ...]) -> Tree[Any]:
-    return _chain(*names)
 
 
 def _chain(*parts: Any) -> Tree[Any]:

@@ -67,20 +67,20 @@ def complete(index: Index, path: Path, line: int, column: int) -> Proposals:
     """Return the proposals at a cursor."""
     lines = index.text(path).splitlines()
     before = lines[line][:column] if line < len(lines) else ""
-    reading = index.reading(path)
+    reading = index.readings.get(path)
     if reading is None:
         typed, found = _in_manifest(index, before)
     elif path.suffix == ".idl":
         typed, found = _in_idl(index, before)
     else:
         typed, found = _in_declaration(index, reading, line, before)
-    matching = [each for each in found if _fits(each, typed)]
-    return Proposals(Span(line, column - len(typed), column), tuple(matching[:MOST]), len(matching) <= MOST)
-
-
-def _fits(proposal: Proposal, typed: str) -> bool:
     word = typed.lower()
-    return proposal.label.lower().startswith(word) or (proposal.match or "").lower().startswith(word)
+    matching = [
+        each
+        for each in found
+        if each.label.lower().startswith(word) or (each.match or "").lower().startswith(word)
+    ]
+    return Proposals(Span(line, column - len(typed), column), tuple(matching[:MOST]), len(matching) <= MOST)
 
 
 def _in_declaration(index: Index, reading: Reading, line: int, before: str) -> tuple[str, Iterable[Proposal]]:
@@ -103,9 +103,10 @@ def _types(index: Index, reading: Reading, typed: str) -> Iterator[Proposal]:
         siblings = (name for name in messages if name.package == package)
         yield from (Proposal(name.name, "type", detail=str(name)) for name in siblings)
         others = {name.package for name in messages} - {package}
-        yield from (
-            Proposal(f"{name}/", "package") for name in _near_first(index, reading.source.path, others)
-        )
+        manifest = index.manifest_of(reading.source.path)
+        declared = manifest.dependencies if manifest else frozenset()
+        near_first = sorted(others, key=lambda name: (name not in declared, name))
+        yield from (Proposal(f"{name}/", "package") for name in near_first)
     word = typed.lower()
     for name in messages if typed else ():
         # Of thousands of messages few are proposed; a package matches the typed text in front of '/'.
@@ -117,13 +118,6 @@ def _types(index: Index, reading: Reading, typed: str) -> Iterator[Proposal]:
         if likely and name.package != package:
             label = f"{name.package}/{name.name}"
             yield Proposal(label, "type", match=None if own else name.name, detail=str(name))
-
-
-def _near_first(index: Index, path: Path, packages: Iterable[str]) -> list[str]:
-    """Return packages in order, those that the manifest declares first."""
-    manifest = index.manifest_of(path)
-    declared = manifest.dependencies if manifest else frozenset()
-    return sorted(packages, key=lambda name: (name not in declared, name))
 
 
 def _values(reading: Reading, line: int, written: str) -> Iterator[Proposal]:
@@ -178,30 +172,16 @@ def _idl_types(index: Index, typed: str) -> Iterator[Proposal]:
 
 def _in_manifest(index: Index, before: str) -> tuple[str, Iterable[Proposal]]:
     """Return what was typed in a package.xml, and what may stand there."""
-    if tag := _TAG.search(before):
-        return tag[1], (Proposal(name, "keyword") for name in tags_of(3))
+    if opened := _TAG.search(before):
+        return opened[1], (Proposal(name, "keyword") for name in tags_of(3))
     content = _CONTENT.search(before)
     if content is None:
         return "", ()
-    if content[1] in DEPENDENCY_KINDS:
-        return content[2], (Proposal(name, "package") for name in _packages(index))
-    return content[2], (Proposal(word, "value") for word in _words(content[1]))
-
-
-def _words(tag: str) -> tuple[str, ...]:
-    """Return the words that an element may contain, if they are known."""
-    match tag:
-        case "build_type":
-            return known_types()
-        case "member_of_group":
-            return (_INTERFACE_GROUP,)
-        case _:
-            return ()
-
-
-def _packages(index: Index) -> list[str]:
-    """Return the packages of the workspace, of underlays and of forge."""
-    own = {manifest.name for manifest in index.manifests() if manifest.name}
-    installed = ament_index.resources("packages", index.library.prefixes)
-    embedded = (path.parent.name for path in EMBEDDED.glob("*/package.xml"))
-    return sorted({*own, *installed, *embedded})
+    tag, typed = content.groups()
+    if tag in DEPENDENCY_KINDS:
+        own = {manifest.name for manifest in index.manifests.values() if manifest.name}
+        installed = ament_index.resources("packages", index.library.prefixes)
+        embedded = (path.parent.name for path in EMBEDDED.glob("*/package.xml"))
+        return typed, (Proposal(name, "package") for name in sorted({*own, *installed, *embedded}))
+    words = known_types() if tag == "build_type" else (_INTERFACE_GROUP,) * (tag == "member_of_group")
+    return typed, (Proposal(word, "value") for word in words)

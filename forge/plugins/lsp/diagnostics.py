@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+from itertools import islice
 from typing import TYPE_CHECKING
 
 from forge.base.errors import InterfaceError, Location, Problem
 from forge.base.frozen import frozen
+from forge.base.names import nearest
 from forge.build.build_types import is_known_type, unknown_type
-from forge.interfaces.model import Catalog
+from forge.interfaces.model import Catalog, Message
 from forge.interfaces.read.lint import lint
 from forge.interfaces.read.parsing import Parsed
 from forge.interfaces.resolve.dependencies import undeclared_dependencies
-from forge.interfaces.resolve.resolution import nested_messages, same_output
-from forge.plugins.lsp.nearby import NearbyTypes
+from forge.interfaces.resolve.resolution import MAX_EXPLAINED, nested_messages, same_output
 from forge.plugins.lsp.text import span_at
 
 if TYPE_CHECKING:
@@ -20,6 +22,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from forge.base.errors import Severity
+    from forge.interfaces.model import TypeName
     from forge.interfaces.read.occurrences import Reading
     from forge.plugins.lsp.index import Index
     from forge.plugins.lsp.manifests import ManifestReading
@@ -37,7 +40,7 @@ class Diagnostic:
 
 def diagnose(index: Index, path: Path) -> tuple[Diagnostic, ...]:
     """Return the problems of a file, in the order of their lines."""
-    manifest, reading = index.manifest(path), index.reading(path)
+    manifest, reading = index.manifests.get(path), index.readings.get(path)
     if manifest:
         lines = manifest.text.split("\n")
         found = [*_all(manifest.errors, "error", lines), *_all(manifest.warnings, "warning", lines)]
@@ -64,7 +67,7 @@ def _message(problem: Problem) -> str:
 def _unsupported(index: Index, reading: ManifestReading) -> Iterator[Diagnostic]:
     """Yield the problem of a build type that is unknown, unless the workspace assigns another one."""
     manifest, span = reading.manifest, reading.build_type
-    if manifest and span and not (is_known_type(manifest.build_type) or index.assigns_type(reading.path)):
+    if manifest and span and not (is_known_type(manifest.build_type) or reading.path in index.assigned):
         yield Diagnostic(span, "error", _message(unknown_type(manifest)))
 
 
@@ -73,7 +76,7 @@ def _unresolved(index: Index, reading: Reading) -> Iterator[Problem]:
     if reading.interface is None:
         return
     try:
-        nested_messages(Parsed(reading.source, reading.interface), NearbyTypes(index, reading))
+        nested_messages(Parsed(reading.source, reading.interface), _NearbyTypes(index, reading))
     except InterfaceError as error:
         own = str(reading.source.path)
         for problem in error.problems:
@@ -100,3 +103,56 @@ def _doubtful(index: Index, reading: Reading) -> Iterator[Problem]:
         yield from undeclared_dependencies(catalog, manifest.dependencies, index)
     if not reading.problems:
         yield from lint([Parsed(reading.source, reading.interface)])
+
+
+class _NearbyTypes:
+    """The types that a file refers to, and those that contain it; all others are as good as empty.
+
+    Only a message that contains the file's own can be part of a cycle with it.
+    """
+
+    def __init__(self, index: Index, reading: Reading) -> None:
+        self._index = index
+        self._reading = reading
+        self._containers = {reading.name}
+        waiting = [reading.name]
+        while waiting:
+            users = filter(None, (index.readings.get(user) for user, _ in index.uses(waiting.pop())))
+            found = {user.name for user in users} - self._containers
+            self._containers |= found
+            waiting += found
+
+    def find(self, name: TypeName) -> Parsed | None:
+        """Return an interface; the contents of a message that cannot lead to a cycle are left out."""
+        parsed = self._index.find(name)
+        if parsed is None or name in self._containers or not isinstance(parsed.interface, Message):
+            return parsed
+        return Parsed(parsed.source, Message(name))
+
+    def names(self) -> Iterable[TypeName]:
+        """Return the names that are similar to an unknown one in the file: of its package, or in another."""
+        return self._names
+
+    @cached_property
+    def _names(self) -> tuple[TypeName, ...]:
+        missing = (
+            each.type
+            for each in self._reading.occurrences
+            if each.type and self._index.find_or_none(each.type) is None
+        )
+        unknown = set(islice(missing, MAX_EXPLAINED))
+        known = list(self._index.names())
+        packages = {name.package for name in known}
+        wanted = {name.package for name in unknown}
+        near = wanted | {nearest(package, packages) for package in wanted}
+        stems = {name.name for name in unknown}
+        return tuple(name for name in known if name.package in near or name.name in stems)
+
+    def distribution_hint(self, name: TypeName) -> str | None:
+        """Return which ROS distributions have an interface that this one lacks, or None."""
+        return self._index.distribution_hint(name)
+
+    def declares(self, package: str) -> bool:
+        """Tell whether the manifest of the file's package declares a package."""
+        manifest = self._index.manifest_of(self._reading.source.path)
+        return manifest is not None and package in manifest.dependencies

@@ -37,7 +37,7 @@ def hover(index: Index, path: Path, line: int, column: int) -> str | None:
     """Return the documentation of the name under a cursor, or None."""
     if mention := mention_at(index, path, line, column):
         return _package(index, mention.name)
-    reading = index.reading(path)
+    reading = index.readings.get(path)
     occurrence = occurrence_at(reading, line, column) if reading else None
     if reading is None or occurrence is None:
         return None
@@ -124,7 +124,7 @@ def _package(index: Index, name: str) -> str | None:
     path = package_manifest(index, name)
     if path is None:
         return f"**{name}** is not in the workspace, its underlays or forge: a system dependency, or missing"
-    reading = index.manifest(path)
+    reading = index.manifests.get(path)
     if reading is None:
         try:
             reading = read_manifest(path, path.read_text(encoding="utf-8", errors="replace"), os.environ)

@@ -31,20 +31,19 @@ _SUFFIXES = frozenset(f".{ending}" for ending in ENDINGS)
 
 
 class Index:
-    """The files below `root`; `library` has the definitions of all other packages."""
+    """The files below `root` once `scan` was called; `library` has the definitions of all other packages."""
 
     def __init__(self, root: Path, library: Library, variables: Mapping[str, str]) -> None:
-        """Start empty; `scan` reads the workspace."""
         self.root = root
         self.library = library
         self._variables = variables
         self._buffers: dict[Path, str] = {}
-        self._readings: dict[Path, Reading] = {}
-        self._manifests: dict[Path, ManifestReading] = {}
+        self.readings: dict[Path, Reading] = {}
+        self.manifests: dict[Path, ManifestReading] = {}
         self._by_name: dict[TypeName, Path] = {}
         self._outputs: dict[tuple[str, str, str], dict[Path, TypeName]] = {}
         """The definitions by package, kind and name of the generated files."""
-        self._assigned: set[Path] = set()
+        self.assigned: set[Path] = set()
         """The manifests whose build type is overridden, by colcon.pkg for example."""
         self._uses: dict[TypeName, dict[Path, list[Occurrence]]] = {}
         self._elsewhere: tuple[TypeName, ...] | None = None
@@ -60,9 +59,9 @@ class Index:
         for package in packages.values():
             folder = self.root / package.path
             self.refresh(folder / MANIFEST)
-            reading = self._manifests.get(folder / MANIFEST)
+            reading = self.manifests.get(folder / MANIFEST)
             if reading and reading.manifest and reading.manifest.build_type != package.build_type:
-                self._assigned.add(reading.path)
+                self.assigned.add(reading.path)
             for relative, base in definition_files(folder).items():
                 if base:
                     self.refresh(base / relative)
@@ -102,21 +101,9 @@ class Index:
                     if each not in self._stamps:
                         self.refresh(each)
 
-    def reading(self, path: Path) -> Reading | None:
-        """Return what is known about a definition."""
-        return self._readings.get(path)
-
-    def manifest(self, path: Path) -> ManifestReading | None:
-        """Return what is known about a package.xml."""
-        return self._manifests.get(path)
-
-    def assigns_type(self, path: Path) -> bool:
-        """Tell whether the workspace assigns another build type than the one in a package.xml."""
-        return path in self._assigned
-
     def text(self, path: Path) -> str:
         """Return the text of a file, empty if it cannot be read."""
-        known = self._readings.get(path) or self._manifests.get(path)
+        known = self.readings.get(path) or self.manifests.get(path)
         match known:
             case Reading():
                 return known.source.text
@@ -127,13 +114,9 @@ class Index:
     def manifest_of(self, path: Path) -> ManifestReading | None:
         """Return the manifest of the package that contains a file."""
         for folder in path.parents:
-            if folder / MANIFEST in self._manifests:
-                return self._manifests[folder / MANIFEST]
+            if folder / MANIFEST in self.manifests:
+                return self.manifests[folder / MANIFEST]
         return None
-
-    def manifests(self) -> Iterator[ManifestReading]:
-        """Yield all manifests of the workspace."""
-        return iter(self._manifests.values())
 
     def uses(self, name: TypeName) -> list[tuple[Path, list[Occurrence]]]:
         """Return the definitions that refer to a message, with the places that do."""
@@ -149,7 +132,7 @@ class Index:
         path = self._by_name.get(name)
         if path is None:
             return self.library.find(name)
-        reading = self._readings[path]
+        reading = self.readings[path]
         return Parsed(reading.source, reading.interface or Message(name))
 
     def find_or_none(self, name: TypeName) -> Parsed | None:
@@ -183,7 +166,7 @@ class Index:
         self._forget(path)
         if text is not None:
             reading = read_leniently(Source(self._package_of(path), _relative(path), path, text))
-            self._readings[path] = reading
+            self.readings[path] = reading
             self._by_name.setdefault(reading.name, path)
             self._outputs.setdefault(_output(reading.name), {})[path] = reading.name
             for each in reading.occurrences:
@@ -192,18 +175,18 @@ class Index:
 
     def _put_manifest(self, path: Path, text: str | None) -> None:
         """Replace what is known about a manifest, and the package of the definitions beside it."""
-        old = self._manifests.pop(path, None)
+        old = self.manifests.pop(path, None)
         if text is None:
             return
-        manifest = self._manifests[path] = read_manifest(path, text, self._variables)
+        manifest = self.manifests[path] = read_manifest(path, text, self._variables)
         if old and manifest.name and old.name != manifest.name:
-            for reading in tuple(self._readings.values()):
+            for reading in tuple(self.readings.values()):
                 own = path.parent in reading.source.path.parents
                 if own and reading.source.package != self._package_of(reading.source.path):
                     self._put(reading.source.path, reading.source.text)
 
     def _forget(self, path: Path) -> None:
-        old = self._readings.pop(path, None)
+        old = self.readings.pop(path, None)
         if old is None:
             return
         if self._by_name.get(old.name) == path:
@@ -220,7 +203,7 @@ class Index:
             found = next((f / MANIFEST for f in path.parents if (f / MANIFEST).is_file()), None)
             if found:
                 self.refresh(found)
-                manifest = self._manifests.get(found)
+                manifest = self.manifests.get(found)
         return (manifest.name if manifest else None) or path.parent.parent.name
 
 

@@ -32,7 +32,7 @@ def occurrence_at(reading: Reading, line: int, column: int) -> Occurrence | None
 
 def mention_at(index: Index, path: Path, line: int, column: int) -> PackageMention | None:
     """Return the package that a manifest names under a cursor, or None."""
-    manifest = index.manifest(path)
+    manifest = index.manifests.get(path)
     mentions = manifest.mentions if manifest else ()
     return next((each for each in mentions if each.span.contains(line, column)), None)
 
@@ -58,7 +58,7 @@ def definition(index: Index, path: Path, line: int, column: int) -> Place | None
     """Return where the name under a cursor is declared, or None."""
     if mention := mention_at(index, path, line, column):
         return _package_place(index, mention.name)
-    reading = index.reading(path)
+    reading = index.readings.get(path)
     occurrence = occurrence_at(reading, line, column) if reading else None
     if reading is None or occurrence is None:
         return None
@@ -73,7 +73,7 @@ def references(index: Index, path: Path, line: int, column: int, *, declaration:
     """
     if mention := mention_at(index, path, line, column):
         return list(_package_uses(index, mention.name, declaration=declaration))
-    reading = index.reading(path)
+    reading = index.readings.get(path)
     if reading is None:
         return []
     occurrence = occurrence_at(reading, line, column)
@@ -108,7 +108,7 @@ def uses(index: Index, name: TypeName) -> Iterator[tuple[Path, Occurrence]]:
 
 def package_manifest(index: Index, name: str) -> Path | None:
     """Return the package.xml of a package in the workspace, an underlay or forge; None without one."""
-    for manifest in index.manifests():
+    for manifest in index.manifests.values():
         if manifest.name == name:
             return manifest.path
     folders = (*(prefix / "share" / name for prefix in index.library.prefixes), EMBEDDED / name)
@@ -119,20 +119,20 @@ def _type_place(index: Index, name: TypeName) -> Place | None:
     parsed = index.find_or_none(name)
     if parsed is None:
         return None
-    reading = index.reading(parsed.source.path)
+    reading = index.readings.get(parsed.source.path)
     structs = [each for each in reading.occurrences if each.kind is NameKind.INTERFACE] if reading else []
     return Place(parsed.source.path, _span(structs[0]) if structs else _START)
 
 
 def _package_place(index: Index, name: str) -> Place | None:
     path = package_manifest(index, name)
-    manifest = index.manifest(path) if path else None
+    manifest = index.manifests.get(path) if path else None
     named = (each.span for each in manifest.mentions if each.tag == "name") if manifest else iter(())
     return Place(path, next(named, _START)) if path else None
 
 
 def _package_uses(index: Index, name: str, *, declaration: bool) -> Iterator[Place]:
-    for manifest in index.manifests():
+    for manifest in index.manifests.values():
         for each in manifest.mentions:
             if each.name == name and (declaration or each.tag != "name"):
                 yield Place(manifest.path, each.span)

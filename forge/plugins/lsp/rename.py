@@ -51,7 +51,7 @@ def renamable(index: Index, path: Path, line: int, column: int) -> Renamable | N
 
     A line of a .msg, .srv or .action file without a declaration stands for the interface of the file.
     """
-    reading = index.reading(path)
+    reading = index.readings.get(path)
     if reading is None:
         return None
     occurrence = occurrence_at(reading, line, column)
@@ -71,7 +71,7 @@ def renamable(index: Index, path: Path, line: int, column: int) -> Renamable | N
 
 def rename(index: Index, path: Path, line: int, column: int, new: str) -> Renaming:
     """Return how to rename what is under a cursor; raises InterfaceError if that is impossible."""
-    reading = index.reading(path)
+    reading = index.readings.get(path)
     if reading is None or renamable(index, path, line, column) is None:
         raise InterfaceError(Problem("there is no name of a type, field or constant here"))
     occurrence = occurrence_at(reading, line, column)
@@ -84,7 +84,7 @@ def rename(index: Index, path: Path, line: int, column: int, new: str) -> Renami
 def _declaration(index: Index, name: TypeName) -> Reading:
     """Return the file that declares a type."""
     parsed = index.find_or_none(name)
-    declared = index.reading(parsed.source.path) if parsed else None
+    declared = index.readings.get(parsed.source.path) if parsed else None
     if declared is None:
         raise InterfaceError(Problem(f"'{name}' is not part of the workspace"))
     return declared

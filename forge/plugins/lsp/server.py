@@ -30,7 +30,6 @@ from forge.plugins.lsp.rename import renamable, rename
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from forge.plugins.lsp.completion import Proposal
     from forge.plugins.lsp.index import Index
     from forge.plugins.lsp.rename import Renaming
     from forge.plugins.lsp.text import Place, Span
@@ -80,7 +79,6 @@ class InterfaceServer(LanguageServer):
     """Answers one editor; `open_index` returns the index of the workspace around a folder."""
 
     def __init__(self, open_index: Callable[[Path], Index]) -> None:
-        """Register what the server offers."""
         super().__init__("forge", __version__)
         logging.getLogger("pygls.protocol.json_rpc").addFilter(_is_worth_logging)
         self._open_index = open_index
@@ -195,7 +193,17 @@ class InterfaceServer(LanguageServer):
             return None
         found = complete(*asked)
         where = self._range(asked[0], asked[1], found.span)
-        items = [_item(each, where, number) for number, each in enumerate(found.items)]
+        items = [
+            lsp.CompletionItem(
+                each.label,
+                kind=_KINDS[each.kind],
+                detail=each.detail,
+                filter_text=each.match,
+                sort_text=f"{number:04}",
+                text_edit=lsp.TextEdit(where, each.text or each.label),
+            )
+            for number, each in enumerate(found.items)
+        ]
         return lsp.CompletionList(is_incomplete=not found.complete, items=items)
 
     def _prepare_rename(self, params: lsp.PrepareRenameParams) -> lsp.PrepareRenamePlaceholder | None:
@@ -220,13 +228,11 @@ class InterfaceServer(LanguageServer):
 
     def _require_moves(self, *, moves: bool) -> None:
         """Refuse a renaming with moves of files if the editor cannot move them."""
-        if moves and not self._can_rename_files():
-            raise _RefusedError("this editor cannot rename files, which renaming a type requires")
-
-    def _can_rename_files(self) -> bool:
         capabilities = self.client_capabilities.workspace
         editing = capabilities.workspace_edit if capabilities else None
-        return lsp.ResourceOperationKind.Rename in ((editing and editing.resource_operations) or ())
+        operations = (editing and editing.resource_operations) or ()
+        if moves and lsp.ResourceOperationKind.Rename not in operations:
+            raise _RefusedError("this editor cannot rename files, which renaming a type requires")
 
     def _workspace_edit(self, index: Index, renaming: Renaming) -> lsp.WorkspaceEdit:
         """Return the edits of all files, then the files that get another name."""
@@ -268,19 +274,16 @@ class InterfaceServer(LanguageServer):
         """Report the problems of all open files, because each may depend on any other."""
         for path, uri in sorted(self._opened.items()):
             index = self._index(path)
-            found = diagnose(index, path)
-            self._report(
-                uri,
-                [
-                    lsp.Diagnostic(
-                        self._range(index, path, each.span),
-                        each.message,
-                        severity=_SEVERITIES[each.severity],
-                        source="forge",
-                    )
-                    for each in found
-                ],
-            )
+            diagnostics = [
+                lsp.Diagnostic(
+                    self._range(index, path, each.span),
+                    each.message,
+                    severity=_SEVERITIES[each.severity],
+                    source="forge",
+                )
+                for each in diagnose(index, path)
+            ]
+            self._report(uri, diagnostics)
 
     def _report(self, uri: str, diagnostics: Sequence[lsp.Diagnostic]) -> None:
         self.text_document_publish_diagnostics(lsp.PublishDiagnosticsParams(uri, diagnostics))
@@ -306,17 +309,6 @@ def serve(open_index: Callable[[Path], Index]) -> None:
 def _range(line: int, start: int, end: int) -> lsp.Range:
     """Return a part of a line; thousands of references are at a few hundred places."""
     return lsp.Range(lsp.Position(line, start), lsp.Position(line, end))
-
-
-def _item(proposal: Proposal, where: lsp.Range, number: int) -> lsp.CompletionItem:
-    return lsp.CompletionItem(
-        proposal.label,
-        kind=_KINDS[proposal.kind],
-        detail=proposal.detail,
-        filter_text=proposal.match,
-        sort_text=f"{number:04}",
-        text_edit=lsp.TextEdit(where, proposal.text or proposal.label),
-    )
 
 
 def _is_worth_logging(record: logging.LogRecord) -> bool:

@@ -25,10 +25,15 @@ from forge.cli import options as shared
 from forge.cli.options import OptionSources
 from forge.cli.preparation import build_variables, known_rosdistro, workspace_interpreter
 from forge.environment.prefixes import find_underlays, provider, system_prefixes
-from forge.plugins.system_deps.dependencies import USUAL_KINDS, is_installed, needs_of
-from forge.plugins.system_deps.installing import install_commands, run_commands
-from forge.plugins.system_deps.lookup import find_package_names, has_rosdep, mistyped_distribution
-from forge.plugins.system_deps.system import installed_names, system_of
+from forge.plugins.system_deps.lookup import (
+    USUAL_KINDS,
+    find_package_names,
+    has_rosdep,
+    is_installed,
+    mistyped_distribution,
+    needs_of,
+)
+from forge.plugins.system_deps.system import install_commands, installed_names, run_commands, system_of
 from forge.toolchain.os_release import os_release
 from forge.workspace.discovery import discover_embedded
 from forge.workspace.load import load_workspace, resolve_workspace
@@ -37,11 +42,10 @@ from forge.workspace.resolve import provided_names
 from forge.workspace.selection import Query
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping
+    from collections.abc import Callable, Iterator, Mapping
 
     from forge.base.layout import Layout
-    from forge.plugins.system_deps.dependencies import DependencyStatus
-    from forge.plugins.system_deps.lookup import PackageNames
+    from forge.plugins.system_deps.lookup import DependencyStatus, PackageNames
     from forge.plugins.system_deps.system import System
     from forge.workspace.model import Workspace
 
@@ -91,7 +95,10 @@ class Options:
 
 def run(options: Options) -> int:
     """Print a script with comments for each dependency and install commands, or run these; returns 0."""
-    raise_if_any(_conflicts(options), SelectionError)
+    others = [other for other in ("os", "json") if options.install and getattr(options, other)]
+    raise_if_any(
+        (Problem(f"'--install' and '--{other}' exclude each other") for other in others), SelectionError
+    )
     root = Path.cwd()
     rosdistro = known_rosdistro(options.rosdistro, root, root / options.install_base) or ""
     print_warnings(mistyped_distribution(rosdistro))
@@ -118,19 +125,40 @@ def run(options: Options) -> int:
     if options.json:
         import json
 
-        print(json.dumps(_plain(needs, have, system), indent=2))
+        shown = ("key", "users", "provider", "manager", "names")
+        rows = [
+            {
+                **{name: getattr(need, name) for name in shown},
+                "missing": not need.provider and not is_installed(need, have),
+            }
+            for need in needs
+        ]
+        print(json.dumps({"system": f"{system.name}:{system.version}", "needs": rows}, indent=2))
         return 0
     missing = [need for need in needs if not need.provider and not is_installed(need, have)]
     if options.install:
-        raise_if_any(_unknown(missing))
+        unknown = [need for need in missing if not need.manager]
+        keys = " ".join(need.key for need in unknown)
+        hint = (
+            f"nothing was installed; name packages in a '--rosdep-file', or ignore with '--skip-keys {keys}'"
+        )
+        raise_if_any(
+            Problem(f"no package is known for '{need.key}', needed by {', '.join(need.users)}", hint=hint)
+            for need in unknown
+        )
     elevate = bool(options.os) or os.geteuid() != 0
     commands, manual = install_commands(missing, have, python, elevate=elevate, ask=not options.yes)
     satisfied = [need for need in needs if options.all and need not in missing]
     for line in _script(satisfied, missing, commands, manual, _ros_remedy(names, system, rosdistro)):
         # The output may be piped to a shell: names must not contain line breaks.
         print(" ".join(line.split()))
-    if options.install:
-        _install(commands, ask=not options.yes)
+    if options.install and commands:
+        question = "Run this command?" if len(commands) == 1 else f"Run these {len(commands)} commands?"
+        if options.yes or shared.confirmed(f"{question} [y/N] "):
+            sys.stdout.flush()
+            run_commands(commands)
+        else:
+            print("nothing was installed")
     return 0
 
 
@@ -172,25 +200,15 @@ def _ros_remedy(names: PackageNames, system: System, rosdistro: str) -> str:
     return f"ROS package; {source}"
 
 
-def _conflicts(options: Options) -> Iterator[Problem]:
-    for other in ("os", "json"):
-        if options.install and getattr(options, other):
-            yield Problem(f"'--install' and '--{other}' exclude each other")
-
-
 def _kinds(words: tuple[str, ...]) -> frozenset[DependencyKind]:
     known = {kind.value: kind for kind in DependencyKind}
-    unknown = [word for word in words if word not in known]
-    if unknown:
-        raise SelectionError(
-            *(
-                Problem(
-                    f"unknown dependency type '{word}'",
-                    hint=did_you_mean(word, known) or f"use one of {', '.join(known)}",
-                )
-                for word in unknown
-            )
-        )
+    hint = f"use one of {', '.join(known)}"
+    unknown = (
+        Problem(f"unknown dependency type '{word}'", hint=did_you_mean(word, known) or hint)
+        for word in words
+        if word not in known
+    )
+    raise_if_any(unknown, SelectionError)
     return frozenset(known[word] for word in words) or USUAL_KINDS
 
 
@@ -257,45 +275,3 @@ def _installed(needs: tuple[DependencyStatus, ...], python: str) -> frozenset[tu
         for manager, names in wanted.items()
         for name in installed_names(manager, names, python)
     )
-
-
-def _unknown(missing: Iterable[DependencyStatus]) -> list[Problem]:
-    """Return an error for each dependency that cannot be installed."""
-    unknown = [need for need in missing if not need.manager]
-    keys = " ".join(need.key for need in unknown)
-    hint = f"nothing was installed; name packages in a '--rosdep-file', or ignore with '--skip-keys {keys}'"
-    return [
-        Problem(f"no package is known for '{need.key}', needed by {', '.join(need.users)}", hint=hint)
-        for need in unknown
-    ]
-
-
-def _install(commands: Mapping[str, tuple[str, ...]], *, ask: bool) -> None:
-    """Run the commands, which were printed before, after confirmation."""
-    if not commands:
-        return
-    question = "Run this command?" if len(commands) == 1 else f"Run these {len(commands)} commands?"
-    if ask and not shared.confirmed(f"{question} [y/N] "):
-        print("nothing was installed")
-        return
-    sys.stdout.flush()
-    run_commands(commands)
-
-
-def _plain(
-    needs: tuple[DependencyStatus, ...], have: frozenset[tuple[str, str]], system: System
-) -> dict[str, object]:
-    return {
-        "system": f"{system.name}:{system.version}",
-        "needs": [
-            {
-                "key": need.key,
-                "users": list(need.users),
-                "provider": need.provider,
-                "manager": need.manager,
-                "names": list(need.names),
-                "missing": not need.provider and not is_installed(need, have),
-            }
-            for need in needs
-        ],
-    }

@@ -1,4 +1,4 @@
-"""Looks up the system packages of dependencies: with rosdep, else by the names of ROS distributions."""
+"""The dependencies of a workspace and their system packages: those of rosdep, or of a ROS distribution."""
 
 from __future__ import annotations
 
@@ -11,13 +11,14 @@ from forge.base.formats import read_yaml
 from forge.base.frozen import frozen
 from forge.base.names import did_you_mean
 from forge.base.own_environment import extra_command
-from forge.plugins.system_deps.dependencies import Resolved
-from forge.workspace.resolve import resembles_ros_name
+from forge.workspace.model import DependencyKind
+from forge.workspace.resolve import is_ros_name, resembles_ros_name
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from forge.plugins.system_deps.system import System
+    from forge.workspace.model import Package
 
     Database = Mapping[str, Any]
 
@@ -27,6 +28,34 @@ _DISTRIBUTIONS = (
     *("kilted", "rolling"),
 )
 """The distributions of ROS 2 (REP 2000); later ones are unknown here."""
+
+
+USUAL_KINDS = frozenset(DependencyKind) - {DependencyKind.DOC}
+"""The default dependency types, as in rosdep."""
+
+
+@frozen
+class Resolved:
+    """The packages of a key; without names nothing has to be installed."""
+
+    manager: str
+    names: tuple[str, ...]
+
+
+@frozen
+class DependencyStatus:
+    """A dependency of packages in the workspace.
+
+    `provider` is the prefix or workspace that provides it, None without one. Otherwise `manager` provides it
+    as `names`; without a manager it is unknown. `ros` tells whether the name is that of a ROS package.
+    """
+
+    key: str
+    users: tuple[str, ...]
+    provider: str | None = None
+    manager: str | None = None
+    names: tuple[str, ...] = ()
+    ros: bool = False
 
 
 @frozen
@@ -130,3 +159,30 @@ def _read(path: Path) -> Database:
     except OSError as error:
         message = f"cannot read the rosdep file: {(error.strerror or str(error)).lower()}"
         raise WorkspaceError(Problem(message, Location(path))) from None
+
+
+def needs_of(
+    packages: Iterable[Package],
+    kinds: frozenset[DependencyKind],
+    provider: Callable[[str], str | None],
+    resolve: Callable[[str], Resolved | None],
+) -> tuple[DependencyStatus, ...]:
+    """Return all dependencies of the packages of one of `kinds`, by name."""
+    users: dict[str, list[str]] = {}
+    for package in packages:
+        for name in dict.fromkeys(package.manifest.names(kinds)):
+            users.setdefault(name, []).append(package.name)
+    found = []
+    for key in sorted(users):
+        of_key, provided = tuple(sorted(users[key])), provider(key)
+        resolved = None if provided else resolve(key)
+        if resolved:
+            found.append(DependencyStatus(key, of_key, None, resolved.manager, resolved.names))
+        else:
+            found.append(DependencyStatus(key, of_key, provided, ros=not provided and is_ros_name(key)))
+    return tuple(found)
+
+
+def is_installed(need: DependencyStatus, have: frozenset[tuple[str, str]]) -> bool:
+    """Tell whether all packages of a dependency are in `have`, which contains (package manager, name)."""
+    return need.manager is not None and all((need.manager, name) in have for name in need.names)

@@ -1,19 +1,23 @@
-"""The operating system as rosdep names it, and its installed packages."""
+"""The operating system as rosdep names it, its installed packages, and the commands that install more."""
 
 from __future__ import annotations
 
 import re
+import shlex
 import shutil
 import subprocess
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from forge.base.errors import HostError, Problem
 from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
 from forge.toolchain.os_release import DEBIAN, RED_HAT, families
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping
+    from collections.abc import Collection, Iterable, Mapping
+
+    from forge.plugins.system_deps.lookup import DependencyStatus
 
 DPKG_STATUS = Path("/var/lib/dpkg/status")
 
@@ -26,6 +30,26 @@ have = {re.sub("[-_.]+", "-", d.metadata["Name"] or "").lower() for d in m.distr
 plain = lambda name: re.sub("[-_.]+", "-", re.split("[<>=!~ ]", name)[0]).lower()
 print(*(name for name in sys.argv[1:] if plain(name) in have), sep="\n")
 """
+
+
+_SUDO = "sudo"
+_COMMANDS: Mapping[str, tuple[str, ...]] = {
+    "apt": (_SUDO, "apt-get", "install"),
+    "dnf": (_SUDO, "dnf", "install"),
+    "pip": ("{python}", "-m", "pip", "install"),
+    "gem": (_SUDO, "gem", "install"),
+    "npm": (_SUDO, "npm", "install", "-g"),
+    "snap": (_SUDO, "snap", "install"),
+    "pacman": (_SUDO, "pacman", "-S"),
+    "apk": (_SUDO, "apk", "add"),
+    "zypper": (_SUDO, "zypper", "install"),
+    "portage": (_SUDO, "emerge"),
+}
+"""The install command of each package manager."""
+
+_WITHOUT_QUESTIONS = {"apt": ("-y",), "dnf": ("-y",), "zypper": ("-y",), "pacman": ("--noconfirm",)}
+_UPDATES = {"apt": "sudo apt-get update", "pacman": "sudo pacman -Sy", "apk": "sudo apk update"}
+"""Commands without which a new machine or container finds no packages."""
 
 
 @frozen
@@ -65,16 +89,10 @@ def installed_names(manager: str, names: Collection[str], python: str) -> frozen
     if manager == "apt":
         return frozenset(names) & _in_dpkg(DPKG_STATUS)
     if manager in {"dnf", "zypper"} and shutil.which("rpm"):
-        return frozenset(name for name in names if _succeeds("rpm", "-q", "--whatprovides", name))
+        asked = {name: _run("rpm", "-q", "--whatprovides", name) for name in names}
+        return frozenset(name for name, done in asked.items() if done.returncode == 0)
     if manager == "pip":
-        asked = subprocess.run(
-            (python, "-c", _PIP, *names),
-            capture_output=True,
-            text=True,
-            check=False,
-            stdin=subprocess.DEVNULL,
-        )
-        return frozenset(asked.stdout.splitlines()) & frozenset(names)
+        return frozenset(_run(python, "-c", _PIP, *names).stdout.splitlines()) & frozenset(names)
     return frozenset()
 
 
@@ -89,5 +107,47 @@ def _in_dpkg(status: Path) -> frozenset[str]:
     return frozenset(found)
 
 
-def _succeeds(*argv: str) -> bool:
-    return not subprocess.run(argv, capture_output=True, check=False, stdin=subprocess.DEVNULL).returncode
+def _run(*argv: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(argv, capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL)
+
+
+def install_commands(
+    needs: Iterable[DependencyStatus],
+    have: frozenset[tuple[str, str]],
+    python: str,
+    *,
+    elevate: bool,
+    ask: bool,
+) -> tuple[dict[str, tuple[str, ...]], dict[str, list[str]]]:
+    """Return, by package manager, the install command, and the names that have to be installed by hand.
+
+    `have` contains (package manager, name) of installed packages; `elevate` adds sudo, `ask=False` prevents
+    questions.
+    """
+    commands: dict[str, tuple[str, ...]] = {}
+    manual: dict[str, list[str]] = {}
+    missing = {(need.manager, name) for need in needs for name in need.names if need.manager} - have
+    for manager, name in sorted(missing):
+        # A name that looks like an option would be taken as one.
+        if manager not in _COMMANDS or name.startswith("-"):
+            manual.setdefault(manager, []).append(name)
+            continue
+        if manager not in commands:
+            argv = [word.format(python=python) for word in _COMMANDS[manager] if elevate or word != _SUDO]
+            commands[manager] = (*argv, *(() if ask else _WITHOUT_QUESTIONS.get(manager, ())))
+        commands[manager] += (name,)
+    return commands, manual
+
+
+def run_commands(commands: Mapping[str, tuple[str, ...]]) -> None:
+    """Run the commands one after the other; raises HostError for the first that fails."""
+    for manager, argv in commands.items():
+        try:
+            code = subprocess.run(argv, check=False).returncode
+        except OSError as error:
+            reason = (error.strerror or str(error)).lower()
+            raise HostError(Problem(f"cannot run '{argv[0]}': {reason}")) from None
+        if code:
+            update = _UPDATES.get(manager)
+            hint = f"if it found no such packages, update its lists: {update}" if update else None
+            raise HostError(Problem(f"'{shlex.join(argv)}' failed with exit code {code}", hint=hint))

@@ -159,7 +159,7 @@ def test_files_that_were_changed_are_read_again(workspace: Pointer) -> None:
     assert workspace.index.text(path) == "int8 changed\n"
     path.unlink()
     workspace.index.refresh_changed()
-    assert workspace.index.reading(path) is None
+    assert workspace.index.readings.get(path) is None
     assert definition(*workspace.at("nav/msg/Path.msg", "Point")) is None
 
 

@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from forge.plugins.system_deps.dependencies import Resolved
-from forge.plugins.system_deps.lookup import resolver
+from forge.plugins.system_deps.lookup import Resolved, resolver
 from forge.plugins.system_deps.system import System
 
 pytest.importorskip("rosdep2", reason="needs rosdep: pip install rosdep")
