@@ -57,9 +57,9 @@ class MembersViews:
         layout, size = shape.layout, shape.size
         constants = (f"least = {shape.min_size};", f"packed = {size};", f"alignment = {shape.alignment};")
         wholes: dict[Path, TypeName] = {}  # the outermost nested messages that are copied in one piece
-        for inner in layout.inlined:
-            if self._shape(inner.name).size and _outermost(inner.path, wholes) is None:
-                wholes[inner.path] = inner.name
+        for path, inner in layout.inlined:
+            if self._shape(inner).size and _outermost(path, wholes) is None:
+                wholes[path] = inner
         needs = set(wholes.values())
         for step in layout.steps:
             match step:

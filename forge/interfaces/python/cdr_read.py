@@ -88,11 +88,9 @@ class _Reader:
 
         With `keep_offset`, `o` is the offset after it. With `made`, the nested messages already exist.
         """
-        for inner in () if made else layout.inlined:
-            self.lines.add(
-                f"{self.slots.slot(inner.path)} = {self.slots.new_owner(inner.path)} "
-                f"= _new({self.lines.module.class_of(inner.name)})"
-            )
+        for path, name in () if made else layout.inlined:
+            new = f"_new({self.lines.module.class_of(name)})"
+            self.lines.add(f"{self.slots.slot(path)} = {self.slots.new_owner(path)} = {new}")
         groups = group_steps(layout.steps)
         for index, group in enumerate(groups):
             self._group(group, last=not keep_offset and index == len(groups) - 1)
@@ -243,14 +241,14 @@ class _Reader:
         """
         name = self.slots.local(group.path)
         targets, sources, stores = [element.slots.root], [name], []
-        for inner in group.body.inlined:
-            new_objects = f"_new, _repeat({self.lines.module.class_of(inner.name)}"
-            if not inner.path:
+        for path, inner in group.body.inlined:
+            new_objects = f"_new, _repeat({self.lines.module.class_of(inner)}"
+            if not path:
                 self.lines.add(f"{self.slots.slot(group.path)} = {name} = [*map({new_objects}, {number}))]")
                 continue
-            targets.append(element.slots.new_owner(inner.path))
+            targets.append(element.slots.new_owner(path))
             sources.append(f"map({new_objects}))")
-            stores.append(f"{element.slots.slot(inner.path)} = {targets[-1]}")
+            stores.append(f"{element.slots.slot(path)} = {targets[-1]}")
         if values:
             slots = element.slots.targets(values[0].members)
             targets.append(f"({', '.join(slots)}{',' if len(slots) == 1 else ''})")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import textwrap
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from itertools import zip_longest
 from pathlib import PurePosixPath
 
@@ -89,11 +89,10 @@ def parse_leniently(source: Source) -> tuple[Interface, list[Problem]]:
     lines = lines_of(source)
     sections = list(split_sections(lines))
     problems = _outline_problems(source, name, lines, len(sections))
-    messages = []
-    for suffix, section in zip_longest(SECTIONS[name.kind], sections[: len(SECTIONS[name.kind])]):
-        reader = _SectionReader(replace(name, name=name.name + suffix), source)
-        messages.append(reader.read(section or []))
-        problems += reader.problems
+    messages = [
+        _read_section(replace(name, name=name.name + suffix), source, section or [], problems)
+        for suffix, section in zip_longest(SECTIONS[name.kind], sections[: len(SECTIONS[name.kind])])
+    ]
     # Problems of the whole file come first.
     problems.sort(key=lambda problem: (problem.location.line or 0) if problem.location else 0)
     match messages:
@@ -154,94 +153,64 @@ def _outline_problems(source: Source, name: TypeName, lines: list[Line], count: 
     section_count = len(SECTIONS[name.kind])
     separators = [line for line in lines if line.text.startswith(_SEPARATOR)]
     if count != section_count and all(line.text == _SEPARATOR for line in separators):
-        place = (
-            separators[section_count - 1].place(source.path)
-            if count > section_count
-            else Location(source.path)
-        )
+        surplus = separators[section_count - 1 :] if count > section_count else []
+        place = surplus[0].place(source.path) if surplus else Location(source.path)
         problems.append(Problem(f"a .{name.kind} file {_SEPARATOR_RULES[section_count]}", place))
     return problems
 
 
-@dataclass(slots=True)
-class _Entry:
-    """A declaration and its comment lines."""
+def _read_section(name: TypeName, source: Source, lines: list[Line], problems: list[Problem]) -> Message:
+    """Return the message in the lines of a section, and append to `problems`."""
 
-    line: Line
-    declaration: Declaration
-    comments: list[str]
+    def report(line: Line, error: ParseError) -> None:
+        problems.append(Problem(error.message, line.place(source.path, error.offset), error.hint))
 
-
-@dataclass(slots=True)
-class _SectionReader:
-    """Reads one message and collects problems in `problems`."""
-
-    name: TypeName
-    source: Source
-    problems: list[Problem] = field(default_factory=list)
-
-    def read(self, lines: list[Line]) -> Message:
-        heading = next((n for n, line in enumerate(lines) if not line.text.startswith("#")), len(lines))
-        entries = self._entries(lines[heading:])
-        fields: dict[str, Field] = {}
-        constants: dict[str, Constant] = {}
-        for entry in entries:
-            self._add(entry, fields, constants)
-        if [(f.name, f.type) for f in fields.values()] == [(HIDDEN_MEMBER, Primitive("uint8"))]:
-            fields.clear()
-        doc, _ = _read_comments(line.text for line in lines[:heading])
-        return Message(self.name, tuple(fields.values()), tuple(constants.values()), doc)
-
-    def _entries(self, lines: list[Line]) -> list[_Entry]:
-        """Return the declarations, each with the comments before it, after it, and indented below it."""
-        entries: list[_Entry] = []
-        collected: list[str] = []
-        broken = False
-        for line in lines:
-            code, mark, comment = line.text.partition("#")
-            if not mark and not code.strip():
-                continue
-            if mark and code and not code.strip():
-                # Comments of an invalid declaration are dropped with it.
-                if entries and not broken:
-                    entries[-1].comments.append(mark + comment)
-                continue
-            if mark:
+    heading = next((n for n, line in enumerate(lines) if not line.text.startswith("#")), len(lines))
+    # Each declaration with the comments before it, after it, and indented below it.
+    entries: list[tuple[Line, Declaration, list[str]]] = []
+    collected: list[str] = []
+    broken = False
+    for line in lines[heading:]:
+        code, mark, comment = line.text.partition("#")
+        if not code.strip():
+            if mark and not code:
                 collected.append(mark + comment)
-            if code:
-                try:
-                    declaration = read_declaration(code.rstrip(), self.name.package)
-                    entries.append(_Entry(line, declaration, collected))
-                    broken = False
-                except ParseError as error:
-                    self._report(line, error)
-                    broken = True
-                collected = []
-        return entries
-
-    def _add(self, entry: _Entry, fields: dict[str, Field], constants: dict[str, Constant]) -> None:
-        declaration, line = entry.declaration, entry.line
-        earlier = (constants if declaration.constant else fields).get(declaration.name)
-        if earlier:
-            first = earlier.place.line if earlier.place else None
-            kind = "constant" if declaration.constant else "field"
-            message = f"{kind} '{declaration.name}' is already declared on line {first}"
-            self._report(line, ParseError(message, offset=declaration.name_offset))
-            return
+            elif mark and entries and not broken:  # comments of an invalid declaration are dropped with it
+                entries[-1][2].append(mark + comment)
+            continue
+        if mark:
+            collected.append(mark + comment)
         try:
-            value = None if declaration.value is None else read_value(declaration.value, declaration.type)
+            entries.append((line, read_declaration(code.rstrip(), name.package), collected))
+            broken = False
         except ParseError as error:
-            self._report(line, error.shifted(declaration.value_offset))
-            return
-        doc, unit = _read_comments(entry.comments)
-        place = line.place(self.source.path)
-        if not declaration.constant:
-            fields[declaration.name] = Field(declaration.name, declaration.type, value, doc, unit, place)
-        elif value is not None and isinstance(declaration.type, Primitive | String):
-            constants[declaration.name] = Constant(declaration.name, declaration.type, value, doc, place)
-
-    def _report(self, line: Line, error: ParseError) -> None:
-        self.problems.append(Problem(error.message, line.place(self.source.path, error.offset), error.hint))
+            report(line, error)
+            broken = True
+        collected = []
+    fields: dict[str, Field] = {}
+    constants: dict[str, Constant] = {}
+    for line, declared, comments in entries:
+        if earlier := (constants if declared.constant else fields).get(declared.name):
+            first = earlier.place.line if earlier.place else None
+            kind = "constant" if declared.constant else "field"
+            message = f"{kind} '{declared.name}' is already declared on line {first}"
+            report(line, ParseError(message, offset=declared.name_offset))
+            continue
+        try:
+            value = None if declared.value is None else read_value(declared.value, declared.type)
+        except ParseError as error:
+            report(line, error.shifted(declared.value_offset))
+            continue
+        doc, unit = _read_comments(comments)
+        place = line.place(source.path)
+        if not declared.constant:
+            fields[declared.name] = Field(declared.name, declared.type, value, doc, unit, place)
+        elif value is not None and isinstance(declared.type, Primitive | String):
+            constants[declared.name] = Constant(declared.name, declared.type, value, doc, place)
+    if [(f.name, f.type) for f in fields.values()] == [(HIDDEN_MEMBER, Primitive("uint8"))]:
+        fields.clear()
+    doc, _ = _read_comments(line.text for line in lines[:heading])
+    return Message(name, tuple(fields.values()), tuple(constants.values()), doc)
 
 
 def _read_comments(lines: Iterable[str]) -> tuple[tuple[str, ...], str | None]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
@@ -173,7 +174,11 @@ class Library:
     def declares(self, package: str) -> bool:
         """Tell whether the manifest declares a package."""
         if self._declared is None:
-            self._declared = _declared_in(self.manifest) if self.manifest else frozenset()
+            self._declared = frozenset()
+            with suppress(OSError, ForgeError):
+                root = parse_xml(read_file(self.manifest), self.manifest) if self.manifest else None
+                tags = root.children if root else ()
+                self._declared = frozenset(each.text.strip() for each in tags if each.tag.endswith("depend"))
         return package in self._declared
 
     def _folders(self, package: str) -> Iterator[Path]:
@@ -193,14 +198,6 @@ def names_in(package: str, folder: Path, rosdistro: str = OLDEST) -> Iterator[Ty
         files = (path for base in bases for end in (kind, "idl") for path in (base / kind).glob(f"*.{end}"))
         stems = {path.stem for path in files if f"{kind}/{path.name}" not in removed}
         yield from (TypeName(package, kind, stem) for stem in sorted(stems) if "_" not in stem)
-
-
-def _declared_in(manifest: Path) -> frozenset[str]:
-    try:
-        root = parse_xml(read_file(manifest), manifest)
-    except (OSError, ForgeError):
-        return frozenset()
-    return frozenset(each.text.strip() for each in root.children if each.tag.endswith("depend"))
 
 
 def _has_interfaces(folder: Path, rosdistro: str) -> bool:

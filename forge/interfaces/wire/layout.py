@@ -156,12 +156,6 @@ class Run:
         return max(member.alignment for member in self.members)
 
     @property
-    def length(self) -> Length | None:
-        """The length at the end of the run, if any; it belongs to the step after the run."""
-        last = self.members[-1]
-        return last if isinstance(last, Length) else None
-
-    @property
     def segments(self) -> tuple[Segment, ...]:
         """The run, split where padding is unknown; one segment if all padding is known."""
         segments: list[tuple[int, list[Member], list[int]]] = []
@@ -239,40 +233,32 @@ LayoutStep = Run | StringData | PrimitiveElements | Loop | MessageCall
 
 
 @frozen
-class InlinedMessage:
-    """A nested message inlined into a layout; languages that create objects need to create it."""
-
-    path: Path
-    name: TypeName
-
-
-@frozen
 class MessageLayout:
     """The steps of a message that starts at the phase `start`, and the phase `end` after it."""
 
     steps: tuple[LayoutStep, ...]
-    inlined: tuple[InlinedMessage, ...]
+    inlined: tuple[tuple[Path, TypeName], ...]
+    """The nested messages that are part of the steps; languages that create objects need to create them."""
     start: Phase
     end: Phase
 
     @property
     def min_size(self) -> int:
         """The minimum size of the message in bytes without padding; at least 1."""
-        return sum(_min_size(step) for step in self.steps)
-
-
-def _min_size(step: LayoutStep) -> int:
-    match step:
-        case Run(members):
-            return sum(member.size for member in members)
-        case PrimitiveElements(_, Array(_, count), of):
-            return count * SIZES[of.name]
-        case Loop(_, Array(_, count), body):
-            return count * body.min_size
-        case MessageCall():
-            return 1
-        case _:
-            return 0
+        size = 0
+        for step in self.steps:
+            match step:
+                case Run(members):
+                    size += sum(member.size for member in members)
+                case PrimitiveElements(_, Array(_, count), of):
+                    size += count * SIZES[of.name]
+                case Loop(_, Array(_, count), body):
+                    size += count * body.min_size
+                case MessageCall():
+                    size += 1
+                case _:
+                    pass
+        return size
 
 
 RUN_ARRAY_LIMIT: Final = 512
@@ -328,7 +314,7 @@ class _Flattening:
     layouts: LayoutBuilder
     start: Phase
     steps: list[LayoutStep] = field(default_factory=list)
-    inlined: list[InlinedMessage] = field(default_factory=list)
+    inlined: list[tuple[Path, TypeName]] = field(default_factory=list)
     run: list[Member] = field(default_factory=list)
     phase: Phase = UNKNOWN
     """The phase at the start of the current run."""
@@ -363,7 +349,7 @@ class _Flattening:
                 self.steps.append(MessageCall(path, name, self.phase))
                 self.phase = UNKNOWN
             case Named(name):
-                self.inlined.append(InlinedMessage(path, name))
+                self.inlined.append((path, name))
                 self.add_members(path, name)
             case Array() | Sequence():
                 self._add_collection(path, type_)
