@@ -26,7 +26,8 @@ from forge.interfaces.model import (
 LARGEST = 1_000_000
 """The maximum number of values; nested arrays multiply."""
 
-Prototype = bool | int | float | str | list["Prototype"] | dict[str, "Prototype"]
+Scalar = bool | int | float | str
+Prototype = Scalar | list["Prototype"] | dict[str, "Prototype"]
 """A value in YAML."""
 
 
@@ -69,7 +70,7 @@ def _default(member: Field, known: Mapping[TypeName, Message]) -> Prototype:
     if isinstance(member.type, Array | Sequence):
         element = member.type.of
         if isinstance(member.default, tuple):
-            return [_in_collection(_shown(value, element), element) for value in member.default]
+            return [_shown(value, element, in_array=True) for value in member.default]
         size = member.type.size if isinstance(member.type, Array) else 0
         return [_zero(element, known) for _ in range(size)]
     if member.default is not None and not isinstance(member.default, tuple):
@@ -93,14 +94,9 @@ def _zero(element: Element, known: Mapping[TypeName, Message]) -> Prototype:
             return 0
 
 
-def _shown(value: bool | float | str, element: Element) -> bool | int | float | str:
-    """Return a value for YAML: an octet is the character with that code."""
-    return chr(int(value)) if element == Primitive("octet") else value
-
-
-def _in_collection(value: bool | float | str, element: Element) -> bool | int | float | str:
-    """Return a value as stored in an array: float32 values are rounded."""
-    if element == Primitive("float"):
+def _shown(value: bool | float | str, element: Element, *, in_array: bool = False) -> Scalar:
+    """Return a value for YAML: an octet is the character with that code; arrays round float32 values."""
+    if in_array and element == Primitive("float"):
         rounded: float = struct.unpack("<f", struct.pack("<f", value))[0]
         return rounded
-    return value
+    return chr(int(value)) if element == Primitive("octet") else value

@@ -61,26 +61,17 @@ def _show(
         path = " -> ".join(f"{each.package}/{each.name}" for each in (*above[above.index(name) :], name))
         raise InterfaceError(Problem(f"a message cannot contain itself: {path}"))
     if len(above) > _MAX_NESTING:
-        raise InterfaceError(
-            Problem(f"messages in '{above[0]}' are nested more than {_MAX_NESTING} levels deep")
-        )
+        message = f"messages in '{above[0]}' are nested more than {_MAX_NESTING} levels deep"
+        raise InterfaceError(Problem(message))
     keep = comments is Comments.ALL or (comments is Comments.TOP and not above)
     for written in text_of(name).removeprefix("\ufeff").splitlines():
         line = written.rstrip() if keep else written.partition("#")[0].rstrip()
         if line or keep:
             yield "\t" * len(above) + line if line else ""
-        nested = _nested(line, name.package)
-        if nested:
-            yield from _show(nested, comments, text_of, (*above, name))
-
-
-def _nested(line: str, package: str) -> TypeName | None:
-    code = line.partition("#")[0].replace("\t", " ").rstrip()
-    if not code:
-        return None
-    try:
-        declaration = read_declaration(code, package)
-    except ParseError:
-        return None
-    element = element_of(declaration.type)
-    return element.name if isinstance(element, Named) else None
+        try:
+            code = line.partition("#")[0].replace("\t", " ").rstrip()
+            element = element_of(read_declaration(code, name.package).type)
+        except ParseError:  # comments and blank lines as well
+            continue
+        if isinstance(element, Named):
+            yield from _show(element.name, comments, text_of, (*above, name))

@@ -39,12 +39,15 @@ from forge.interfaces.wire.layout import (
     StringData,
 )
 
+CONVERSIONS = {"boolean": "from_flags", "octet": "from_octets", "char": "from_chars", "wchar": "from_wchars"}
+"""The run-time functions for collections that are stored as neither numpy arrays nor arrays."""
+
 _HEADER_CHECK = ("if encapsulation != _LITTLE_ENDIAN:", "    raise _pieces.Refused")
 
 
 def emit_reader(lines: FunctionSource, name: TypeName, layout: MessageLayout) -> None:
     """Emit the body of a function that returns the message in a buffer."""
-    reader = _Reader(lines, Slots(lines, "message"), Cursor(lines, constant=HEADER_SIZE))
+    reader = _Reader(lines, "message", Cursor(lines, constant=HEADER_SIZE))
     if not any(isinstance(step, MessageCall) and not step.path for step in layout.steps):
         lines.add(f"message = _new({lines.module.class_of(name)})")
     if _looks_at_size(group_steps(layout.steps)):
@@ -64,7 +67,7 @@ def emit_part_reader(lines: FunctionSource, name: TypeName, layout: MessageLayou
     lines.add(f"message = _new({lines.module.class_of(name)})")
     if _looks_at_size(group_steps(layout.steps)):
         lines.add("size = len(view)")
-    reader = _Reader(lines, Slots(lines, "message"), Cursor(lines, absolute=False))
+    reader = _Reader(lines, "message", Cursor(lines, absolute=False))
     reader.read(layout, keep_offset=True)
     lines.add("return message, o")
 
@@ -78,10 +81,15 @@ class _Reader:
     """Emits the lines that read one message, or one element of a loop."""
 
     lines: FunctionSource
-    slots: Slots
+    root: str
+    """The local name of the message, or of the element of a loop."""
     cursor: Cursor
     header: bool = False
     """Whether to unpack the header together with the first run."""
+    conversions: list[str] = field(default_factory=list)
+    """The lines that check and convert values after they were unpacked."""
+    _owners: dict[Path, str] = field(default_factory=dict)
+    _lengths: dict[Path, str] = field(default_factory=dict)
 
     def read(self, layout: MessageLayout, *, keep_offset: bool, made: bool = False) -> None:
         """Emit the lines for a layout.
@@ -90,7 +98,7 @@ class _Reader:
         """
         for path, name in () if made else layout.inlined:
             new = f"_new({self.lines.module.class_of(name)})"
-            self.lines.add(f"{self.slots.slot(path)} = {self.slots.new_owner(path)} = {new}")
+            self.lines.add(f"{self.slot(path)} = {self.new_owner(path)} = {new}")
         groups = group_steps(layout.steps)
         for index, group in enumerate(groups):
             self._group(group, last=not keep_offset and index == len(groups) - 1)
@@ -105,7 +113,7 @@ class _Reader:
                 if chars:
                     self._text(chars, after, last=last)
             case StringData(path):
-                end = self.cursor.check_available(f"4 * {self.slots.length(path)}")
+                end = self.cursor.check_available(f"4 * {self._lengths[path]}")
                 self._store_text(group, f"_pieces.from_wide(view[o:{end}])")
                 self.cursor.move_to(end, last=last)
             case PrimitiveElements():
@@ -116,7 +124,7 @@ class _Reader:
                 self.cursor.store()
                 factory = self.lines.module.factory_call("part_reader", name)
                 read = self.lines.table(f"read_{snake_case(name.name)}", factory)
-                self.lines.add(f"{self.slots.slot(path)}, o = {read}(buffer, view, o, limit)")
+                self.lines.add(f"{self.slot(path)}, o = {read}(buffer, view, o, limit)")
 
     def _run(self, run: Run) -> None:
         start = run.start
@@ -125,25 +133,23 @@ class _Reader:
                 self.cursor.align(segment.alignment)
                 start = Phase(segment.alignment, 0)
             letters = struct_format(Run(segment.members, start))
-            targets = self.slots.targets(segment.members)
+            targets = self.targets(segment.members)
             table = f"_pieces.fixed({letters!r}, {start.remainder}).unpack_from"
             if self.header:
                 self.cursor.constant = 0
                 table = f"_pieces.fixed('H x x {letters}', -{HEADER_SIZE}).unpack_from"
                 targets.insert(0, "encapsulation")
-                self.slots.conversions[:0] = _HEADER_CHECK
-            self.slots.unpack(
-                targets, f"{self.lines.table('unpack', table)}(buffer, {self.cursor.expression})"
-            )
+                self.conversions[:0] = _HEADER_CHECK
+            self.unpack(targets, f"{self.lines.table('unpack', table)}(buffer, {self.cursor.expression})")
             self.cursor.constant += segment.size + (HEADER_SIZE if self.header else 0)
             self.header = False
 
     def _text(self, chars: StringData, after: Run | None, *, last: bool) -> None:
         """Emit the lines for a string and the run after it, which one Struct unpacks."""
-        text = self.slots.local(chars.path)
-        values = self.slots.targets(after.members) if after else []
-        conversions = self.slots.conversions[:]
-        self.slots.conversions.clear()
+        text = self.local(chars.path)
+        values = self.targets(after.members) if after else []
+        conversions = self.conversions[:]
+        self.conversions.clear()
         if after is None or after.is_fixed(Phase(chars.start.modulus, 0)):
             table = f"_pieces.read_texts({struct_format(after)!r}, {chars.start.remainder})"
             struct = self.lines.table("texts", table)
@@ -152,11 +158,11 @@ class _Reader:
             struct = (
                 f"{self.lines.table('texts', f'_pieces.phased_read_texts({struct_format(after)!r})')}[o & 7]"
             )
-        struct = f"{struct}[{self.slots.length(chars.path)}]"
+        struct = f"{struct}[{self._lengths[chars.path]}]"
         if not last:
             self.lines.add(f"struct = {struct}")
             struct = "struct"
-        self.slots.unpack([text, "nul", *values], f"{struct}.unpack_from(buffer, {self.cursor.expression})")
+        self.unpack([text, "nul", *values], f"{struct}.unpack_from(buffer, {self.cursor.expression})")
         if not last:
             self.cursor.advance("struct.size")
         self.lines.add("if nul:", f"    {text} = _pieces.unterminated({text}, nul)")
@@ -164,21 +170,21 @@ class _Reader:
         self.lines.add(*conversions)
 
     def _store_text(self, chars: StringData, expression: str) -> None:
-        slot = self.slots.slot(chars.path)
+        slot = self.slot(chars.path)
         self.lines.add(f"{slot} = {expression}")
         if chars.type.bound is not None:
             self.lines.add(f"if len({slot}) > {chars.type.bound}:", "    raise _pieces.Refused")
 
     def _numbers(self, group: PrimitiveElements, *, last: bool) -> None:
         size = SIZES[group.of.name]
-        slot = self.slots.slot(group.path)
+        slot = self.slot(group.path)
         if isinstance(group.type, Array):
             block = InlineArray(group.path, group.type, group.of)
             self.cursor.pad(group.padding, size, None)
             end = self.cursor.check_available(str(block.size))
-            self.lines.add(f"{slot} = {self.slots.array(block, f'view[o:{end}]')}")
+            self.lines.add(f"{slot} = {self.array(block, f'view[o:{end}]')}")
         else:
-            number = self.slots.length(group.path)
+            number = self._lengths[group.path]
             self.cursor.pad(group.padding, size, number)
             end = self.cursor.check_available(f"{size} * {number}" if size > 1 else number)
             if group.of.name in CONVERSIONS:
@@ -187,8 +193,8 @@ class _Reader:
                 # Numbers are copied into an array; on first access if they are many.
                 code = TYPE_CODES[group.of.name]
                 empty = self.lines.table(f"no_{group.of.name}", f"_array({code!r})")
-                name = self.slots.local(group.path)
-                owner = self.slots.owner(group.path[:-1])
+                name = self.local(group.path)
+                owner = self.owner(group.path[:-1])
                 self.lines.add(
                     f"if {end} - o <= limit:",
                     f"    {slot} = {name} = {empty}[:]",
@@ -200,8 +206,8 @@ class _Reader:
         self.cursor.move_to(end, last=last)
 
     def _loop(self, group: Loop, *, last: bool) -> None:
-        counted = None if isinstance(group.type, Array) else self.slots.length(group.path)
-        number = str(group.type.size) if isinstance(group.type, Array) else self.slots.length(group.path)
+        counted = self._lengths.get(group.path) if isinstance(group.type, Sequence) else None
+        number = str(group.type.size) if isinstance(group.type, Array) else self._lengths[group.path]
         run = _batch(group)
         if run:
             # `iter_unpack` unpacks elements of one size.
@@ -214,7 +220,7 @@ class _Reader:
                 least = f"{group.body.min_size} * {number}" if group.body.min_size > 1 else number
                 self.lines.add(f"if {least} > size - o:", "    raise _pieces.Refused")
         root = self.lines.name(singular(group.path[-1]))
-        element = _Reader(self.lines, Slots(self.lines, root), Cursor(self.lines, absolute=False))
+        element = _Reader(self.lines, root, Cursor(self.lines, absolute=False))
         if run:
             self._for_all(group, number, element, (run, f"{unpack}(view[o:{end}])"))
             if len(group.body.inlined) == 1:
@@ -223,9 +229,9 @@ class _Reader:
             self._for_all(group, number, element, None)
             element.read(group.body, keep_offset=True, made=True)
         else:
-            name = self.slots.local(group.path)
+            name = self.local(group.path)
             append = self.lines.name(f"append_{root}")
-            self.lines.add(f"{self.slots.slot(group.path)} = {name} = []", f"{append} = {name}.append")
+            self.lines.add(f"{self.slot(group.path)} = {name} = []", f"{append} = {name}.append")
             self.lines.add(f"for _ in range({number}):")
             self.lines.indent()
             element.read(group.body, keep_offset=True)
@@ -239,18 +245,18 @@ class _Reader:
 
         `values` is a run that the loop unpacks as well, and the expression for the values of all elements.
         """
-        name = self.slots.local(group.path)
-        targets, sources, stores = [element.slots.root], [name], []
+        name = self.local(group.path)
+        targets, sources, stores = [element.root], [name], []
         for path, inner in group.body.inlined:
             new_objects = f"_new, _repeat({self.lines.module.class_of(inner)}"
             if not path:
-                self.lines.add(f"{self.slots.slot(group.path)} = {name} = [*map({new_objects}, {number}))]")
+                self.lines.add(f"{self.slot(group.path)} = {name} = [*map({new_objects}, {number}))]")
                 continue
-            targets.append(element.slots.new_owner(path))
+            targets.append(element.new_owner(path))
             sources.append(f"map({new_objects}))")
-            stores.append(f"{element.slots.slot(path)} = {targets[-1]}")
+            stores.append(f"{element.slot(path)} = {targets[-1]}")
         if values:
-            slots = element.slots.targets(values[0].members)
+            slots = element.targets(values[0].members)
             targets.append(f"({', '.join(slots)}{',' if len(slots) == 1 else ''})")
             sources.append(values[1])
         if len(sources) == 1:
@@ -261,45 +267,12 @@ class _Reader:
         self.lines.indent()
         self.lines.add(*stores)
 
-
-def _batch(group: Loop) -> Run | None:
-    """Return the run of each element, if all elements have the same padding once the first is aligned."""
-    steps = group.body.steps
-    if len(steps) != 1 or not isinstance(steps[0], Run):
-        return None
-    first = steps[0].members[0]
-    run = Run(steps[0].members, Phase(first.alignment, 0))
-    plain = all(
-        isinstance(m, Scalar) and not m.hidden and m.type.name not in {"char", "wchar"} for m in run.members
-    )
-    return run if plain and first.alignment == run.alignment and not run.end(run.start).remainder else None
-
-
-CONVERSIONS = {"boolean": "from_flags", "octet": "from_octets", "char": "from_chars", "wchar": "from_wchars"}
-"""The run-time functions for collections that are stored as neither numpy arrays nor arrays."""
-
-
-@dataclass(slots=True)
-class Slots:
-    """The messages being read, and the lengths that were read."""
-
-    lines: FunctionSource
-    root: str
-    """The local name of the message, or of the element of a loop."""
-    conversions: list[str] = field(default_factory=list)
-    """The lines that check and convert values after they were unpacked."""
-    _owners: dict[Path, str] = field(default_factory=dict)
-    _lengths: dict[Path, str] = field(default_factory=dict)
-
     def slot(self, path: Path) -> str:
         """Return the expression for a slot; () is the element itself."""
         return f"{self.owner(path[:-1])}._{path[-1]}" if path else self.root
 
     def owner(self, path: Path) -> str:
         return self._owners[path] if path else self.root
-
-    def length(self, path: Path) -> str:
-        return self._lengths[path]
 
     def new_owner(self, path: Path) -> str:
         """Return a new local name for the message at a path."""
@@ -308,7 +281,7 @@ class Slots:
 
     def local(self, path: Path) -> str:
         """Return a new local name for the value at a path, or the existing name of the element itself."""
-        return self.lines.name("_".join(path) or self.root) if path else self.root
+        return self.lines.name("_".join(path)) if path else self.root
 
     def unpack(self, targets: list[str], call: str) -> None:
         """Emit the line that unpacks values, and those that convert them to the types of fields."""
@@ -349,6 +322,19 @@ class Slots:
             return f"_pieces.{CONVERSIONS[block.of.name]}({raw})"
         dtype = self.lines.table(DTYPES[block.of.name], f"_numpy.dtype({DTYPES[block.of.name]!r})")
         return f"_ndarray(({block.type.size},), {dtype}, bytearray({raw}))"
+
+
+def _batch(group: Loop) -> Run | None:
+    """Return the run of each element, if all elements have the same padding once the first is aligned."""
+    steps = group.body.steps
+    if len(steps) != 1 or not isinstance(steps[0], Run):
+        return None
+    first = steps[0].members[0]
+    run = Run(steps[0].members, Phase(first.alignment, 0))
+    plain = all(
+        isinstance(m, Scalar) and not m.hidden and m.type.name not in {"char", "wchar"} for m in run.members
+    )
+    return run if plain and first.alignment == run.alignment and not run.end(run.start).remainder else None
 
 
 @dataclass(slots=True)

@@ -102,10 +102,8 @@ def _in_lines(source: Source) -> Iterator[Occurrence]:
         for line in section:
             code = line.text.partition("#")[0].rstrip()
             try:
-                declaration = read_declaration(code, owner.package) if code else None
-            except ParseError:
-                continue
-            if declaration is None:
+                declaration = read_declaration(code, owner.package)
+            except ParseError:  # blank lines as well
                 continue
             number, start = line.number - 1, declaration.name_offset
             element = element_of(declaration.type)
