@@ -24,7 +24,6 @@ TUTORIAL = ROOT / "docs/tutorial.md"  # tests/e2e/test_tutorial.py follows it, a
 NEEDS = {
     ROOT / "docs/how-to/coverage.md": ("gcovr", "gcov"),
     ROOT / "docs/how-to/rust.md": ("cargo",),
-    ROOT / "docs/how-to/when-it-does-not-build.md": ("strace",),
 }
 RUN = [
     pytest.param(path, marks=pytest.mark.needs(*NEEDS.get(path, ())), id=path.relative_to(ROOT).as_posix())

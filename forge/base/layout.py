@@ -33,8 +33,6 @@ PROGRAMS_DIR = ".forge_programs"
 """Links to the programs that come first on PATH."""
 COMPILATIONS_FILE = ".forge_compilations"
 """ccache's log of the compilations of a build."""
-AUDIT_DIR = ".forge_audit"
-"""The output of strace."""
 CLUSTER_DIR = ".forge_cluster"
 """Files for the workers of a Dask cluster."""
 OWN_CACHE_DIR = ".forge_own"
@@ -55,7 +53,7 @@ BUILT_BY = ".built_by"
 BUILD_BASE_FILES = (
     *(BUILT_BY, IGNORE_MARK, JOURNAL_FILE, FILE_TABLE, NAMED_INPUTS_FILE, INSTALLED_STATES_DIR),
     *(TOOLCHAIN_DIR, COMPILE_COMMANDS, LOCK_FILE, PROCESSES_FILE, PROGRAMS_DIR, COMPILATIONS_FILE),
-    *(AUDIT_DIR, CLUSTER_DIR, OWN_CACHE_DIR, TEMPLATES_DIR, SET_ASIDE_DIR, TRASH_DIR, STYLES_FILE),
+    *(CLUSTER_DIR, OWN_CACHE_DIR, TEMPLATES_DIR, SET_ASIDE_DIR, TRASH_DIR, STYLES_FILE),
     INTERFACE_PAGES_DIR,
 )
 """What forge and colcon create in the build folder of a workspace, beside the folders of packages."""

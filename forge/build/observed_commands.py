@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from forge.base.layout import Layout
-    from forge.build.inputs.native_graph import NativeGraph
+    from forge.build.inputs.native_graph import Edge, NativeGraph
     from forge.build.tasks import Task
     from forge.engine.observation import Process
 
@@ -40,7 +40,7 @@ def record_commands(task: Task, source: Path, layout: Layout) -> frozenset[str]:
     graph = read_native_graph(build)
     tracked = (f"{PACKAGE}/", cmake_root(build), *(f"{os.path.expanduser(cache)}/" for cache in _CACHES))
     folders = Folders(build, (source, layout.install, layout.build), filter(None, tracked))
-    found = commands_of(steps.observed, steps.kinds, _Edges(graph), folders)
+    found = commands_of(steps.observed, steps.kinds, EdgeFinder(graph), folders)
     outputs = frozenset(edge.outputs[0] for edge in graph.edges)
     # Which commands ran is unknown if a part of the log is missing.
     is_whole = not steps.observed.blind
@@ -50,7 +50,7 @@ def record_commands(task: Task, source: Path, layout: Layout) -> frozenset[str]:
     return commands.all_external()
 
 
-class _Edges:
+class EdgeFinder:
     """Finds the edge that a process below ninja runs."""
 
     def __init__(self, graph: NativeGraph) -> None:
@@ -63,7 +63,10 @@ class _Edges:
 
     def __call__(self, process: Process, written: frozenset[str]) -> tuple[str, frozenset[str]] | None:
         """Return the first output of the edge and all of its outputs; None if it is unknown."""
-        edge = self._by_command.get(process.command)
-        if edge is None:
-            edge = next((self._by_output[path] for path in written if path in self._by_output), None)
+        edge = self.edge(process, written)
         return None if edge is None else (edge.outputs[0], frozenset(edge.outputs))
+
+    def edge(self, process: Process, written: frozenset[str]) -> Edge | None:
+        """Return the edge of a process that wrote some files; None if it is unknown."""
+        edge = self._by_command.get(process.command)
+        return edge or next((self._by_output[path] for path in written if path in self._by_output), None)

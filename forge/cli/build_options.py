@@ -137,8 +137,8 @@ class BuildOptions:
         group=_OUTPUT,
     )
     audit: bool = option(
-        "rebuild the selected packages from empty build folders under strace, and report files they read "
-        "that forge does not track",
+        "rebuild the selected packages from empty build folders, and report files they read without "
+        "declaring them",
         default=False,
         group=_OUTPUT,
     )
@@ -191,6 +191,7 @@ class BuildOptions:
             f"--executor {self.execution.executor}": not self.execution.is_local,
             "a package cache (--cache, --remote-cache)": self.cache.wanted,
             "--compiler-launcher": selected_launcher(self.cmake.compiler_launcher),
+            "--target": self.folders.target,
         }
         if self.audit and any(without_audit.values()):
             words = ", ".join(word for word, given in without_audit.items() if given)

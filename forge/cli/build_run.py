@@ -22,7 +22,7 @@ from forge.environment.underlays import overridden
 from forge.execution.executor import ExecutorContext
 from forge.execution.job_pool import open_job_pool, without_job_variables
 from forge.execution.observer import open_observer
-from forge.execution.runner import LocalExecutor, TaskRunner, unwrapped
+from forge.execution.runner import LocalExecutor, TaskRunner
 from forge.execution.scheduler import Scheduler
 from forge.execution.started import StartedProcesses
 from forge.execution.task_setup import TaskSetup
@@ -52,11 +52,17 @@ if TYPE_CHECKING:
 
 def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
     """Run the plan of a build, and finish its records; returns 1 if a package failed."""
-    options, context, mode, audit = build.options, build.context, build.mode, build.audit
+    options, context, mode = build.options, build.context, build.mode
     compiles = any(task.package.build_type in CMAKE_TYPES for task in plan.tasks.values())
     if build.cross:
         mode.warn(build.cross.prepare_compilers(task.package for task in plan.tasks.values()))
     state.begin()
+    audit = None
+    if options.audit:
+        from forge.build.audit import Audit
+
+        packages = build.loaded.resolution.packages
+        audit = Audit(context, packages, state.journal.records, build.variables)
     launcher_stats = LauncherStats()
     if context.launcher and compiles:
         launcher_stats = open_launcher_stats(
@@ -87,7 +93,6 @@ def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
         ) as job_pool,
         _session(plan, build, state) as session,
         _package_cache(build, state, own) as cache,
-        closing(audit) if audit else nullcontext(),
     ):
         variables = {
             **without_job_variables(build.variables),
@@ -115,9 +120,7 @@ def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
         executor: Executor = remote or LocalExecutor(
             job_pool,
             StartedProcesses(context.layout.build),
-            audit.launch if audit else unwrapped,
-            # An audit sees what programs ask for, and should not see what the observer does.
-            open_observer(() if audit else plan.tasks.values(), context.layout, own, build.variables),
+            open_observer(plan.tasks.values(), context.layout, own, build.variables, audits=options.audit),
         )
         # Each package that is built on this machine holds a job.
         runner = TaskRunner(lifecycle, executor, None if remote else job_pool)
@@ -156,9 +159,8 @@ def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
     mode.warn(state.merged_prefix.conflicts(plan.tasks))
     untracked = False
     if audit:
-        from forge.build.audit.tracked import audit_report
-
-        lines, clean = audit_report(audit, plan, context, state, build.variables)
+        records = state.journal.records
+        lines, clean = audit.report(name for name in plan.tasks if records[name].complete)
         print(*lines, sep="\n", file=sys.stderr if options.report.json else sys.stdout, flush=True)
         untracked = not clean
     return session.report.exit_code or int(untracked)
@@ -167,7 +169,7 @@ def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
 @contextmanager
 def _workers(plan: BuildPlan, build: PreparedBuild, *, compiles: bool) -> Iterator[dict[str, str]]:
     """Yield the variables for the workers that run short commands of packages."""
-    if build.audit:
+    if build.options.audit:
         # Reads of a worker would belong to no step.
         yield {}
         return

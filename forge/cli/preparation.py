@@ -16,10 +16,11 @@ from typing import TYPE_CHECKING
 from forge import __version__
 from forge.base.ament_index import INDEX
 from forge.base.distributions import VARIABLE, distribution_in
-from forge.base.env_vars import expand_home
+from forge.base.env_vars import expand_home, own_cache
 from forge.base.errors import (
     ForgeError,
     GroupedProblems,
+    HostError,
     Problem,
     WarningReporter,
     WorkspaceError,
@@ -30,7 +31,7 @@ from forge.base.errors import (
 from forge.base.extensions import RECIPES, installed
 from forge.base.frozen import frozen
 from forge.base.graph import closure, closures, ordered_names
-from forge.base.layout import NO_CODE, PACKAGE, own_folders
+from forge.base.layout import NO_CODE, OWN_CACHE_DIR, PACKAGE, own_folders
 from forge.build import folder_marks
 from forge.build.build_types import leave_out, with_toolchains
 from forge.build.certain_failures import CMakeSearch
@@ -68,7 +69,6 @@ if TYPE_CHECKING:
     from contextlib import AbstractContextManager
 
     from forge.base.layout import Layout
-    from forge.build.audit.tracing import Audit
     from forge.build.model import Snapshot
     from forge.build.state import BuildState
     from forge.build.tasks import BuildPlan
@@ -128,7 +128,6 @@ class PreparedBuild:
     interpreter: Interpreter
     variables: Mapping[str, str]
     mode: BuildMode
-    audit: Audit | None
     cross: CrossBuild | None
     began: float
     """The monotonic start time."""
@@ -287,7 +286,7 @@ def prepare(
     began: float,
 ) -> PreparedBuild:
     """Find the tools, and collect the options shared by all packages; raises HostError for missing tools."""
-    target, cross, audit = options.folders.target, None, None
+    target, cross = options.folders.target, None
     if target:
         cross = target.prepare(layout, variables, options.cross)
         variables = {**variables, **cross.variables}
@@ -346,10 +345,15 @@ def prepare(
     )
     context = with_toolchains(context, packages, variables)
     if options.audit:
-        from forge.build.audit.tracing import start_audit
+        from forge.engine.observer import compile_library
 
-        audit = start_audit(layout.build, variables)
-    return PreparedBuild(options, loaded, names, context, interpreter, variables, mode, audit, cross, began)
+        if compile_library(own_cache(variables) or layout.build / OWN_CACHE_DIR, variables) is None:
+            message = "'--audit' cannot observe programs here: its library could not be compiled"
+            hint = (
+                "install a C compiler, for example with `apt install gcc` or `dnf install gcc` (Linux only)"
+            )
+            raise HostError(Problem(message, hint=hint))
+    return PreparedBuild(options, loaded, names, context, interpreter, variables, mode, cross, began)
 
 
 def _has_many_wheels(packages: Iterable[Package]) -> bool:

@@ -199,7 +199,7 @@ class Folders:
 
     def accesses(self, seen: Observation) -> Accesses:
         """Return what matters of an observation."""
-        kept = [path for path in seen.written if os.path.lexists(path) and not _CACHED.match(path)]
+        kept = [path for path in seen.written if os.path.lexists(path) and not CACHED_BYTECODE.match(path)]
         kept += [
             f"{path}/" for path in seen.folders if os.path.isdir(path) and not path.endswith("/__pycache__")
         ]
@@ -218,14 +218,14 @@ class Folders:
     def _external(self, paths: Iterable[str]) -> Iterator[str]:
         """Yield the files that lie elsewhere; Python's caches stand for their sources."""
         for path in paths:
-            path = _CACHED.sub(r"\1/\2.py", path)
+            path = CACHED_BYTECODE.sub(r"\1/\2.py", path)
             if path.startswith(self._known) or self.path(path) is not None or not os.path.isfile(path):
                 continue
             if not (os.access(path, os.X_OK) and os.path.realpath(path) in self.tools):
                 yield path
 
 
-_CACHED = re.compile(r"^(.*)/__pycache__/([^/.]+)\.[^/]*\.pyc$")
+CACHED_BYTECODE = re.compile(r"^(.*)/__pycache__/([^/.]+)\.[^/]*\.pyc$")
 _SETS = ("read", "found", "listed", "searched", "written", "external")
 
 

@@ -28,6 +28,8 @@ class Observer:
 
     layout: Layout
     library: Path | None
+    audits: bool = False
+    """Observe packages whose files forge itself installs, too."""
 
     def variables(self, task: Task, variables: Mapping[str, str]) -> Mapping[str, str]:
         """Return the environment of a step with the variables added."""
@@ -36,7 +38,7 @@ class Observer:
             LOG_VARIABLE: str(written_log(task.name, self.layout)),
             LINKS_VARIABLE: str(guarded_links(task.name, self.layout)),
         }
-        if self.library is not None and is_observed(task):
+        if self.library is not None and (self.audits or is_observed(task)):
             found["LD_PRELOAD"] = " ".join(filter(None, (variables.get("LD_PRELOAD"), str(self.library))))
             # A program built with AddressSanitizer otherwise requires that no library precedes its own.
             options = (variables.get("ASAN_OPTIONS"), "verify_asan_link_order=0")
@@ -55,12 +57,12 @@ def is_observed(task: Task) -> bool:
 
 
 def open_observer(
-    tasks: Iterable[Task], layout: Layout, folder: Path, variables: Mapping[str, str]
+    tasks: Iterable[Task], layout: Layout, folder: Path, variables: Mapping[str, str], *, audits: bool = False
 ) -> Observer:
     """Return the observer of a build; compile its library into `folder` if a task needs it.
 
     Programs for another machine cannot load it.
     """
-    if layout.target or not any(map(is_observed, tasks)):
+    if layout.target or not (audits or any(map(is_observed, tasks))):
         return Observer(layout, None)
-    return Observer(layout, compile_library(folder, variables))
+    return Observer(layout, compile_library(folder, variables), audits)

@@ -13,7 +13,7 @@ import time
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from forge.base.files import has_text, remove_folder, write_if_changed
 from forge.base.layout import LAST_COMMAND, SCRATCH_DIR
@@ -24,8 +24,7 @@ from forge.execution.jobserver import without_jobserver_notices
 from forge.execution.started import BUILD_FOLDER_VARIABLE
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
-    from contextlib import AbstractContextManager
+    from collections.abc import Callable, Iterator, Mapping
 
     from forge.build.events import Event
     from forge.build.tasks import Step, Task
@@ -143,17 +142,6 @@ class TaskRunner:
         return self._open(task)
 
 
-class Launch(Protocol):
-    """Wraps the program of a step, for example to trace it."""
-
-    def __call__(self, task: Task, step: Step, /) -> AbstractContextManager[Sequence[str]]:
-        """Return a context manager that yields the argv to run and exits after the program ended."""
-
-
-def unwrapped(_: Task, step: Step) -> AbstractContextManager[Sequence[str]]:
-    return nullcontext(step.argv)
-
-
 class LocalExecutor:
     """Runs each step as a process group of its own on this machine."""
 
@@ -161,13 +149,11 @@ class LocalExecutor:
         self,
         job_pool: JobPool | None = None,
         started: StartedProcesses | None = None,
-        launch: Launch = unwrapped,
         observer: Observer | None = None,
     ) -> None:
         self.slots = job_pool.local if job_pool else 1
         self._job_pool = job_pool
         self._started = started
-        self._launch = launch
         self._observer = observer
         self._stopping = threading.Event()
         self._groups: set[int] = set()
@@ -236,12 +222,12 @@ class LocalExecutor:
         variables: Mapping[str, str] = {**environment, **dict(step.env)}
         put(StepStarted(task.name, step, changed_variables(variables)))
         tools = self._job_pool.tools(step, variables) if self._job_pool else nullcontext((variables, ()))
-        with tools as (variables, descriptors), self._launch(task, step) as argv:
+        with tools as (variables, descriptors):
             if self._observer:
                 variables = self._observer.variables(task, variables)
             try:
                 process = subprocess.Popen(
-                    argv,
+                    step.argv,
                     cwd=step.cwd,
                     env=variables,
                     pass_fds=descriptors,
@@ -252,7 +238,7 @@ class LocalExecutor:
                 )
             except OSError as error:
                 reason = error.strerror if step.cwd.is_dir() else "its working directory no longer exists"
-                message = f"forge: cannot start '{argv[0]}': {reason}\n"
+                message = f"forge: cannot start '{step.argv[0]}': {reason}\n"
                 put(Output(task.name, message.encode(), stderr=True))
                 code = _NOT_STARTED
             else:

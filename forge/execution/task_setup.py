@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from forge.base.frozen import Pairs
     from forge.base.layout import Layout
-    from forge.build.audit.tracing import Audit
+    from forge.build.audit import Audit
     from forge.build.model import BuildRecord
     from forge.build.recording import PackageRecorder
     from forge.build.state import BuildState
@@ -56,7 +56,7 @@ class TaskSetup(TaskLifecycle):
     toolchain: Toolchain | None = None
     """Lets new build folders skip CMake's compiler checks."""
     audit: Audit | None = None
-    """Traces the file accesses of steps; then each package starts in an empty build folder."""
+    """Compares what steps read with what is declared; then each package starts in an empty build folder."""
     edits: Callable[[str, Path], tuple[Edit | Script, ...]] = field(
         default_factory=lambda: functools.cache(package_edits)
     )
@@ -151,6 +151,8 @@ class TaskSetup(TaskLifecycle):
         )
         files = tuple(sorted({*installed.files, *own}))
         record = self.recorder.make_record(task, replace(installed, files=files))
+        if self.audit is not None:
+            self.audit.collect(task)
         self._commit(task)
         return self.cache.keep(task, record) if self.cache else record
 

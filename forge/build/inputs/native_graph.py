@@ -64,6 +64,11 @@ class Edge:
         return bool(_COMPILES.match(self.rule))
 
     @property
+    def links(self) -> bool:
+        """Return True if the command makes a library or a program, whatever else it runs."""
+        return self.rule == _MAKE_LINKS or bool(_LINKS.match(self.rule))
+
+    @property
     def links_dynamically(self) -> bool:
         """Tell if the command links a program or a shared library, and runs nothing else."""
         return bool(_LINKS_DYNAMICALLY.match(self.rule)) and self.outputs_known
@@ -102,6 +107,8 @@ class NativeGraph:
     has_dyndeps: bool = False
     """Whether C++ modules or Fortran make the order of compilation depend on contents."""
     written_by_cmake: tuple[str, ...] = ()
+    aliases: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    """The inputs of rules without a command, by their outputs."""
 
     def inputs_of(self, edge: Edge) -> tuple[str, ...]:
         """Return all known inputs of an edge, including reported ones."""
@@ -161,9 +168,12 @@ def _ninja_graph(folder: Path, build: Path, rules: str) -> NativeGraph:
     edges: list[Edge] = []
     read: tuple[str, ...] = ()
     written: tuple[str, ...] = ()
+    aliases: dict[str, tuple[str, ...]] = {}
     for edge in _ninja_edges(build, rules):
         if edge.rule == "RERUN_CMAKE":
             read, written = edge.inputs, edge.outputs
+        elif edge.rule == "phony":
+            aliases.update(dict.fromkeys(edge.outputs, edge.inputs))
         elif edge.rule not in _WITHOUT_FILES and edge.outputs:
             edges.append(edge)
     reported = dict(_ninja_reports(folder, build))
@@ -172,7 +182,7 @@ def _ninja_graph(folder: Path, build: Path, rules: str) -> NativeGraph:
         if depfile and edge.outputs[0] not in reported:
             where = _absolute(build, depfile).replace(str(build), str(folder), 1)
             reported[edge.outputs[0]] = tuple(_depfile(build, Path(where)))
-    return NativeGraph(tuple(edges), reported, read, "ninja", " dyndep = " in rules, written)
+    return NativeGraph(tuple(edges), reported, read, "ninja", " dyndep = " in rules, written, aliases)
 
 
 _WITHOUT_FILES = frozenset({"phony", "CLEAN", "HELP", "VERIFY_GLOBS", "RERUN_CMAKE"})

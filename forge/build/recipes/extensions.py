@@ -42,7 +42,7 @@ class RecipeExtension:
 
     Variables whose names begin with FORGE_ are valid during this build only: printed commands and
     environment.sh leave them out. The mapping is the environment of the build, and the pairs are what the
-    results of compilers depend on. Not called for an audit, which traces each step.
+    results of compilers depend on. Not called for an audit, which observes each step.
     """
 
 

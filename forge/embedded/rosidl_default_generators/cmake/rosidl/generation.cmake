@@ -218,7 +218,7 @@ function(_rosidl_service_command command_variable byproducts_variable output)
     string(REPLACE ";" "\n" services "${services}")
     _rosidl_write("${output}/services" "${services}\n")
     set(command COMMAND "${CMAKE_COMMAND}" "-DSERVICES=${output}/services" "-DOUTPUT=${output}/halves"
-      -P "${folder}/cut_services.cmake")
+      -P "${folder}/cut_services.cmake" DEPENDS "${output}/services")
   endif()
   set(${command_variable} "${command}" PARENT_SCOPE)
   set(${byproducts_variable} "${byproducts}" PARENT_SCOPE)
