@@ -14,7 +14,7 @@ from tests.unit.execution.test_jobserver import BOTH, NONE, ONLY_PIPE
 
 @pytest.mark.needs("make")
 def test_jobserver_support_of_tools_is_detected(tmp_path: Path) -> None:
-    """GNU make says in its version what it speaks; a program that speaks nothing, or fails, is no speaker."""
+    """GNU make supports both styles since 4.4; programs that fail or know no jobserver support none."""
     make = shutil.which("make") or ""
     version = subprocess.run((make, "--version"), capture_output=True, text=True, check=True).stdout.split()[
         2
@@ -40,7 +40,7 @@ def test_the_version_of_ninja_determines_its_jobserver_style() -> None:
 
 
 def test_an_unused_job_pool_closes_immediately() -> None:
-    """Also one that joined, which waits for a token that never comes."""
+    """So does one that joined another jobserver and waits for a token."""
     program = """if True:
         import threading
         from contextlib import closing
@@ -49,8 +49,8 @@ def test_an_unused_job_pool_closes_immediately() -> None:
         outer = create_pool("fifo")
         with closing(JobPool(2, create_pool("pipe"))):
             pass
-        with closing(JobPool(2, join_pool(outer.auth))) as budget, budget.package():
-            threading.Thread(target=lambda: budget.package().__enter__(), daemon=True).start()
+        with closing(JobPool(2, join_pool(outer.auth))) as job_pool, job_pool.package():
+            threading.Thread(target=lambda: job_pool.package().__enter__(), daemon=True).start()
             threading.Event().wait(0.1)
     """
     subprocess.run((sys.executable, "-W", "error", "-c", program), check=True, timeout=20)

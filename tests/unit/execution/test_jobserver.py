@@ -28,20 +28,20 @@ BOTH, ONLY_FIFO, ONLY_PIPE, NONE = (
     frozenset({PIPE}),
     frozenset[str](),
 )
-FLUENT = frozenset({"ninja", "make"})
+TOOLS = frozenset({"ninja", "make"})
 
 
-def wait_for(true: Callable[[], bool]) -> None:
-    """Wait until something holds that another thread brings about."""
+def wait_for(condition: Callable[[], bool]) -> None:
+    """Wait until another thread makes a condition true."""
     for _ in range(500):
-        if true():
+        if condition():
             return
         time.sleep(0.01)
-    pytest.fail("it never came to that")
+    pytest.fail("timeout")
 
 
-def lying_in(auth: str) -> bytes:
-    """Take all tokens out of the pool at an address, and put them back."""
+def tokens_in(auth: str) -> bytes:
+    """Return the tokens in a pool, which stay there."""
     end = os.open(auth.removeprefix("fifo:"), os.O_RDWR | os.O_NONBLOCK)
     try:
         found = os.read(end, 100)
@@ -53,18 +53,17 @@ def lying_in(auth: str) -> bytes:
 
 
 def step(tmp_path: Path, kind: StepKind = StepKind.BUILD) -> Step:
-    """Return a step in a folder."""
     return Step(kind, ("true",), tmp_path)
 
 
-def auth_in(budget: JobPool, tmp_path: Path) -> str:
+def auth_in(job_pool: JobPool, tmp_path: Path) -> str:
     """Return the address of the pool in the MAKEFLAGS of tools."""
-    with budget.tools(step(tmp_path), {}) as (variables, _):
+    with job_pool.tools(step(tmp_path), {}) as (variables, _):
         return read_make_flags(variables["MAKEFLAGS"]).auth or ""
 
 
 @pytest.mark.parametrize(
-    ("spoken_by", "style"),
+    ("styles", "style"),
     [
         ({"ninja": BOTH, "make": ONLY_PIPE}, PIPE),
         ({"ninja": BOTH, "make": BOTH}, FIFO),
@@ -77,39 +76,39 @@ def auth_in(budget: JobPool, tmp_path: Path) -> str:
     ],
 )
 def test_all_tools_of_a_build_share_one_jobserver_style(
-    spoken_by: dict[str, frozenset[str]], style: str | None
+    styles: dict[str, frozenset[str]], style: str | None
 ) -> None:
-    assert common_style(spoken_by) == style
+    assert common_style(styles) == style
 
 
 def test_jobserver_notices_of_ninja_are_not_shown() -> None:
-    blurb = b"ninja: Jobserver mode detected:  -j2 --jobserver-auth=3,4\n"
+    notice = b"ninja: Jobserver mode detected:  -j2 --jobserver-auth=3,4\n"
     warning = b"ninja: warning: Jobserver 'pipe' mode detected, a pool that"
     error = b"ninja: error: loading 'build.ninja'\n"
-    assert without_jobserver_notices(error + blurb + error + warning) == error + error
+    assert without_jobserver_notices(error + notice + error + warning) == error + error
 
 
 def test_tokens_not_held_by_packages_are_available_to_tools(tmp_path: Path) -> None:
-    """And all come back: three jobs, of which packages hold two, then one, then none."""
-    with closing(JobPool(3, create_pool(FIFO), FLUENT)) as budget:
-        auth = auth_in(budget, tmp_path)
-        with budget.package() as first:
+    """All of them come back."""
+    with closing(JobPool(3, create_pool(FIFO), TOOLS)) as job_pool:
+        auth = auth_in(job_pool, tmp_path)
+        with job_pool.package() as first:
             assert first
-            wait_for(lambda: lying_in(auth) == TOKEN * 2)
-            with budget.package():
-                wait_for(lambda: lying_in(auth) == TOKEN)
-            wait_for(lambda: lying_in(auth) == TOKEN * 2)
-        wait_for(lambda: lying_in(auth) == TOKEN * 3)
+            wait_for(lambda: tokens_in(auth) == TOKEN * 2)
+            with job_pool.package():
+                wait_for(lambda: tokens_in(auth) == TOKEN)
+            wait_for(lambda: tokens_in(auth) == TOKEN * 2)
+        wait_for(lambda: tokens_in(auth) == TOKEN * 3)
 
 
 def test_there_are_never_more_packages_than_jobs() -> None:
     running: list[int] = []
     most: list[int] = []
-    with closing(JobPool(3, create_pool(PIPE))) as budget:
+    with closing(JobPool(3, create_pool(PIPE))) as job_pool:
 
         def run(number: int) -> None:
             for _ in range(5):
-                with budget.package():
+                with job_pool.package():
                     running.append(number)
                     most.append(len(running))
                     time.sleep(0.001)
@@ -125,51 +124,51 @@ def test_there_are_never_more_packages_than_jobs() -> None:
 
 
 def test_lost_tokens_are_replaced_when_nothing_runs(tmp_path: Path) -> None:
-    """A tool that is killed returns nothing; the next package must not wait for it for ever."""
-    with closing(JobPool(2, create_pool(FIFO), FLUENT)) as budget:
-        auth = auth_in(budget, tmp_path)
-        with budget.package():
+    """A killed tool does not return its tokens; the next package must not wait for them forever."""
+    with closing(JobPool(2, create_pool(FIFO), TOOLS)) as job_pool:
+        auth = auth_in(job_pool, tmp_path)
+        with job_pool.package():
             pass
-        wait_for(lambda: lying_in(auth) == TOKEN * 2)
-        thief = os.open(auth.removeprefix("fifo:"), os.O_RDWR)
-        os.read(thief, 2)
-        with budget.package() as begun:
+        wait_for(lambda: tokens_in(auth) == TOKEN * 2)
+        killed = os.open(auth.removeprefix("fifo:"), os.O_RDWR)
+        os.read(killed, 2)
+        with job_pool.package() as begun:
             assert begun
-        os.close(thief)
+        os.close(killed)
 
 
 def test_low_memory_leaves_one_package_and_drains_the_pool(tmp_path: Path) -> None:
     short = threading.Event()
-    with closing(JobPool(3, create_pool(FIFO), FLUENT, is_overloaded=short.is_set)) as budget:
-        auth = auth_in(budget, tmp_path)
+    with closing(JobPool(3, create_pool(FIFO), TOOLS, is_overloaded=short.is_set)) as job_pool:
+        auth = auth_in(job_pool, tmp_path)
         begun = threading.Event()
 
         def run() -> None:
-            with budget.package():
+            with job_pool.package():
                 begun.set()
 
-        with budget.package():
-            wait_for(lambda: lying_in(auth) == TOKEN * 2)
+        with job_pool.package():
+            wait_for(lambda: tokens_in(auth) == TOKEN * 2)
             short.set()
-            wait_for(lambda: lying_in(auth) == b"")
+            wait_for(lambda: tokens_in(auth) == b"")
             second = threading.Thread(target=run)
             second.start()
             assert not begun.wait(0.4)
             short.clear()
             assert begun.wait(5)
             second.join()
-            wait_for(lambda: lying_in(auth) == TOKEN * 2)
+            wait_for(lambda: tokens_in(auth) == TOKEN * 2)
         short.set()
         for _ in range(3):
-            with budget.package() as alone:
+            with job_pool.package() as alone:
                 assert alone
 
 
 def test_variables_and_arguments_of_a_step_depend_on_its_tool(tmp_path: Path) -> None:
     given = {"MAKEFLAGS": "-k -j9", "CMAKE_BUILD_PARALLEL_LEVEL": "9", "X": "1"}
     flags = MakeFlags(rest=("-k",))
-    with closing(JobPool(4, create_pool(PIPE), frozenset({"make"}), flags)) as budget, budget.package():
-        with budget.tools(step(tmp_path, StepKind.CONFIGURE), given) as (variables, descriptors):
+    with closing(JobPool(4, create_pool(PIPE), frozenset({"make"}), flags)) as job_pool, job_pool.package():
+        with job_pool.tools(step(tmp_path, StepKind.CONFIGURE), given) as (variables, descriptors):
             assert variables == {
                 "MAKEFLAGS": "-k",
                 "CMAKE_BUILD_PARALLEL_LEVEL": "1",
@@ -177,11 +176,11 @@ def test_variables_and_arguments_of_a_step_depend_on_its_tool(tmp_path: Path) ->
                 "X": "1",
             }
             assert not descriptors
-        with budget.tools(step(tmp_path), given) as (variables, descriptors):
+        with job_pool.tools(step(tmp_path), given) as (variables, descriptors):
             reader, writer = descriptors
             assert variables == {"MAKEFLAGS": f"-j4 --jobserver-auth={reader},{writer} -k", "X": "1"}
         (tmp_path / "build.ninja").touch()
-        with budget.tools(step(tmp_path), given) as (variables, descriptors):
+        with job_pool.tools(step(tmp_path), given) as (variables, descriptors):
             assert variables == {
                 "MAKEFLAGS": "-k",
                 "CMAKE_BUILD_PARALLEL_LEVEL": "4",
@@ -193,21 +192,21 @@ def test_variables_and_arguments_of_a_step_depend_on_its_tool(tmp_path: Path) ->
 
 @pytest.mark.parametrize("style", [FIFO, PIPE])
 def test_an_outer_jobserver_is_joined_and_left_unchanged(style: str, tmp_path: Path) -> None:
-    """One job needs no token of it: the one that the make above gave by starting us."""
+    """One job needs no token: the parent make granted it implicitly."""
     with closing(create_pool(style)) as outer:
         outer.give(b"a")
         outer.give(b"b")
         pool = join_pool(outer.auth)
         assert pool is not None
         assert (pool.style, pool.joined) == (style, True)
-        with closing(JobPool(8, pool, FLUENT)) as budget:
-            assert auth_in(budget, tmp_path) == outer.auth
-            with budget.package(), budget.package(), budget.package():
+        with closing(JobPool(8, pool, TOOLS)) as job_pool:
+            assert auth_in(job_pool, tmp_path) == outer.auth
+            with job_pool.package(), job_pool.package(), job_pool.package():
                 assert outer.take_now() == b""
                 begun = threading.Event()
 
                 def run() -> None:
-                    with budget.package():
+                    with job_pool.package():
                         begun.set()
 
                 fourth = threading.Thread(target=run)

@@ -1,4 +1,4 @@
-"""The program that runs unittest and leaves a JUnit file."""
+"""The program that runs unittest and writes a JUnit file."""
 
 import subprocess
 import sys
@@ -9,11 +9,34 @@ import pytest
 from forge.build.tests.recipes import UNITTESTS
 from forge.testing.collecting import collect
 from tests.conftest import Tree
-from tests.unit.build.tests.test_unittests import TESTS
+
+TESTS = """import unittest
+
+class Kinds(unittest.TestCase):
+    def test_good(self): pass
+    def test_bad(self): self.assertEqual(1, 2, "one <is> \\x01 two")
+    def test_worse(self): raise ValueError("boom")
+    @unittest.skip("not today")
+    def test_later(self): pass
+    @unittest.expectedFailure
+    def test_known(self): self.fail()
+    @unittest.expectedFailure
+    def test_surprise(self): pass
+    def test_parts(self):
+        for part in range(3):
+            with self.subTest(part=part):
+                if part == 2: raise KeyError(part)
+                self.assertEqual(part, 0)
+
+class Broken(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls): raise OSError("no set-up")
+    def test_never(self): pass
+"""
 
 
 def run(root: Path, *arguments: str) -> tuple[int, str, Path]:
-    """Run the program; return its exit code, what it says, and the file."""
+    """Run the program; return its exit code, its stderr, and the file."""
     junit = root / "out/result.xml"
     done = subprocess.run(
         [sys.executable, str(UNITTESTS), str(junit), "pkg", *arguments],
@@ -57,5 +80,5 @@ def test_every_kind_of_result_is_reported(tree: Tree) -> None:
 def test_the_exit_code_tells_failures_from_no_tests(
     tree: Tree, files: dict[str, str], arguments: tuple[str, ...], code: int
 ) -> None:
-    """Modules of the package come before those beside the program: 'names' is one of forge's too."""
+    """Modules of the package precede those beside the program, which also has one called 'names'."""
     assert run(tree(files), *arguments)[0] == code

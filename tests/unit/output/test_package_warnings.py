@@ -1,12 +1,55 @@
-"""Each kind of warning is shown once; the other packages are named."""
+"""Warnings of compilers reach the user, and each kind of warning is shown once."""
 
 from __future__ import annotations
 
 import pytest
 
 from forge.build.events import Finished, Output
-from forge.output.package_warnings import RepeatedWarnings
+from forge.output.package_warnings import CompilerWarnings, RepeatedWarnings
 from tests.unit.output.test_console import STEP, report_on, shown
+
+WARNING = (
+    b"In file included from a.cpp:1:\na.hpp:3:5: warning: unused variable 'x' [-Wunused]\n    3 | int x;\n"
+)
+OUTPUT = (
+    b"[0/2] Re-running CMake...\n-- Configuring done\n",
+    b"[1/4] Building CXX object a.cpp.o\n" + WARNING + b"[2/4] Generating docs\nread 3 files\n",
+    b"[3/4] Linking CXX executable a\n/usr/bin/ld: warning: x.so not found\n[4/4] Building CXX object b.o\n",
+)
+
+
+def found(*output: bytes) -> bytes:
+    warnings = CompilerWarnings()
+    for lines in output:
+        for line in lines.splitlines(keepends=True):
+            warnings.add(line)
+    warnings.end_step()
+    warnings.add(b"-- Installing: a file\n")
+    warnings.end_step()
+    return warnings.text
+
+
+def test_the_output_of_commands_with_warnings_is_kept_whole() -> None:
+    assert found(*OUTPUT) == WARNING + b"/usr/bin/ld: warning: x.so not found\n"
+
+
+@pytest.mark.parametrize(
+    ("line", "count"),
+    [
+        (b"a.c:1:2: \x1b[01;35m\x1b[Kwarning: \x1b[m\x1b[Kunused", 1),
+        (b"-- no warning: all is well", 0),
+        (b"a.c:1:2: note: here", 0),
+    ],
+)
+def test_coloured_warnings_are_found(line: bytes, count: int) -> None:
+    assert found(b"[1/1] c\n" + line + b"\n").count(line) == count
+
+
+def test_output_before_the_first_command_and_beyond_the_limit_is_left_out() -> None:
+    assert found(b"a.c:1:2: warning: old\n") == b""
+    many = found(b"".join(b"[%d/999] c\na.c:%d: warning: %s\n" % (n, n, b"x" * 9999) for n in range(200)))
+    assert len(many) < 1_100_000
+
 
 OLD = """CMake Deprecation Warning at {file}:{line} (cmake_minimum_required):
   Compatibility with CMake < 3.10 will be removed from a future version of
@@ -27,7 +70,7 @@ This warning is for project developers.  Use -Wno-dev to suppress it.
 
 
 def test_warnings_of_a_kind_are_recognized_by_their_text() -> None:
-    """Wherever it is, however the name breaks its lines."""
+    """Regardless of its location, and of line breaks that depend on the package's name."""
     kinds = RepeatedWarnings()
     first = "note\n" + OLD.format(file="CMakeLists.txt", line=1) + NAMED.format(name="my_pkg", line=3)
     assert kinds.take("my_pkg", first.encode()) == first.encode()
@@ -42,14 +85,14 @@ def test_warnings_of_a_kind_are_recognized_by_their_text() -> None:
 
 
 def test_the_summary_names_the_packages(capfd: pytest.CaptureFixture[str]) -> None:
-    """A package that fails shows all that it said."""
+    """The output of a package that fails is shown in full."""
     report = report_on("a", "b", "c", "d")
-    said = [
+    outputs = [
         Output(name, OLD.format(file="CMakeLists.txt", line=number).encode(), stderr=True)
         for number, name in enumerate("abcd")
     ]
     ends = (*(Finished(name, 0, 0.1) for name in "abc"), Finished("d", 1, 0.1, STEP))
-    out, err = shown(capfd, report, *said, *ends)
+    out, err = shown(capfd, report, *outputs, *ends)
     assert [line for line in err.splitlines() if line.startswith("---")] == [
         *("--- stderr: a", "---", "--- stderr: d", "---")
     ]
