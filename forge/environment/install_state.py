@@ -36,16 +36,13 @@ def recorded_overlays(root: Path) -> tuple[Path, ...]:
 
 def is_built_on(overlay: Path, root: Path) -> bool:
     """Tell whether an install tree is `root`, or has it among its underlays, directly or indirectly."""
-    own = os.path.realpath(root)
     waiting, seen = [os.path.realpath(overlay)], set[str]()
     while waiting:
         path = waiting.pop()
-        if path == own:
-            return True
         if path not in seen:
             seen.add(path)
             waiting += map(os.path.realpath, underlays_of(Path(path)))
-    return False
+    return os.path.realpath(root) in seen
 
 
 def underlays_of(root: Path) -> tuple[Path, ...]:

@@ -17,10 +17,8 @@ if TYPE_CHECKING:
 
 Version = tuple[int, int]
 
-_FOLDER = re.compile(r"python(\d+)\.(\d+)")
+_FOLDER = re.compile(r".*/python(\d+)\.(\d+)")
 _SHEBANG = re.compile(rb"#!\s*(/\S*/python3?(?:\.\d+)?)\s")
-_LIBRARIES = ("lib", "local/lib")
-_MODULES = ("site-packages", "dist-packages")
 _SCRIPTS_READ = 20
 """The maximum number of scripts that are read per prefix: most have the same interpreter."""
 
@@ -67,14 +65,13 @@ def _prefixes(root: Path) -> Iterator[Path]:
 
 def _module_folders(prefix: Path) -> Iterator[tuple[str, Version]]:
     """Yield the folders with Python modules of one prefix, and the versions in their names."""
-    for library in _LIBRARIES:
-        for name in _entries(f"{prefix}/{library}"):
-            match = _FOLDER.fullmatch(name)
-            for folder in _MODULES if match else ():
-                path = f"{prefix}/{library}/{name}/{folder}"
+    for library in ("lib", "local/lib"):
+        for folder in (f"{library}/{name}" for name in _entries(f"{prefix}/{library}")):
+            match = _FOLDER.fullmatch(folder)
+            for modules in ("site-packages", "dist-packages") if match else ():
                 # Empty folders of that name also belong to underlays without modules.
-                if match and _entries(path):
-                    yield path, (int(match[1]), int(match[2]))
+                if match and _entries(f"{prefix}/{folder}/{modules}"):
+                    yield f"{prefix}/{folder}/{modules}", (int(match[1]), int(match[2]))
 
 
 def _entries(folder: str) -> list[str]:

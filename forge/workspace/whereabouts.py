@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import configparser
 import os
+import re
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from forge.base.files import text_or_nothing
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from forge.base.layout import Layout
 
 _FEW = 3
+_SUBMODULE = re.compile(r"^[ \t]*path[ \t]*=[ \t]*(\S.*?)[ \t]*$", re.MULTILINE)
 
 
 @frozen
@@ -58,20 +60,11 @@ def unchecked_submodules(root: Path) -> list[Path]:
     found = []
     patterns = (".gitmodules", "*/.gitmodules", "*/*/.gitmodules")
     for file in (file for pattern in patterns for file in sorted(root.glob(pattern))):
-        parser = configparser.RawConfigParser(strict=False)
-        try:
-            parser.read_string("\n".join(line.strip() for line in text_or_nothing(file).splitlines()))
-        except configparser.Error:
-            continue
-        for section in parser.sections():
-            folder = file.parent / parser[section].get("path", ".")
-            if folder != file.parent and folder.is_relative_to(root) and not _has_entries(folder):
+        for path in _SUBMODULE.findall(text_or_nothing(file)):
+            folder = file.parent / path
+            with suppress(OSError):
+                if any(folder.iterdir()):
+                    continue
+            if folder != file.parent and folder.is_relative_to(root):
                 found.append(folder.relative_to(root))
     return found
-
-
-def _has_entries(folder: Path) -> bool:
-    try:
-        return any(folder.iterdir())
-    except OSError:
-        return False
