@@ -16,7 +16,7 @@ from forge.build.deferred import defer_build, tests_need_build
 from forge.build.installed_lists import package_markers
 from forge.build.prefix import PrefixExchange
 from forge.build.up_to_date import FOR_COMPILERS
-from forge.environment.config_folders import config_folders, config_variables
+from forge.environment.hooks import config_folders, config_variables
 from forge.environment.sourcing import build_environment, package_edits
 from forge.execution.runner import TaskLifecycle, changed_variables
 from forge.execution.started import BUILD_FOLDER_VARIABLE

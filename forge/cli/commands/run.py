@@ -15,15 +15,16 @@ from typing import TYPE_CHECKING
 from forge.base.errors import ForgeError, HostError, Problem
 from forge.base.frozen import frozen
 from forge.base.options import option
-from forge.environment.executable_hints import missing_executable_hint, refuse_windows_line_endings
 from forge.environment.install_state import python_of
 from forge.environment.installed import (
     executables,
     find_package,
     is_registered,
     is_unsourced,
+    missing_executable_hint,
     plain_executables,
     plain_prefix,
+    refuse_windows_line_endings,
     unregistered_prefix,
 )
 from forge.workspace.root import find_install, source_packages

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import html
 import re
 from dataclasses import replace
@@ -87,19 +86,6 @@ def test_every_created_manifest_has_the_requested_properties(blueprint: NewPacka
     assert manifest.maintainers == (replace(blueprint.maintainer, name=blueprint.maintainer.name.strip()),)
     assert html.unescape(manifest.description).split() == blueprint.description.split()
     assert manifest.names(frozenset({DependencyKind.EXEC})) == blueprint.dependencies
-
-
-@given(blueprints.filter(lambda blueprint: blueprint.build_type == "ament_python"))
-def test_every_created_setup_py_has_the_requested_properties(blueprint: NewPackage) -> None:
-    files = files_of(blueprint)
-    for path in files:
-        if path.endswith(".py"):
-            ast.parse(files[path])
-    call = next(node for node in ast.walk(ast.parse(files["setup.py"])) if isinstance(node, ast.Call))
-    texts = {word.arg: word.value.value for word in call.keywords if isinstance(word.value, ast.Constant)}
-    assert texts["description"] == blueprint.description
-    assert texts["maintainer"] == blueprint.maintainer.name
-    assert texts["license"] == blueprint.license
 
 
 @pytest.mark.parametrize("license_", LICENSES)

@@ -117,18 +117,6 @@ def manifests(draw: st.DrawFn) -> str:
     return f"<package{attribute}>\n" + "\n".join(map(str, draw(st.permutations(lines)))) + "\n</package>\n"
 
 
-@dataclass(frozen=True)
-class Reading:
-    name: str
-    version: str
-    dependencies: frozenset[tuple[str, str]]
-    groups: frozenset[str]
-    wanted_groups: frozenset[str]
-    maintainers: tuple[str, ...]
-    licenses: tuple[str, ...]
-    exports: tuple[tuple[str, str], ...]
-
-
 _LISTS = {
     "build_depends": DependencyKind.BUILD,
     "buildtool_depends": DependencyKind.BUILDTOOL,
@@ -140,7 +128,7 @@ _LISTS = {
 }
 
 
-def theirs(text: str) -> Reading | None:
+def theirs(text: str) -> tuple[object, ...] | None:
     """Return catkin_pkg's result, None for an error."""
     try:
         package = catkin.parse_package_string(text, warnings=[])
@@ -148,7 +136,7 @@ def theirs(text: str) -> Reading | None:
         exports = [export for export in package.exports if export.evaluated_condition]
     except (catkin.InvalidPackage, AssertionError, ValueError, TypeError):
         return None
-    return Reading(
+    return (
         package.name,
         package.version,
         frozenset(
@@ -165,13 +153,13 @@ def theirs(text: str) -> Reading | None:
     )
 
 
-def ours(text: str) -> Reading | None:
+def ours(text: str) -> tuple[object, ...] | None:
     """Return forge's result, None for an error."""
     try:
         manifest = parse_manifest(text.encode(), Path("package.xml"), VARIABLES)
     except WorkspaceError:
         return None
-    return Reading(
+    return (
         manifest.name,
         manifest.version,
         frozenset(

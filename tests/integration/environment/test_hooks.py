@@ -9,7 +9,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from forge.environment.config_folders import config_folders, config_variables
+from forge.environment.hooks import config_folders, config_variables
 
 NAMES = ("one", "One", "two")
 FOLDERS = (
