@@ -4,8 +4,7 @@ With `complete` or `describe`, the words are those of the command line after `fo
 table of `forge.cli.commands.completion`. All other kinds print names.
 
 Shells start this program for each completion, so it imports as little as possible, and most modules only for
-the kinds that need them. Names of a workspace's packages are cached with the modification times of their
-manifests.
+the kinds that need them.
 """
 
 from __future__ import annotations
@@ -14,6 +13,7 @@ import json
 import os
 import re
 import sys
+from contextlib import suppress
 from itertools import chain
 
 if __name__ == "__main__":
@@ -101,9 +101,7 @@ def _names(words: Sequence[str], variables: Mapping[str, str]) -> Iterator[str]:
     names: Iterator[str]
     match list(words):
         case ["packages", *_]:
-            caches = variables.get("XDG_CACHE_HOME") or os.path.join(variables.get("HOME", ""), ".cache")
-            cache = Path(caches) / "forge" / "names" if os.path.isabs(caches) else None
-            names = package_names(find_root(Path.cwd(), Path.home()), cache)
+            names = package_names(str(find_root(Path.cwd(), Path.home())))
         case ["installed", *_]:
             names = (name for prefix in _prefixes(variables) for name in _indexed(prefix, "packages"))
         case ["runnable", *_]:
@@ -146,22 +144,8 @@ def _names(words: Sequence[str], variables: Mapping[str, str]) -> Iterator[str]:
     return names
 
 
-def package_names(root: Path, cache: Path | None) -> Iterator[str]:
-    """Return the names of packages below a workspace's root; the folder `cache` may be missing."""
-    # A long name is truncated; the entries contain full paths.
-    store = cache / str(root).replace("%", "%25").replace("/", "%2F")[-200:] if cache else None
-    known = _load(store)
-    found = {}
-    for path, stamp in _manifests(str(root)):
-        name = known.get((path, stamp)) or _name(path)
-        found[path, stamp] = name
-    if store is not None and found != known:
-        _save(store, found)
-    return iter(found.values())
-
-
-def _manifests(root: str) -> Iterator[tuple[str, int]]:
-    """Yield the file that names each package and its time; skip ignored folders, follow links."""
+def package_names(root: str) -> Iterator[str]:
+    """Yield the names of the packages of a workspace; skip ignored folders, follow links."""
     waiting, visited = [root], set()
     while waiting:
         folder = waiting.pop()
@@ -177,40 +161,14 @@ def _manifests(root: str) -> Iterator[tuple[str, int]]:
         if folder != root and is_environment(entries.__contains__):
             continue
         kind = next((kind for kind in _KINDS if kind in entries), None)
-        if kind:
-            yield f"{folder}/{kind}", entries[kind].stat().st_mtime_ns
-        else:
+        if kind is None:
             waiting += (e.path for e in entries.values() if may_contain_packages(e.name) and e.is_dir())
-
-
-def _name(path: str) -> str:
-    """Return the name in a manifest or CMakeLists.txt, else the name of the folder."""
-    with open(path, "rb") as stream:
-        found = _NAME.search(stream.read()) if not path.endswith((".py", ".toml")) else None
-    if found:
-        return (found[1] or found[2]).decode(errors="replace")
-    return os.path.basename(os.path.dirname(path))
-
-
-def _load(store: Path | None) -> dict[tuple[str, int], str]:
-    try:
-        lines = store.read_text("utf-8", "surrogateescape").splitlines() if store else []
-    except OSError:
-        lines = []
-    rows = (line.split("\t") for line in lines)
-    return {(row[2], int(row[1])): row[0] for row in rows if len(row) == 3 and row[1].isdigit()}
-
-
-def _save(store: Path, found: Mapping[tuple[str, int], str]) -> None:
-    """Replace the cache atomically; errors are ignored."""
-    text = "".join(f"{name}\t{stamp}\t{path}\n" for (path, stamp), name in found.items())
-    new = store.with_name(f".{os.getpid()}")
-    try:
-        store.parent.mkdir(parents=True, exist_ok=True)
-        new.write_text(text, "utf-8", "surrogateescape")
-        new.replace(store)
-    except OSError:
-        pass
+            continue
+        match = None
+        if not kind.endswith((".py", ".toml")):
+            with suppress(OSError), open(f"{folder}/{kind}", "rb") as stream:
+                match = _NAME.search(stream.read())
+        yield (match[1] or match[2]).decode(errors="replace") if match else os.path.basename(folder)
 
 
 def _prefixes(variables: Mapping[str, str]) -> tuple[Path, ...]:

@@ -62,7 +62,12 @@ def read_options(cls: Callable[..., _Options], namespace: argparse.Namespace) ->
         if nested := nested_options(declared):
             values[name] = read_options(nested, namespace)
         elif each := option_of(declared):
-            values[name] = _value(declared, each, namespace)
+            flag = _flag(declared, each)
+            value = getattr(namespace, flag.removeprefix("--").replace("-", "_"))
+            if isinstance(value, list):
+                # A leading space shields what starts with a dash.
+                value = each.combine([word.lstrip() for word in value] if flag in PASSED_ON else value)
+            values[name] = value
         elif hasattr(namespace, name):
             values[name] = getattr(namespace, name)
     return cls(**values)
@@ -101,27 +106,18 @@ def _argument(declared: Field[Any], each: Option) -> Mapping[str, Any]:
         default = list(default) if each.combine is tuple else []
     found = {
         "default": default,
-        "action": Accumulate if each.accumulates else "append" if each.repeats else None,
+        "action": _Accumulate if each.accumulates else "append" if each.repeats else None,
         "nargs": each.nargs or ("*" if listed and not each.repeats else None),
         "required": each.required or None,
         "const": each.const,
         "choices": each.choices,
-        "type": argument_type(each.parse) if each.parse else None,
+        "type": _argument_type(each.parse) if each.parse else None,
         "metavar": each.metavar,
     }
     return {"help": shown, **{name: value for name, value in found.items() if value is not None}}
 
 
-def _value(declared: Field[Any], each: Option, namespace: argparse.Namespace) -> object:
-    flag = _flag(declared, each)
-    value = getattr(namespace, flag.removeprefix("--").replace("-", "_"))
-    if not isinstance(value, list):
-        return value
-    # A leading space shields what starts with a dash.
-    return each.combine([word.lstrip() for word in value] if flag in PASSED_ON else value)
-
-
-class Accumulate(argparse.Action):
+class _Accumulate(argparse.Action):
     """Adds the values of each use of the option; a value may contain several words, as in rosdep."""
 
     def __call__(
@@ -131,13 +127,12 @@ class Accumulate(argparse.Action):
         values: str | Sequence[Any] | None,
         _option: str | None = None,
     ) -> None:
-        """Store the values after those of earlier uses."""
         earlier = getattr(namespace, self.dest)  # not a list before the first use
         words = (word for value in values or () for word in value.split())
         setattr(namespace, self.dest, [*(earlier if isinstance(earlier, list) else ()), *words])
 
 
-def argument_type(parse: Callable[[str], object]) -> Callable[[str], object]:
+def _argument_type(parse: Callable[[str], object]) -> Callable[[str], object]:
     """Return a converter for argparse, which shows only the messages of its own error to users."""
     if isinstance(parse, type):
         return parse
@@ -204,13 +199,17 @@ class FolderOptions:
     log_level: str | None = option(None, metavar="LEVEL", inherited=True)
 
     def layout(self, root: Path, *, symlink: bool = False) -> Layout:
-        """Return the absolute folders; the null device disables logs."""
+        """Return the absolute folders, without resolving links; the null device disables logs."""
+
+        def absolute(path: str) -> Path:
+            return Path(os.path.normpath(root / expand_home(path)))
+
         logs = self.log_base or setting("LOG_PATH", os.environ) or "log"
         target = self.target.name if self.target else ""
         return Layout(
-            build=_absolute(self.build_base, root) / target,
-            install=_absolute(self.install_base, root) / target,
-            logs=None if logs == os.devnull else _absolute(logs, root),
+            build=absolute(self.build_base) / target,
+            install=absolute(self.install_base) / target,
+            logs=None if logs == os.devnull else absolute(logs),
             merged=self.merge_install,
             symlink=symlink,
             target=target,
@@ -275,8 +274,3 @@ def displayed(path: Path | str, origin: str) -> str:
 def displayed_below(root: Path, origin: str, path: Path) -> str:
     """Return an absolute path like `displayed` if it is in the workspace, else as it is."""
     return displayed(path.relative_to(root), origin) if path.is_relative_to(root) else str(path)
-
-
-def _absolute(path: str, root: Path) -> Path:
-    """Return a path from the command line as an absolute path, without resolving links."""
-    return Path(os.path.normpath(root / expand_home(path)))

@@ -33,7 +33,6 @@ from forge.build.wheels.install_wheel import _option
 from forge.cache import action_result as action_results
 from forge.cache import keys
 from forge.cache.trees import decode_index, encode_index
-from forge.cli.completion_words import _load
 from forge.cli.config import configured
 from forge.cli.main import Parser
 from forge.cli.mixins import combined, read_mixins
@@ -260,7 +259,6 @@ def tables(data: bytes) -> None:
         recorded_python(build)
     place("tables", ".forge/p.json", data)
     read_states(build)
-    _load(build / "forge_files.json")
 
 
 @harness
