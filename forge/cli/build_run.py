@@ -189,12 +189,9 @@ def _session(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> Abstra
     context, packages = build.context, build.loaded.packages
 
     def prefix_of(name: str) -> Path | None:
-        own = context.layout.prefix(name)
-        return (
-            own
-            if name in packages
-            else provider(name, find_underlays(build.variables, context.layout.install))
-        )
+        if name in packages:
+            return context.layout.prefix(name)
+        return provider(name, find_underlays(build.variables, context.layout.install))
 
     return open_session(
         "build",

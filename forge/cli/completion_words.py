@@ -103,7 +103,7 @@ def _names(words: Sequence[str], variables: Mapping[str, str]) -> Iterator[str]:
         case ["packages", *_]:
             names = package_names(str(find_root(Path.cwd(), Path.home())))
         case ["installed", *_]:
-            names = (name for prefix in _prefixes(variables) for name in _indexed(prefix, "packages"))
+            names = (name for p in _prefixes(variables) for name in _files(f"{p}/{_INDEX}/packages"))
         case ["runnable", *_]:
             from forge.environment.prefixes import PACKAGES, package_prefixes
 
@@ -192,7 +192,7 @@ def _executables(package: str, variables: Mapping[str, str]) -> Iterator[str]:
 def _interface_folders(variables: Mapping[str, str]) -> Iterator[str]:
     """Yield the folders with definitions of all packages: installed ones and those that forge embeds."""
     for prefix in _prefixes(variables):
-        yield from (f"{prefix}/share/{name}" for name in _indexed(prefix, "rosidl_interfaces"))
+        yield from (f"{prefix}/share/{name}" for name in _files(f"{prefix}/{_INDEX}/rosidl_interfaces"))
     embedded = os.path.abspath(f"{__file__}/../../embedded")
     for name in _files(embedded):
         if any(_files(f"{embedded}/{name}/{kind}") for kind in _INTERFACES):
@@ -215,10 +215,6 @@ def _add_site_packages() -> None:
         import site
 
         site.main()
-
-
-def _indexed(prefix: Path, kind: str) -> list[str]:
-    return _files(f"{prefix}/{_INDEX}/{kind}")
 
 
 def _files(folder: str) -> list[str]:

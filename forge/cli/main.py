@@ -202,7 +202,13 @@ class Parser(argparse.ArgumentParser):
             from_files = configured(self.verb, self._actions, given, Path.cwd(), os.environ)
             # Values from files must not override global options given before the command.
             general = {dest: from_files.pop(dest) for dest in GENERAL if dest in from_files}
-            defaults = {action.dest: self._default(action) for action in actions}
+            # argparse converts defaults that are strings like values of the command line.
+            defaults = {
+                action.dest: self._get_value(action, action.default)
+                if isinstance(action.default, str)
+                else action.default
+                for action in actions
+            }
             values = {**defaults, **given, **from_files, "given": frozenset(given), "general": general}
             values["flags"] = frozenset(self._option_string_actions)
             options = argparse.Namespace(**values)
@@ -221,11 +227,6 @@ class Parser(argparse.ArgumentParser):
         examples, page = help_endings().get(self.prog, ("", ""))
         end = f"\nexamples:\n{examples}\n\ndocumentation: {docs_url(page)}\n" if page else ""
         return super().format_help() + end
-
-    def _default(self, action: argparse.Action) -> object:
-        """Return the default of an option, converted like a command-line value if it is a string."""
-        default = action.default
-        return self._get_value(action, default) if isinstance(default, str) else default
 
     def convert_arg_line_to_args(self, arg_line: str) -> list[str]:
         """Return the argument on one line of an @FILE; nested argument files are an error."""

@@ -269,8 +269,3 @@ def displayed(path: Path | str, origin: str) -> str:
     if origin == os.curdir or Path(path).is_absolute():
         return str(path)
     return os.path.relpath(path, origin)
-
-
-def displayed_below(root: Path, origin: str, path: Path) -> str:
-    """Return an absolute path like `displayed` if it is in the workspace, else as it is."""
-    return displayed(path.relative_to(root), origin) if path.is_relative_to(root) else str(path)

@@ -1,4 +1,4 @@
-"""Everything before the plan of a build runs: environment, packages, checks, tools, and the plan itself."""
+"""The stages of a build before its plan runs: environment, packages, checks, tools, and the plan itself."""
 
 from __future__ import annotations
 
@@ -94,7 +94,6 @@ class BuildMode:
     """Whether to print nothing if all packages are up to date."""
 
     def __init__(self) -> None:
-        """Start without warnings."""
         self.warn = WarningReporter()
 
     def worker(self, plan: BuildPlan, *, has_rosidl: bool) -> AbstractContextManager[dict[str, str]]:

@@ -9,13 +9,13 @@ import os
 import sys
 import time
 from contextlib import ExitStack, closing, contextmanager
-from functools import partial
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.text import listed
 from forge.build.events import Finished, Started
-from forge.cli.options import displayed_below
+from forge.cli.options import displayed
 from forge.execution.loop import execute
 from forge.output.console import ConsoleReporter
 from forge.output.handlers import without_text_output
@@ -45,32 +45,21 @@ _MOST_NEEDS = 100_000
 """Writing so many dependencies to the log takes a tenth of a second."""
 
 
+@dataclass
 class Session:
     """The reporters of one run and its loop; used by the main thread only."""
 
-    def __init__(
-        self,
-        command: str,
-        began: float,
-        log: LogWriter,
-        view: View,
-        report: ConsoleReporter,
-        json_events: JsonEvents,
-    ) -> None:
-        """Start at the monotonic time `began`, when the command did."""
-        self._command = command
-        self._began = began
-        self._log = log
-        self._view = view
-        self._reporters: dict[str, Reporter] = {}
-        self._complete = False
-        self._opened = ExitStack()
-        self.report = report
-        self.json_events = json_events
-
-    def close(self) -> None:
-        """Close the reporters of plugins."""
-        self._opened.close()
+    command: str
+    began: float
+    """The monotonic time at which the command started."""
+    log: LogWriter
+    view: View
+    report: ConsoleReporter
+    json_events: JsonEvents
+    opened: ExitStack
+    """Closes the reporters of plugins."""
+    reporters: dict[str, Reporter] = field(default_factory=dict)
+    complete: bool = False
 
     def start_reporters(
         self,
@@ -83,28 +72,28 @@ class Session:
     ) -> None:
         """Start reporters of plugins; raises ForgeError."""
         run = Run(
-            command=self._command,
+            command=self.command,
             plan=plan,
             root=Path.cwd(),
             variables=variables,
             python=python,
             jobs=jobs,
             warn=warn,
-            log_folder=self._log.folder,
+            log_folder=self.log.folder,
             clock=self.json_events.begun,
             displayed=self.report.displayed,
         )
         for name, start in reporters.items():
-            self._reporters[name] = reporter = ask(name, start, run)
-            self._opened.callback(ask, name, reporter.close)
+            self.reporters[name] = reporter = ask(name, start, run)
+            self.opened.callback(ask, name, reporter.close)
 
     def collect_reports(self) -> None:
         """Print and log what the reporters of plugins observed, before the summary."""
-        for name, reporter in self._reporters.items():
+        for name, reporter in self.reporters.items():
             ask(name, self._collect_report, reporter)
 
     def _collect_report(self, reporter: Reporter) -> None:
-        report = reporter.conclude(complete=self._complete)
+        report = reporter.conclude(complete=self.complete)
         if report.lines:
             self.report.show_report(report.lines)
         for event in report.events:
@@ -113,7 +102,7 @@ class Session:
     def conclude(self, seconds: float, code: int | None = None) -> None:
         """Log the results and let reporters write files; `code` overrides the exit code of the report."""
         self.json_events.conclude(self.report, seconds, code)
-        for name, reporter in self._reporters.items():
+        for name, reporter in self.reporters.items():
             ask(name, self._write_files, reporter)
 
     def _write_files(self, reporter: Reporter) -> None:
@@ -123,7 +112,7 @@ class Session:
     @property
     def seconds(self) -> float:
         """The duration of the command so far."""
-        return time.monotonic() - self._began
+        return time.monotonic() - self.began
 
     def run(
         self,
@@ -141,28 +130,25 @@ class Session:
         with closing(execute(plan, runner, scheduler, resolve)) as events:
             for event in events:
                 record(event)
-                self.notify(event)
+                # The log comes first: it must be complete if a later reporter fails.
+                self.log.write(event, failed_tests=event.task in self.report.failed_tests)
+                self.view.show(event)
+                self.report.show(event)
+                self.json_events.write(event, self.report)
                 failed = isinstance(event, Finished) and event.code
                 if failed and scheduler.stopped and scheduler.running and not waits:
                     waits = True
                     steps = "step" if len(scheduler.running) == 1 else "steps"
                     names = listed(sorted(scheduler.running))
                     self.write(f"waiting for the running {steps} of {names}\n", stderr=True)
-        self._complete = True
-
-    def notify(self, event: Event) -> None:
-        """Pass on an event, first to the log, which must be complete if a later reporter fails."""
-        self._log.write(event, failed_tests=event.task in self.report.failed_tests)
-        self._view.show(event)
-        self.report.show(event)
-        self.json_events.write(event, self.report)
+        self.complete = True
 
     def fail_unbuilt(self, name: str, problem: Problem) -> None:
         """Report a package that cannot be tested."""
         failed = Finished(name, 1, 0.0)
-        self._log.announce({name: {}})
-        self._log.write(Started(name))
-        self._log.write(failed)
+        self.log.announce({name: {}})
+        self.log.write(Started(name))
+        self.log.write(failed)
         self.report.show(failed)
         self.json_events.write(failed, self.report, problem)
 
@@ -228,7 +214,10 @@ def open_session(
         report.whereabouts = whereabouts
         report.flags = options.flags
         report.collapsed = collapsed
-        report.displayed = partial(displayed_below, Path.cwd(), origin)
+        root = Path.cwd()
+        report.displayed = lambda path: (
+            displayed(path.relative_to(root), origin) if path.is_relative_to(root) else str(path)
+        )
         direct = handlers["console_direct"]
         json_events = JsonEvents(plan, packages, log=log.note, printed=options.json, output=direct)
         if log.folder is not None:
@@ -242,5 +231,5 @@ def open_session(
             unselected = [name for name, each in others if name not in jobs and not each.embedded]
             queued = {name: {need: layout.prefix(need) for need in below} for name, below in jobs.items()}
             log.announce(queued, unselected=unselected, fresh=plan.fresh)
-        with closing(Session(command, began, log, view, report, json_events)) as session:
-            yield session
+        with ExitStack() as opened:
+            yield Session(command, began, log, view, report, json_events, opened)

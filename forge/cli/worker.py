@@ -1,10 +1,8 @@
 """A preloaded forge process for the many short commands of one build.
 
-Its command line is `forge.cli.worker DESCRIPTOR [MODULE ...]`.
-
 Interface packages run `forge interface generate`, and Python packages install their wheels. Both spend much
-of their time starting an interpreter and importing modules. The worker imports them once and forks for each
-request.
+of their time starting an interpreter and importing modules. The worker, `forge.cli.worker DESCRIPTOR [MODULE
+...]`, imports them once and forks for each request.
 """
 
 from __future__ import annotations
@@ -50,12 +48,7 @@ def worker(*modules: str) -> Iterator[dict[str, str]]:
 
 def main(descriptor: str, *modules: str) -> int:
     """Serve requests from a listening socket until stdin is closed."""
-
-    def load() -> None:
-        for module in modules:
-            importlib.import_module(module)
-
-    return serve(int(descriptor), _run, load)
+    return serve(int(descriptor), _run, lambda: [importlib.import_module(module) for module in modules])
 
 
 def _run(call: Call) -> int:

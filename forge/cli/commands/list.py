@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from dataclasses import fields
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from forge.base.errors import Problem, SelectionError
 from forge.base.extensions import COMMANDS, find
@@ -13,9 +13,6 @@ from forge.base.frozen import frozen
 from forge.base.options import option, options_of
 from forge.cli import options as shared
 from forge.cli.options import ListingOptions
-
-if TYPE_CHECKING:
-    from forge.workspace.model import Package
 
 
 def _alias(command: str, short: str = "") -> Any:
@@ -62,22 +59,15 @@ def run(options: Options) -> int:
     packages = [loaded.packages[node] for node in loaded.selection.names]
     if not options.topological_order:
         packages.sort(key=lambda package: (package.name, str(package.path)))
+    rows = [
+        {"name": each.name, "path": shared.displayed(each.path, options.origin), "type": each.type}
+        for each in packages
+    ]
     if options.listing.json:
-        rows = [
-            {"name": p.name, "path": shared.displayed(p.path, options.origin), "type": p.type}
-            for p in packages
-        ]
         print(json.dumps(rows, indent=2))
         return 0
-    lines = [_line(package, options) for package in packages]
+    form = "{path}" if options.paths_only else "{name}\t{path}\t({type})"
+    lines = [("{name}" if options.names_only else form).format(**row) for row in rows]
     for line in lines if options.topological_order else sorted(lines):
         print(line)
     return 0
-
-
-def _line(package: Package, options: Options) -> str:
-    if options.names_only:
-        return package.name
-    if options.paths_only:
-        return shared.displayed(package.path, options.origin)
-    return f"{package.name}\t{shared.displayed(package.path, options.origin)}\t({package.type})"

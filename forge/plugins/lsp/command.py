@@ -12,7 +12,7 @@ from forge.base.errors import HostError, Problem
 from forge.base.frozen import frozen
 from forge.base.options import option
 from forge.base.own_environment import extra_command
-from forge.cli.commands.interface.inputs import distribution_in_folder
+from forge.cli.commands.interface.inputs import distribution_of
 from forge.environment.installed import known_prefixes
 from forge.interfaces.read.sources import Library
 from forge.workspace.root import find_install, find_root
@@ -49,7 +49,7 @@ def _open(folder: Path, rosdistro: str | None) -> Index:
     root = find_root(folder, Path.home())
     install = find_install(root, Path.home())
     library = Library(
-        prefixes=known_prefixes(os.environ, install), rosdistro=distribution_in_folder(rosdistro, root)
+        prefixes=known_prefixes(os.environ, install), rosdistro=distribution_of(rosdistro, root)
     )
     index = Index(root, library, os.environ)
     index.scan()

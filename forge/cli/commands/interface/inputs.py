@@ -104,16 +104,14 @@ def require_built(package: str, library: Library) -> None:
         raise InterfaceError(Problem(message, hint=f"run: forge build --packages-up-to {package}"))
 
 
-def distribution_of(rosdistro: str | None) -> str:
-    """Return the distribution of embedded definitions: chosen here, or by the enclosing workspace.
+def distribution_of(rosdistro: str | None, folder: Path | None = None) -> str:
+    """Return the distribution of embedded definitions: chosen here, or by the workspace around `folder`.
 
-    The workspace is only looked for if neither --rosdistro nor ROS_DISTRO is set: in builds it always is, and
-    the files that a search looks at would be inputs of the package.
+    The default is the working directory. The workspace is only looked for if neither --rosdistro nor
+    ROS_DISTRO is set: in builds it always is, and the files that a search looks at would be inputs of the
+    package.
     """
-    return distribution_in_folder(rosdistro, Path.cwd())
-
-
-def distribution_in_folder(rosdistro: str | None, folder: Path) -> str:
+    folder = folder or Path.cwd()
     check_distribution(rosdistro)
     chosen = rosdistro or os.environ.get(VARIABLE)
     if not chosen:
