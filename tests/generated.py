@@ -1,4 +1,4 @@
-"""Generated Python for tests: definitions in, modules on sys.path out."""
+"""Generate Python from definitions for tests, and make it importable."""
 
 import re
 import subprocess
@@ -32,7 +32,7 @@ CODES = dict(zip(INTEGERS, "bhiqBHIQ", strict=True)) | {"float32": "f", "float64
 
 
 def catalog_of(package: str, definitions: Mapping[str, str]) -> Catalog:
-    """Return the catalog of definitions such as {'msg/X.msg': 'int8 a'}, embedded packages known."""
+    """Return the catalog of definitions such as {'msg/X.msg': 'int8 a'}; they may use embedded packages."""
     sources = [
         Source(package, path, Path("/src") / package / path, text) for path, text in definitions.items()
     ]
@@ -45,19 +45,19 @@ def probe_catalog() -> Catalog:
 
 
 def embedded_catalog(package: str) -> Catalog:
-    """Return the catalog of a package that forge brings along."""
+    """Return the catalog of an embedded package."""
     return resolve(package, parse_all(read_folder(package, EMBEDDED / package)), Library())
 
 
 def generate(folder: Path, catalog: Catalog) -> None:
-    """Write the catalog's Python and that of what it refers to in other packages."""
+    """Generate the Python of a catalog and of the packages that it depends on."""
     for each in (catalog, *dependency_catalogs(catalog, Library())):
         for file in target.files(each):
             write_if_changed(folder / file.path, file.text)
 
 
 def generate_embedded(folder: Path) -> None:
-    """Write the Python of all interfaces that forge brings along."""
+    """Generate the Python of all embedded interfaces."""
     for package in Library().packages():
         for file in target.files(embedded_catalog(package)):
             write_if_changed(folder / file.path, file.text)
@@ -65,7 +65,7 @@ def generate_embedded(folder: Path) -> None:
 
 @contextmanager
 def importable(folder: Path) -> Iterator[None]:
-    """Put generated code and its run time on sys.path; forget the generated modules afterwards."""
+    """Put generated code and its run time on sys.path; unload the modules afterwards."""
     added = [str(folder), str(RUNTIME)]
     sys.path[:0] = added
     try:
@@ -79,14 +79,14 @@ def importable(folder: Path) -> Iterator[None]:
 
 
 def run_python(folder: Path, code: str, *options: str) -> str:
-    """Return what the code prints in a Python of its own that finds the generated modules."""
+    """Return the output of code in a new interpreter that finds the generated modules."""
     variables = {"PYTHONPATH": f"{folder}:{RUNTIME}", "PYTHONDONTWRITEBYTECODE": "1"}
     argv = [sys.executable, *options, "-c", code]
     return subprocess.run(argv, env=variables, check=True, capture_output=True, text=True).stdout.strip()
 
 
 def classes_of(message: Message) -> dict[str, Any]:
-    """Return what the generated module of a message defines, executed where it stands."""
+    """Execute the generated module of a message and return its names."""
     catalog = Catalog(message.name.package, {message.name: message}, {message.name: message}, {})
     text = next(file.text for file in target.files(catalog) if "/_" in file.path.replace("__init__", ""))
     names: dict[str, Any] = {"__name__": str(message.name).replace("/", ".")}
@@ -95,5 +95,5 @@ def classes_of(message: Message) -> dict[str, Any]:
 
 
 def refused(words: str) -> pytest.RaisesExc[AssertionError]:
-    """Expect the assertion with exactly these words."""
+    """Expect an AssertionError with exactly this message."""
     return pytest.raises(AssertionError, match=f"^{re.escape(words)}$")

@@ -1,4 +1,4 @@
-"""Seek inputs that reach new code and break a parser: python -m tests.fuzz SECONDS [NAME...].
+"""Fuzz parsers with coverage guidance: python -m tests.fuzz SECONDS [NAME...].
 
 This needs atheris, which is not among the test dependencies. Inputs that break a harness are kept in the
 folder 'fuzz'.
@@ -16,7 +16,7 @@ FOLDER = Path("fuzz")
 
 
 def main() -> int:
-    """Give every harness its share of the time; return 1 if one of them broke."""
+    """Run each harness for an equal share of the time; return 1 if one of them failed."""
     parser = argparse.ArgumentParser(prog="python -m tests.fuzz", description=__doc__)
     parser.add_argument("seconds", type=float)
     parser.add_argument("names", nargs="*")
@@ -30,13 +30,13 @@ def main() -> int:
 
     names = options.names or list(HARNESSES)
     argv = [sys.executable, "-m", "tests.fuzz", str(options.seconds / len(names))]
-    broken = [name for name in names if subprocess.run([*argv, name], check=False).returncode]
-    print(f"{len(names) - len(broken)} of {len(names)} parsers held; broken: {', '.join(broken) or 'none'}")
-    return int(bool(broken))
+    failed = [name for name in names if subprocess.run([*argv, name], check=False).returncode]
+    print(f"{len(names) - len(failed)} of {len(names)} parsers passed; failed: {', '.join(failed) or 'none'}")
+    return int(bool(failed))
 
 
 def run(name: str, seconds: int) -> None:
-    """Let atheris make inputs for one harness; it ends the process itself."""
+    """Run one harness with atheris, which ends the process."""
     import atheris  # type: ignore[import-not-found,import-untyped,unused-ignore]
 
     with atheris.instrument_imports(include=["forge"]):

@@ -1,4 +1,4 @@
-"""What harnesses are fed: good files, the words of their languages, and what spoils both."""
+"""Inputs of harnesses: valid files, words of their languages, and mutations of both."""
 
 from __future__ import annotations
 
@@ -196,7 +196,7 @@ SEEDS: Final[dict[str, tuple[bytes, ...]]] = {
     ),
     "generator-arguments": (b"--package\np\n--include\nq=/x\n--file\n/src:msg/X.msg\n@other\n",),
 }
-"""Good bytes for each harness."""
+"""Valid inputs of each harness."""
 
 WORDS: Final = (
     *b"""
@@ -232,11 +232,11 @@ WORDS: Final = (
     b"\x04\0\0\x80",
     b"1" * 5000,
 )
-"""Words of all the languages: those of one are a good surprise in another."""
+"""Words of all languages; each is inserted into inputs of any language."""
 
 
-def spoilt(name: str, chance: random.Random) -> bytes:
-    """Return good bytes of a harness after some accidents."""
+def mutated(name: str, chance: random.Random) -> bytes:
+    """Return a valid input of a harness after some random changes."""
     data = bytearray(chance.choice(SEEDS[name]))
     for _ in range(chance.choice((1, 1, 2, 3, 8, 40))):
         at = chance.randrange(len(data) + 1)

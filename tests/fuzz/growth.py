@@ -1,7 +1,7 @@
-"""Shapes that grow without end, by harness: many things, deep things, long things.
+"""Inputs of any size for each harness: many items, deep nesting, long words.
 
-Each is a beginning, a middle that is repeated, another that closes it as often, and an end. '%d' in a
-middle is replaced by a number of its own, so that nothing is a duplicate, and '%e' by that of the one before.
+A shape consists of a start, a repeated middle, a part that closes it as often, and an end. In the middle,
+'%d' is replaced by the number of the repetition, which avoids duplicates, and '%e' by the previous number.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from forge.base.frozen import frozen
 
 @frozen
 class Shape:
-    """Bytes of any size, all of one kind."""
+    """An input that can have any size."""
 
     name: str
     middle: bytes
@@ -22,7 +22,7 @@ class Shape:
     after: bytes = b""
 
     def of(self, size: int) -> bytes:
-        """Return about so many bytes."""
+        """Return an input of about this size in bytes."""
         count = max(1, size // (len(self.middle) + len(self.closing)))
         if b"%d" in self.middle:
             middle = b"".join(
@@ -128,7 +128,7 @@ _YAML: Final = (
     Shape("unknown options", b"  k%d: 1\n", b"build:\n"),
 )
 _FLAT_YAML: Final = tuple(shape for shape in _YAML if shape.name != "nested in line")
-"""One parser reads all YAML, and it takes seconds for what is nested so deeply."""
+"""The YAML parser takes seconds for deep nesting; once is enough."""
 _TOML: Final = (
     Shape("keys", b"k%d = 1\n"),
     Shape("tables", b"[k%d]\n"),

@@ -1,8 +1,7 @@
-"""One harness per parser: bytes in, nothing out, and no error but the documented one.
+"""One harness per parser: it reads any bytes and raises only documented errors.
 
-Whatever else escapes is a bug of forge. A harness goes as far as forge goes with what it has read: a
-manifest that is good becomes CMake variables, a definition becomes code. Hypothesis calls them in
-test_fuzz.py, atheris by `make fuzz-parsers`.
+A harness also uses the result as forge does: the variables of CMake are computed from a valid manifest, and
+the hash of a valid definition. test_fuzz.py runs all harnesses; `make fuzz-parsers` runs them with atheris.
 """
 
 from __future__ import annotations
@@ -113,7 +112,7 @@ def condition(data: bytes) -> None:
 
 
 def definition(relative: str, data: bytes) -> None:
-    """Read a definition and go on to its IDL and its hash, as far as it is good."""
+    """Read a definition, and convert it to IDL and a hash if it is valid."""
     with contextlib.suppress(ForgeError):
         source = read_source("fuzzed", place("definitions", relative, data), relative)
         interface = parse(source)
@@ -190,7 +189,7 @@ def mixin(data: bytes) -> None:
 
 
 def workspace(root: Path, overrides: Any = None) -> None:
-    """Look at a folder's packages, and at each as `forge info` shows it; discovery raises nothing."""
+    """Discover the packages of a folder, and read the settings of each; discovery raises no errors."""
     found = discover(root, ["."], {}, overrides=overrides)
     for package in found.packages.values():
         package.option_values("cmake-args")
@@ -207,7 +206,7 @@ def cmake_lists(data: bytes) -> None:
 
 @harness
 def setup_py(data: bytes) -> None:
-    """Read a setup.py, which is read and never run."""
+    """Read a setup.py, which is never executed."""
     workspace(place("setup_py", "setup.py", data))
 
 
@@ -230,7 +229,7 @@ def pyproject(data: bytes) -> None:
 
 @harness
 def journal(data: bytes) -> None:
-    """Read the record of earlier builds, which a crash or another version may have left in any state."""
+    """Read the journal of earlier builds, which a crash or another version may have left in any state."""
     folder = place("journal", "forge_journal.jsonl", data)
     found = Journal(folder / "forge_journal.jsonl")
     found.read(data.decode("utf-8", "surrogateescape"))
@@ -242,7 +241,7 @@ def journal(data: bytes) -> None:
 
 @harness
 def tables(data: bytes) -> None:
-    """Read tables and notes in JSON that forge keeps for itself, none of which it may trust."""
+    """Read the JSON files that forge writes for itself."""
     build = place("tables", "forge_files.json", data)
     table = FileTable(build / "forge_files.json")
     table.digest(str(ROOM / "tables" / "forge_files.json"), (build / "forge_files.json").stat())
@@ -311,7 +310,7 @@ def test_results(data: bytes) -> None:
 
 @harness
 def make_flags(data: bytes) -> None:
-    """Read MAKEFLAGS, with the address of a jobserver in it."""
+    """Read MAKEFLAGS with the address of a jobserver."""
     flags = read_make_flags(data.decode("utf-8", "surrogateescape"))
     flags.line(3, "fifo:/x")
     if flags.auth and "\0" not in flags.auth:
@@ -337,7 +336,7 @@ def generator_arguments(data: bytes) -> None:
 
 @harness
 def action_result(data: bytes) -> None:
-    """Read what a cache on a server says that a key leads to; what was read can be written."""
+    """Read the entry of a key in a remote cache; encoding it again gives the same entry."""
     with contextlib.suppress(ValueError):
         found = action_results.decode(data)
         assert action_results.decode(action_results.encode(found)) == found
@@ -345,7 +344,7 @@ def action_result(data: bytes) -> None:
 
 @harness
 def cached_tree(data: bytes) -> None:
-    """Read the index of a package in a cache, which a stranger may have written; no path leads out."""
+    """Read the index of a cached package, which may be hostile; no path leads out of the folder."""
     with contextlib.suppress(ValueError):
         tree = decode_index(data)
         assert decode_index(encode_index(tree)) == tree

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from tests.fuzz.food import SEEDS, spoilt
+from tests.fuzz.food import SEEDS, mutated
 from tests.fuzz.harnesses import HARNESSES
 
 EXAMPLES = int(os.environ.get("FORGE_FUZZ_EXAMPLES", "12"))
@@ -22,7 +22,7 @@ def test_mutated_inputs_give_a_value_or_an_error(name: str) -> None:
     for seed in SEEDS[name]:
         HARNESSES[name](seed)
     for _ in range(EXAMPLES):
-        data = spoilt(name, chance)
+        data = mutated(name, chance)
         try:
             HARNESSES[name](data)
         except BaseException as error:

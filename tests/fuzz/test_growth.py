@@ -1,8 +1,7 @@
-"""Twice the bytes take about twice the time and twice the memory; what is too deep is refused, not tried.
+"""Parsers need linear time and memory, and reject input that is nested too deeply.
 
-FORGE_FUZZ_SIZE says how large the largest are, in bytes. Time is that of the processor; the bounds are
-wide, for what they must tell apart is wide apart: for four times the bytes a quadratic reader takes sixteen
-times as long.
+FORGE_FUZZ_SIZE is the size of the largest inputs in bytes. Processor time is measured. The limits are
+generous: a quadratic parser takes sixteen times as long for four times the input.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from tests.fuzz.harnesses import HARNESSES
 
 SIZE = int(os.environ.get("FORGE_FUZZ_SIZE", "8000"))
 TIME_LIMIT = 30 + SIZE / 20_000
-"""Seconds of the processor: seven times what the slowest reader takes while its coverage is measured."""
+"""Seconds of processor time: seven times that of the slowest parser while coverage is measured."""
 
 CASES = [
     pytest.param(name, shape, id=f"{name}-{shape.name}")
@@ -29,7 +28,7 @@ CASES = [
 
 
 def seconds(name: str, data: bytes) -> float:
-    """Return the processor time that a harness takes; fail the test if it takes far too long."""
+    """Return the processor time of a harness; fail the test if it exceeds the limit."""
 
     def stop(*_: object) -> None:
         raise TimeoutError
@@ -40,7 +39,7 @@ def seconds(name: str, data: bytes) -> float:
     try:
         HARNESSES[name](data)
     except TimeoutError:
-        # Without the traceback: pytest itself fails on those that a signal interrupted in deep recursion.
+        # No traceback: pytest itself fails on one that a signal interrupted in deep recursion.
         pytest.fail(f"{len(data)} bytes take more than {TIME_LIMIT} s", pytrace=False)
     finally:
         signal.setitimer(signal.ITIMER_PROF, 0)
@@ -60,7 +59,7 @@ def test_parsing_time_is_linear(name: str, shape: Shape) -> None:
 @pytest.mark.parametrize(("name", "shape"), CASES if "FORGE_FUZZ_SIZE" in os.environ else CASES[::12])
 def test_parsing_memory_is_linear(name: str, shape: Shape) -> None:
     data = shape.of(SIZE // 8)
-    HARNESSES[name](data[: len(data) // 2])  # what is kept from then on counts once
+    HARNESSES[name](data[: len(data) // 2])  # what this loads is not counted
     tracemalloc.start()
     try:
         HARNESSES[name](data)

@@ -1,4 +1,4 @@
-"""Several packages generated into one output folder, in any order."""
+"""Several packages share an output folder."""
 
 import shutil
 from collections.abc import Callable
@@ -30,7 +30,7 @@ def root(tree: Tree) -> Path:
 
 @pytest.fixture
 def generate(forge: Forge, root: Path) -> Generate:
-    """Generate the Python of one package into the folder that all share."""
+    """Generate the Python of one package into the shared folder."""
 
     def run(package: str, *arguments: str) -> Ran:
         words = ("--package", package, "--output", "out", "--lang", "python", *arguments, package)
@@ -46,7 +46,7 @@ def _names(root: Path, namespace: str) -> str:
 
 
 def test_partial_runs_accumulate(generate: Generate, root: Path) -> None:
-    """The second run names no folder for what only the first one needs, and need not."""
+    """The second run does not pass the folder that only the first one needs."""
     assert generate("a", *SHAPES).code == 0
     assert generate("b").code == 0
     assert _names(root, "std_msgs.msg") == "Header String"

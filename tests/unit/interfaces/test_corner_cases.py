@@ -1,4 +1,4 @@
-"""Corner cases of interface definitions: what the parser, the type hash and generated Python make of them.
+"""Corner cases of interface definitions in the parser, type hashes and generated Python.
 
 Messages are loaded by `forge.interfaces.load`. The same cases in C++ are in
 tests/integration/interfaces/cpp/test_compiles.py, their serialization in python/test_cdr.py.
@@ -48,11 +48,11 @@ BASIC = {
     "int64": ("-40000000", "[0, 9223372036854775807, -9223372036854775808]"),
     "uint64": ("50000000", "[0, 1, 18446744073709551615]"),
 }
-"""ROS's test messages have a field of each basic type, and arrays of three with values at the borders."""
+"""A default for a value and for an array of each basic type, as in ROS's test messages."""
 
 
 def collections(suffix: str) -> str:
-    """Return ROS's test message whose fields all are arrays or sequences of three."""
+    """Return ROS's test message of arrays or sequences."""
     types = {**dict.fromkeys(BASIC), "string": None}
     lines = [f"{type_}{suffix} {type_}_values" for type_ in types]
     lines += [f"{name}{suffix} {snake_case(name)}_values" for name in ("BasicTypes", "Constants", "Defaults")]
@@ -62,7 +62,7 @@ def collections(suffix: str) -> str:
 
 
 def texts(word: str, kind: str) -> list[str]:
-    """Return fields with one default, quoted in five ways."""
+    """Return fields with the same default in five kinds of quotes."""
     quoted = [
         r'"Hello world!"',
         '''"Hello'world!"''',
@@ -124,7 +124,7 @@ def message(text: str) -> Message:
 
 
 def embedded(name: str) -> Any:
-    """Return an interface that forge brings along."""
+    """Return an embedded interface."""
     parsed = Library().find(TypeName(*name.split("/")))
     assert parsed
     return parsed.interface
@@ -164,7 +164,7 @@ def test_wide_strings_contain_any_characters() -> None:
 
 @pytest.mark.parametrize("name", KNOWN)
 def test_nested_arrays_of_messages_have_the_reference_hashes(name: str, test_msgs: Path) -> None:
-    """These hashes were computed by others; MultiNested contains nearly all of the other messages."""
+    """The hashes are those of rosidl; MultiNested contains nearly all other messages."""
     found = hashes(resolve("test_msgs", parse_all(read_folder("test_msgs", test_msgs)), Library()))
     assert found[TypeName("test_msgs", "msg", name)] == f"RIHS01_{KNOWN[name]}"
 

@@ -55,7 +55,7 @@ def _manifest(name: str) -> Manifest:
 
 @cache
 def _parsed(name: str) -> tuple[Parsed, ...]:
-    """Return a package's interfaces: messages, services, actions, each by name."""
+    """Return the interfaces of a package in Humble."""
     return _of_distribution(name, "humble")
 
 
@@ -76,7 +76,7 @@ def _messages(name: str) -> Iterator[Message]:
 
 
 def _needs(name: str) -> set[str]:
-    """Return the packages whose types the files name, and action_msgs where there is an action."""
+    """Return the packages of referenced types, and action_msgs if there is an action."""
     types = [element_of(field.type) for message in _messages(name) for field in message.fields]
     packages = {type_.name.package for type_ in types if isinstance(type_, Named)}
     implied = {"action_msgs" for parsed in _everywhere(name).values() if isinstance(parsed.interface, Action)}
@@ -110,7 +110,7 @@ def test_embedded_manifests_declare_all_dependencies(name: str) -> None:
 
 
 def _table(path: Path, rosdistro: str) -> dict[str, object]:
-    """Return the table of Humble with the changes up to a distribution; null stands for a removed type."""
+    """Return the table of Humble with the changes up to a distribution; null means a removed type."""
     changes = json.loads(path.with_stem(f"{path.stem}_since").read_text(encoding="utf-8"))
     found = json.loads(path.read_text(encoding="utf-8"))
     for name in reversed(up_to(rosdistro)):
@@ -120,7 +120,7 @@ def _table(path: Path, rosdistro: str) -> dict[str, object]:
 
 @pytest.mark.parametrize("rosdistro", DISTRIBUTIONS)
 def test_the_type_hashes_are_those_of_ros(rosdistro: str) -> None:
-    """The tables hold RIHS01 as the reference implementation, and an installed Jazzy, have it."""
+    """The tables contain the hashes of the reference implementation and of an installed Jazzy."""
     library = Library(embedded=EMBEDDED, rosdistro=rosdistro)
     computed = {
         str(type_): digest
@@ -133,7 +133,7 @@ def test_the_type_hashes_are_those_of_ros(rosdistro: str) -> None:
 
 @pytest.mark.parametrize("rosdistro", DISTRIBUTIONS)
 def test_constants_and_defaults_are_those_of_the_distribution(rosdistro: str) -> None:
-    """Type hashes leave them out, so they have a table of their own."""
+    """Type hashes do not include them."""
     values: dict[str, dict[str, Value]] = {}
     interfaces = (parsed.interface for name in NAMES for parsed in _of_distribution(name, rosdistro))
     for message in (message for interface in interfaces for message in sections_of(interface)):
@@ -146,7 +146,7 @@ def test_constants_and_defaults_are_those_of_the_distribution(rosdistro: str) ->
 
 
 def test_log_levels_are_bytes_in_humble_and_numbers_later() -> None:
-    """The values are the same, so the tables do not show it."""
+    """The tables do not contain types."""
     types = {
         rosdistro: {
             constant.type

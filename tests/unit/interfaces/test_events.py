@@ -1,4 +1,4 @@
-"""Events of services: messages where the ROS distribution has them, else only a part of the type hash."""
+"""Events of services: messages if the ROS distribution has them, else only part of the type hash."""
 
 from __future__ import annotations
 

@@ -101,7 +101,7 @@ def test_modules_in_memory_behave_like_modules() -> None:
 
 
 def test_big_endian_bytes_are_read_into_types_in_memory() -> None:
-    """The exact codec finds classes by their names, those of other packages included."""
+    """The generic codec finds classes by name, including those of other packages."""
     load("int8 a", "tour/msg/A")
     forge_cdr = import_module("forge_cdr")
     types = load("std_msgs/Header header\nint16 a", "tour/msg/B")

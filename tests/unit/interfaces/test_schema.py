@@ -1,4 +1,4 @@
-"""Schemas as MCAP and rosbag2 store them, written and read again."""
+"""Schemas as stored by MCAP and rosbag2."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def test_a_schema_of_a_missing_type_is_an_error(forge: Forge, tree: Tree) -> Non
 
 @pytest.mark.parametrize("encoding", ["ros2msg", "ros2idl"])
 def test_schemas_round_trip(encoding: str) -> None:
-    """The law, over what forge brings along: what comes back has the type's hash."""
+    """The definitions that are read back have the same type hash, for all embedded messages."""
     for name in NAMES[:: 1 if encoding == "ros2msg" else 3]:
         text = schema_text(require(name, LIBRARY), lambda each: require(each, LIBRARY), encoding)
         sources = read_schema(text, name)

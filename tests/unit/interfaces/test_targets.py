@@ -18,7 +18,7 @@ METADATA = "Metadata-Version: 2.1\nName: third\nVersion: 1.0\n"
 
 @pytest.fixture
 def third_party(tree: Tree, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Install a distribution with targets, good and bad, and one that only looks like forge's own."""
+    """Install a distribution with valid and invalid targets, one of them named like forge's own."""
     entries = {
         "names": "third_names",
         "broken": "third_broken",
@@ -45,7 +45,6 @@ def third_party(tree: Tree, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.mark.usefixtures("third_party")
 def test_another_distribution_provides_a_target(forge: Forge, tree: Tree) -> None:
-    """It is asked for by name, and its files lie in a folder of that name."""
     root = tree({"src/msg/A.msg": "int8 a", "src/msg/B.msg": ""})
     ran = forge(
         "interface", "generate", "--package", "p", "--output", "out", "--lang", "names", "src", cwd=root
@@ -77,7 +76,7 @@ def test_an_unusable_target_is_reported_with_the_cause(name: str, cause: str) ->
 
 @pytest.mark.usefixtures("third_party")
 def test_an_unknown_target_lists_the_available_ones() -> None:
-    """Those of other distributions included, with the nearest first."""
+    """The list includes those of other distributions, and the hint starts with the nearest."""
     with pytest.raises(ForgeError) as caught:
         render(EMPTY, "nams")
     (problem,) = caught.value.problems

@@ -1,4 +1,4 @@
-"""Writing: unchanged files are not touched, and stale files are removed."""
+"""Writing of generated files: obsolete files are removed, and others are kept."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def test_files_of_other_languages_are_kept(tmp_path: Path) -> None:
     assert (tmp_path / "y/c.txt").exists()
 
 
-def test_a_file_of_the_users_is_never_removed(tmp_path: Path) -> None:
+def test_other_files_are_never_removed(tmp_path: Path) -> None:
     write([part("x", a="a")], tmp_path, "p")
     (tmp_path / "x/mine.txt").write_text("mine")
     write([part("x", b="b")], tmp_path, "p")

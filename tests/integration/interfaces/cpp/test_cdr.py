@@ -88,7 +88,7 @@ def include(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_serialized_bytes_are_right_and_invalid_ones_rejected(
     compiler: str, options: tuple[str, ...], include: Path, tmp_path: Path
 ) -> None:
-    """The program compiles without warnings, and every check holds, also those with corrupt bytes."""
+    """The program compiles without warnings, and all checks pass, including those with corrupt bytes."""
     program = compiled(tmp_path / "cdr", include, compiler, *options)
     ran = subprocess.run([program, MUTATIONS], capture_output=True, text=True, check=False)
     assert (ran.returncode, ran.stderr[:4000]) == (0, "")
@@ -102,7 +102,7 @@ def test_gcc_inlines_serialization(include: Path, tmp_path: Path) -> None:
 
 
 def compiled(program: Path, include: Path, *words: str) -> Path:
-    """Compile the source of a program's name without a warning."""
+    """Compile a program without warnings."""
     source = HERE / program.with_suffix(".cpp").name
     folders = ("-I", include, "-I", RUNTIME, "-I", HERE)
     argv: list[str | Path] = [*words, *WARNINGS, *folders, source, "-o", program]

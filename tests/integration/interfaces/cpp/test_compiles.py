@@ -1,4 +1,4 @@
-"""Generated C++: it compiles, and a program uses it as ROS programs do."""
+"""Generated C++ compiles, and a program uses it as ROS programs do."""
 
 import subprocess
 from collections.abc import Iterator
@@ -126,7 +126,7 @@ INT64 = Primitive("int64")
 
 
 def constants() -> Message:
-    """Return a message of nothing but constants, some of them hard to write in C++."""
+    """Return a message of constants that are difficult to write in C++."""
     doc = ("ends in a backslash \\", "", "*/ and /* and ??/")
     values: dict[str, tuple[Primitive | String, bool | float | str]] = {
         "LOWEST": (INT64, -(2**63)),
@@ -154,7 +154,7 @@ def constants() -> Message:
 
 
 def wide() -> Message:
-    """Return a message of the types that only IDL can say."""
+    """Return a message of the types that exist only in IDL."""
     fields = (
         Field("letter", Primitive("wchar")),
         Field("letters", Sequence(Primitive("wchar"))),
@@ -187,7 +187,7 @@ def include(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def odd_packages() -> Iterator[Catalog]:
-    """Yield packages called like the namespaces inside a package."""
+    """Yield packages named like the namespaces inside a package."""
     for package in ("action", "builder", "detail", "msg", "srv"):
         own = Named(TypeName(package, "msg", "Inner"))
         inner = Message(own.name, (Field("x", Primitive("int8")),))
@@ -203,7 +203,7 @@ def odd_packages() -> Iterator[Catalog]:
 
 
 def compile_cleanly(compiler: str, standard: str, include: Path, *arguments: str | Path) -> None:
-    """Run the compiler with the strictest of usual settings; fail with what it says."""
+    """Run the compiler with strict warnings; fail with its output."""
     folders = ("-I", include, "-I", RUNTIME)
     argv = [compiler, f"-std={standard}", *WARNINGS, *folders, *arguments]
     done = subprocess.run(argv, capture_output=True, text=True, check=False)
@@ -220,7 +220,7 @@ def compile_cleanly(compiler: str, standard: str, include: Path, *arguments: str
 def test_a_ros_style_program_compiles_and_runs(
     compiler: str, standard: str, include: Path, tmp_path: Path
 ) -> None:
-    """The headers compile without a warning, optimized, and every check of the program holds."""
+    """The headers compile without warnings, optimized, and all checks of the program pass."""
     program = tmp_path / "program"
     compile_cleanly(compiler, standard, include, "-O1", HERE / "program.cpp", "-o", program)
     ran = subprocess.run([program], capture_output=True, text=True, check=False)
@@ -229,7 +229,6 @@ def test_a_ros_style_program_compiles_and_runs(
 
 @pytest.mark.needs("g++")
 def test_a_header_needs_no_other_header_before_it(include: Path, tmp_path: Path) -> None:
-    """Each of a sample compiles alone."""
     sources = []
     for header in SAMPLE:
         source = tmp_path / f"{PurePosixPath(header).stem}.cpp"
@@ -262,7 +261,7 @@ def test_older_standards_are_rejected_with_a_remedy(
 
 @pytest.mark.needs("g++")
 def test_all_headers_compile_together(include: Path, tmp_path: Path) -> None:
-    """A unit that includes everything has neither clashes nor warnings, even with Windows' macros."""
+    """A file that includes all headers compiles without warnings, even with the macros of Windows."""
     headers = sorted(path.relative_to(include).as_posix() for path in include.glob("*/*/*.hpp"))
     assert len(headers) > 100
     macros = "".join(f"#define {name} (0)\n" for name in ("DELETE", "ERROR", "NO_ERROR"))

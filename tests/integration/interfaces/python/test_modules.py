@@ -1,4 +1,4 @@
-"""Generated Python in an interpreter of its own: what it imports, and when."""
+"""Imports of generated Python, in a new interpreter."""
 
 import subprocess
 import sys
@@ -42,8 +42,8 @@ def test_serializers_are_loaded_with_the_first_message(tmp_path: Path) -> None:
     assert run_python(tmp_path, code) == "[]\n['std_msgs.msg._string__cdr']"
 
 
-def test_it_works_in_a_fresh_interpreter_with_serializers() -> None:
-    """Nothing has to be on Python's path but forge, and nothing else is imported from anywhere."""
+def test_loaded_classes_work_in_a_new_interpreter_with_serializers() -> None:
+    """Only forge is on the Python path."""
     script = (
         "from pathlib import Path; from forge.interfaces import load\n"
         f"types = load(Path({str(EMBEDDED / 'geometry_msgs')!r}))\n"

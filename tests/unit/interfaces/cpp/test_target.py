@@ -47,15 +47,14 @@ def message(*fields: Field, constants: tuple[Constant, ...] = (), name: str = "T
     return Message(TypeName("demo", "msg", name), fields, constants)
 
 
-def test_a_package_reads_as_if_written_by_hand(golden: Golden) -> None:
-    """A message, a service and an action give these headers and no others."""
+def test_the_headers_of_a_package_are_as_reviewed(golden: Golden) -> None:
+    """The golden files are all headers of a message, a service and an action."""
     case = GOLDEN / "interfaces" / "cpp" / "robot"
     catalog = resolve("robot", parse_all(read_folder("robot", case)), Library())
     golden(case, {file.path: file.text for file in cpp.files(catalog)})
 
 
 def test_every_interface_has_rosidls_headers() -> None:
-    """Names are in snake case; the visibility header lies in msg."""
     assert sorted(texts(message(name="UInt8"))) == [
         "demo/msg/detail/u_int8__builder.hpp",
         "demo/msg/detail/u_int8__cdr.hpp",
@@ -68,8 +67,8 @@ def test_every_interface_has_rosidls_headers() -> None:
 
 
 @pytest.mark.parametrize("name", ["DELETE", "ERROR", "NAN", "NO_ERROR"])
-def test_a_constant_may_be_called_like_a_macro(name: str) -> None:
-    """The macro steps aside while the struct is defined."""
+def test_a_constant_may_have_the_name_of_a_macro(name: str) -> None:
+    """The macro is undefined while the struct is defined."""
     constant = Constant(name, Primitive("int8"), 1)
     header = texts(message(constants=(constant,)))["demo/msg/detail/thing__struct.hpp"]
     before, _, after = header.partition(f"static constexpr std::int8_t {name} = 1;")
@@ -102,27 +101,24 @@ def test_a_constant_may_be_called_like_a_macro(name: str) -> None:
     ],
 )
 def test_literals_are_exact(value: Value, type_: Type, text: str) -> None:
-    """No compiler warns of it, and no character of it depends on the source's encoding."""
+    """They cause no warnings and do not depend on the source encoding."""
     assert literal(value, type_) == text
 
 
 @pytest.mark.parametrize("type_", [POINT, Primitive("int8")])
-def test_a_type_without_literals_is_a_bug(type_: Type) -> None:
-    """A message, or a number that is several, never gets this far."""
+def test_a_value_that_does_not_fit_the_type_is_a_type_error(type_: Type) -> None:
     with pytest.raises(TypeError):
         literal((1, 2), type_)
 
 
 @given(st.floats(width=32, allow_nan=False, allow_infinity=False))
-def test_a_float_is_read_back_the_same(value: float) -> None:
-    """Single precision loses nothing."""
+def test_a_float_literal_has_the_same_value_in_single_precision(value: float) -> None:
     text = literal(value, Primitive("float")).removesuffix("f")
     assert struct.pack("<f", float(text)) == struct.pack("<f", value)
 
 
 @given(st.lists(st.text(max_size=12), max_size=4), st.none() | st.text("[m]/\\?", min_size=1, max_size=3))
 def test_comments_cannot_continue_on_the_next_line(lines: list[str], unit: str | None) -> None:
-    """One line stays one line of comment, whatever is in it."""
     written = comment(lines, unit)
     assert len(written) == max(len(lines), unit is not None)
     for line in written:
@@ -146,5 +142,4 @@ def test_comments_cannot_continue_on_the_next_line(lines: list[str], unit: str |
 def test_documentation_becomes_comments(
     doc: tuple[str, ...], unit: str | None, lines: tuple[str, ...]
 ) -> None:
-    """Units return to where the definition had them."""
     assert comment(doc, unit) == lines

@@ -1,4 +1,4 @@
-"""The part of IDL that rosidl supports, and errors for the rest."""
+"""The subset of IDL that rosidl supports, and errors for the rest."""
 
 from __future__ import annotations
 
@@ -47,14 +47,14 @@ def in_modules(text: str) -> str:
 
 
 def message(members: str, before: str = "") -> Message:
-    """Parse a message of these members."""
+    """Parse a message with these members."""
     read_message = read(in_modules(f"{before} struct A {{ {members} }};"))
     assert isinstance(read_message, Message)
     return read_message
 
 
 def errors(text: str, relative: str = "msg/A.idl") -> list[str]:
-    """Return what is wrong with a file, each with line and column."""
+    """Return the errors in a file with line and column."""
     with pytest.raises(InterfaceError) as caught:
         read(text, relative)
     return [
@@ -64,7 +64,7 @@ def errors(text: str, relative: str = "msg/A.idl") -> list[str]:
 
 
 def error(members: str, before: str = "") -> str:
-    """Return the one message about a struct of these members."""
+    """Return the only error in a struct with these members."""
     (text,) = errors(in_modules(f"{before} struct A {{ {members} }};"))
     return text.partition(" ")[2]
 
@@ -186,7 +186,7 @@ def test_defaults_are_converted_to_the_type_of_the_member(type_: str, written: s
         (r"\\\"", '"'),
     ],
 )
-def test_doubled_backslashes_are_halved_like_in_rosidl(written: str, value: str) -> None:
+def test_doubled_backslashes_are_halved_as_in_rosidl(written: str, value: str) -> None:
     (field,) = message(f'@default (value="{written}") string a;').fields
     assert field.default == value
 
@@ -403,7 +403,6 @@ def test_error_prone_idl_is_a_warning() -> None:
     st.lists(st.text(st.sampled_from("a\\\\\"'é "), min_size=1)),
 )
 def test_any_text_survives_a_round_trip_through_idl(value: str, escapes: str, parts: list[str]) -> None:
-    """Defaults, elements of lists, units and comments, backslashes and quotes among them."""
     name = TypeName("p", "msg", "A")
     fields = (
         Field("a", String(), value, doc=("first", f"{escapes}."), unit=f"{escapes}."),
@@ -415,8 +414,7 @@ def test_any_text_survives_a_round_trip_through_idl(value: str, escapes: str, pa
 
 
 @pytest.mark.parametrize("package", sorted(LIBRARY.packages()))
-def test_any_interface_survives_a_round_trip(package: str) -> None:
-    """The law of both directions, over every interface that forge brings along."""
+def test_embedded_interfaces_survive_a_round_trip(package: str) -> None:
     for parsed in parse_all(read_folder(package, LIBRARY.packages()[package])):
         _assert_same(package, parsed.interface)
 

@@ -1,4 +1,4 @@
-"""The wire format in Python: vectors, odd input, laziness, and what errors say."""
+"""Serialization in Python: test vectors, unusual input, lazy reading and error messages."""
 
 from __future__ import annotations
 
@@ -188,12 +188,12 @@ VECTORS: dict[str, tuple[str, dict[str, Any], str]] = {
         "01000000 61000000 07 000000 01000000 01000000 62000000 00000000 01000000 63000000",
     ),
 }
-"""Type, values and the body's bytes, by the number in the spec; the header comes before them all."""
+"""Type, values and bytes after the header, by number in the specification."""
 
 
 @pytest.fixture(scope="module", autouse=True)
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """Generate the embedded packages and two more, and let them be imported."""
+    """Generate the embedded packages and two more, and make them importable."""
     made = tmp_path_factory.mktemp("python")
     generate_embedded(made)
     for catalog in (catalog_of("vectors", DEFINITIONS), probe_catalog()):
@@ -218,7 +218,7 @@ def class_of(name: str) -> Any:
 
 
 def make(name: str, values: dict[str, Any]) -> Any:
-    """Return a message with these values, dicts for messages inside."""
+    """Return a message with these values; nested messages are dicts."""
     set_fields = import_module("rosidl_runtime_py").set_message_fields
     message = class_of(name)()
     set_fields(message, values)
@@ -226,24 +226,24 @@ def make(name: str, values: dict[str, Any]) -> Any:
 
 
 def body(text: str) -> bytes:
-    """Return bytes of a message in little endian."""
+    """Return a little-endian message with its header."""
     return bytes.fromhex(f"00010000 {text}")
 
 
 def fast(word: str, class_: Any) -> Any:
-    """Return what generated code does for a class, without the exact codec behind it."""
+    """Return the generated reader or writer of a class, without the generic codec as a fallback."""
     return getattr(import_module(f"{class_.__module__}__cdr"), f"{word}_{class_.__name__}")()
 
 
 @pytest.mark.parametrize("number", VECTORS)
-def test_test_vectors_are_written_and_read(cdr: Any, number: str) -> None:
+def test_vectors_are_written_and_read(cdr: Any, number: str) -> None:
     name, values, text = VECTORS[number]
     message, data = make(name, values), body(text)
     assert cdr.serialize(message) == data
     assert fast("writer", type(message))(message) == data
     assert cdr.deserialize(data, type(message)) == message
     assert fast("reader", type(message))(data, sys.maxsize) == message
-    described: Any = import_module("forge_cdr.described")  # the exact codec
+    described: Any = import_module("forge_cdr.described")  # the generic codec
     assert described.write(message) == data
     assert described.read(data, type(message)) == message
 
@@ -278,7 +278,7 @@ def test_big_endian_is_read_into_the_types_of_this_machine(cdr: Any, name: str) 
         ("std_msgs/Bool", "00010000 02", True),
     ],
 )
-def test_options_trailing_bytes_and_other_truths_are_accepted(
+def test_header_options_trailing_bytes_and_nonzero_booleans_are_accepted(
     cdr: Any, name: str, data: str, value: object
 ) -> None:
     assert cdr.deserialize(bytes.fromhex(data), class_of(name)).data == value
@@ -325,7 +325,7 @@ def test_messages_do_not_alias_the_buffer(cdr: Any) -> None:
     assert image.data.tolist() == [7, 8, 9]
 
 
-# What fields may hold besides the usual
+# Unusual values of fields
 
 
 def test_every_accepted_value_can_be_written(cdr: Any) -> None:
@@ -372,7 +372,7 @@ def test_classes_without_generated_serializers_are_read_by_their_description(cdr
     definition: Any = import_module("rosidl_parser.definition")
 
     class Foreign:
-        """As rosidl's, with the slot that later releases have."""
+        """A class like rosidl's, with the slot that later releases have."""
 
         __slots__ = ("_name", "_numbers", "_check_fields")  # noqa: RUF023  (the order of the types)
         SLOT_TYPES = (definition.UnboundedString(), definition.Array(definition.BasicType("int16"), 2))
@@ -415,7 +415,7 @@ def test_a_service_is_not_a_message(cdr: Any) -> None:
         cdr.serialize(1)
 
 
-# What cannot be written or read
+# Values and bytes that are rejected
 
 
 @pytest.mark.parametrize(
@@ -567,7 +567,7 @@ def test_an_impossible_count_allocates_no_memory(cdr: Any, name: str, count: str
     assert peak < 100_000
 
 
-# Lazily
+# Lazy reading
 
 
 @pytest.fixture

@@ -117,7 +117,7 @@ def test_nan_is_a_float(msg: ModuleType) -> None:
 
 def test_a_message_field_accepts_subclasses(msg: ModuleType) -> None:
     class Special(msg.Point):  # type: ignore[misc, name-defined]
-        """A user's own."""
+        """A user's subclass."""
 
     special = Special()
     assert msg.Nested(point=special).point is special
@@ -156,7 +156,7 @@ def test_a_default_out_of_range_fails_at_construction() -> None:
         huge()
 
 
-def test_a_field_may_be_called_property(msg: ModuleType) -> None:
+def test_a_field_may_be_named_property(msg: ModuleType) -> None:
     message = msg.Property(property="x", after=1, builtins=2, last=3)
     assert (message.property, message.after, message.builtins, message.last) == ("x", 1, 2, 3)
     with pytest.raises(AssertionError):
@@ -252,7 +252,7 @@ def test_a_member_may_have_the_name_of_its_class() -> None:
 
 
 def test_a_message_with_a_field_named_shape_can_be_compared(tmp_path: Path) -> None:
-    """It is not taken for an array, which has an attribute of that name."""
+    """Arrays have an attribute of that name as well."""
     texts = {
         "msg/Panel.msg": "float64 width\n",
         "msg/Seen.msg": "Panel shape\n",
@@ -267,7 +267,7 @@ def test_a_message_with_a_field_named_shape_can_be_compared(tmp_path: Path) -> N
 
 
 def test_a_field_named_like_a_keyword_has_another_name_in_code(tmp_path: Path) -> None:
-    """Under its own name, getattr() and the constructor find it, as do tools that go through all fields."""
+    """getattr(), the constructor and tools that iterate over the fields use its own name."""
     text = "string from\nfloat64[2] in\nint8[<=2] is\nint32 lambda 3\nuint8 pass\n"
     generate(tmp_path, catalog_of("keyword_msgs", {"msg/Edge.msg": text}))
     with importable(tmp_path):

@@ -1,4 +1,4 @@
-"""Generated Python, imported and used: modules, messages, services, actions."""
+"""Use of generated Python: modules, messages, services and actions."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def test_classes_are_defined_in_the_module_of_their_file(msg: ModuleType) -> Non
     assert import_module("probe.srv").Point.Request.__module__ == "probe.srv._point"
 
 
-def test_a_namespace_lists_its_classes_and_gives_them_to_a_star_import(msg: ModuleType) -> None:
+def test_dir_and_star_imports_of_a_namespace_contain_its_classes(msg: ModuleType) -> None:
     assert {path.stem for path in PROBE.glob("msg/*.msg")} <= set(dir(msg))
     names: dict[str, Any] = {}
     exec("from probe.msg import *", names)

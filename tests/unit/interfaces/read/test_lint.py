@@ -13,7 +13,7 @@ from forge.interfaces.read.sources import Library, read_folder
 from tests.conftest import Forge, Tree
 
 
-def told(text: str, relative: str = "msg/A.msg") -> list[str]:
+def messages_of(text: str, relative: str = "msg/A.msg") -> list[str]:
     """Return the messages about a file, each with line and column."""
     found = lint(parse_all([Source("p", relative, Path(relative), text)]))
     return [f"{p.location.line}:{p.location.column} {p.message}" for p in found if p.location]
@@ -63,7 +63,7 @@ def told(text: str, relative: str = "msg/A.msg") -> list[str]:
     ],
 )
 def test_error_prone_definitions_are_reported_with_their_position(line: str, message: str) -> None:
-    assert told(line) == [message]
+    assert messages_of(line) == [message]
 
 
 @pytest.mark.parametrize(
@@ -92,16 +92,16 @@ def test_error_prone_definitions_are_reported_with_their_position(line: str, mes
     ],
 )
 def test_common_definitions_are_accepted(line: str) -> None:
-    assert told(line) == []
+    assert messages_of(line) == []
 
 
 def test_sections_and_idl_files_are_checked() -> None:
-    assert told("int8 errno\n---\nint8 linux", "srv/A.srv") == [
+    assert messages_of("int8 errno\n---\nint8 linux", "srv/A.srv") == [
         "1:6 avoid the field name 'errno': it is a macro in common headers",
         "3:6 avoid the field name 'linux': it is a macro in common headers",
     ]
     text = "module p { module msg { struct A { int8 a[2], errno; }; }; };"
-    assert told(text, "msg/A.idl") == [
+    assert messages_of(text, "msg/A.idl") == [
         "1:47 rosidl before Rolling declares all of these as arrays",
         "1:47 avoid the field name 'errno': it is a macro in common headers",
     ]

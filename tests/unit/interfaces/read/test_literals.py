@@ -1,4 +1,4 @@
-"""Literals: what each type accepts, and to which value."""
+"""Literals of each type and their values."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ TEXT = String()
         ("-0x10", -16),
     ],
 )
-def test_integers_read_as_python_reads_them(text: str, value: int) -> None:
+def test_integers_are_parsed_as_in_python(text: str, value: int) -> None:
     assert read_value(text, INT32) == value
 
 
@@ -65,12 +65,12 @@ def test_booleans_are_case_insensitive(text: str) -> None:
         ("1e400", math.inf),
     ],
 )
-def test_reals_read_as_python_reads_them(text: str, value: float) -> None:
+def test_floats_are_parsed_as_in_python(text: str, value: float) -> None:
     read = read_value(text, DOUBLE)
     assert (read, type(read)) == (value, float)
 
 
-def test_reals_have_no_range() -> None:
+def test_floats_have_no_range() -> None:
     assert math.isnan(float(str(read_value("nan", Primitive("float")))))
     assert read_value("1e39", Primitive("float")) == 1e39
     assert read_value("inf", Primitive("float")) == math.inf

@@ -31,21 +31,21 @@ INT8 = Primitive("int8")
 
 
 def message(text: str) -> Message:
-    """Return what 'tour/msg/Walk.msg' with this text holds."""
+    """Return the message in 'tour/msg/Walk.msg' with this text."""
     interface = parse(Source("tour", "msg/Walk.msg", Path("Walk.msg"), text))
     assert isinstance(interface, Message)
     return interface
 
 
 def problems(text: str, relative: str = "msg/Walk.msg") -> list[str]:
-    """Return place and message of each problem with this text."""
+    """Return location and message of each problem in a file."""
     with pytest.raises(InterfaceError) as caught:
         parse(Source("tour", relative, Path(relative), text))
     return [f"{problem.location}: {problem.message}" for problem in caught.value.problems]
 
 
 def test_a_byte_order_mark_is_rejected_as_by_rosidl_adapter() -> None:
-    """Upstream takes it for a part of the first type; the definitions after it are read all the same."""
+    """rosidl_adapter reads it as part of the first type. The rest of the file is parsed."""
     assert problems("\ufeff# A walk.\nint8 A\n") == [
         "msg/Walk.msg:1: the file starts with a byte-order mark, which ROS's own generators reject",
         "msg/Walk.msg:2:6: invalid field name 'A'",
@@ -202,7 +202,7 @@ ELEMENTS = st.one_of(
     st.builds("{}<={}".format, st.sampled_from(["string", "wstring"]), st.integers(1, 99)),
     st.sampled_from(["string", "wstring", "Pose", "geometry_msgs/Pose"]),
 )
-# An unbounded sequence of bounded wide strings is refused: rosidl takes it for something else.
+# An unbounded sequence of bounded wide strings is rejected: rosidl reads it as something else.
 TYPES = st.builds(
     "{}{}".format,
     ELEMENTS,

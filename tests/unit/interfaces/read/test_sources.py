@@ -1,4 +1,4 @@
-"""Where definitions are found, and their precedence."""
+"""The search order of definitions."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ INDEX = "share/ament_index/resource_index/rosidl_interfaces"
 
 
 def fields(library: Library, name: str) -> list[str]:
-    """Return the names of a message's fields as the library knows it."""
+    """Return the names of the fields of a message in a library."""
     parsed = library.find(TypeName(*name.split("/")))
     assert parsed
     return [field.name for field in getattr(parsed.interface, "fields", ())]

@@ -1,9 +1,9 @@
-"""References between types: found, reported if unknown, and never cyclic."""
+"""References between types: lookup, unknown types and cycles."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -17,15 +17,12 @@ from forge.interfaces.resolve.resolution import nested_messages, resolve
 
 @dataclass
 class Shelf:
-    """Interfaces of other packages from a table of 'package/kind/file' and text; notes what was asked for."""
+    """The interfaces of other packages: their texts by 'package/kind/file'."""
 
     texts: Mapping[str, str]
     declared: frozenset[str] = frozenset()
-    asked: list[str] = field(default_factory=list)
 
     def find(self, name: TypeName) -> Parsed | None:
-        """Parse it now."""
-        self.asked.append(str(name))
         path = f"{name}.{name.kind}"
         if path not in self.texts:
             return None
@@ -33,15 +30,12 @@ class Shelf:
         return Parsed(source, parse(source))
 
     def distribution_hint(self, name: TypeName) -> None:
-        """Return nothing: the types of the table are of no distribution."""
         del name
 
     def declares(self, package: str) -> bool:
-        """Tell whether the package is declared."""
         return package in self.declared
 
     def names(self) -> Iterable[TypeName]:
-        """Return what the table holds."""
         return [TypeName(*path.partition(".")[0].split("/")) for path in self.texts]
 
 
@@ -57,13 +51,13 @@ ROS = {
 
 
 def catalog(files: Mapping[str, str], shelf: Shelf | None = None) -> Catalog:
-    """Resolve a package 'tour' of these files."""
+    """Resolve the package 'tour' with these files."""
     sources = [Source("tour", relative, Path(relative), text) for relative, text in files.items()]
     return resolve("tour", parse_all(sources), shelf or Shelf(ROS))
 
 
 def problems(files: Mapping[str, str], shelf: Shelf | None = None) -> list[str]:
-    """Return place, message and hint of each problem of such a package."""
+    """Return location, message and hint of each problem of the package 'tour'."""
     with pytest.raises(InterfaceError) as caught:
         catalog(files, shelf)
     return [f"{p.location}: {p.message} ({p.hint})" for p in caught.value.problems]

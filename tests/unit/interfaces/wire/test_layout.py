@@ -1,4 +1,4 @@
-"""Layouts of serialized messages, compared with a walk over the definitions."""
+"""Layouts of serialized messages."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ NAMES = sorted(CATALOG.interfaces)
 
 @pytest.fixture(scope="module")
 def classes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Mapping[str, Any]]:
-    """Yield the generated classes, in a Python that has forge_cdr."""
+    """Yield the generated classes by name."""
     folder = tmp_path_factory.mktemp("spans")
     generate(folder, CATALOG)
     with importable(folder):
@@ -51,7 +51,7 @@ def size_of(name: TypeName) -> tuple[Message, MessageSize]:
 
 
 def content_of(message: Any) -> bytes:
-    """Return the bytes of a message behind its header."""
+    """Return the serialized message without its header."""
     content: bytes = import_module("forge_cdr").serialize(message)
     return content[4:]
 
