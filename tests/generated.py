@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
+from forge.base.distributions import EMBEDDED
 from forge.base.files import write_if_changed
-from forge.base.standard_interfaces import EMBEDDED
 from forge.interfaces.model import Catalog, Message, Source
 from forge.interfaces.python import target
 from forge.interfaces.read.parsing import parse_all

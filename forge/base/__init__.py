@@ -17,7 +17,6 @@ __all__ = [
     "names",
     "options",
     "own_environment",
-    "standard_interfaces",
     "templating",
     "text",
     "xml",

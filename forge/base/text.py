@@ -1,7 +1,8 @@
-"""Formats durations and lists of names, and shortens long output."""
+"""Formats durations and lists of names, computes digests of texts, and shortens long output."""
 
 from __future__ import annotations
 
+import hashlib
 import re
 from collections import deque
 from typing import TYPE_CHECKING
@@ -38,6 +39,11 @@ def listed(names: Sequence[str], most: int = _NAMES_SHOWN) -> str:
     """Return the first few names and the number of others."""
     shown = ", ".join(f"'{name}'" for name in names[:most])
     return f"{shown} and {len(names) - most} more" if len(names) > most else shown
+
+
+def digest(*parts: str, size: int = 8) -> str:
+    """Return the BLAKE2b digest of the parts in this order as hexadecimal digits; file names may be bytes."""
+    return hashlib.blake2b("\0".join(parts).encode(errors="surrogateescape"), digest_size=size).hexdigest()
 
 
 def split_lines(output: bytes) -> list[bytes]:

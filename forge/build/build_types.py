@@ -15,12 +15,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
 from typing import TYPE_CHECKING
 
-from forge.base.digests import digest
 from forge.base.errors import ForgeError, GroupedProblems, Location, Problem
 from forge.base.extensions import BUILD_TYPES, absent, checked, entry_points, installed
 from forge.base.frozen import frozen
 from forge.base.graph import closure
 from forge.base.names import did_you_mean
+from forge.base.text import digest
 from forge.build.recipes import cmake, python
 from forge.build.recipes.context import BuildContext, Recipe, common_options
 from forge.build.up_to_date import BUILD_TYPE

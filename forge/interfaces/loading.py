@@ -17,9 +17,8 @@ from pathlib import Path
 from types import CodeType
 from typing import Any
 
-from forge.base.distributions import check_distribution, distribution_in
+from forge.base.distributions import EMBEDDED, check_distribution, distribution_in
 from forge.base.errors import InterfaceError, Problem
-from forge.base.standard_interfaces import EMBEDDED
 from forge.interfaces.model import Catalog, TypeName
 from forge.interfaces.python.target import files
 from forge.interfaces.python.types import module_name

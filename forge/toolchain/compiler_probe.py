@@ -18,9 +18,9 @@ import subprocess
 import threading
 from typing import TYPE_CHECKING
 
-from forge.base.digests import digest
 from forge.base.files import has_text, remove_tree, replace_file, text_or_nothing
 from forge.base.layout import TOOLCHAIN_DIR
+from forge.base.text import digest
 from forge.toolchain.cmake_variables import unused_variables
 from forge.toolchain.programs import calls_make
 from forge.workspace.cmake_text import calls

@@ -16,12 +16,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.cmake_syntax import definitions
-from forge.base.digests import digest
 from forge.base.errors import HostError, Problem, raise_if_any
 from forge.base.files import open_regular, text_or_nothing
 from forge.base.frozen import frozen
 from forge.base.own_environment import extra_command, install_beside_forge
-from forge.base.text import counted
+from forge.base.text import counted, digest
 from forge.toolchain.compiler_launchers import LAUNCHERS
 from forge.workspace.cmake_text import calls, cmake_files
 

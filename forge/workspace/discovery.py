@@ -9,10 +9,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.base.distributions import OLDEST, VARIABLE
+from forge.base.distributions import EMBEDDED, OLDEST, SINCE, VARIABLE, definition_folders, has_definitions
 from forge.base.errors import Location, Problem
 from forge.base.files import not_regular_reason
-from forge.base.standard_interfaces import EMBEDDED, SINCE, definition_folders, has_definitions
 from forge.workspace.identification import MARKER_FILES, identify, read_package
 from forge.workspace.identity import NOT_A_PACKAGE
 from forge.workspace.model import BrokenPackage, Dependency, DependencyKind, Package, Workspace

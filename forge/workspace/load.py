@@ -7,13 +7,12 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from forge.base import ament_index
-from forge.base.distributions import distribution_in, has_service_events
+from forge.base.distributions import distribution_hint, distribution_in, has_service_events, is_embedded
 from forge.base.env_vars import home
 from forge.base.errors import Problem, WorkspaceError, raise_if_any
 from forge.base.frozen import frozen
 from forge.base.graph import closure, ordered_names
 from forge.base.layout import IGNORE_MARK
-from forge.base.standard_interfaces import distribution_hint, is_embedded
 from forge.environment.prefixes import find_underlays, provider, system_prefixes
 from forge.workspace.discovery import discover, discover_embedded, projects
 from forge.workspace.duplicates import clashes

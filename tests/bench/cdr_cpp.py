@@ -10,8 +10,8 @@ import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 
+from forge.base.distributions import EMBEDDED
 from forge.base.files import write_if_changed
-from forge.base.standard_interfaces import EMBEDDED
 from forge.interfaces.cpp import target as cpp
 from forge.interfaces.model import Message, TypeName
 from forge.interfaces.show import parse_type_name

@@ -9,8 +9,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
+from forge.base.distributions import EMBEDDED
 from forge.base.files import write_if_changed
-from forge.base.standard_interfaces import EMBEDDED
 from forge.interfaces.cpp import target as cpp
 from forge.interfaces.cpp.headers import main_path
 from tests.bench.figures import Case, Series

@@ -19,9 +19,9 @@ import pytest
 import yaml
 from hypothesis import HealthCheck, given, settings
 
+from forge.base.distributions import EMBEDDED
 from forge.base.files import write_if_changed
 from forge.base.names import snake_case
-from forge.base.standard_interfaces import EMBEDDED
 from forge.interfaces.cpp import target as cpp
 from forge.interfaces.cpp.headers import main_path
 from forge.interfaces.cpp.text import qualified

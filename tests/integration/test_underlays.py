@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from forge.base.standard_interfaces import EMBEDDED
+from forge.base.distributions import EMBEDDED
 from forge.environment.install_state import recorded_underlays
 from forge.environment.underlays import lost_underlays, overridden
 from tests.conftest import Forge, Tree

@@ -10,10 +10,10 @@ from itertools import chain
 from typing import TYPE_CHECKING
 
 from forge.base.cmake_syntax import cmake_arguments
-from forge.base.digests import digest
 from forge.base.distributions import OLDEST
 from forge.base.frozen import frozen
 from forge.base.layout import PACKAGE
+from forge.base.text import digest
 from forge.build.tasks import Step, StepKind
 from forge.build.up_to_date import LINKS, MANIFEST
 from forge.toolchain.cmake_variables import BUILD_TESTING, defined

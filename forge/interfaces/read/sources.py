@@ -8,19 +8,20 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
 from forge.base.ament_index import INDEX
-from forge.base.distributions import OLDEST, has_service_events
-from forge.base.errors import ForgeError, InterfaceError, Location, Problem
-from forge.base.files import read_file
-from forge.base.standard_interfaces import (
+from forge.base.distributions import (
     EMBEDDED,
+    OLDEST,
     SINCE,
     definition_folders,
     distribution_hint,
     find_definition,
     has_definitions,
+    has_service_events,
     is_embedded,
     removed_definitions,
 )
+from forge.base.errors import ForgeError, InterfaceError, Location, Problem
+from forge.base.files import read_file
 from forge.base.xml import parse_xml
 from forge.interfaces.model import File, Source, TypeName, with_events
 from forge.interfaces.read.parsing import ENDINGS, SECTIONS, Parsed, parse

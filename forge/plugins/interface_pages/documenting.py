@@ -8,6 +8,7 @@ from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
 from forge.base.ament_index import prefixes
+from forge.base.distributions import EMBEDDED
 from forge.base.errors import (
     ForgeError,
     HostError,
@@ -19,7 +20,6 @@ from forge.base.errors import (
 )
 from forge.base.files import read_file, write_if_changed
 from forge.base.names import did_you_mean
-from forge.base.standard_interfaces import EMBEDDED
 from forge.build.markers import mark_build_base
 from forge.cli.commands.interface.inputs import distribution_of
 from forge.environment.installed import underlay_prefixes

@@ -6,8 +6,8 @@ import re
 from typing import TYPE_CHECKING, Literal
 
 from forge.base import ament_index
+from forge.base.distributions import EMBEDDED
 from forge.base.frozen import frozen
-from forge.base.standard_interfaces import EMBEDDED
 from forge.build.build_types import known_types
 from forge.interfaces.model import element_of, sections_of
 from forge.interfaces.notation import type_text, value_text

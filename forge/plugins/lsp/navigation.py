@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from forge.base.standard_interfaces import EMBEDDED
+from forge.base.distributions import EMBEDDED
 from forge.interfaces.read.occurrences import NameKind
 from forge.plugins.lsp.manifests import MANIFEST
 from forge.plugins.lsp.text import Place, Span

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from forge.base.distributions import EMBEDDED
 from forge.base.files import write_if_changed
-from forge.base.standard_interfaces import EMBEDDED
 from forge.interfaces.cpp import target as cpp
 from forge.interfaces.model import (
     Array,

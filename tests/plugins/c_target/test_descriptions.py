@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from forge.base.distributions import EMBEDDED
 from forge.base.files import write_if_changed
-from forge.base.standard_interfaces import EMBEDDED
 from forge.interfaces.hashing import Hasher, describe
 from forge.interfaces.model import Catalog, Source, TypeName
 from forge.interfaces.read.parsing import parse_all

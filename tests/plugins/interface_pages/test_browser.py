@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.base.standard_interfaces import EMBEDDED
+from forge.base.distributions import EMBEDDED
 from forge.interfaces.read.parsing import parse_all
 from forge.interfaces.read.sources import Library, read_folder
 from forge.interfaces.resolve.dependencies import dependency_catalogs

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from forge.base.standard_interfaces import EMBEDDED
+from forge.base.distributions import EMBEDDED
 from forge.interfaces.model import Catalog, Constant, Field, Message, Primitive, Source, String, TypeName
 from forge.interfaces.read.parsing import parse_all
 from forge.interfaces.read.sources import Library, read_folder

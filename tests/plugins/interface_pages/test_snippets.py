@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.base.standard_interfaces import EMBEDDED
+from forge.base.distributions import EMBEDDED
 from tests.generated import generate_embedded, run_python
 from tests.sites import read_page
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.base.standard_interfaces import EMBEDDED
+from forge.base.distributions import EMBEDDED
 from forge.plugins.lsp.navigation import definition, references
 
 if TYPE_CHECKING:

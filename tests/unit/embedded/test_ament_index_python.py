@@ -8,7 +8,7 @@ from types import ModuleType
 
 import pytest
 
-from forge.base.standard_interfaces import EMBEDDED
+from forge.base.distributions import EMBEDDED
 from tests.conftest import Tree
 from tests.generated import RUNTIME
 

@@ -13,9 +13,9 @@ from typing import Any
 
 import pytest
 
+from forge.base.distributions import EMBEDDED
 from forge.base.errors import InterfaceError
 from forge.base.names import snake_case
-from forge.base.standard_interfaces import EMBEDDED
 from forge.interfaces import load
 from forge.interfaces.hashing import hashes
 from forge.interfaces.model import (

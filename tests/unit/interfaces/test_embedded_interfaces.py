@@ -11,8 +11,7 @@ from pathlib import Path
 import pytest
 
 import forge
-from forge.base.distributions import DISTRIBUTIONS, up_to
-from forge.base.standard_interfaces import has_definitions
+from forge.base.distributions import DISTRIBUTIONS, has_definitions, up_to
 from forge.interfaces.hashing import hashes
 from forge.interfaces.model import (
     Action,

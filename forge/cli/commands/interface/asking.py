@@ -8,12 +8,11 @@ from itertools import compress
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from forge.base.ament_index import prefix_of
-from forge.base.distributions import distribution_option
+from forge.base.distributions import EMBEDDED, distribution_hint, distribution_option
 from forge.base.errors import ForgeError, InterfaceError, Problem
 from forge.base.frozen import frozen
 from forge.base.names import did_you_mean
 from forge.base.options import option, options_of
-from forge.base.standard_interfaces import EMBEDDED, distribution_hint
 from forge.cli.commands.interface.inputs import (
     IncludeOptions,
     InputOptions,

@@ -7,11 +7,11 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from forge.base.distributions import EMBEDDED
 from forge.base.env_vars import compiled_templates
 from forge.base.errors import InterfaceError, Problem, print_warnings, raise_if_any
 from forge.base.frozen import frozen
 from forge.base.options import option, options_of
-from forge.base.standard_interfaces import EMBEDDED
 from forge.base.templating import keep_compiled
 from forge.base.text import counted
 from forge.cli.commands.interface.inputs import InputOptions, catalog_of, library_of

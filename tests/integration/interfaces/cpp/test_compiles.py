@@ -6,8 +6,8 @@ from pathlib import Path, PurePosixPath
 
 import pytest
 
+from forge.base.distributions import EMBEDDED
 from forge.base.files import write_if_changed
-from forge.base.standard_interfaces import EMBEDDED
 from forge.interfaces.cpp import target as cpp
 from forge.interfaces.model import (
     Array,

@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 import forge
-from forge.base.standard_interfaces import EMBEDDED
+from forge.base.distributions import EMBEDDED
 from tests.generated import generate_embedded, run_python
 
 ROOT = Path(forge.__file__).parents[1]

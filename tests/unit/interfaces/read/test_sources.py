@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from forge.base.distributions import EMBEDDED
 from forge.base.errors import InterfaceError
-from forge.base.standard_interfaces import EMBEDDED
 from forge.interfaces.model import TypeName
 from forge.interfaces.read.sources import Library, names_in, read_folder, read_runtime, read_source
 from tests.conftest import Tree
