@@ -24,7 +24,7 @@ _OTHER = re.compile(
 COLOUR = re.compile(r"\x1b\[[0-9;]*[A-Za-z]")
 
 _VISIBLE_LINES = 20
-"""So far above the report of a failure, an error is still seen."""
+"""An error at most this many lines above the report of a failure is still visible."""
 
 
 @frozen

@@ -131,7 +131,7 @@ def lines(
 
 
 def _head(progress: Progress, now: float, width: int) -> Line:
-    """Return the line for the whole: a bar where it fits, counts, and an estimate."""
+    """Return the line for all packages: a bar if it fits, counts, and an estimate."""
     share, left = progress.share(now), progress.left(now)
     words = [
         f"{share:4.0%}",
@@ -152,7 +152,7 @@ def _head(progress: Progress, now: float, width: int) -> Line:
 
 
 def _elapsed(seconds: float) -> str:
-    """Return a duration that is redrawn several times a second, so with less digits than in a report."""
+    """Format a duration that is redrawn several times a second, with fewer digits than in a report."""
     return f"{seconds:.1f}s" if seconds < _MINUTE - 0.05 else duration(seconds)
 
 

@@ -217,7 +217,7 @@ def _point(link: Path, target: str) -> None:
     """Create or replace a link to the latest run; keep anything else with that name."""
     if is_own_log_link(link):
         link.unlink(missing_ok=True)
-    # A concurrent run may have created the link meanwhile, or it is somebody else's.
+    # A concurrent run may have created it meanwhile, or it is a file of the user.
     with contextlib.suppress(FileExistsError):
         link.symlink_to(target)
 

@@ -91,10 +91,10 @@ class Progress:
         """Return the completed share of all packages, from 0 to 1; 1 only if none is left."""
         if len(self.done) >= self.total:
             return 1.0
-        whole, made = self._work(now, self.needless)
-        if whole <= 0:
-            whole, made = self.total, len(self.done) + sum(each.made for each in self.running)
-        return min(_ALMOST, made / whole)
+        total, done = self._work(now, self.needless)
+        if total <= 0:
+            total, done = self.total, len(self.done) + sum(each.made for each in self.running)
+        return min(_ALMOST, done / total)
 
     def left(self, now: float) -> float | None:
         """Estimate the remaining seconds from the pace so far; None while an estimate is impossible.
@@ -102,10 +102,10 @@ class Progress:
         Packages that may turn out to be up to date do not count: if there are any, it takes at least as long.
         """
         passed = now - self.begun
-        whole, made = self._work(now, self.needless | self.unsure)
-        if passed < _EARLY or made <= 0:
+        total, done = self._work(now, self.needless | self.unsure)
+        if passed < _EARLY or done <= 0:
             return None
-        left = (whole - made) * passed / made
+        left = (total - done) * passed / done
         return max(0.0, left) if left < _LONGEST_SECONDS else None
 
     def _work(self, now: float, left_out: frozenset[str]) -> tuple[float, float]:
@@ -127,7 +127,7 @@ class Progress:
 
 
 def counted_share(output: bytes) -> float | None:
-    """Return the share that the newest count of a build or test tool tells, None without a count."""
+    """Return the completed share according to the newest count of a build or test tool, None without one."""
     for line in reversed(output.rsplit(b"\n", _NEWEST_LINES)[-_NEWEST_LINES:]):
         match = _COUNT.search(line)
         if match is None:

@@ -40,7 +40,7 @@ class Collection:
 
 
 def collect(base: Path) -> Collection:
-    """Return the results below `base`; paths start as `base` is spelled.
+    """Return the results below `base`; paths begin with `base` as given.
 
     Hidden folders are skipped, links are not followed, except those to folders for results of packages. Only
     the last CTest run counts, which Testing/TAG names. A result that cannot be read counts as an error.

@@ -183,16 +183,16 @@ def prepare_context(
     for toolchain, of_type in by_toolchain(packages):
         lacking |= _lacking(of_type, partial(toolchain, of_type, context, variables))
     if "pytest" in missing:
-        wanting = tuple(
+        need_pytest = tuple(
             package.name
             for package in python
             if framework(package, context.of(package), requirements_of_tests(context.source(package)))
             == "pytest"
         )
-        message = f"'{interpreter.path}' has no pytest, which is required by {listed(wanting)}"
+        message = f"'{interpreter.path}' has no pytest, which is required by {listed(need_pytest)}"
         command = install_command(interpreter.path, ("pytest",))
         hint = f"{command}; or test with unittest: --python-testing unittest"
-        lacking |= dict.fromkeys(wanting, Problem(message, hint=hint))
+        lacking |= dict.fromkeys(need_pytest, Problem(message, hint=hint))
     if lacking and len(lacking) == len(names):
         raise HostError(*dict.fromkeys(lacking.values()))
     return context, lacking

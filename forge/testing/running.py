@@ -54,8 +54,8 @@ class TestSetup(TaskLifecycle):
     def results_of(self, task: Task, fault: str = "") -> tuple[Outcome, ...]:
         """Return the results of a package's tests in this run.
 
-        They contain an error if the run left no result, or for `fault`, what its program did, if none tells
-        of a failure.
+        They contain an error if the run wrote no result, and one with `fault`, what its program did, if no
+        result contains a failure.
         """
         if not task.steps:
             return ()
@@ -230,7 +230,7 @@ def _selector(case: Case, package: str, kind: StepKind, exists: Callable[[str], 
 
 
 def _state(path: str | Path) -> object:
-    """Return what tells whether a file was written again, None if it is missing."""
+    """Return a value that changes when a file is rewritten, None if it is missing."""
     try:
         status = os.stat(path)  # noqa: PTH116
     except OSError:

@@ -118,7 +118,7 @@ class Toolchain:
         replace_file(self._home / _DIGEST, self._digest().encode())
 
     def _digest(self) -> str:
-        """Return a digest of the results, by which damaged ones are noticed."""
+        """Return a digest of the results, to detect damaged ones."""
         build = self._home / "build"
         files = (self._home / _UNUSED, build / "CMakeCache.txt", *sorted(build.glob("CMakeFiles/[0-9]*/*")))
         return digest(*(path.read_bytes().hex() for path in files if path.is_file()))

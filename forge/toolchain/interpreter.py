@@ -185,7 +185,7 @@ def _active(variables: Mapping[str, str]) -> _Choice | None:
 
 
 def _program_in(environment: Path) -> Path | None:
-    """Return the interpreter of a virtual environment; the name of forge's own stays the same."""
+    """Return the interpreter of a virtual environment; for forge's own, always under the same name."""
     if environment.resolve() == Path(sys.prefix).resolve():
         return own_path()
     path = _usual_name(environment.absolute() / "bin" / "python")
@@ -193,7 +193,7 @@ def _program_in(environment: Path) -> Path | None:
 
 
 def _of_underlays(underlays: Sequence[Path], variables: Mapping[str, str]) -> _Choice | None:
-    """Return the interpreter of the highest underlay that tells one.
+    """Return the interpreter of the highest underlay that records one.
 
     Raises HostError if the interpreter for its modules is missing.
     """

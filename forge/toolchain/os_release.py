@@ -26,5 +26,5 @@ def os_release(files: Iterable[Path] = OS_RELEASE) -> dict[str, str]:
 
 
 def families(fields: Mapping[str, str]) -> tuple[str, ...]:
-    """Return the name of the system and of those that it is like."""
+    """Return the ids of the system and of those in its ID_LIKE."""
     return (fields.get("ID", "linux").lower(), *fields.get("ID_LIKE", "").lower().split())

@@ -259,7 +259,7 @@ def _resolve_wrappers(name: str, words: str, lookup: ProgramLookup) -> dict[str,
     """Return the programs in a command: the first one under the given name, others with a number."""
     found: dict[str, str] = {}
     for word in words.split():
-        for identity in lookup.behind(word) if not word.startswith("-") else ():
+        for identity in lookup.resolve(word) if not word.startswith("-") else ():
             if identity not in found.values():
                 found[f"{name} {len(found) + 1}" if found else name] = identity
     return found
@@ -405,7 +405,7 @@ class ProgramLookup:
             self._identities[word] = next(self._all(word), "")
         return self._identities[word]
 
-    def behind(self, word: str) -> tuple[str, ...]:
+    def resolve(self, word: str) -> tuple[str, ...]:
         """Return the identities of a compiler and of the programs it starts.
 
         A launcher named like a compiler starts the next program with that name, a script those named in its

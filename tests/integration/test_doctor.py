@@ -20,12 +20,10 @@ OTHER = "1.2" if sys.version_info[:2] != (1, 2) else "1.3"
 
 
 def lists(name: str, *lines: str) -> str:
-    """Return a CMakeLists.txt."""
     return CMAKE.format(name=name, lines="\n".join(lines))
 
 
 def cmake_package(name: str, *lines: str, depends: tuple[str, ...] = ()) -> dict[str, str]:
-    """Return the files of a package that CMake builds."""
     needed = (f"<depend>{depend}</depend>" for depend in depends)
     return {
         f"src/{name}/package.xml": manifest_text(name, *needed, build_type="cmake"),
@@ -34,7 +32,6 @@ def cmake_package(name: str, *lines: str, depends: tuple[str, ...] = ()) -> dict
 
 
 def ament_package(name: str, *lines: str) -> dict[str, str]:
-    """Return the files of a package that uses ament."""
     ament = ("find_package(ament_cmake REQUIRED)", "ament_package()")
     return {
         f"src/{name}/package.xml": manifest_text(
@@ -45,7 +42,6 @@ def ament_package(name: str, *lines: str) -> dict[str, str]:
 
 
 def python_package(name: str, text: str, *lines: str) -> dict[str, str]:
-    """Return the files of a Python package whose module holds a text."""
     return {
         f"src/{name}/package.xml": manifest_text(name, *lines, build_type="ament_python"),
         f"src/{name}/setup.py": SETUP.format(name=name),
@@ -54,7 +50,7 @@ def python_package(name: str, text: str, *lines: str) -> dict[str, str]:
 
 
 def findings(forge: Forge, root: Path, *argv: str, env: dict[str, str] | None = None) -> dict[str, Any]:
-    """Return what the doctor finds, for programs; the exit code must agree with it."""
+    """Return the JSON of `forge doctor`, and check its exit code."""
     ran = forge("doctor", "--json", *argv, cwd=root, env=env or {})
     assert ran.err == ""
     found: dict[str, Any] = json.loads(ran.out)
@@ -63,7 +59,6 @@ def findings(forge: Forge, root: Path, *argv: str, env: dict[str, str] | None = 
 
 
 def of_topic(found: dict[str, Any], topic: str) -> list[dict[str, Any]]:
-    """Return the findings about one topic."""
     return [finding for finding in found["findings"] if finding["topic"] == topic]
 
 
@@ -124,7 +119,6 @@ def test_a_required_package_of_the_workspace_that_is_not_declared_stops_a_build(
 def test_the_severity_of_an_undeclared_package(
     forge: Forge, tree: Tree, line: str, severity: str | None, tag: str | None
 ) -> None:
-    """What is optional may be missing, what tests need is a test_depend, what is no package is no matter."""
     found = of_topic(findings(forge, tree({**cmake_package("a"), **cmake_package("b", line)})), "declared")
     assert [finding["severity"] for finding in found] == ([severity] if severity else [])
     if tag:
@@ -264,7 +258,7 @@ def test_underlays_are_checked(forge: Forge, tree: Tree) -> None:
 
 
 def test_many_findings_of_one_kind_are_one_paragraph(forge: Forge, tree: Tree) -> None:
-    """With all packages by name; programs still get each with its file."""
+    """JSON still contains each finding with its file."""
     setup = SETUP.replace(")", ", entry_points={{'console_scripts': ['run = p:main']}})")
     names = [f"p{number}" for number in range(5)]
     root = tree({file: text for name in names for file, text in python_package(name, "").items()})
@@ -282,7 +276,7 @@ def test_many_findings_of_one_kind_are_one_paragraph(forge: Forge, tree: Tree) -
 
 @pytest.mark.needs("cmake")
 def test_an_overlay_of_a_forge_workspace_has_no_problems(forge: Forge, tree: Tree) -> None:
-    """The embedded packages in the underlay need no Python modules of ROS, nor are rosdep keys packages."""
+    """Embedded packages in the underlay need no Python modules of ROS, and rosdep keys are no packages."""
     root = tree({**ament_package("below", "<depend>rosidl_default_generators</depend>"), "over/src/x": ""})
     assert forge("build", cwd=root).code == 0
     over = root / "over"
@@ -294,7 +288,7 @@ def test_an_overlay_of_a_forge_workspace_has_no_problems(forge: Forge, tree: Tre
 
 
 def test_modules_that_a_distribution_needs(forge: Forge, tree: Tree) -> None:
-    """Those that its own code generators import; only a package that is there needs them."""
+    """The code generators of a distribution import them; without a manifest, a package is not installed."""
     root = tree(ament_package("a", INTERFACES))
     ros = root / "ros"
     (ros / "share/ament_cmake_core/cmake").mkdir(parents=True)
@@ -334,7 +328,7 @@ def test_a_login_shell_without_setup_scripts_is_reported(forge: Forge, tmp_path:
 
 
 def test_packages_missing_from_the_ament_index_are_reported(forge: Forge, tree: Tree) -> None:
-    """Its build succeeds, but nothing finds the package. Other calls may register it."""
+    """The build succeeds, but nothing finds the package. Other calls may register it."""
     endings = {
         "a": "ament_auto_package()",
         "b": "# ament_package()",

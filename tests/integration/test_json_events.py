@@ -35,7 +35,7 @@ def events_in(text: str) -> list[dict[str, object]]:
 
 
 def words(events: list[dict[str, object]], package: str) -> list[object]:
-    """Return what happened to a package, steps left out."""
+    """Return the names of a package's events without those of steps."""
     return [
         event["event"]
         for event in events
@@ -45,7 +45,7 @@ def words(events: list[dict[str, object]], package: str) -> list[object]:
 
 @pytest.fixture
 def two(tree: Tree) -> Path:
-    """Return a workspace, in a folder with a blank, in which b needs a."""
+    """Return a workspace in a folder with a space; b depends on a."""
     files = {**plain("a"), **plain("b", "<depend>a</depend>")}
     return tree({f"my ws/{name}": text for name, text in files.items()}) / "my ws"
 
@@ -92,7 +92,7 @@ def test_a_changed_task_is_reported_with_its_reason(forge: Forge, two: Path) -> 
     assert words(events, "b") == ["Planned", "Fresh"]
 
 
-def test_a_failure_brings_its_error_and_the_line_that_repeats_it(forge: Forge, tree: Tree) -> None:
+def test_a_failure_contains_its_error_and_the_command_to_repeat_it(forge: Forge, tree: Tree) -> None:
     root = tree({**plain("bad", more=FAILS), **plain("later", "<depend>bad</depend>")})
     ran = forge("build", "--json", cwd=root)
     assert ran.code == 1

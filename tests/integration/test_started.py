@@ -1,4 +1,4 @@
-"""Processes that a build started are ended, and no others."""
+"""Only processes that a build has started are terminated."""
 
 import os
 import signal
@@ -19,7 +19,7 @@ MOVES_AWAY = ["sh", "-c", "setsid sleep 60 >/dev/null & sleep 0.2; echo $!; wait
 
 @pytest.fixture
 def started() -> Iterator[list[subprocess.Popen[str]]]:
-    """Collect processes, and end them with their groups."""
+    """Collect processes, and kill them at the end."""
     processes: list[subprocess.Popen[str]] = []
     yield processes
     for process in processes:
@@ -30,7 +30,7 @@ def started() -> Iterator[list[subprocess.Popen[str]]]:
 def start(
     argv: list[str], build: Path | None = None, *, told: bool = False
 ) -> tuple[subprocess.Popen[str], int]:
-    """Start a program in a session of its own, and note it for a build; return the id that it prints, too."""
+    """Start a program in a new session and record it; also return the process id that it prints."""
     environment = {**os.environ, BUILD_FOLDER_VARIABLE: str(build)} if told else dict(os.environ)
     process = subprocess.Popen(
         argv, env=environment, stdout=subprocess.PIPE, text=True, start_new_session=True
@@ -42,7 +42,7 @@ def start(
 
 
 def runs(number: int) -> bool:
-    """Tell if a process has not ended."""
+    """Tell whether a process is still running."""
     try:
         with open(f"/proc/{number}/stat", encoding="utf-8") as stat:  # noqa: PTH123
             return stat.read().rpartition(")")[2].split()[0] != "Z"
@@ -50,7 +50,9 @@ def runs(number: int) -> bool:
         return False
 
 
-def test_what_a_build_started_is_ended(tmp_path: Path, started: list[subprocess.Popen[str]]) -> None:
+def test_processes_started_by_a_build_are_killed(
+    tmp_path: Path, started: list[subprocess.Popen[str]]
+) -> None:
     process, _ = start(SLEEP, tmp_path)
     started.append(process)
     StartedProcesses(tmp_path).end()
@@ -68,7 +70,7 @@ def test_processes_can_clean_up_after_sigterm(tmp_path: Path, started: list[subp
 def test_a_process_with_only_its_variables_keeps_running(
     tmp_path: Path, started: list[subprocess.Popen[str]]
 ) -> None:
-    """An editor, started in a shell that has sourced the environment of a step."""
+    """For example an editor, started in a shell that has sourced the environment of a step."""
     editor = subprocess.Popen(SLEEP, env={**os.environ, BUILD_FOLDER_VARIABLE: str(tmp_path)}, text=True)
     process, _ = start(SLEEP, tmp_path, told=True)
     started += [editor, process]
@@ -99,14 +101,14 @@ def test_process_ids_of_another_boot_are_ignored(
     assert process.poll() is None
 
 
-def test_corrupt_notes_are_ignored(tmp_path: Path) -> None:
+def test_corrupt_records_are_ignored(tmp_path: Path) -> None:
     (tmp_path / PROCESSES_FILE).write_bytes(b"\xff\n1\n1 2 3 4 5 6\n-1 x\n\n12")
     StartedProcesses(tmp_path).end()
 
 
 @pytest.mark.parametrize("told", [True, False])
-def test_processes_left_in_a_session_are_ended(tmp_path: Path, *, told: bool) -> None:
-    """It is ended if it knows the build: else its id may be another one's by now."""
+def test_processes_left_in_a_session_are_killed(tmp_path: Path, *, told: bool) -> None:
+    """It is killed only if it has the build's variable; otherwise, its id may have been reused."""
     process, child = start(ENDS_AND_LEAVES, tmp_path, told=told)
     process.wait()
     StartedProcesses(tmp_path).end()
@@ -116,7 +118,7 @@ def test_processes_left_in_a_session_are_ended(tmp_path: Path, *, told: bool) ->
     process.communicate()
 
 
-def test_descendants_in_other_sessions_are_ended(
+def test_descendants_in_other_sessions_are_killed(
     tmp_path: Path, started: list[subprocess.Popen[str]]
 ) -> None:
     process, child = start(MOVES_AWAY, tmp_path)
@@ -146,8 +148,8 @@ print("there still", flush=True)
 """
 
 
-def test_a_process_never_ends_its_own_parents(tmp_path: Path) -> None:
-    """A forge that is started by a step of a killed one ends neither itself nor those that wait for it."""
+def test_a_process_never_kills_its_own_parents(tmp_path: Path) -> None:
+    """A forge started by a step of a killed one kills neither itself nor its parents."""
     line = f'"{sys.executable}" -c "$0" "{tmp_path}"; echo the shell as well'
     done = subprocess.run(
         ["sh", "-c", line, ENDS_ITS_OWN], capture_output=True, text=True, check=True, timeout=30

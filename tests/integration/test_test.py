@@ -1,4 +1,4 @@
-"""`forge test` on packages that cost little to build."""
+"""`forge test` with packages that are quick to build."""
 
 import importlib.util
 import json
@@ -24,7 +24,7 @@ BAD = 'add_test(NAME "bad.one" COMMAND sh -c "echo no luck; exit 3")'
 
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Build a workspace of all kinds once."""
+    """Build a workspace with packages of all kinds, once."""
     root = tmp_path_factory.mktemp("built") / "ws"
     files = {
         **cmake_package("c_bad", GOOD, BAD),
@@ -46,7 +46,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def workspace(built: Path, tmp_path: Path) -> Path:
-    """Return the built workspace with results of no earlier test."""
+    """Return the built workspace without results of earlier tests."""
     for path in built.glob("build/*/*"):
         if path.name in {"Testing", "colcon_test.rc", "pytest.xml", "unittest.xml"}:
             shutil.rmtree(path) if path.is_dir() else path.unlink()
@@ -56,18 +56,18 @@ def workspace(built: Path, tmp_path: Path) -> Path:
 
 
 def result(root: Path, name: str) -> str:
-    """Return colcon's note of how the tests of a package ended."""
+    """Return the content of colcon's result file of a package."""
     return (root / "build" / name / "colcon_test.rc").read_text().strip()
 
 
 def lines(ran: Ran, beginning: str) -> list[str]:
-    """Return what follows in lines that begin so."""
+    """Return the rest of each line with this beginning."""
     found = (line.strip() for line in ran.out.splitlines())
     return [line[len(beginning) :].strip() for line in found if line.startswith(beginning)]
 
 
 def test_there_is_nothing_to_test_in_an_empty_folder(forge: Forge, tmp_path: Path) -> None:
-    """As for a build; nothing is written, so that the folder does not become a workspace."""
+    """Nothing is written, so that the folder does not become a workspace."""
     ran = forge("test", cwd=tmp_path)
     assert (ran.code, ran.out) == (2, "")
     assert ran.err.startswith(f"error: no packages found below '{tmp_path}'\nhint: change to the root")
@@ -177,7 +177,7 @@ CONFTEST = "import os\ndef pytest_{hook}:\n    {statement}\n"
 def test_a_failed_run_of_pytest_is_an_error_in_the_results(
     forge: Forge, tree: Tree, hook: str, statement: str, told: str
 ) -> None:
-    """Though the tests that ran passed: CI systems and `forge test-result` read nothing else."""
+    """This holds even if all tests that ran have passed, because CI systems read only the results."""
     files = python_package("p", "def test_a(): pass", pytest=True)
     root = tree({**files, "src/p/conftest.py": CONFTEST.format(hook=hook, statement=statement)})
     assert forge("build", cwd=root).code == 0
@@ -211,7 +211,7 @@ def test_ctest_arguments_that_select_no_test_are_an_error(forge: Forge, workspac
 
 
 def assert_the_run_failed(forge: Forge, root: Path, told: str) -> None:
-    """Assert that one package with failing tests is one in the summary and in all results."""
+    """Assert that the summary, the results and the JSON output contain one error."""
     ran = forge("test", "--return-code-on-test-failure", cwd=root)
     assert ran.code == 1
     assert told in ran.out
@@ -276,7 +276,7 @@ def test_the_frameworks_get_their_arguments(forge: Forge, workspace: Path) -> No
 
 
 @pytest.mark.parametrize("source", ["command line", "colcon_defaults.yaml", "forge.toml", "mixin"])
-def test_the_frameworks_get_arguments_that_are_options_of_forge_too(
+def test_frameworks_get_arguments_that_are_also_options_of_forge(
     forge: Forge, workspace: Path, source: str
 ) -> None:
     """Only options of colcon end a list of arguments on the command line; lists in files need no end."""
@@ -392,7 +392,7 @@ def test_tests_are_repeated_until_they_pass_or_fail(
 
 @pytest.mark.parametrize("kind", ["pytest", "ctest"])
 def test_a_repetition_without_tests_hides_no_failure(forge: Forge, tree: Tree, kind: str) -> None:
-    """The tests that failed are gone when they are to be repeated."""
+    """The failed tests no longer exist when they are repeated."""
     if kind == "pytest":
         root = tree(python_package("p", "def test_a(): assert False", pytest=True))
         hook = "import pathlib\ndef pytest_collection_modifyitems(items):\n    flag = pathlib.Path('flag')\n"
@@ -434,8 +434,8 @@ def test_a_program_that_cannot_be_started_fails_the_package(forge: Forge, worksp
     assert result(workspace, "c_bad") == "127"
 
 
-def test_a_package_whose_configuration_failed_has_no_tests(forge: Forge, tree: Tree) -> None:
-    """Its last good build is still installed, but 0 tests without a word would look like success."""
+def test_a_package_whose_configuration_failed_is_not_tested(forge: Forge, tree: Tree) -> None:
+    """An earlier build is still installed, but 0 tests without a message would look like success."""
     root = tree(cmake_package("c_good", GOOD))
     assert forge("build", cwd=root).code == 0
     lists = root / "src/c_good/CMakeLists.txt"
@@ -455,7 +455,7 @@ def test_a_package_whose_configuration_failed_has_no_tests(forge: Forge, tree: T
 
 @pytest.mark.parametrize("name", ["c", "p"])
 def test_a_package_whose_last_build_failed_is_not_tested(forge: Forge, tree: Tree, name: str) -> None:
-    """The test programs and the installed files of the build before it would pass."""
+    """The test programs and installed files of the previous build would pass."""
     fails = "add_custom_target(x ALL COMMAND sh -c 'test ! -e ${CMAKE_SOURCE_DIR}/fail')"
     root = tree(
         {
@@ -529,7 +529,7 @@ def test_other_packages_are_tested_without_cargo(
 
 
 def test_tests_in_a_cycle_see_packages_that_were_built_later(forge: Forge, tree: Tree) -> None:
-    """Tests of a need b, which needs a: colcon refuses to order that, though building does not need it."""
+    """Tests of a need b, which needs a. colcon rejects this order, although builds do not need it."""
     check = 'add_test(NAME sees COMMAND sh -c "echo $CMAKE_PREFIX_PATH | grep -q install/b")'
     root = tree(
         {

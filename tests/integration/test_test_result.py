@@ -1,4 +1,4 @@
-"""`forge test-result` reads as colcon's readers expect it."""
+"""`forge test-result` prints results in colcon's format."""
 
 import io
 import json
@@ -170,7 +170,7 @@ def test_results_are_read_in_their_encoding(forge: Forge, tree: Tree, encoding: 
 
 
 def test_results_behind_a_linked_build_folder_of_a_package_count(forge: Forge, tree: Tree) -> None:
-    """Somebody moved it to another disk; links to folders that are not forge's are not followed."""
+    """Such a link leads to another disk; links to folders that are not forge's are not followed."""
     root = tree({"disk/a/.forge/begun.json": "", "disk/a/pytest.xml": BAD, "other/pytest.xml": BAD})
     (root / "build").mkdir()
     (root / "build/a").symlink_to("../disk/a")
@@ -228,7 +228,7 @@ def test_deleting_asks_for_confirmation(forge: Forge, results: Path, monkeypatch
 
 
 @pytest.mark.needs("cmake")
-def test_results_of_packages_that_have_left_do_not_count(forge: Forge, tree: Tree) -> None:
+def test_results_of_removed_packages_do_not_count(forge: Forge, tree: Tree) -> None:
     cmake = "cmake_minimum_required(VERSION 3.18)\nproject(x NONE)\n"
     root = tree(
         {

@@ -62,7 +62,7 @@ def main(argv):
 
 
 def until(question: Callable[[], bool]) -> None:
-    """Wait until the answer is yes, but not for ever."""
+    """Wait until a condition holds, with a timeout."""
     end = time.monotonic() + 20
     while not question():
         assert time.monotonic() < end
@@ -71,7 +71,7 @@ def until(question: Callable[[], bool]) -> None:
 
 @pytest.mark.needs("pgrep")
 def test_commands_end_with_their_caller(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """An interrupt ends the callers; what they asked for must not go on behind their backs."""
+    """An interrupt ends the callers; their commands must not continue."""
     (tmp_path / "dawdling.py").write_text(DAWDLING)
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join((HOME, str(tmp_path))))
     flag = tmp_path / "flag"
@@ -105,7 +105,7 @@ with open(sys.argv[2], "w") as result:
 
 
 def test_the_processor_time_of_commands_counts_for_the_worker(tmp_path: Path) -> None:
-    """Or `time forge build` would not show what generators take."""
+    """Otherwise, `time forge build` would not include the generators."""
     result = tmp_path / "result"
 
     def command(descriptor: int) -> tuple[str, ...]:
@@ -129,7 +129,7 @@ def test_the_worker_serves_callers_concurrently(package: Path) -> None:
     assert "RIHS01_" in answers.pop()
 
 
-def test_a_vanished_worker_is_no_error(package: Path) -> None:
+def test_commands_run_without_a_worker_that_has_ended(package: Path) -> None:
     assert generate(package, "good", FORGE_WORKER=str(package / "nobody")).returncode == 0
 
 

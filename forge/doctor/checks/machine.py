@@ -87,8 +87,8 @@ def clock(subject: CheckContext) -> CheckResult:
     now = time.time()
     warnings = []
     folder, skew = _existing(subject.layout.build), 0.0
-    with suppress(OSError), tempfile.NamedTemporaryFile(prefix=".forge_doctor_", dir=folder) as made:
-        skew = os.fstat(made.fileno()).st_mtime - time.time()
+    with suppress(OSError), tempfile.NamedTemporaryFile(prefix=".forge_doctor_", dir=folder) as file:
+        skew = os.fstat(file.fileno()).st_mtime - time.time()
     if abs(skew) > _SKEW_SECONDS:
         hint = "synchronize both clocks (timedatectl), otherwise builds miss changes"
         message = f"the file system is {abs(skew):.0f} s {'ahead of' if skew > 0 else 'behind'} the clock"
@@ -131,8 +131,8 @@ def capacity(_subject: CheckContext) -> CheckResult:
     jobs, found = processors(), memory()
     if found is None:
         return CheckResult("memory", f"{jobs} jobs")
-    left, whole = found.available / _GIB, found.total / _GIB
-    summary = f"{left:.1f} of {whole:.1f} GiB for {counted(jobs, 'job')}"
+    left, total = found.available / _GIB, found.total / _GIB
+    summary = f"{left:.1f} of {total:.1f} GiB for {counted(jobs, 'job')}"
     if found.available >= jobs * _PER_JOB:
         return CheckResult("memory", summary)
     fewer = max(1, int(found.available // _PER_JOB))
@@ -149,15 +149,15 @@ def _existing(path: Path) -> Path:
 def _lacking_features(folder: Path) -> Iterator[Problem]:
     """Yield missing features of a file system, tested in a temporary folder."""
     try:
-        with tempfile.TemporaryDirectory(prefix=".forge_doctor_", dir=folder) as made:
-            lower = Path(made, "name")
+        with tempfile.TemporaryDirectory(prefix=".forge_doctor_", dir=folder) as temporary:
+            lower = Path(temporary, "name")
             lower.touch()
-            if Path(made, "NAME").exists():
+            if Path(temporary, "NAME").exists():
                 hint = "build elsewhere: '--build-base' and '--install-base' on another file system"
                 message = "the file system ignores case; names of packages may clash"
                 yield Problem(message, Location(folder), hint)
             try:
-                Path(made, "link").symlink_to("name")
+                Path(temporary, "link").symlink_to("name")
             except OSError:
                 hint = "do not use '--symlink-install', or install on another file system"
                 message = "the file system has no symbolic links: versioned libraries cannot be installed"

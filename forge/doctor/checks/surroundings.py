@@ -132,11 +132,11 @@ def _of_another_ros(variables: Mapping[str, str]) -> Iterator[Problem]:
         yield Problem("the environment is for ROS 1", hint=f"{new}; check ~/.bashrc, too")
     entries = variables.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
     distros = sorted({match[1] for entry in entries if (match := re.match(r"/opt/ros/(\w+)", entry))})
-    said = variables.get("ROS_DISTRO")
+    distro = variables.get("ROS_DISTRO")
     if len(distros) > 1:
         yield Problem(f"several ROS distributions are sourced: {listed(distros)}", hint=new)
-    elif distros and said and said not in distros:
-        yield Problem(f"'ROS_DISTRO' is '{said}', but '/opt/ros/{distros[0]}' is sourced", hint=new)
+    elif distros and distro and distro not in distros:
+        yield Problem(f"'ROS_DISTRO' is '{distro}', but '/opt/ros/{distros[0]}' is sourced", hint=new)
 
 
 def _of_another_python(variables: Mapping[str, str], subject: CheckContext) -> Iterator[Problem]:

@@ -1,4 +1,4 @@
-"""The jobserver with real tools, and job pools in a process of their own."""
+"""The jobserver with real tools, and job pools in a separate process."""
 
 import os
 import shutil

@@ -1,4 +1,4 @@
-"""The lock of a build folder."""
+"""The locks of build and install folders."""
 
 import re
 import subprocess
@@ -34,7 +34,7 @@ def holder(build: Path) -> subprocess.Popen[str]:
 
 
 def sleeper(build: Path) -> subprocess.Popen[bytes]:
-    """Start a program as a build in that folder does."""
+    """Start a process like a build in that folder."""
     process = subprocess.Popen(["sleep", "60"], start_new_session=True)
     StartedProcesses(build).note(process.pid)
     return process
@@ -68,7 +68,7 @@ def test_the_time_waited_is_not_part_of_the_summary(tree: Tree, forge: Forge) ->
 
 @pytest.mark.needs("cmake", "ninja")
 def test_builds_into_one_install_folder_wait_for_each_other(tree: Tree, forge: Forge) -> None:
-    """Each of them moves the installed files of a package aside while it builds."""
+    """Builds move the installed files of a package aside."""
     packages = [cmake_package(f"p{number}") for number in range(3)]
     root = tree({name: text for package in packages for name, text in package.items()})
     argv = [sys.executable, "-m", "forge", "build", "--force"]

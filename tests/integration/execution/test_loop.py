@@ -34,12 +34,11 @@ def task(tmp_path: Path, name: str, *programs: str, needs: Sequence[str] = ()) -
 
 
 def plan_of(*tasks: Task) -> BuildPlan:
-    """Return a plan of the tasks."""
     return BuildPlan({t.name: t for t in tasks})
 
 
 class Lifecycle(TaskLifecycle):
-    """Tasks in this process's environment."""
+    """Runs steps in the environment of this process."""
 
     def environment(self, _task: Task) -> Mapping[str, str]:
         return os.environ
@@ -59,7 +58,7 @@ def run(
 
 
 def ends(events: Sequence[Event]) -> dict[str, object]:
-    """Return how each task ended: its code, or the word for another end."""
+    """Return how each task ended: its exit code, or the name of another event."""
     found: dict[str, object] = {}
     for event in events:
         match event:

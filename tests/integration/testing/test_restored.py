@@ -31,7 +31,7 @@ ament_package()
 
 
 def packages() -> dict[str, str]:
-    """Return packages of several build types, of which one needs another."""
+    """Return packages of several build types, one of which depends on another."""
     config = "\ninstall(FILES good-config.cmake DESTINATION lib/cmake/good)\n"
     return {
         **cmake_package("good", GOOD + config),

@@ -1,4 +1,4 @@
-"""Folders for test results contain only results; whatever else is there belongs to somebody else."""
+"""Only test results are replaced and deleted in folders for test results."""
 
 from pathlib import Path
 
@@ -15,7 +15,7 @@ JUNIT = '<testsuites><testsuite tests="1"><testcase classname="{}.test.x" name="
 
 @pytest.fixture
 def workspace(forge: Forge, tree: Tree) -> Path:
-    """Return a workspace with tests of three frameworks, built."""
+    """Return a built workspace with tests of three frameworks."""
     packages = {
         **cmake_package("c", GOOD),
         **python_package("p", PASSES, pytest=True),
@@ -34,7 +34,7 @@ def workspace(forge: Forge, tree: Tree) -> Path:
         *("c/Testing/20240101-0000/mine", "c/test_results/c/mine.xml"),
     ],
 )
-def test_results_replace_no_file_of_others(
+def test_results_do_not_replace_files_of_users(
     forge: Forge, workspace: Path, tree: Tree, name: str, way: str
 ) -> None:
     root = tree({f"results/{name}": JUNIT.format("mine") if name.endswith("pytest.xml") else "mine"})
@@ -51,7 +51,7 @@ def test_results_replace_no_file_of_others(
 
 
 def test_folders_for_results_are_recognized(forge: Forge, workspace: Path, tree: Tree) -> None:
-    """Those of forge have a mark, which stays without a build folder; those of colcon contain its results."""
+    """Folders of forge have a marker, which stays without a build folder; colcon's contain its results."""
     root = tree(
         {
             "results/c/mine": "mine",
@@ -78,7 +78,7 @@ def test_results_are_found_without_a_build_folder(forge: Forge, tree: Tree) -> N
 
 
 def test_only_results_of_tests_are_deleted(forge: Forge, workspace: Path, tree: Tree) -> None:
-    """Elsewhere than in marked folders, they are where tests write them, and not in sources."""
+    """Outside of marked folders, only results at the usual paths are deleted, and none in sources."""
     forge("test", "--test-result-base", "results", cwd=workspace)
     mine = ("docs/junit.xml", "src/p/pytest.xml", "src/p/test_results/p/x.xml", "src/p/test/data.xml")
     theirs = ("results/p/more.xml", "build/p/more.xml")

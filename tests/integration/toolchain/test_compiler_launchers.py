@@ -1,4 +1,4 @@
-"""Compiler launchers: distcc, ccache and sccache themselves, and builds with them."""
+"""Builds and statistics with the real distcc, ccache and sccache."""
 
 import os
 import shutil
@@ -25,7 +25,7 @@ from tests.unit.toolchain.test_compiler_launchers import PACKAGE
     ],
 )
 def test_forge_counts_slots_as_distcc_does(said: str, here: int, tmp_path: Path) -> None:
-    """`distcc -j` has those of the word localhost among them, which are no more processors than we have."""
+    """`distcc -j` also counts the slots of localhost, whose processors forge counts elsewhere."""
     variables = {"PATH": "/usr/bin:/bin", "HOME": str(tmp_path), "DISTCC_HOSTS": said}
     counted = subprocess.run(["distcc", "-j"], env=variables, capture_output=True, check=True, text=True)
     stats = open_launcher_stats(Path("/usr/bin/distcc"), tmp_path, tmp_path, variables)
@@ -48,7 +48,7 @@ def compile_by(ccache: Path, variables: dict[str, str], *argv: str) -> None:
 
 @pytest.mark.needs("ccache", "g++")
 def test_only_compilations_of_this_build_are_counted(tmp_path: Path) -> None:
-    """Others use the same cache meanwhile: their compilations are not in the log of this build."""
+    """Compilations of other builds with the same cache are not in the log of this build."""
     ccache = Path("/usr/bin/ccache")
     (tmp_path / "one.cpp").write_text("int one() { return 1; }\n")
     (tmp_path / "wrong.cpp").write_text("int wrong( {\n")
@@ -75,7 +75,7 @@ def test_a_build_without_compilations_has_no_statistics(tmp_path: Path) -> None:
 
 @pytest.mark.needs("ccache")
 def test_settings_of_ccache_by_the_user_are_kept(tmp_path: Path) -> None:
-    """A base folder in its file or a variable, even an empty one; a log of the user's own is not counted."""
+    """A base folder in ccache's file or a variable, even an empty one. The user's log is not counted."""
     log = tmp_path / "their.log"
     log.write_text("# theirs\ndirect_cache_hit\n")
     (tmp_path / "ccache.conf").write_text(f"base_dir = /elsewhere\nstats_log = {log}\n")
@@ -105,7 +105,7 @@ def test_distcc_behind_ccache_counts(tmp_path: Path) -> None:
 
 @pytest.mark.needs("g++", "cmake", "ninja")
 def test_icecc_runs_the_compiler_and_is_not_queried(forge: Forge, tree: Tree) -> None:
-    """The launcher itself is a shell script that starts the compiler: what counts is forge's own part."""
+    """The launcher is a shell script that starts the compiler."""
     root = tree({**PACKAGE, "bin/icecc": '#!/bin/sh\necho "$1" >> "$OUT"\nexec "$@"\n'})
     env = {"PATH": f"{root / 'bin'}:{os.environ['PATH']}", "OUT": str(root / "compilers")}
     ran = forge("build", "--compiler-launcher", "icecc", cwd=root, env=env)
@@ -115,21 +115,21 @@ def test_icecc_runs_the_compiler_and_is_not_queried(forge: Forge, tree: Tree) ->
 
 
 @pytest.mark.needs("sccache", "g++", "cmake", "ninja")
-def test_the_counts_of_sccache_grow_by_those_of_a_build(forge: Forge, tree: Tree) -> None:
+def test_compilations_with_sccache_are_counted(forge: Forge, tree: Tree) -> None:
     root = tree(PACKAGE)
     with socket.create_server(("127.0.0.1", 0)) as listening:
         port = str(listening.getsockname()[1])
     env = {"SCCACHE_DIR": str(root / "cache"), "SCCACHE_SERVER_PORT": port, "SCCACHE_IDLE_TIMEOUT": "20"}
     try:
-        said = [build_anew(forge, root, env) for _ in range(2)]
+        said = [rebuild(forge, root, env) for _ in range(2)]
     finally:
         stop = ["sccache", "--stop-server"]
         subprocess.run(stop, env={**os.environ, **env}, check=False, capture_output=True)
     assert said == [f"  sccache: {hits} of 1 compilation from the cache" for hits in (0, 1)]
 
 
-def build_anew(forge: Forge, root: Path, env: dict[str, str]) -> str:
-    """Build from nothing by sccache and return what is said of it."""
+def rebuild(forge: Forge, root: Path, env: dict[str, str]) -> str:
+    """Build in empty folders with sccache; return its line in the summary."""
     for folder in ("build", "install"):
         shutil.rmtree(root / folder, ignore_errors=True)
     ran = forge("build", "--compiler-launcher", "sccache", cwd=root, env=env)

@@ -1,4 +1,4 @@
-"""CMake tests the compilers once; packages reuse the result."""
+"""CMake detects the compilers once, and packages reuse the result."""
 
 import os
 import shutil
@@ -23,10 +23,9 @@ install(TARGETS x DESTINATION lib/x)
 @pytest.mark.needs("cmake", "ninja", "g++")
 @pytest.mark.parametrize("generator", ["Ninja", "Unix Makefiles"])
 def test_a_build_folder_with_cached_detection_is_configured_normally(tree: Tree, generator: str) -> None:
-    """The rules and the objects are those of a folder that CMake has configured twice by itself.
+    """The rules and objects equal those of a folder that CMake has configured twice without help.
 
-    Twice, since CMake's own second run, which believes its first answers, leaves out a variable of the
-    Microsoft compiler that the first writes for every target.
+    In its second run, CMake omits a variable of the Microsoft compiler that the first writes for each target.
     """
     root = tree({"src/CMakeLists.txt": LISTS, "src/x.cpp": "int main() {}\n"})
     cmake = Path(shutil.which("cmake") or "")
@@ -44,7 +43,7 @@ def test_a_build_folder_with_cached_detection_is_configured_normally(tree: Tree,
         subprocess.run(argv, check=True, capture_output=True)
         subprocess.run([cmake, "--build", build], check=True, capture_output=True)
         files[place] = _what_matters(build)
-        assert not toolchain.seed(root / "src", build, os.environ), "it is no new folder any more"
+        assert not toolchain.seed(root / "src", build, os.environ), "the folder is no longer new"
         shutil.rmtree(build)
     for name in files["usual"]:
         assert files["usual"][name] == files["seeded"][name], name
@@ -53,7 +52,7 @@ def test_a_build_folder_with_cached_detection_is_configured_normally(tree: Tree,
 
 @pytest.mark.needs("cmake", "ninja", "g++")
 def test_the_first_flags_are_those_of_the_step(tree: Tree) -> None:
-    """A step may set CXXFLAGS, as for the path maps of the package cache, and the reference has none."""
+    """A step may set CXXFLAGS, for example for path maps; the reference project has none."""
     root = tree({"src/CMakeLists.txt": LISTS, "src/x.cpp": "int main() {}\n"})
     cmake, build = Path(shutil.which("cmake") or ""), root / "build"
     build.mkdir()
@@ -64,7 +63,7 @@ def test_the_first_flags_are_those_of_the_step(tree: Tree) -> None:
 
 
 @pytest.mark.needs("cmake", "ninja", "g++")
-def test_damaged_results_are_made_anew(tree: Tree) -> None:
+def test_damaged_results_are_recreated(tree: Tree) -> None:
     root = tree({"src/CMakeLists.txt": LISTS, "src/x.cpp": "int main() {}\n"})
 
     def seeded(name: str) -> dict[str, bytes]:
@@ -83,7 +82,7 @@ def test_damaged_results_are_made_anew(tree: Tree) -> None:
 
 
 def _what_matters(build: Path) -> dict[str, object]:
-    """Return the objects and rules below a build folder, without the lists of what CMake itself read."""
+    """Return the objects and rules below a build folder, without the files that CMake itself read."""
     found: dict[str, object] = {}
     for path in sorted(build.rglob("*")):
         if path.suffix == ".o":
@@ -104,8 +103,8 @@ def _what_matters(build: Path) -> dict[str, object]:
 
 
 @pytest.mark.needs("cmake", "ninja", "gcc")
-def test_without_a_package_in_cxx_no_compiler_for_it_is_tested(tree: Tree) -> None:
-    """A cross compiler may compile its C++ library for minutes then; a package in C++ tests it by itself."""
+def test_the_cxx_compiler_is_not_tested_if_no_package_needs_it(tree: Tree) -> None:
+    """A cross compiler may compile its C++ library for minutes when it is tested."""
     root = tree({"src/CMakeLists.txt": LISTS.replace(" LANGUAGES CXX", " LANGUAGES C"), "build/keep": ""})
     cmake, variables = Path(shutil.which("cmake") or ""), {**os.environ, "CXX": "/no/such/compiler"}
     toolchain = Toolchain(root / "cache", cmake, ("-G", "Ninja"), (), languages="C")
@@ -125,9 +124,9 @@ def test_without_a_compiler_no_results_are_reused(tree: Tree) -> None:
 @pytest.mark.needs("cmake", "ninja", "g++")
 @pytest.mark.parametrize("languages", ["", " NONE"])
 def test_the_detection_of_python_is_cached(tree: Tree, languages: str) -> None:
-    """A new folder starts the interpreter as seldom as CMake does when it knows the folder already.
+    """In a new folder, CMake starts the interpreter as often as in a configured one: once.
 
-    That is once; the newest CMake (4.4) trusts no answer from a project with languages, not even its own.
+    CMake 4.4 distrusts cached results of projects with languages, even its own.
     """
     asked = "find_package(Python3 REQUIRED COMPONENTS Interpreter)\n"
     lists = f"cmake_minimum_required(VERSION 3.18)\nproject(x{languages})\n{asked}"

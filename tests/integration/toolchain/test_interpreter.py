@@ -10,7 +10,7 @@ OWN = Interpreter(own_path(), (sys.version_info.major, sys.version_info.minor))
 
 
 def test_the_option_comes_first(tree: Tree) -> None:
-    """A path, or a name to look for."""
+    """Its value is a path, or a name to look up."""
     root = tree({"bin/python3.13": "#!/bin/sh\necho 3 13\n"})
     variables = {"PATH": str(root / "bin"), "VIRTUAL_ENV": "/not/there"}
     expected = Interpreter(root / "bin/python3.13", (3, 13))
@@ -31,8 +31,7 @@ def test_the_option_comes_first(tree: Tree) -> None:
         ("#!/not/there\n", "error: cannot run the Python interpreter 'P': No such file or directory"),
     ],
 )
-def test_a_program_that_is_no_python_is_reported(program: str, message: str, tree: Tree) -> None:
-    """Too old, something else, or broken."""
+def test_an_unusable_interpreter_is_reported(program: str, message: str, tree: Tree) -> None:
     path = tree({"odd": program}) / "odd"
     with pytest.raises(HostError) as caught:
         find_interpreter(str(path), {})
@@ -40,7 +39,7 @@ def test_a_program_that_is_no_python_is_reported(program: str, message: str, tre
 
 
 def test_shims_are_followed_to_the_program_that_they_start(tree: Tree) -> None:
-    """Those of pyenv depend on the folder, and must not be in the first line of programs."""
+    """Shims of pyenv depend on the current folder, and must not be in the first line of programs."""
     root = tree({"shims/python3": f"#!/bin/sh\nexec '{sys.executable}' \"$@\"\n"})
     assert find_interpreter(None, {"PATH": str(root / "shims")}) == OWN
     assert find_interpreter(str(root / "shims/python3"), {}).path == root / "shims/python3"

@@ -36,13 +36,13 @@ def test_missing_modules_are_one_message_with_the_command() -> None:
 def test_a_system_python_gets_packages_of_the_system(
     system: dict[str, str], modules: list[str], command: str
 ) -> None:
-    """Pip would refuse to change it."""
+    """pip refuses to install into it."""
     assert install_command(Path("/usr/bin/python3"), modules, system) == SUDO + command
 
 
 @pytest.mark.needs("/usr/bin/python3")
 def test_a_system_python_gets_an_environment_for_other_modules() -> None:
-    """Unless there is a package of the usual name."""
+    """The hint includes the package with the usual name, which may exist."""
     assert install_command(Path("/usr/bin/python3"), ["numpy", "Foo_Bar"], {"ID": "debian"}) == (
         f"{SUDO}apt install python3-numpy python3-foo-bar; if there is no such package: "
         "/usr/bin/python3 -m venv --system-site-packages .venv && . .venv/bin/activate "
@@ -51,7 +51,6 @@ def test_a_system_python_gets_an_environment_for_other_modules() -> None:
 
 
 def test_other_interpreters_get_a_pip_command(tree: Tree) -> None:
-    """An unknown system, an older version, an environment, one without pip by uv."""
     root = tree({"a b/pyvenv.cfg": "home = /usr/bin\n", "uv/pyvenv.cfg": "home = /usr/bin\nuv = 0.9\n"})
     debian, python = {"ID": "debian"}, Path("/usr/bin/python3")
     assert install_command(python, ["numpy"], {"ID": "plan9"}) == f"{python} -m pip install numpy"

@@ -1,4 +1,4 @@
-"""The job pool: tokens are never lost, packages get jobs, nothing waits forever."""
+"""The job pool loses no tokens, gives packages their jobs, and never deadlocks."""
 
 import os
 import threading

@@ -14,7 +14,7 @@ from tests.strategies import graphs
 
 
 def plan_of(graph: dict[str, frozenset[str]]) -> BuildPlan:
-    """Return a plan without steps whose tasks need what the graph says, however deep."""
+    """Return a plan without steps whose tasks need all transitive dependencies in the graph."""
     ordered = order(graph) or ()
     below = closures(graph, ordered)
     somewhere = Path("somewhere")
@@ -93,7 +93,7 @@ def test_tasks_with_the_longest_remaining_path_start_first(
 
 
 def test_long_chains_start_before_short_ones() -> None:
-    """Three packages wait for 'wide', but from 'deep' the way to the end takes longer."""
+    """Three packages wait for 'wide', but the path after 'deep' takes longer."""
     graph = {"wide": frozenset[str](), "deep": frozenset[str](), "end": frozenset({"deep"})}
     graph |= {name: frozenset({"wide"}) for name in "abc"}
     known = {"wide": 1.0, "deep": 1.0, "end": 9.0, "a": 1.0, "b": 1.0, "c": 1.0}

@@ -30,7 +30,7 @@ STEP = Step(StepKind.BUILD, ("cmake", "--build", "/ws/build/my pkg"), Path("/ws/
 def report_on(
     *names: str, handlers: dict[str, bool] = HANDLERS, logs: Path | None = None, fresh: tuple[str, ...] = ()
 ) -> ConsoleReporter:
-    """Return a report on tasks without steps; the one called e is embedded."""
+    """Return a reporter of tasks without steps; the package e is embedded."""
     table = {n: replace(package(n), embedded=n == "e") for n in (*names, *fresh)}
     tasks = {n: Task(n, table[n], Path(), Path("/ws/build") / n, (), (), "") for n in names}
     return ConsoleReporter(BuildPlan(tasks, fresh), table, handlers, logs)
@@ -142,7 +142,7 @@ def test_a_failure_names_step_error_log_and_command(capfd: pytest.CaptureFixture
 def test_a_visible_error_is_not_printed_again(
     capfd: pytest.CaptureFixture[str], lines_after: int, times: int
 ) -> None:
-    """CMake prints errors on stderr, of which all is shown; far above the report, they are repeated."""
+    """stderr is shown in full; an error far above the report is repeated."""
     text = "CMake Error at CMakeLists.txt:3 (message):\n  no luck\n\n" + "more\n" * lines_after
     report = report_on("a")
     _, err = shown(capfd, report, Output("a", text.encode(), stderr=True), Finished("a", 1, 0.5, STEP))

@@ -132,7 +132,7 @@ def test_a_dependency_spelled_like_a_ros_package_gets_no_system_package_hint() -
     assert "apt-file search" in str(hint_of(said.format("nlohmann_json"), scene))
 
 
-def test_misspelt_packages_get_a_suggestion_before_system_packages() -> None:
+def test_misspelled_packages_get_a_suggestion_before_system_packages() -> None:
     said = 'asked CMake to find a package configuration file provided by "{}", but'
     scene = FailureContext(package("mine"), {name: package(name) for name in ("mine", "my_msgs", "rclcpp")})
     hint = str(hint_of(said.format("my_mgs"), scene))
@@ -159,7 +159,7 @@ def test_misspelt_packages_get_a_suggestion_before_system_packages() -> None:
     ],
 )
 def test_unclear_failures_have_no_hint(said: str) -> None:
-    """What is declared and there, but not found, has a cause that forge does not know."""
+    """A package that is declared and built, but not found, has an unknown cause."""
     assert hint_of(said, SCENE) is None
 
 
@@ -217,13 +217,13 @@ def test_headers_of_interfaces_are_in_lower_case() -> None:
     assert hint_of(said, scene) == "headers of interfaces are lower case: 'own_msgs/msg/big_status.hpp'"
 
 
-def test_plain_cmake_packages_are_told_to_find_dependencies_in_their_config() -> None:
+def test_plain_cmake_packages_need_find_dependency_in_their_config() -> None:
     scene = FailureContext(package("mine"), {"plain": package("plain", build_type="cmake")})
     hint = str(hint_of(NOT_EXPORTED.format("plain::plain", "Threads::Threads"), scene))
     assert hint.endswith("add find_dependency(Threads) to the CMake config that 'plain' installs")
 
 
-def test_the_embedded_cmake_commands_report_unknown_targets_in_words_that_have_a_hint() -> None:
+def test_unknown_targets_reported_by_embedded_cmake_commands_have_a_hint() -> None:
     texts = [path.read_text(encoding="utf-8") for path in (PACKAGE / "embedded").rglob("*.cmake")]
     messages = [found for text in texts for found in re.findall(r'"([^"]*was given \'\$[^"]*target)"', text)]
     assert len(messages) > 1
@@ -235,7 +235,7 @@ NO_CONFIG = 'asked CMake to find a package configuration file provided by "{}", 
 
 
 def scene_in(root: Path, text: str = "", *depends: str) -> FailureContext:
-    """Return the context of package 'mine' in src/mine below a workspace, with what is on disk."""
+    """Return the context of the package 'mine' in src/mine of a workspace on disk."""
     made = replace(package("mine", *depends), path=root / "src/mine")
     made.path.mkdir(parents=True, exist_ok=True)
     (made.path / "CMakeLists.txt").write_text(text)
@@ -289,7 +289,7 @@ def test_a_folder_named_where_files_are_expected_gets_a_hint(tree: Tree, said: s
 
 
 def test_hints_do_not_suggest_existing_lines(tree: Tree) -> None:
-    """Neither a find_package() nor a dependency that is written."""
+    """Neither an existing find_package() nor an existing dependency."""
     text = "find_package(shapes REQUIRED)\nament_target_dependencies(x shapes)\n"
     scene = scene_in(tree({}), text, "shapes")
     undefined = "a.cpp:(.text+0x5): undefined reference to `shapes::area(int)'"

@@ -1,4 +1,4 @@
-"""What is printed above the status lines stays."""
+"""Output above the status lines is never erased."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ class SlowConsole(Console):
         return super().render(renderable, options)
 
 
-def test_nothing_is_redrawn_between_counting_the_lines_to_erase_and_erasing_them() -> None:
-    """If a package has ended, there is one line less then, and a line of the output would be erased."""
+def test_status_lines_are_not_redrawn_while_output_is_written() -> None:
+    """When a package has ended, there is one line less, and a line of output would be erased."""
     console = SlowConsole(file=io.StringIO(), force_terminal=True)
     started, redrawn = Event(), Event()
 

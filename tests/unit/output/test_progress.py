@@ -26,7 +26,7 @@ EVENTS = st.one_of(
 
 
 def after(progress: Progress, *events: tuple[float, Event]) -> Progress:
-    """Return where a build stands after timed events."""
+    """Return the progress after timed events."""
     for now, event in events:
         progress = progress.after(event, now)
     return progress
@@ -53,7 +53,7 @@ BUILD = Step(StepKind.BUILD, (), Path())
 
 
 def test_package_progress_follows_the_build_tool() -> None:
-    """A count of the newest step is shown; the share of the whole never shrinks."""
+    """The count of the newest step is shown; the share of the package never decreases."""
     begun = after(Progress(0.0, {}, 2), (0, Started("a")), (0, StepStarted("a", BUILD)))
     counted = after(begun, (1, Output("a", b"[1/4] x.cpp\n[2/4] y.cpp\n", stderr=False)))
     assert texts(counted, 9.3, width=80) == [
@@ -101,7 +101,7 @@ def test_the_remaining_time_is_estimated_from_the_pace_so_far() -> None:
 
 
 def test_a_damaged_record_of_durations_gives_no_estimate() -> None:
-    """The pace of a package that is said to take 2.2e-308 seconds is infinite."""
+    """A package with a recorded duration of 2.2e-308 seconds would have an infinite pace."""
     begun = Progress(0.0, expectations("ab", {"a": 2.2e-308, "b": 1.0}), 2)
     after_a = after(begun, (0, Started("a")), (5, Finished("a", 0, 5.0)))
     assert after_a.left(10.0) is None

@@ -1,4 +1,4 @@
-"""Result files: counts, and no lost failures."""
+"""Result files are counted without losing a failure."""
 
 from __future__ import annotations
 
@@ -52,12 +52,10 @@ bad
 
 
 def junit(text: str) -> Outcome:
-    """Read a JUnit file."""
     return read_junit(parse_xml(text.encode(), Path("r.xml")), "build/p/r.xml", "build/p")
 
 
 def ctest(text: str) -> Outcome:
-    """Read a file of CTest."""
     return read_ctest(parse_xml(text.encode(), Path("Test.xml")), "build/p/Testing/1/Test.xml", "build/p")
 
 
@@ -136,7 +134,7 @@ RUNS = st.dictionaries(
 def test_removing_duplicates_loses_no_failure_and_no_test(
     run: dict[str, tuple[Counts, list[Counts] | None]], extension: str
 ) -> None:
-    """Each test counts at least once; all is well after counting once exactly when it was before."""
+    """Each test counts at least once, and removing duplicates hides no failure and adds none."""
     verdicts = tuple((name, said) for name, (said, _) in run.items())
     whole = Outcome(
         "build/p/Testing/1/Test.xml",

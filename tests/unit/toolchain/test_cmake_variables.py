@@ -9,13 +9,13 @@ from forge.toolchain.cmake_variables import UnusedVariables, defined, unset_defi
 
 
 def complaint(*names: str, kind: str = "") -> bytes:
-    """Return what CMake says about variables that a project does not use; CMake 4 names the kind."""
+    """Return CMake's warning about unused variables; CMake 4 adds the kind."""
     lines = "".join(f"    {name}\n" for name in names)
     words = "Manually-specified variables were not used by the project"
     return f"CMake Warning{kind}:\n  {words}:\n\n{lines}\n\n".encode()
 
 
-def test_definitions_are_recognised_as_cmake_does() -> None:
+def test_definitions_are_parsed_like_cmake_does() -> None:
     words = ["-DA=1", "-DB:BOOL=ON", "-D", "C=x", "-D", "D:STRING=-DE=2", "-GNinja", "-Wno-dev", "--fresh"]
     assert defined(words) == {"A", "B", "C", "D"}
 
@@ -51,5 +51,5 @@ def test_warnings_about_variables_of_one_package_are_kept() -> None:
 
 
 @given(st.binary())
-def test_other_cmake_arguments_are_accepted(said: bytes) -> None:
+def test_other_output_is_unchanged(said: bytes) -> None:
     assert UnusedVariables(frozenset({"A"})).take(said) == said

@@ -25,7 +25,7 @@ def path_of(*folders: Path) -> str:
 
 
 def environment(root: Path, name: str, version: str = OTHER) -> Path:
-    """Make an environment whose python leads to a program that has its version as name and is no script."""
+    """Create an environment whose python is a link to a program with its version in the name."""
     base = root / "base" / version
     base.parent.mkdir(exist_ok=True)
     base.write_bytes(b"\x7fELF")
@@ -38,7 +38,7 @@ def environment(root: Path, name: str, version: str = OTHER) -> Path:
 
 
 def test_the_interpreter_is_chosen_in_the_documented_order(tree: Tree) -> None:
-    """An option, the active environment, the highest underlay, PATH; and the last build, where it counts."""
+    """The option, the last build, the active environment, the highest underlay, PATH."""
     root = tree({})
     names = ("option", "venv", "conda", "path", "built", "low", "high")
     pythons = {name: environment(root, name) / "bin/python3" for name in names}
@@ -78,7 +78,7 @@ def test_the_interpreter_is_chosen_in_the_documented_order(tree: Tree) -> None:
 def test_the_environment_of_the_tool_is_never_chosen(
     receipt: str, tree: Tree, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Not as the active one, or on PATH, where `uvx` puts it, or of the underlay or the last build."""
+    """Not even if it is active, on PATH as with `uvx`, or recorded by an underlay or the last build."""
     root = tree({receipt: ""})
     tool = environment(root, str(Path(receipt).parent))
     system = environment(root, "system")
@@ -96,7 +96,7 @@ def test_the_environment_of_the_tool_is_never_chosen(
 def test_the_interpreter_is_the_same_however_forge_was_started(
     monkeypatch: pytest.MonkeyPatch, tree: Tree
 ) -> None:
-    """The forge command uses python3, users write python: that is no reason to rebuild."""
+    """`forge` uses python3, while users may write python; this causes no rebuild."""
     root = tree({"bin/python3": "", "other/python": "", "other/python3": ""})
     (root / "bin/python").symlink_to("python3")
     monkeypatch.setattr(sys, "executable", str(root / "bin/python"))
@@ -106,7 +106,7 @@ def test_the_interpreter_is_the_same_however_forge_was_started(
 
 
 def test_the_python_version_of_an_underlay_is_recognized_by_its_modules(tree: Tree) -> None:
-    """In isolated layouts as well; python3 comes before a program with the version in its name."""
+    """This includes isolated layouts. python3 precedes a program with the version in its name."""
     root = tree(
         {
             "low/.colcon_install_layout": "isolated\n",
@@ -132,7 +132,7 @@ def test_the_python_version_of_an_underlay_is_recognized_by_its_modules(tree: Tr
 
 
 def test_the_interpreter_of_an_underlay_is_read_from_its_scripts(tree: Tree) -> None:
-    """As those in /opt/ros, where conda's python3 may come first on PATH."""
+    """For example /opt/ros, if conda's python3 comes first on PATH."""
     root = tree(
         {"ros/bin/a": "#!/usr/bin/env python3\n", "ros/bin/b": "#!/gone/bin/python3\n", "ros/bin/c/d": ""}
     )
@@ -170,14 +170,13 @@ def test_an_invalid_record_of_an_underlay_is_ignored(tree: Tree) -> None:
         ),
     ],
 )
-def test_an_interpreter_of_another_version_than_the_underlay_is_rejected(
+def test_an_interpreter_of_another_version_than_the_underlay_is_rejected_with_a_hint(
     variables: dict[str, str],
     option: str | None,
     used: str,
     hint: str,
     tree: Tree,
 ) -> None:
-    """With the remedy for what chose it."""
     root = tree({"low/lib/python3.1/site-packages/a.py": ""})
     venv = environment(root, "venv")
     python = venv / "bin/python3"
@@ -218,17 +217,16 @@ def test_an_interpreter_of_another_version_than_the_underlay_is_rejected(
         ),
     ],
 )
-def test_a_missing_interpreter_is_reported(
+def test_a_missing_interpreter_is_reported_with_a_hint(
     python: str | None, variables: dict[str, str], message: str
 ) -> None:
-    """With what would help."""
     with pytest.raises(HostError) as caught:
         find_interpreter(python, variables)
     assert str(caught.value) == message
 
 
 def test_a_changed_interpreter_is_reported_with_the_option_that_restores_it() -> None:
-    """Most often somebody forgot to activate an environment."""
+    """Usually, the user forgot to activate an environment."""
     now = Interpreter(Path("/usr/bin/python3"), (3, 11), "'python3' on PATH")
     assert other_than_recorded(None, now) == other_than_recorded("/usr/bin/python3", now) == ()
     (problem,) = other_than_recorded("/a b/bin/python3", now)

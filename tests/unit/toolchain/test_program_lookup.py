@@ -33,7 +33,7 @@ def test_a_replaced_program_has_another_identity(tree: Tree) -> None:
 def test_identities_of_wrappers_include_the_programs_they_start(tree: Tree) -> None:
     root = tree({"opt/cc1": '#!/bin/sh\nexec realcc -DV=1 "$@"\n', "bin/realcc": "binary"})
     (root / "bin/realcc").chmod(0o755)
-    found = [path_of(identity) for identity in lookup(root / "bin").behind(str(root / "opt/cc1"))]
+    found = [path_of(identity) for identity in lookup(root / "bin").resolve(str(root / "opt/cc1"))]
     assert found[0] == str(root / "opt/cc1")
     assert str(root / "bin/realcc") in found
 
@@ -43,7 +43,7 @@ def test_a_launcher_named_like_a_compiler_starts_the_next_one_on_path(tree: Tree
     for path in ("usr/ccache", "bin/cc", "bin2/cc"):
         (root / path).chmod(0o755)
     (root / "lib/cc").symlink_to(root / "usr/ccache")
-    found = lookup(root / "lib", root / "bin", root / "bin2").behind("cc")
+    found = lookup(root / "lib", root / "bin", root / "bin2").resolve("cc")
     assert [path_of(identity) for identity in found] == [str(root / "lib/cc"), str(root / "bin/cc")]
 
 

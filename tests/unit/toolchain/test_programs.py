@@ -58,7 +58,7 @@ def test_everything_missing_is_reported_together_with_hints(
 
 
 def test_the_ninja_of_forge_precedes_the_system_ninja(tree: Tree, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A distribution's seldom shares jobs."""
+    """A distribution's ninja rarely supports the jobserver."""
     root = tree(
         {
             "bin/cmake": PROGRAM,

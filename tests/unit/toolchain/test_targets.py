@@ -1,4 +1,4 @@
-"""Toolchains of other distributions: their mistakes are errors of theirs."""
+"""Errors in toolchains of other distributions are reported as theirs."""
 
 from __future__ import annotations
 
@@ -14,10 +14,9 @@ LAYOUT = Layout(Path("/ws/build/board"), Path("/ws/install/board"), None, target
 
 
 class Broken:
-    """A toolchain whose functions return or raise what they must not."""
+    """A toolchain with wrong results and exceptions."""
 
     def __init__(self, result: object) -> None:
-        """Remember the result of `prepare`."""
         self.result = result
 
     def prepare(self, *_: object) -> CrossBuild:
@@ -33,7 +32,7 @@ def test_a_toolchain_that_returns_something_else_is_an_error() -> None:
         target.prepare(LAYOUT, {}, CrossOptions())
 
 
-def test_exceptions_of_a_toolchain_have_their_place() -> None:
+def test_exceptions_of_a_toolchain_are_reported_with_their_location() -> None:
     def prepare_compilers(_packages: object) -> list[None]:
         raise KeyError("packages")
 

@@ -1,4 +1,4 @@
-"""The tests of a package, found without running them."""
+"""Tests of a package are detected without running code."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from tests.conftest import Tree
         ("pyproject.toml", "[dependency-groups]\ntest = ['pytest', {include-group = 'x'}]\n"),
     ],
 )
-def test_metadata_asks_for_pytest(tree: Tree, name: str, text: str) -> None:
+def test_metadata_that_requires_pytest_is_recognized(tree: Tree, name: str, text: str) -> None:
     assert "pytest" in requirements_of_tests(tree({name: text}))
 
 
