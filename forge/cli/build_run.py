@@ -32,9 +32,8 @@ from forge.toolchain.compiler_probe import Toolchain
 from forge.toolchain.programs import CMAKE_TYPES, any_enables_cxx, ninja_first, program_of
 from forge.toolchain.resources import LIBRARY_PATH_BELOW, gcc_heap, memory
 from forge.workspace.cmake_text import announced_downloads
-from forge.workspace.missing import missing_dependencies
+from forge.workspace.missing import Whereabouts, missing_dependencies
 from forge.workspace.resolve import GENERATORS
-from forge.workspace.whereabouts import Whereabouts
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -60,9 +60,8 @@ from forge.toolchain.interpreter import find_interpreter, other_than_recorded, o
 from forge.toolchain.programs import CMAKE_TYPES, PYTHON_TYPES, condensed, find_tools, identities
 from forge.workspace.discovery import ROS_DEFAULTS, special_files
 from forge.workspace.load import find_packages, load_workspace
-from forge.workspace.missing import missing_dependencies
+from forge.workspace.missing import Whereabouts, missing_dependencies, submodule_remedy, unchecked_submodules
 from forge.workspace.resolve import INTERFACE_GROUP
-from forge.workspace.whereabouts import Whereabouts, submodule_remedy, unchecked_submodules
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

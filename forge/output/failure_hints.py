@@ -22,6 +22,7 @@ from forge.toolchain.config_search import ConfigSearch
 from forge.toolchain.python_modules import install_command
 from forge.workspace.cmake_text import calls, cmake_dependencies, linked_packages, targets, used_by_tests_only
 from forge.workspace.discovery import discover_embedded
+from forge.workspace.missing import submodule_remedy, unchecked_submodules
 from forge.workspace.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS
 from forge.workspace.resolve import (
     INTERFACE_GROUP,
@@ -30,7 +31,6 @@ from forge.workspace.resolve import (
     resembles_ros_name,
     similar_package,
 )
-from forge.workspace.whereabouts import submodule_remedy, unchecked_submodules
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

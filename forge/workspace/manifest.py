@@ -74,8 +74,6 @@ _CONDITIONAL = frozenset({*DEPENDENCY_KINDS, "conflict", "replace", "group_depen
 _HINTS = {"run_depend": "use <exec_depend>", "exec_depend": 'use <run_depend>, or format="3"'}
 _LICENSE_3 = frozenset({"file", "type", "source-files"})
 
-_USUAL_VERSION = re.compile(r"\d+\.\d+\.\d+", re.ASCII)
-
 
 def parse_manifest(content: bytes, path: Path, variables: Mapping[str, str]) -> Manifest:
     """Return the manifest with its conditions evaluated under `variables`.

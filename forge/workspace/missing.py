@@ -1,4 +1,4 @@
-"""Reports ROS packages that dependencies name and that exist nowhere.
+"""Reports ROS packages that dependencies name and that exist nowhere, and where they may be.
 
 It is an error only if the build certainly fails. Other packages are built, because a manifest may declare
 more than the build needs.
@@ -6,9 +6,13 @@ more than the build needs.
 
 from __future__ import annotations
 
+import os
+import re
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem
+from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
 from forge.base.layout import docs_url
 from forge.workspace.manifest import declaration
@@ -17,8 +21,13 @@ from forge.workspace.resolve import is_ros_name, quoted_names, resembles_ros_nam
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+    from pathlib import Path
 
+    from forge.base.layout import Layout
     from forge.workspace.resolve import DependencyResolution
+
+_FEW = 3
+_SUBMODULE = re.compile(r"^[ \t]*path[ \t]*=[ \t]*(\S.*?)[ \t]*$", re.MULTILINE)
 
 
 @frozen
@@ -125,3 +134,54 @@ def _together(
         hint = f"if the build needs {them}, remove {them} from --packages-ignore and --packages-ignore-regex"
         problems.append(problem(names, users, what, hint))
     return tuple(problems)
+
+
+@frozen
+class Whereabouts:
+    """Looks for packages around a workspace."""
+
+    root: Path
+    layout: Layout
+
+    def of(self, name: str) -> str | None:
+        """Return what to do about a package that is in no known prefix, or None if nothing is known of it."""
+        if self._holds(self.layout.install, name):
+            return (
+                f"'{name}' was in the workspace in an earlier build: add it again, or rename or remove the "
+                "dependency; 'forge clean stale' removes its files"
+            )
+        if empty := unchecked_submodules(self.root):
+            fitting = [path for path in empty if path.name == name] or empty
+            return submodule_remedy(fitting)
+        try:
+            beside = sorted(path / "install" for path in self.root.parent.iterdir() if path != self.root)
+        except OSError:
+            beside = []
+        other = next((install for install in beside if self._holds(install, name)), None)
+        return f"source the workspace that contains it: . {other}/setup.sh" if other else None
+
+    @staticmethod
+    def _holds(install: Path, name: str) -> bool:
+        # Unlike Path.is_dir, os.path.isdir returns False for inaccessible folders.
+        return any(os.path.isdir(prefix / "share" / name) for prefix in (install / name, install))  # noqa: PTH112
+
+
+def submodule_remedy(paths: list[Path]) -> str:
+    words = " ".join(map(str, paths[:_FEW])) if len(paths) <= _FEW else "--recursive"
+    which = f"submodule '{paths[0]}' is" if len(paths) == 1 else f"{len(paths)} submodules are"
+    return f"the {which} not checked out: git submodule update --init {words}"
+
+
+def unchecked_submodules(root: Path) -> list[Path]:
+    """Return the submodules of the repositories in a workspace whose folders are empty, relative to it."""
+    found = []
+    patterns = (".gitmodules", "*/.gitmodules", "*/*/.gitmodules")
+    for file in (file for pattern in patterns for file in sorted(root.glob(pattern))):
+        for path in _SUBMODULE.findall(text_or_nothing(file)):
+            folder = file.parent / path
+            with suppress(OSError):
+                if any(folder.iterdir()):
+                    continue
+            if folder != file.parent and folder.is_relative_to(root):
+                found.append(folder.relative_to(root))
+    return found

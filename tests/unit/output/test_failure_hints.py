@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from forge.base.layout import PACKAGE, Layout
 from forge.output.failure_hints import FailureContext, failure_context, hint_of
 from forge.workspace.manifest import parse_manifest
+from forge.workspace.missing import Whereabouts
 from forge.workspace.model import Package
-from forge.workspace.whereabouts import Whereabouts
 from tests.conftest import Tree
 from tests.packages import manifest_text, package
 
