@@ -345,11 +345,16 @@ def test_the_executor_of_another_distribution_runs_the_steps(with_executor: Path
     assert "  nice        nice 1\n" in run_forge(with_executor, "extensions", path=with_executor).stdout
 
 
-def test_an_error_in_an_executor_of_another_distribution_has_its_place(with_executor: Path) -> None:
+def test_errors_with_an_executor_of_another_distribution_are_reported(with_executor: Path) -> None:
     ran = run_forge(with_executor / "ws", "build", "--executor", "broken", path=with_executor)
     assert ran.returncode == 2
     message = "broken.py:11: error: the executor 'broken' failed: ZeroDivisionError: division by zero"
     assert message in ran.stderr
+    cross = run_forge(
+        with_executor / "ws", "build", "--executor", "nice", "--target", "arm64", path=with_executor
+    )
+    assert cross.returncode == 2
+    assert cross.stderr.startswith("error: --target cannot be combined with '--executor nice': ")
     unknown = run_forge(with_executor / "ws", "build", "--executor", "none", path=with_executor)
     assert unknown.returncode == 2
     assert "invalid choice: 'none' (choose from " in unknown.stderr

@@ -69,7 +69,11 @@ def build(name: str, source: Path, folder: Path, workspace: Path, command: list[
         own = [each for each in artifacts if Path(each["manifest_path"]).parent.resolve() == here]
         _stage_programs(own, staged, name)
         if any({"lib", "rlib", "proc-macro"} & {*artifact["target"]["kind"]} for artifact in own):
-            _stage_crate(source, staged, name)
+            # The sources of a library, marked as a crate for other packages.
+            ignored = shutil.ignore_patterns(".*", "target", "Cargo.lock")
+            shutil.copytree(source, staged / "share" / name / "rust", ignore=ignored)
+            (staged / INDEX).mkdir(parents=True)
+            (staged / INDEX / name).touch()
         read = {*_read_by_rustc(artifacts), *_manifests(artifacts), *_configurations(source, workspace)}
         if locked in {None, _content(lock)}:
             # Members with other patches would change it in turns: each would be built for the other's change.
@@ -119,7 +123,12 @@ def _forward(cargo: subprocess.Popen[str]) -> str:
     """Print what cargo prints, with its status lines on stdout, where they are no warnings; return stdout."""
     assert cargo.stdout is not None
     assert cargo.stderr is not None
-    status = Thread(target=_forward_status, args=(cargo.stderr,))
+
+    def forward_status(stderr: Iterable[str]) -> None:
+        for line in stderr:
+            print(line, end="", flush=True, file=sys.stdout if _STATUS.match(line) else sys.stderr)
+
+    status = Thread(target=forward_status, args=(cargo.stderr,))
     status.start()
     lines = []
     for line in cargo.stdout:
@@ -127,11 +136,6 @@ def _forward(cargo: subprocess.Popen[str]) -> str:
         print(line, end="", flush=True)
     status.join()
     return "".join(lines)
-
-
-def _forward_status(stderr: Iterable[str]) -> None:
-    for line in stderr:
-        print(line, end="", flush=True, file=sys.stdout if _STATUS.match(line) else sys.stderr)
 
 
 def _forget_local_crates(target: Path) -> None:
@@ -194,14 +198,6 @@ def _stage_programs(artifacts: Iterable[dict[str, Any]], staged: Path, name: str
             links.mkdir(parents=True, exist_ok=True)
             program = shutil.copy2(artifact["executable"], programs)
             (links / Path(program).name).symlink_to(f"../lib/{name}/{Path(program).name}")
-
-
-def _stage_crate(source: Path, staged: Path, name: str) -> None:
-    """Copy the sources of a library, and mark it as a crate for other packages."""
-    ignored = shutil.ignore_patterns(".*", "target", "Cargo.lock")
-    shutil.copytree(source, staged / "share" / name / "rust", ignore=ignored)
-    (staged / INDEX).mkdir(parents=True)
-    (staged / INDEX / name).touch()
 
 
 def _read_by_rustc(artifacts: Iterable[dict[str, Any]]) -> Iterator[str]:
@@ -285,10 +281,9 @@ def _message(output: str) -> str:
 
 def main(argv: list[str]) -> int:
     """Return the exit code of a command line."""
-    mode, name, source, folder, *rest = argv
-    if mode == "build":
-        return build(name, Path(source), Path(folder), Path(rest[0]), rest[1:])
-    return test(name, Path(source), Path(folder), Path(rest[0]), rest[1:])
+    mode, name, source, folder, other, *command = argv
+    run = build if mode == "build" else test
+    return run(name, Path(source), Path(folder), Path(other), command)
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import suppress
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +18,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
 FINISHED, FAILED, ABORTED, RESTORED_FROM_CACHE = "finished", "failed", "aborted", "taken"
-"""Results of packages; TAKEN means restored from the package cache."""
+"""Results of packages."""
+
+_SUMMARY = tuple(each.name for each in fields(LauncherSummary))
 
 
 @frozen
@@ -31,7 +34,6 @@ class StepRun:
 
     @property
     def seconds(self) -> float:
-        """The duration."""
         return self.ended - self.begun
 
 
@@ -54,7 +56,6 @@ class PackageRun:
 
     @property
     def seconds(self) -> float:
-        """The duration."""
         return self.ended - self.begun
 
 
@@ -86,14 +87,19 @@ class Build:
 
 def read_build(lines: Iterable[str]) -> Build:
     """Parse the events of one run; an incomplete last line is ignored."""
-    events = [event for line in lines if (event := _parsed(line))]
+    events: list[Mapping[str, Any]] = []
+    for line in lines:
+        with suppress(ValueError):
+            event = json.loads(line)
+            events += [event] if isinstance(event, dict) and {"event", "time"} <= event.keys() else []
     by_package: dict[str, list[Mapping[str, Any]]] = {}
     for event in events:
         if "package" in event:
             by_package.setdefault(event["package"], []).append(event)
     ended = events[-1]["time"] if events else 0.0
-    summary = next((event for event in events if event["event"] == "Summary"), {})
-    usage = next((event for event in events if event["event"] == "Usage"), None)
+    summary = _first(events, "Summary") or {}
+    usage = _first(events, "Usage")
+    use = usage and MachineUse(usage["processors"], usage["memory"], tuple(map(tuple, usage["samples"])))
     planned = {
         event["package"]: frozenset(event.get("needs", ())) for event in events if event["event"] == "Planned"
     }
@@ -108,8 +114,12 @@ def read_build(lines: Iterable[str]) -> Build:
         ended=ended,
         seconds=summary.get("seconds", ended),
         code=summary.get("code", 0),
-        use=_use(usage) if usage else None,
-        outcomes=tuple(_outcome(event) for event in events if event["event"] == "Launcher"),
+        use=use or None,
+        outcomes=tuple(
+            LauncherSummary(**{key: event[key] for key in _SUMMARY if key in event})
+            for event in events
+            if event["event"] == "Launcher"
+        ),
     )
 
 
@@ -156,17 +166,15 @@ def at_work(packages: Iterable[PackageRun]) -> tuple[tuple[float, int], ...]:
     return tuple(found)
 
 
-def _parsed(line: str) -> Mapping[str, Any] | None:
-    try:
-        event = json.loads(line)
-    except ValueError:
-        return None
-    return event if isinstance(event, dict) and {"event", "time"} <= event.keys() else None
-
-
 def _package(events: Sequence[Mapping[str, Any]], ended: float, needs: Iterable[str]) -> PackageRun:
     started, end = _first(events, "Started") or {}, _first(events, "Finished")
     planned = _first(events, "Planned") or {}
+    if end is None:
+        outcome = ABORTED
+    elif end["code"]:
+        outcome = FAILED
+    else:
+        outcome = RESTORED_FROM_CACHE if end.get("cache") == RESTORED else FINISHED
     stop = end or _first(events, "Aborted") or {"time": ended}
     return PackageRun(
         name=started["package"],
@@ -174,19 +182,11 @@ def _package(events: Sequence[Mapping[str, Any]], ended: float, needs: Iterable[
         reason=started["reason"],
         begun=started["time"],
         ended=stop["time"],
-        outcome=_outcome_of(end),
+        outcome=outcome,
         steps=tuple(_steps(events, stop["time"])),
         needs=tuple(sorted(needs)),
         last=planned.get("last"),
     )
-
-
-def _outcome_of(end: Mapping[str, Any] | None) -> str:
-    if end is None:
-        return ABORTED
-    if end["code"]:
-        return FAILED
-    return RESTORED_FROM_CACHE if end.get("cache") == RESTORED else FINISHED
 
 
 def _steps(events: Sequence[Mapping[str, Any]], ended: float) -> Iterable[StepRun]:
@@ -203,14 +203,3 @@ def _steps(events: Sequence[Mapping[str, Any]], ended: float) -> Iterable[StepRu
 
 def _first(events: Iterable[Mapping[str, Any]], word: str) -> Mapping[str, Any] | None:
     return next((event for event in events if event["event"] == word), None)
-
-
-def _use(event: Mapping[str, Any]) -> MachineUse:
-    samples = tuple((float(time), float(busy), int(used)) for time, busy, used in event["samples"])
-    return MachineUse(event["processors"], event["memory"], samples)
-
-
-def _outcome(event: Mapping[str, Any]) -> LauncherSummary:
-    return LauncherSummary(
-        **{each.name: event[each.name] for each in fields(LauncherSummary) if each.name in event}
-    )

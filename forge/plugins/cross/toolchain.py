@@ -62,11 +62,15 @@ def prepare(word: str, layout: Layout, variables: Mapping[str, str], options: Cr
     underlays = [
         root for root in find_underlays(variables, layout.install).chain if root.name == target.triple
     ]
+    base = quoted(str(toolchain_file)) if toolchain_file else ""
+    if toolchain_file and toolchain_file.is_relative_to(layout.of_host.build.parent):
+        # Relative, as in other clones of the workspace.
+        base = f'"{_HERE}/{quoted(os.path.relpath(toolchain_file, folder))[1:]}'
     is_multiarch = sysroot is not None and (sysroot / "usr/lib" / target.triple).is_dir()
     text = render(
         "cross/templates/toolchain.cmake.j2",
         target=target.with_glibc,
-        base=_included(toolchain_file, folder, layout) if toolchain_file else "",
+        base=base,
         processor=target.cmake_processor,
         sysroot=quoted(str(sysroot)) if sysroot else "",
         architecture=target.triple if is_multiarch else "",
@@ -112,13 +116,6 @@ def has_emulator(layout: Layout) -> bool:
     named = _INCLUDE.search(own)
     text = text_or_nothing(named[1].replace(_HERE, str(layout.build / TOOLCHAIN_DIR))) if named else ""
     return _EMULATOR in own + text or _INCLUDE.search(text) is not None
-
-
-def _included(toolchain_file: Path, folder: Path, layout: Layout) -> str:
-    """Return the user's file as a quoted path, relative if it is in the workspace, as for other clones."""
-    if toolchain_file.is_relative_to(layout.of_host.build.parent):
-        return f'"{_HERE}/{quoted(os.path.relpath(toolchain_file, folder))[1:]}'
-    return quoted(str(toolchain_file))
 
 
 def _problems(target: Target, toolchain_file: Path | None, sysroot: Path | None) -> Iterator[Problem]:

@@ -18,7 +18,7 @@ from forge.base.errors import (
     print_warnings,
     raise_if_any,
 )
-from forge.base.files import read_file, write_if_changed
+from forge.base.files import read_file, text_or_nothing, write_if_changed
 from forge.base.names import did_you_mean
 from forge.build.markers import mark_build_base
 from forge.cli.commands.interface.inputs import distribution_of
@@ -162,7 +162,9 @@ def write_site(files: Iterable[File], out: Path) -> Written:
             hint = "choose another folder with --output, or remove the file"
             problem = Problem(f"'{_FIRST_PAGE}' exists, but forge did not write it", Location(out), hint)
             raise HostError(problem)
-        before = _listed(listing)
+        before = set(text_or_nothing(listing).splitlines()) - {""}
+        paths = map(PurePosixPath, before)
+        before = {str(path) for path in paths if not path.is_absolute() and ".." not in path.parts}
         written = {file.path: write_if_changed(out / file.path, file.text) for file in files}
         # Keep all existing files listed, even if the next steps fail.
         write_if_changed(listing, "".join(f"{path}\n" for path in sorted(before | written.keys())))
@@ -175,12 +177,3 @@ def write_site(files: Iterable[File], out: Path) -> Written:
     except OSError as error:
         raise unwritable(error, out) from error
     return Written(tuple(out / path for path, changed in written.items() if changed), len(written))
-
-
-def _listed(listing: Path) -> set[str]:
-    """Return the paths listed by an earlier run, without those outside of the folder."""
-    if not listing.is_file():
-        return set()
-    lines = listing.read_text(encoding="utf-8").splitlines()
-    paths = [PurePosixPath(line) for line in lines if line]
-    return {str(path) for path in paths if not path.is_absolute() and ".." not in path.parts}

@@ -6,7 +6,7 @@ import os
 from typing import TYPE_CHECKING
 
 from forge.base.errors import ForgeError, InterfaceError
-from forge.interfaces.model import Field, Message, sections_of
+from forge.interfaces.model import Field, sections_of
 from forge.interfaces.notation import kind_of, type_text, value_text
 from forge.interfaces.read.occurrences import NameKind
 from forge.interfaces.read.parsing import Parsed
@@ -22,7 +22,6 @@ from forge.plugins.lsp.navigation import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
     from pathlib import Path
 
     from forge.interfaces.model import Constant, TypeName
@@ -80,17 +79,11 @@ def _member(index: Index, reading: Reading, occurrence: Occurrence) -> str | Non
     parts += ["\n".join(found.doc)] if found.doc else []
     if isinstance(found, Field):
         parts += [f"Unit: {found.unit}"] if found.unit else []
-        parts += _place_in_message(index, Parsed(reading.source, reading.interface), section, found)
+        if calculator := _calculator(index, Parsed(reading.source, reading.interface)):
+            size = calculator.of(section).members[section.fields.index(found)]
+            offset = f"at byte {size.offset}" if size.fixed else f"at byte {size.offset} or later"
+            parts.append(f"Serialized: {_bytes(size.min_size, size.max_size)}, {offset}")
     return "\n\n".join(parts)
-
-
-def _place_in_message(index: Index, parsed: Parsed, section: Message, field: Field) -> Iterator[str]:
-    """Yield where a field is in the serialized message, and its size."""
-    calculator = _calculator(index, parsed)
-    if calculator:
-        size = calculator.of(section).members[section.fields.index(field)]
-        offset = f"at byte {size.offset}" if size.fixed else f"at byte {size.offset} or later"
-        yield f"Serialized: {_bytes(size.min_size, size.max_size)}, {offset}"
 
 
 def _calculator(index: Index, parsed: Parsed) -> SizeCalculator | None:

@@ -57,7 +57,10 @@ def declared_in_file(reading: Reading, occurrence: Occurrence) -> Occurrence:
 def definition(index: Index, path: Path, line: int, column: int) -> Place | None:
     """Return where the name under a cursor is declared, or None."""
     if mention := mention_at(index, path, line, column):
-        return _package_place(index, mention.name)
+        manifest_path = package_manifest(index, mention.name)
+        manifest = index.manifests.get(manifest_path) if manifest_path else None
+        named = (each.span for each in manifest.mentions if each.tag == "name") if manifest else iter(())
+        return Place(manifest_path, next(named, _START)) if manifest_path else None
     reading = index.readings.get(path)
     occurrence = occurrence_at(reading, line, column) if reading else None
     if reading is None or occurrence is None:
@@ -72,7 +75,12 @@ def references(index: Index, path: Path, line: int, column: int, *, declaration:
     A line of a .msg, .srv or .action file without a name stands for the interface of the file.
     """
     if mention := mention_at(index, path, line, column):
-        return list(_package_uses(index, mention.name, declaration=declaration))
+        return [
+            Place(manifest.path, each.span)
+            for manifest in index.manifests.values()
+            for each in manifest.mentions
+            if each.name == mention.name and (declaration or each.tag != "name")
+        ]
     reading = index.readings.get(path)
     if reading is None:
         return []
@@ -80,23 +88,16 @@ def references(index: Index, path: Path, line: int, column: int, *, declaration:
     if occurrence is None and path.suffix == ".idl":
         return []
     if occurrence and occurrence.kind in IN_FILE:
-        found = _uses_in_file(reading, occurrence, declaration=declaration)
+        in_file = declared_in_file(reading, occurrence)
+        found = [in_file] if declaration else []
+        if in_file.kind is NameKind.TYPEDEF:
+            aliases = (each for each in reading.occurrences if each.kind is NameKind.ALIAS)
+            found += [each for each in aliases if each.name == in_file.name]
         return [Place(path, _span(each)) for each in found]
     name = (occurrence.type if occurrence else None) or reading.name
     declared = _type_place(index, name) if declaration else None
     used = (Place(user, _span(use)) for user, use in uses(index, name))
     return [*([declared] if declared else []), *used]
-
-
-def _uses_in_file(reading: Reading, occurrence: Occurrence, *, declaration: bool) -> Iterator[Occurrence]:
-    """Yield the uses of a field, constant or typedef; other files do not name it."""
-    declared = declared_in_file(reading, occurrence)
-    if declaration:
-        yield declared
-    if declared.kind is NameKind.TYPEDEF:
-        for each in reading.occurrences:
-            if each.kind is NameKind.ALIAS and each.name == declared.name:
-                yield each
 
 
 def uses(index: Index, name: TypeName) -> Iterator[tuple[Path, Occurrence]]:
@@ -122,20 +123,6 @@ def _type_place(index: Index, name: TypeName) -> Place | None:
     reading = index.readings.get(parsed.source.path)
     structs = [each for each in reading.occurrences if each.kind is NameKind.INTERFACE] if reading else []
     return Place(parsed.source.path, _span(structs[0]) if structs else _START)
-
-
-def _package_place(index: Index, name: str) -> Place | None:
-    path = package_manifest(index, name)
-    manifest = index.manifests.get(path) if path else None
-    named = (each.span for each in manifest.mentions if each.tag == "name") if manifest else iter(())
-    return Place(path, next(named, _START)) if path else None
-
-
-def _package_uses(index: Index, name: str, *, declaration: bool) -> Iterator[Place]:
-    for manifest in index.manifests.values():
-        for each in manifest.mentions:
-            if each.name == name and (declaration or each.tag != "name"):
-                yield Place(manifest.path, each.span)
 
 
 def _span(occurrence: Occurrence) -> Span:

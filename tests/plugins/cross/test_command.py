@@ -34,10 +34,6 @@ QUICK = {
         (("--target-python", "3.10"), "--target-python has no effect without --target"),
         (("--target", "arm64", "--target-python", "2.7"), "expected a version such as '3.10', not '2.7'"),
         (("--target", "x/y"), "'x/y' is not the name of a platform"),
-        (
-            ("--target", "arm64", "--executor", "dask", "--scheduler", "tcp://x:1"),
-            "--target cannot be combined with '--executor dask'",
-        ),
     ],
 )
 def test_options_without_effect_are_rejected(
