@@ -224,31 +224,6 @@ def test_a_field_cannot_be_called_by_a_keyword_of_c() -> None:
         parse_all([source])
 
 
-def test_math_is_included_only_for_what_it_names() -> None:
-    """Infinity and not-a-number are macros of <math.h>."""
-    real = Primitive("float")
-    odd, even = Constant("X", real, float("nan")), Constant("X", real, 1.0)
-    assert "#include <math.h>" in struct(constants=(odd,))
-    assert "#include <math.h>" not in struct(constants=(even,))
-    assert "#include <math.h>" in functions(Field("x", Sequence(real), (1.0, float("inf"))))
-    assert "#include <math.h>" not in functions(Field("x", real, 1.0), Field("y", real))
-
-
-def test_a_flag_is_declared_only_where_a_member_needs_it() -> None:
-    """A member may be called like it."""
-    plain = functions(
-        Field("done", Primitive("boolean"), default=True), Field("equal", Array(Primitive("int8"), 2))
-    )
-    assert "bool done" not in plain
-    assert "bool equal = lhs->done == rhs->done;\n" in plain
-    array = functions(Field("words", Array(String(), 2)))
-    assert array.count("bool done = true;\n") == 2
-    assert "bool equal = true;\n" in array
-    assert "bool done = rosidl_runtime_c__String__copy(&input->x, &output->x);" in functions(
-        Field("x", String())
-    )
-
-
 @given(st.text(st.characters(), max_size=20))
 def test_wide_texts_are_their_units_and_a_zero(text: str) -> None:
     """Whatever the text, the initializer holds its UTF-16, surrogates that stand alone included."""

@@ -251,16 +251,6 @@ def test_an_invalid_definition_has_the_message_of_rosidl(tree: Tree) -> None:
     assert "  first error in step 'build':\n    forge: " not in done.stderr
 
 
-def test_packages_share_no_generator_state(tree: Tree) -> None:
-    first = interface_package("first_msgs", {"msg/A.msg": "int32 a\n"})
-    second = interface_package("second_msgs", {"msg/A.msg": "int64 a\n"})
-    root = tree({**first, **second})
-    assert build(root).returncode == 0
-    for name, type_ in (("first_msgs", "int32_t a;"), ("second_msgs", "int64_t a;")):
-        header = root / f"install/{name}/include/{name}/{name}/msg/detail/a__struct.h"
-        assert type_ in header.read_text(encoding="utf-8")
-
-
 def test_compile_commands_name_every_generated_source(tree: Tree) -> None:
     root = tree(interface_package("fast_msgs", FILES))
     assert build(root).returncode == 0

@@ -12,7 +12,7 @@ import pytest
 
 import forge
 from forge.plugins.fast_rosidl import generators
-from forge.plugins.fast_rosidl.generators import DeclinedError, Generators
+from forge.plugins.fast_rosidl.generators import Generators
 from tests.rosidl import EMPY, MODULES, imported_anew
 
 if TYPE_CHECKING:
@@ -80,40 +80,6 @@ def test_files_of_another_package_replace_those_of_the_first(
     for name in ("a", "b", "b"):
         shared.prepare(generator(tmp_path / name, ""), environment)
         assert {Path(path).parent.name for path in shared._contents} == {name}
-
-
-@pytest.mark.parametrize(
-    ("text", "reason"),
-    [("raise SystemExit(3)", "it ended with 3"), ("1 / 0", "ZeroDivisionError: division by zero")],
-)
-def test_failures_are_declined(
-    shared: Generators, environment: dict[str, str], tmp_path: Path, text: str, reason: str
-) -> None:
-    argv = generator(tmp_path / "a", text)
-    shared.prepare(argv, environment)
-    with pytest.raises(DeclinedError, match=reason):
-        shared.run(argv, environment)
-    shared.run(generator(tmp_path / "a", "raise SystemExit(0)"), environment)
-
-
-def test_modules_from_elsewhere_are_declined(
-    shared: Generators, environment: dict[str, str], tmp_path: Path
-) -> None:
-    argv = generator(tmp_path / "a", "")
-    shared.prepare(argv, environment)
-    (tmp_path / "em.py").touch()
-    with pytest.raises(DeclinedError, match="it imports another em than"):
-        shared.run(argv, {"PYTHONPATH": f"{tmp_path}:{environment['PYTHONPATH']}"})
-
-
-@pytest.mark.usefixtures("own_environment")
-def test_setuptools_is_shared(shared: Generators, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "setup.py").write_text("from setuptools import setup\nsetup(name='p', packages=[])\n")
-    monkeypatch.chdir(tmp_path)
-    argv = [sys.executable, "setup.py", "egg_info"]
-    shared.prepare(argv, {})
-    shared.run(argv, {})
-    assert (tmp_path / "p.egg-info").is_dir()
 
 
 def test_generators_that_cannot_be_prepared_run_as_commands(

@@ -11,7 +11,7 @@ from hypothesis import given
 
 from forge.interfaces.model import Catalog, Constant, Field, Message, Primitive, Source, String, TypeName
 from forge.plugins.interface_pages.site import PackageInfo, site
-from tests.hostile import FRAGMENTS, hostile
+from tests.hostile import hostile
 from tests.sites import UNSEEN, elements, read_page, scripts
 from tests.unit.test_injection import BIDI, NEUTRAL, everywhere, generated, messages, quick
 
@@ -79,10 +79,3 @@ def test_documentation_pages_contain_no_foreign_tags(message: Message) -> None:
         parser.feed(markdown_it.MarkdownIt("commonmark", {"html": True}).enable("table").render(text))
         tags.append(parser.tags)
     assert tags[0] <= tags[1] | {"p []", "ul []", "ol []", "li []", "ol ['start']", "hr []", "br []"}
-
-
-def test_there_are_fragments_that_would_show() -> None:
-    """A page that did not escape would fail: the fragments hold the ends of elements, attributes, scripts."""
-    assert {"<script>", "</script>", "<img src=x>", "'>", '"', "<!--"} <= set(FRAGMENTS)
-    broken = site_of("x")["demo/msg/Thing.html"].replace("About x", "About <img src=x>")
-    assert not elements(broken) <= elements(site_of("x")["demo/msg/Thing.html"])

@@ -6,11 +6,9 @@ import shutil
 from typing import TYPE_CHECKING
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from forge.base.distributions import EMBEDDED
-from forge.interfaces.model import Catalog, Constant, Field, Message, Primitive, Source, String, TypeName
+from forge.interfaces.model import Catalog, Message, Source
 from forge.interfaces.read.parsing import parse_all
 from forge.interfaces.read.sources import Library, read_folder
 from forge.interfaces.resolve.resolution import resolve
@@ -67,29 +65,6 @@ def test_a_page_reads_as_if_written_by_hand(golden: Golden) -> None:
     catalog = resolve("robot", parse_all(read_folder("robot", folder)), Library())
     files = site([catalog], {"robot": PackageInfo("1.0.0", "Robots.", "from the workspace")}, "Interfaces")
     golden(case, {file.path: file.text for file in files if file.path.endswith(".html")})
-
-
-def test_texts_never_become_markup() -> None:
-    doc = (HOSTILE, "", f"  {HOSTILE}")
-    fields = (Field("text", String(), HOSTILE, doc, HOSTILE), Field("a", Primitive("int8")))
-    message = Message(TypeName("demo", "msg", "Thing"), fields, (Constant("A", String(), HOSTILE, doc),), doc)
-    plain = Message(
-        TypeName("demo", "msg", "Thing"),
-        fields,
-        (Constant("A", String(), "", ("a", "", "  b")),),
-        ("a", "", " b"),
-    )
-    for path, text in page_of(message, version=HOSTILE, description=HOSTILE, origin=HOSTILE).items():
-        if path.endswith(".html"):
-            contents = read_page(text)
-            assert contents.faults == []
-            assert [tag for tag, _ in contents.tags].count("script") == 1
-            assert "img" not in {tag for tag, _ in contents.tags}
-            assert not [
-                name for _, attributes in contents.tags for name in attributes if name.startswith("on")
-            ]
-            assert "alert(2)" in contents.text
-    assert page_of(plain)["demo/msg/Thing.html"] != page_of(message)["demo/msg/Thing.html"]
 
 
 def test_hidden_and_bidirectional_characters_are_visible() -> None:
@@ -261,15 +236,6 @@ def test_a_manifest_that_cannot_be_read_is_warned_of(forge: Forge, tree: Tree) -
     assert ran.code == 0
     assert "src/other/package.xml" in ran.err
     assert "warning: " in ran.err
-
-
-@given(text=st.text(st.characters(exclude_categories=["Cs"])))
-def test_any_comment_gives_a_complete_page(text: str) -> None:
-    doc = tuple(text.splitlines())
-    fields = (Field("a", String(), text, doc, text),)
-    page = page_of(Message(TypeName("demo", "msg", "Thing"), fields, (), doc), description=text)
-    for path in ("demo/msg/Thing.html", "demo/index.html", "index.html"):
-        assert read_page(page[path]).faults == []
 
 
 def test_errors_in_all_packages_are_reported_together(forge: Forge, tree: Tree) -> None:

@@ -14,7 +14,6 @@ import pytest
 from fsspec.registry import _registry
 
 from forge.cache.model import BlobError, Digest
-from forge.plugins.remote_cache import store as stores
 from forge.plugins.remote_cache.fsspec_backend import FsspecBackend
 from forge.plugins.remote_cache.store import Store
 from tests.plugins.remote_cache.opening import opened
@@ -71,21 +70,6 @@ def test_library_errors_are_reported_without_passwords(
     store = opened(url, said)
     assert not store.fetch(DIGEST, tmp_path / "target")
     assert said == ["memory://host/x: RuntimeError: cannot reach sftp://host/x; disabled for this build"]
-
-
-@pytest.mark.parametrize(
-    ("data", "words"), [(b"<html>", "is not a valid result"), (b"x" * 2000, "too large for a result")]
-)
-def test_an_invalid_result_is_reported(
-    data: bytes, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(stores, "MAX_SIZE", 1000)
-    (tmp_path / "ac").mkdir()
-    (tmp_path / "ac" / KEY).write_bytes(data)
-    store = opened(f"file://{tmp_path}")
-    with pytest.raises(BlobError, match=words):
-        store.result(KEY)
-    store.close()
 
 
 def test_objects_in_buckets_are_not_renamed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -343,13 +343,6 @@ def test_the_number_of_parallel_requests_is_limited(source: Path) -> None:
     assert 1 < most[0] <= 4
 
 
-def test_results_not_uploaded_to_a_dead_server_are_counted(source: Path) -> None:
-    with rude(lambda _: (60.0,)) as server:
-        begun = time.monotonic()
-        assert sent(server.url, 20, source, seconds=0.4) == 20
-        assert time.monotonic() - begun < 3
-
-
 def test_a_missing_blob_invalidates_one_result(source: Path) -> None:
     shelf = Shelf()
     with rude(shelf) as server:
