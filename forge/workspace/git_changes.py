@@ -68,8 +68,10 @@ class Repository:
             return None
         other, path = self._repositories[above], os.fspath(self.top.relative_to(above))
         try:
-            entries = (files[path] for files in (other.index, other.tree) if path in files)
-            return other if any(entry.mode == _SUBMODULE for entry in entries) else None
+            entry = other.index.get(path)
+            if entry is None or entry.mode != _SUBMODULE:
+                entry = other.tree.get(path)
+            return other if entry and entry.mode == _SUBMODULE else None
         except GitError:
             # A repository that has nothing to do with this one, for example of a home folder.
             return None

@@ -167,37 +167,35 @@ class _Reader:
             self.fault(child.children[0], f"element '{child.tag}' must contain only text")
 
     def check_texts(self) -> None:
-        for child in self.root.all("name"):
-            name = child.text.strip()
-            if not is_package_name(name):
-                hint = "use lower-case letters, digits, '_' and '-', and start with a letter"
-                self.fault(child, f"invalid package name '{name}'", hint)
-            elif not _USUAL_NAME.fullmatch(name):
-                self.warn(child, f"package name '{name}' does not follow the convention of lower-case names")
-        for child in self.root.all("description"):
-            if not child.inner.strip():
-                self.fault(child, "element 'description' is empty")
-        for child in self.root.all("license"):
-            if not child.text.strip():
-                self.fault(child, "element 'license' is empty")
-        for child in self.root.all("version"):
-            for version in filter(None, (child.text.strip(), child.attributes.get("compatibility"))):
-                if not _VERSION.fullmatch(version):
-                    self.fault(
-                        child,
-                        f"version '{version}' does not consist of three numbers separated by dots",
-                        "for example 1.2.3",
-                    )
-            if not child.text.strip():
-                self.fault(child, "element 'version' is empty", "for example 1.2.3")
-        for child in (*self.root.all("maintainer"), *self.root.all("author")):
-            email = child.attributes.get("email")
-            if not child.text.strip():
-                self.fault(child, f"element '{child.tag}' has no name")
-            if child.tag == "maintainer" and not email:
-                self.fault(child, "element 'maintainer' needs an attribute 'email'")
-            elif email is not None and not is_email(email):
-                self.fault(child, f"invalid email address '{email}'", "for example name@example.com")
+        for child in self.root.children:
+            text, email = child.text.strip(), child.attributes.get("email")
+            match child.tag:
+                case "name" if not is_package_name(text):
+                    hint = "use lower-case letters, digits, '_' and '-', and start with a letter"
+                    self.fault(child, f"invalid package name '{text}'", hint)
+                case "name" if not _USUAL_NAME.fullmatch(text):
+                    message = f"package name '{text}' does not follow the convention of lower-case names"
+                    self.warn(child, message)
+                case "description" if not child.inner.strip():
+                    self.fault(child, "element 'description' is empty")
+                case "license" if not text:
+                    self.fault(child, "element 'license' is empty")
+                case "version":
+                    for version in filter(None, (text, child.attributes.get("compatibility"))):
+                        if not _VERSION.fullmatch(version):
+                            message = (
+                                f"version '{version}' does not consist of three numbers separated by dots"
+                            )
+                            self.fault(child, message, "for example 1.2.3")
+                    if not text:
+                        self.fault(child, "element 'version' is empty", "for example 1.2.3")
+                case "maintainer" | "author":
+                    if not text:
+                        self.fault(child, f"element '{child.tag}' has no name")
+                    if child.tag == "maintainer" and not email:
+                        self.fault(child, "element 'maintainer' needs an attribute 'email'")
+                    elif email is not None and not is_email(email):
+                        self.fault(child, f"invalid email address '{email}'", "for example name@example.com")
 
     def manifest(self) -> Manifest:
         exports = tuple(

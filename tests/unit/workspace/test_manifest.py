@@ -56,9 +56,9 @@ def test_all_structural_errors_are_reported_together() -> None:
         f"{PATH}:1:1: error: element 'description' is missing",
         f"{PATH}:11:12: error: element 'export' appears more than once",
         f"{PATH}:2:3: error: invalid package name '1 robot'",
-        f"{PATH}:6:3: error: element 'license' is empty",
         f"{PATH}:3:3: error: version '1.2' does not consist of three numbers separated by dots",
         f"{PATH}:5:3: error: element 'maintainer' needs an attribute 'email'",
+        f"{PATH}:6:3: error: element 'license' is empty",
         f"{PATH}:7:3: error: invalid email address 'no address'",
     ]
 
