@@ -410,7 +410,7 @@ def test_concurrent_builds_share_a_cache_safely(users: Users, tmp_path: Path) ->
     assert users.forge("cache", "verify", "--cache", str(users.cache), cwd=tmp_path).code == 0
 
 
-@pytest.mark.parametrize("seed", range(int(os.environ.get("FORGE_TEST_KILLS", "3"))))
+@pytest.mark.parametrize("seed", range(int(os.environ.get("FORGE_TEST_KILLS", "2"))))
 def test_a_killed_restore_is_repeated(users: Users, tmp_path: Path, seed: int) -> None:
     chance = random.Random(seed)
     many = {f"src/speaking/data/{number}": "x" * number for number in range(3000)}

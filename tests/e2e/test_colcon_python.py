@@ -122,10 +122,7 @@ def colcon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Colcon]:
     running.end()
 
 
-@pytest.mark.parametrize("option", [(), ("--merge-install",)], ids=["isolated", "merged"])
-def test_install_trees_are_the_same(
-    tmp_path: Path, colcon: Colcon, forge: Forge, option: tuple[str, ...]
-) -> None:
+def test_install_trees_are_the_same(tmp_path: Path, colcon: Colcon, forge: Forge) -> None:
     for name, own in PACKAGES.items():
         every = {
             "package.xml": manifest_text(name, build_type="ament_python"),
@@ -139,7 +136,7 @@ def test_install_trees_are_the_same(
             path.write_text(text.replace("NAME", name))
     trees = []
     for home in (tmp_path / "ours", tmp_path / "theirs"):
-        argv = ["build", "--build-base", f"{home}/build", "--install-base", f"{home}/install", *option]
+        argv = ["build", "--build-base", f"{home}/build", "--install-base", f"{home}/install"]
         if home.name == "ours":
             ran = forge(*argv, "--python", colcon.python, cwd=tmp_path)
         else:

@@ -143,11 +143,7 @@ def test_files_folders_and_links_can_replace_each_other(forge: Forge, tree: Tree
         assert before == clean[name]
 
 
-WITH_CODE = pytest.mark.parametrize(
-    "options",
-    [(), (LINKED,), (MERGED,), (MERGED, LINKED)],
-    ids=["isolated", "linked", "merged", "merged-linked"],
-)
+WITH_CODE = pytest.mark.parametrize("options", [(), (MERGED, LINKED)], ids=["isolated", "merged-linked"])
 
 
 @WITH_CODE

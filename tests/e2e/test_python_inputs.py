@@ -214,13 +214,12 @@ def distribution(version: str, *modules: str) -> dict[str, str]:
     }
 
 
-@pytest.mark.parametrize("modules", [0, 20])
 @pytest.mark.parametrize(
-    "reader",
+    ("reader", "modules"),
     [
-        "from helper import version",
-        "import importlib.metadata; version = importlib.metadata.version('helper')",
-        ASKS,
+        ("from helper import version", 0),
+        ("import importlib.metadata; version = importlib.metadata.version('helper')", 20),
+        (ASKS, 20),
     ],
     ids=["import", "metadata", "child"],
 )
