@@ -80,16 +80,3 @@ def test_hooks_may_be_collected_instead_of_run(demo: Project) -> None:
         "library_path.sh",
         "path.sh",
     ]
-
-
-@pytest.mark.parametrize(
-    ("commands", "complaint"),
-    [
-        ("ament_environment_hooks(none.sh)", "none.sh', which is not a file"),
-        ("ament_environment_hooks(noextension)", "needs the extension of its shell"),
-    ],
-)
-def test_invalid_calls_are_errors_with_a_reason(ament: Ament, commands: str, complaint: str) -> None:
-    outcome = ament(commands, files={"noextension": ""}).configure()
-    assert outcome.code != 0
-    assert complaint in outcome.flat

@@ -120,22 +120,6 @@ def test_a_missing_dependency_is_an_error_for_users(ament: Ament) -> None:
     assert '"nowhere"' in outcome.flat
 
 
-@pytest.mark.parametrize(
-    ("commands", "complaint"),
-    [
-        ("ament_target_dependencies(none demo)", "'none', which is not a target"),
-        ("ament_target_dependencies(t nowhere)", "uses the package 'nowhere', which was not found"),
-        ("ament_target_dependencies(t ament_cmake PUBLIC)", "takes 'PUBLIC' only directly after the target"),
-        ("ament_export_libraries(/no/such/lib.so)", "was given '/no/such/lib.so', which does not exist"),
-        ("ament_export_interfaces(x UNKNOWN::y)\nament_package()", "UNKNOWN::y"),
-    ],
-)
-def test_invalid_calls_are_errors_with_a_reason(ament: Ament, commands: str, complaint: str) -> None:
-    outcome = ament(f"add_library(t INTERFACE)\n{commands}").configure()
-    assert outcome.code != 0
-    assert complaint in outcome.flat
-
-
 @cxx
 @pytest.mark.parametrize("keyword", ["", "PUBLIC", "SYSTEM PUBLIC", "SYSTEM", "INTERFACE"])
 def test_keywords_select_the_signature(ament: Ament, keyword: str) -> None:

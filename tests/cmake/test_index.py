@@ -32,20 +32,6 @@ def test_resource_contents_are_unchanged(ament: Ament, argument: str, text: str)
     assert demo.read(f"{INDEX}/kind/{name}") == text
 
 
-@pytest.mark.parametrize(
-    ("commands", "complaint"),
-    [
-        ("ament_index_register_resource(k CONTENT a CONTENT_FILE b)", "either CONTENT or CONTENT_FILE"),
-        ("ament_index_register_resource(k CONTENT_FILE none)", "none', which does not exist"),
-        ("ament_index_get_resource(x k none)", "no resource 'none' of the type 'k'"),
-    ],
-)
-def test_invalid_calls_are_errors_with_a_reason(ament: Ament, commands: str, complaint: str) -> None:
-    outcome = ament(commands).configure()
-    assert outcome.code != 0
-    assert complaint in outcome.flat
-
-
 def test_resources_are_found_in_the_order_of_the_prefixes(ament: Ament, tmp_path: Path) -> None:
     for prefix, text in (("over", "1"), ("under", "2")):
         folder = tmp_path / prefix / INDEX / "kind"

@@ -53,21 +53,6 @@ def test_a_python_package_is_installed_with_metadata_and_scripts(ament: Ament) -
     )
 
 
-@pytest.mark.parametrize(
-    ("commands", "complaint"),
-    [
-        ("ament_python_install_package(none)", "contains no __init__.py"),
-        ("ament_python_install_package(p)\nament_python_install_package(p)", "the Python package 'p' twice"),
-        ("ament_python_install_module(none.py)", "none.py', which does not exist"),
-        ("ament_generate_version_header(none)", "'none', which is not a target"),
-    ],
-)
-def test_invalid_calls_are_errors_with_a_reason(ament: Ament, commands: str, complaint: str) -> None:
-    outcome = ament(commands, files={"p/__init__.py": ""}).configure()
-    assert outcome.code != 0
-    assert complaint in outcome.flat
-
-
 @cxx
 def test_version_headers_follow_the_manifest(ament: Ament) -> None:
     demo = ament(

@@ -44,30 +44,6 @@ def test_run_dependencies_are_recorded_sorted_and_unique(ament: Ament) -> None:
     assert demo.read("share/ament_index/resource_index/package_run_dependencies/demo") == "a;b;c"
 
 
-@pytest.mark.parametrize(
-    ("commands", "complaint"),
-    [
-        ("ament_package()\nament_package()", "ament_package() was called before"),
-        ("ament_package(EXTRAS a.cmake)", "does not accept 'EXTRAS' 'a.cmake'"),
-        ("ament_package(CONFIG_EXTRAS none.cmake)", "none.cmake', which does not exist"),
-        ("ament_package(CONFIG_EXTRAS package.xml)", "extras end in .cmake or .cmake.in"),
-        ("ament_package_xml()\nament_package_xml()", "ament_package_xml() was called before"),
-        ("ament_package()\nament_export_dependencies(x)", "must be called before ament_package()"),
-        ("ament_package()\nament_export_libraries(x)", "must be called before ament_package()"),
-        ("ament_package()\nament_export_targets(x)", "must be called before ament_package()"),
-        ("ament_package()\nament_export_include_directories(x)", "must be called before ament_package()"),
-        ("ament_package()\nament_export_definitions(x)", "must be called before ament_package()"),
-        ("ament_package()\nament_export_link_flags(x)", "must be called before ament_package()"),
-        ("ament_package()\nament_environment_hooks(package.xml)", "must be called before ament_package()"),
-        ("ament_package()\nfind_package(ament_lint_auto)", "must be called before ament_package()"),
-    ],
-)
-def test_invalid_calls_are_errors_with_a_reason(ament: Ament, commands: str, complaint: str) -> None:
-    outcome = ament(commands).configure()
-    assert outcome.code != 0
-    assert complaint in outcome.flat
-
-
 def test_the_manifest_must_belong_to_the_project(ament: Ament) -> None:
     demo = ament("ament_package()")
     xml = demo.source / "package.xml"

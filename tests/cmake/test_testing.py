@@ -114,23 +114,6 @@ def test_ament_add_test_registers_a_test_with_its_properties(ament: Ament) -> No
     assert ":/x\n" in (demo.build / "out.txt").read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize(
-    ("commands", "complaint"),
-    [
-        ("ament_add_test(one)", "needs the COMMAND of the test 'one'"),
-        ("ament_add_test(one COMMAND x TIMEOUT 0)", "must be more than 0 seconds"),
-        ("ament_add_test(one COMMAND_ x)", "does not accept 'COMMAND_' 'x'"),
-        ("ament_add_pytest_test(one none.py)", "none.py', which does not exist"),
-        ("find_package(ament_cmake_gtest)\nament_add_gtest(one)", "the test 'one' has no source files"),
-        ("find_package(ament_cmake_catch2)\nament_add_catch2(one)", "the test 'one' has no source files"),
-    ],
-)
-def test_invalid_calls_are_errors_with_a_reason(ament: Ament, commands: str, complaint: str) -> None:
-    outcome = ament(commands).configure()
-    assert outcome.code != 0
-    assert complaint in outcome.flat
-
-
 GTEST = """
 find_package(ament_cmake_gtest REQUIRED)
 find_package(ament_cmake_gmock REQUIRED)

@@ -12,72 +12,28 @@ import pytest
 
 from tests.conftest import Forge, Ran
 from tests.packages import manifest_text
-from tests.peers import Colcon
+from tests.peers import Colcon, Twins, colcon_in
 from tests.snippets import ROOT
 
 pytestmark = [pytest.mark.slow, pytest.mark.needs("colcon", "cmake", "ninja")]
 
 NAMES = ("a", "b_2", "c-c", "Dd", "e", "zz")
-CMAKE = """cmake_minimum_required(VERSION 3.5)
-project({name} NONE)
-{more}
-install(FILES package.xml DESTINATION share/{name})
-"""
 FAILS = 'if(NOT EXISTS "${CMAKE_CURRENT_SOURCE_DIR}/mended")\n  message(FATAL_ERROR "no luck")\nendif()'
-VARIABLES = {"ROS_VERSION": "2", "ROS_DISTRO": "humble", "ROS_PYTHON_VERSION": "3"}
 ONE = ("--executor", "sequential")
 """One package after the other: then it is the order alone that decides what happens."""
 
 
 @pytest.fixture(scope="module")
 def colcon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Colcon]:
-    """Start colcon for all tests, far from the user's own settings."""
-    home = tmp_path_factory.mktemp("home")
-    running = Colcon(
-        {**VARIABLES, "HOME": str(home), "COLCON_HOME": str(home), "COLCON_LOG_PATH": "/dev/null"}
-    )
-    yield running
-    running.end()
-
-
-class Twins:
-    """Two copies of a workspace, one for each tool."""
-
-    def __init__(self, home: Path, colcon: Colcon, forge: Forge) -> None:
-        """Begin with two empty folders."""
-        self.roots = home / "ours", home / "theirs"
-        self._colcon = colcon
-        self._forge = forge
-
-    def write(self, name: str, text: str) -> None:
-        """Write a file into both."""
-        for root in self.roots:
-            path = root / name
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(text)
-
-    def package(self, name: str, *lines: str, more: str = "", folder: str = "") -> None:
-        """Write a plain CMake package into both."""
-        home = f"src/{folder or name}"
-        self.write(f"{home}/package.xml", manifest_text(name, *lines, build_type="cmake"))
-        self.write(f"{home}/CMakeLists.txt", CMAKE.format(name=name, more=more))
-
-    def build(self, *options: str) -> tuple[Ran, Ran]:
-        """Build both, with a code of zero in both or in none."""
-        ours, theirs = self.try_to_build(*options)
-        assert (ours.code == 0) == (theirs.code == 0), f"{options}\n{ours}\n{theirs}"
-        return ours, theirs
-
-    def try_to_build(self, *options: str) -> tuple[Ran, Ran]:
-        """Build both."""
-        ours = self._forge("build", *options, cwd=self.roots[0], env=VARIABLES)
-        return ours, self._colcon("build", *options, cwd=self.roots[1])
+    """Start colcon for all tests."""
+    with colcon_in(tmp_path_factory.mktemp("home"), COLCON_LOG_PATH="/dev/null") as running:
+        yield running
 
 
 @pytest.fixture
 def twins(tmp_path: Path, colcon: Colcon, forge: Forge) -> Twins:
     """Return two copies of an empty workspace."""
-    return Twins(tmp_path, colcon, forge)
+    return Twins(tmp_path, forge, colcon)
 
 
 def told(ran: Ran) -> list[str]:
@@ -105,15 +61,15 @@ def test_packages_are_built_in_the_same_order_with_the_same_failures(twins: Twin
         twins.package(name, *lines, more=FAILS if name == bad else "")
     for options in ((*ONE,), (*ONE, "--continue-on-error"), (*ONE, "--packages-select-build-failed")):
         forget(twins)
-        ours, theirs = twins.build(*options)
+        ours, theirs = twins.agree("build", *options)
         assert told(ours) == told(theirs), options
         assert ours.code
         assert notes(twins.roots[0]).keys() == notes(twins.roots[1]).keys()
         assert failed(twins.roots[0]) == failed(twins.roots[1]) == {bad}
     twins.write(f"src/{bad}/mended", "")
-    ours, theirs = twins.build(*ONE, "--packages-skip-build-finished")
+    ours, theirs = twins.agree("build", *ONE, "--packages-skip-build-finished")
     assert told(ours) == told(theirs)
-    ours, theirs = twins.build(*ONE, "--packages-up-to", names[-1])
+    ours, theirs = twins.agree("build", *ONE, "--packages-up-to", names[-1])
     assert ours.code == 0
     assert notes(twins.roots[0]) == notes(twins.roots[1])
 
@@ -124,7 +80,7 @@ def test_packages_are_built_in_the_same_order_with_the_same_failures(twins: Twin
 def test_event_handlers_print_the_same(twins: Twins, handler: str) -> None:
     twins.package("b", more='message(STATUS "two words")')
     twins.package("a", "<depend>b</depend>", more='message(WARNING "hm")')
-    ours, theirs = twins.build(*ONE, "--event-handlers", handler)
+    ours, theirs = twins.agree("build", *ONE, "--event-handlers", handler)
     # What programs print is theirs: forge starts them in other ways.
     aside = re.compile(r"^--- output: \w+\n.*?^---\n", re.MULTILINE | re.DOTALL)
     said = [aside.sub("[output]\n", re.sub(r" \[[\d.]+s\]", "", ran.out)) for ran in (ours, theirs)]
@@ -146,14 +102,16 @@ def failed(root: Path) -> set[str]:
 def test_unbuildable_packages_are_errors_of_both(twins: Twins) -> None:
     twins.package("a")
     twins.package("b", "<depend>a</depend>")
-    ours, theirs = twins.build("--packages-select", "b")
+    ours, theirs = twins.agree("build", "--packages-select", "b")
     assert ours.code
     twins.package("a", folder="another_a")
-    assert twins.build()[0].code
-    assert not twins.build("--packages-select", "b", "--packages-skip", "a")[0].out.startswith("Starting")
-    ours, theirs = twins.build("--packages-up-to", "nobody")
+    assert twins.agree("build")[0].code
+    assert not twins.agree("build", "--packages-select", "b", "--packages-skip", "a")[0].out.startswith(
+        "Starting"
+    )
+    ours, theirs = twins.agree("build", "--packages-up-to", "nobody")
     assert ours.code
-    ours, theirs = twins.build("--packages-select", "nobody")
+    ours, theirs = twins.agree("build", "--packages-select", "nobody")
     assert told(ours) == told(theirs) == ["Summary: 0 packages finished"]
 
 
@@ -168,9 +126,9 @@ def test_both_skip_packages_of_unknown_build_types(twins: Twins) -> None:
     twins.package("a")
     twins.package("b")
     twins.write("src/a/package.xml", manifest_text("a", build_type="wierd"))
-    ours, theirs = twins.build()
+    ours, theirs = twins.agree("build")
     assert told(ours) == told(theirs)
-    ours, theirs = twins.try_to_build("--packages-select", "a")
+    ours, theirs = twins.run("build", "--packages-select", "a")
     assert (ours.code, theirs.code) == (2, 0)
     line = "| skips packages of an unknown build type, with a warning, also if they are selected |"
     assert line in (ROOT / "docs/reference/from-colcon.md").read_text(encoding="utf-8")
@@ -182,7 +140,7 @@ def test_documented_differences_of_builds_hold(twins: Twins, line: str) -> None:
     twins.package("a")
     twins.write("src/a/package.xml", manifest_text("a", need, build_type=build_type))
     twins.package("b", "<depend>a</depend>" if "test" in need else "")
-    ours, theirs = twins.try_to_build()
+    ours, theirs = twins.run("build")
     assert (ours.code == 0) != (theirs.code == 0)
     assert f"| {line} |" in (ROOT / "docs/reference/from-colcon.md").read_text(encoding="utf-8")
 
@@ -203,7 +161,7 @@ def test_foreign_package_xml_files_are_not_ros_packages(twins: Twins, file: str)
     twins.package("a")
     twins.write("src/vendor/package.xml", PEAR)
     twins.write(f"src/vendor/{file}", contents[file])
-    ours, theirs = twins.build(*ONE)
+    ours, theirs = twins.agree("build", *ONE)
     assert (ours.code, theirs.code) == (0, 0)
     assert told(ours) == told(theirs)
     assert "vendor/package.xml: warning: the file is not a manifest of ROS" in ours.err
@@ -211,18 +169,18 @@ def test_foreign_package_xml_files_are_not_ros_packages(twins: Twins, file: str)
 
 def test_cmake_warnings_about_forge_do_not_fail_builds(twins: Twins) -> None:
     twins.package("a")
-    ours, theirs = twins.build("--cmake-args", "--warn-uninitialized", "-Werror=dev")
+    ours, theirs = twins.agree("build", "--cmake-args", "--warn-uninitialized", "-Werror=dev")
     assert (ours.code, theirs.code) == (0, 0)
     assert ours.err == ""
 
 
 def test_both_reject_folders_of_another_layout(twins: Twins) -> None:
     twins.package("a")
-    assert twins.build()[0].code == 0
-    assert twins.build("--merge-install")[0].code
+    assert twins.agree("build")[0].code == 0
+    assert twins.agree("build", "--merge-install")[0].code
     for root in twins.roots:
         (root / "build/.built_by").write_text("ament_tools")
-    assert twins.build()[0].code
+    assert twins.agree("build")[0].code
 
 
 def test_options_reach_cmake_in_the_same_way(twins: Twins) -> None:
@@ -232,6 +190,6 @@ def test_options_reach_cmake_in_the_same_way(twins: Twins) -> None:
     twins.write("colcon_defaults.yaml", "build: {cmake-args: [-DX=default, -Wno-dev]}\n")
     for options in ((), ("--cmake-args", "-DX=a b", " -DY=line", "-G", "Unix Makefiles"), ("--metas",)):
         # CMake's cache keeps what colcon's users do not say any more; forge begins with another one.
-        twins.build("--cmake-clean-cache", *options)
+        twins.agree("build", "--cmake-clean-cache", *options)
         said = [(root / "build/a/said").read_text() for root in twins.roots]
         assert said[0] == said[1], options

@@ -7,68 +7,20 @@ from pathlib import Path
 
 import pytest
 
-from tests.conftest import Forge, Ran
+from tests.conftest import Forge
 from tests.packages import manifest_text
-from tests.peers import Colcon
+from tests.peers import Twins
 from tests.snippets import ROOT
 
 pytestmark = [pytest.mark.slow, pytest.mark.needs("colcon", "cmake", "make")]
 
-CMAKE = """cmake_minimum_required(VERSION 3.16)
-project({name} NONE)
-{more}
-install(FILES package.xml DESTINATION share/{name})
-"""
-ROS = {"ROS_VERSION": "2", "ROS_DISTRO": "humble", "ROS_PYTHON_VERSION": "3"}
 
-
-class Twins:
-    """Two copies of a workspace, one for each tool."""
-
-    def __init__(self, home: Path, forge: Forge) -> None:
-        """Begin with two empty folders."""
-        self.ours, self.theirs = home / "ours", home / "theirs"
-        self._home = home
-        self._forge = forge
-        self._colcon: Colcon | None = None
-        self.variables = dict(ROS)
-
-    def write(self, name: str, text: str = "") -> None:
-        """Write a file into both."""
-        for root in (self.ours, self.theirs):
-            path = root / name
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(text)
-
-    def package(
-        self, name: str, *lines: str, more: str = "", folder: str = "", build_type: str = "cmake"
-    ) -> None:
-        """Write a package into both."""
-        home = f"src/{folder or name}"
-        self.write(f"{home}/package.xml", manifest_text(name, *lines, build_type=build_type))
-        self.write(f"{home}/CMakeLists.txt", CMAKE.format(name=name, more=more))
-
-    def python(self, name: str, more: str = "") -> None:
-        """Write a Python package into both."""
-        self.write(f"src/{name}/package.xml", manifest_text(name, build_type="ament_python"))
-        self.write(
-            f"src/{name}/setup.py",
-            f"from setuptools import setup\n{more}\nsetup(name='{name}', version='1', packages=['{name}'])\n",
-        )
-        self.write(f"src/{name}/{name}/__init__.py")
-
-    def run(self, *argv: str) -> tuple[Ran, Ran]:
-        """Run the same words with both."""
-        if self._colcon is None:
-            home = str(self._home / "home")
-            self._colcon = Colcon({**self.variables, "HOME": home, "COLCON_HOME": home})
-        ours = self._forge(*argv, cwd=self.ours, env={**dict.fromkeys(ROS), **self.variables})
-        return ours, self._colcon(*argv, cwd=self.theirs)
-
-    def end(self) -> None:
-        """End colcon."""
-        if self._colcon:
-            self._colcon.end()
+def python_package(twins: Twins, name: str, more: str = "") -> None:
+    """Write a Python package into both workspaces."""
+    twins.write(f"src/{name}/package.xml", manifest_text(name, build_type="ament_python"))
+    setup = f"setup(name='{name}', version='1', packages=['{name}'])"
+    twins.write(f"src/{name}/setup.py", f"from setuptools import setup\n{more}\n{setup}\n")
+    twins.write(f"src/{name}/{name}/__init__.py")
 
 
 @pytest.fixture
@@ -118,7 +70,7 @@ def listing_runs_no_code(twins: Twins) -> None:
 
 
 def info_has_no_addresses(twins: Twins) -> None:
-    twins.python("p")
+    python_package(twins, "p")
     ours, theirs = twins.run("info", "--packages-select", "p")
     assert "get_python_setup_options" not in ours.out
     assert "get_python_setup_options" in theirs.out
@@ -303,7 +255,7 @@ def repeated_warnings(twins: Twins) -> None:
 
 
 def python_packages_are_checked(twins: Twins) -> None:
-    twins.python("p", "import setuptools\n")
+    python_package(twins, "p", "import setuptools\n")
     text = (twins.ours / "src/p/setup.py").read_text()
     entry_points = "entry_points={'console_scripts': ['start = p.missing:main']}"
     twins.write("src/p/setup.py", text.replace("packages=", f"{entry_points}, packages="))

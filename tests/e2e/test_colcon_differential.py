@@ -12,13 +12,12 @@ import pytest
 
 from tests.conftest import Forge, Ran, Tree
 from tests.packages import manifest_text
-from tests.peers import Colcon
+from tests.peers import ROS, Colcon, colcon_in
 from tests.random_workspaces import Shape, random_options, write_random_workspace
 from tests.snippets import ROOT
 
 pytestmark = [pytest.mark.slow, pytest.mark.needs("colcon")]
 
-VARIABLES = {"ROS_VERSION": "2", "ROS_DISTRO": "humble", "ROS_PYTHON_VERSION": "3"}
 SEEDS = range(8)
 LEFT_OUT = ("extension-points", "metadata", "version-check")
 LEFT_OUT_OF = {"extensions": {"--all", "--verbose"}}
@@ -27,12 +26,9 @@ LEFT_OUT_OF = {"extensions": {"--all", "--verbose"}}
 
 @pytest.fixture(scope="module")
 def colcon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Colcon]:
-    """Start colcon for all tests, far from the user's own settings."""
-    home = tmp_path_factory.mktemp("home")
-    variables = {**VARIABLES, "HOME": str(home), "COLCON_HOME": str(home), "COLCON_LOG_PATH": "/dev/null"}
-    running = Colcon(variables)
-    yield running
-    running.end()
+    """Start colcon for all tests."""
+    with colcon_in(tmp_path_factory.mktemp("home"), COLCON_LOG_PATH="/dev/null") as running:
+        yield running
 
 
 def workspace(tmp_path: Path, seed: int, **shape: bool) -> Path:
@@ -42,7 +38,7 @@ def workspace(tmp_path: Path, seed: int, **shape: bool) -> Path:
 
 def both(colcon: Colcon, forge: Forge, root: Path, *argv: str) -> tuple[Ran, Ran]:
     """Run the same words with both."""
-    ours = forge(*argv, cwd=root, env=VARIABLES)
+    ours = forge(*argv, cwd=root, env=ROS)
     theirs = colcon(*argv, cwd=root)
     assert (ours.code == 0) == (theirs.code == 0), f"{argv}\n{ours}\n{theirs}"
     return ours, theirs

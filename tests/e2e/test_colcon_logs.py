@@ -14,7 +14,7 @@ from tests.conftest import Forge, Tree
 from tests.e2e.test_colcon_installs import surroundings  # noqa: F401  (a fixture)
 from tests.listed_differences import ListedDifferences
 from tests.packages import manifest_text
-from tests.peers import Colcon
+from tests.peers import Colcon, Twins
 
 pytestmark = [pytest.mark.slow, pytest.mark.needs("colcon", "cmake", "ninja")]
 
@@ -80,37 +80,16 @@ FAILING = {
 }
 
 
-class Both:
-    """Two copies of a workspace, one for each tool."""
-
-    def __init__(self, roots: tuple[Path, Path], forge: Forge, variables: dict[str, str]) -> None:
-        """Start colcon."""
-        self.roots = roots
-        self._forge = forge
-        self._variables = variables
-        self._colcon = Colcon(variables)
-
-    def run(self, *argv: str) -> None:
-        """Run the same command with both."""
-        ours = self._forge(*argv, cwd=self.roots[0], env=self._variables)
-        theirs = self._colcon(*argv, cwd=self.roots[1])
-        assert (ours.code == 0) == (theirs.code == 0), f"{ours}\n{theirs}"
-
-    def end(self) -> None:
-        """End colcon."""
-        self._colcon.end()
-
-
 @pytest.fixture
 def both(
     request: pytest.FixtureRequest,
     forge: Forge,
     tree: Tree,
     surroundings: dict[str, str],  # noqa: F811
-) -> Iterator[Both]:
+) -> Iterator[Twins]:
     """Return two copies of a workspace."""
     root = tree({f"{who}/{name}": text for who in ("ours", "theirs") for name, text in request.param.items()})
-    running = Both((root / "ours", root / "theirs"), forge, surroundings)
+    running = Twins(root, forge, Colcon(surroundings), surroundings)
     yield running
     running.end()
 
@@ -128,7 +107,7 @@ def files(root: Path) -> set[str]:
     return found
 
 
-def unexplained(both: Both) -> list[str]:
+def unexplained(both: Twins) -> list[str]:
     """Return the files that only one of the tools has, but for those on the page."""
     ours, theirs = map(files, both.roots)
     names = sorted((name, "forge" if name in ours else "colcon") for name in ours ^ theirs)
@@ -175,13 +154,13 @@ def kinds(root: Path, verb: str, package: str) -> list[tuple[str, object]]:
 
 
 @pytest.mark.parametrize("both", [WORKING], indirect=True)
-def test_builds_and_tests_leave_the_same_files(both: Both) -> None:
-    both.run("build", *ONE, *NINJA)
+def test_builds_and_tests_leave_the_same_files(both: Twins) -> None:
+    both.agree("build", *ONE, *NINJA)
     assert "\n".join(unexplained(both)) == ""
     ours, theirs = (course(root, "build") for root in both.roots)
     assert ours == theirs
     assert kinds(both.roots[0], "build", "base") == kinds(both.roots[1], "build", "base")
-    both.run("test", *ONE)
+    both.agree("test", *ONE)
     assert "\n".join(unexplained(both)) == ""
     ours, theirs = (course(root, "test") for root in both.roots)
     assert ours == theirs
@@ -207,8 +186,8 @@ def shapes(folder: Path) -> dict[str, set[str]]:
 
 @pytest.mark.parametrize("both", [FAILING], indirect=True)
 @pytest.mark.parametrize("options", [(), ("--continue-on-error",)])
-def test_failures_leave_the_same_files(both: Both, options: tuple[str, ...]) -> None:
-    both.run("build", *ONE, *options, "--packages-up-to", "skipped", *NINJA)
+def test_failures_leave_the_same_files(both: Twins, options: tuple[str, ...]) -> None:
+    both.agree("build", *ONE, *options, "--packages-up-to", "skipped", *NINJA)
     assert "\n".join(unexplained(both)) == ""
     ours, theirs = (course(root, "build") for root in both.roots)
     assert ours == theirs
@@ -223,8 +202,8 @@ ABORTED = {
 
 
 @pytest.mark.parametrize("both", [ABORTED], indirect=True)
-def test_aborted_packages_leave_the_same_files(both: Both) -> None:
-    both.run("build", "--parallel-workers", "2", *NINJA)
+def test_aborted_packages_leave_the_same_files(both: Twins) -> None:
+    both.agree("build", "--parallel-workers", "2", *NINJA)
     assert "\n".join(unexplained(both)) == ""
     ours, theirs = ({line for line in course(root, "build") if line[1] == "JobEnded"} for root in both.roots)
     assert ours == theirs == {("slow", "JobEnded", "slow", "SIGINT"), ("broken", "JobEnded", "broken", "1")}

@@ -13,13 +13,12 @@ import pytest
 
 from tests.conftest import Forge, Ran, Tree
 from tests.packages import manifest_text
-from tests.peers import Colcon
+from tests.peers import ROS, Colcon, colcon_in
 from tests.snippets import ROOT
 from tests.testable import PYTEST, UNITTEST, cmake_package, python_package
 
 pytestmark = [pytest.mark.slow, pytest.mark.needs("colcon", "cmake", "ctest", "ninja")]
 
-VARIABLES = {"ROS_VERSION": "2", "ROS_DISTRO": "humble", "ROS_PYTHON_VERSION": "3"}
 AMENT = """cmake_minimum_required(VERSION 3.18)
 project(a_test NONE)
 find_package(ament_cmake REQUIRED)
@@ -33,11 +32,9 @@ ament_package()
 
 @pytest.fixture(scope="module")
 def colcon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Colcon]:
-    """Start colcon for all tests, far from the user's own settings."""
-    home = tmp_path_factory.mktemp("home")
-    running = Colcon({**VARIABLES, "HOME": str(home), "COLCON_HOME": str(home)})
-    yield running
-    running.end()
+    """Start colcon for all tests."""
+    with colcon_in(tmp_path_factory.mktemp("home")) as running:
+        yield running
 
 
 def without_times(ran: Ran) -> list[str]:
@@ -71,8 +68,8 @@ def test_both_tools_run_the_same_tests_with_the_same_results(
             "src/a_test/CMakeLists.txt": AMENT,
         }
     )
-    assert forge("build", cwd=root, env={**VARIABLES, "PYTHONPATH": str(ROOT)}).code == 0
-    ours = forge("test", cwd=root, env=VARIABLES)
+    assert forge("build", cwd=root, env={**ROS, "PYTHONPATH": str(ROOT)}).code == 0
+    ours = forge("test", cwd=root, env=ROS)
     assert ours.code == 0, ours.err
     our_files, our_notes = results(root), notes(root)
     our_sums = forge("test-result", "--all", "--verbose", cwd=root)
@@ -96,9 +93,9 @@ def test_both_tools_run_the_same_tests_with_the_same_results(
 
 def test_unittest_results_exist_where_colcon_fails(colcon: Colcon, forge: Forge, tree: Tree) -> None:
     root = tree(python_package("u_test", UNITTEST.format(name="u_test"), pytest=False))
-    assert forge("build", cwd=root, env={**VARIABLES, "PYTHONPATH": str(ROOT)}).code == 0
+    assert forge("build", cwd=root, env={**ROS, "PYTHONPATH": str(ROOT)}).code == 0
     assert colcon("test", cwd=root).code == 1
-    assert forge("test", cwd=root, env=VARIABLES).code == 0
+    assert forge("test", cwd=root, env=ROS).code == 0
     assert notes(root) == {"u_test": "test failures\n"}
 
 
@@ -110,8 +107,8 @@ def test_ament_results_are_written_to_the_given_folder(forge: Forge, tree: Tree)
         }
     )
     option = ("--test-result-base", "results")
-    assert forge("build", *option, cwd=root, env={**VARIABLES, "PYTHONPATH": str(ROOT)}).code == 0
-    assert forge("test", *option, cwd=root, env=VARIABLES).code == 0
+    assert forge("build", *option, cwd=root, env={**ROS, "PYTHONPATH": str(ROOT)}).code == 0
+    assert forge("test", *option, cwd=root, env=ROS).code == 0
     ran = forge("test-result", *option, cwd=root)
     assert ran.out.endswith("\nSummary: 2 tests, 0 errors, 1 failure, 0 skipped\n")
     assert (root / "results/a_test/bad.xml").is_file()
@@ -129,10 +126,10 @@ def test_results_survive_a_rebuild(colcon: Colcon, forge: Forge, tree: Tree) -> 
             **python_package("u", UNITTEST.format(name="u"), pytest=False),
         }
     )
-    variables = {**VARIABLES, "PYTHONPATH": str(ROOT)}
+    variables = {**ROS, "PYTHONPATH": str(ROOT)}
     edited = [root / path for path in ("src/c/CMakeLists.txt", "src/p/p/__init__.py", "src/u/u/__init__.py")]
     assert forge("build", cwd=root, env=variables).code == 0
-    forge("test", cwd=root, env=VARIABLES)
+    forge("test", cwd=root, env=ROS)
     before = {path: path.read_bytes() for path in root.glob("build/*/**/*.xml")}
     assert len(before) == 4
     for options in ([], ["--force"], ["--cmake-clean-cache"], ["--cmake-args", "-DA=1"]):
