@@ -118,11 +118,24 @@ def _receive(connection: socket.socket) -> tuple[Call, list[int]]:
 
 
 def _answer(connection: socket.socket, call: Call, descriptors: list[int], run: Callable[[Call], int]) -> int:
-    """Run a call in this forked process and send its exit code to the client."""
+    """Run a call in this forked process, in a group that ends with the client; send it the exit code."""
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     for target, descriptor in enumerate(descriptors, start=1):
         os.dup2(descriptor, target)
-    _end_with(connection, call.environment.get(BUILD_FOLDER_VARIABLE))
+
+    def kill_if_disconnected(_number: int, _frame: object) -> None:
+        with contextlib.suppress(BlockingIOError):
+            if not connection.recv(1, socket.MSG_PEEK | socket.MSG_DONTWAIT):
+                os.killpg(0, signal.SIGKILL)
+
+    os.setpgid(0, 0)
+    if folder := call.environment.get(BUILD_FOLDER_VARIABLE):
+        # The next build in this folder kills the process if it still runs. Its parent does not identify it,
+        # because the server may have ended by then.
+        StartedProcesses(Path(folder)).note(os.getpid())
+    signal.signal(signal.SIGIO, kill_if_disconnected)
+    fcntl.fcntl(connection, fcntl.F_SETOWN, os.getpid())
+    fcntl.fcntl(connection, fcntl.F_SETFL, fcntl.fcntl(connection, fcntl.F_GETFL) | os.O_ASYNC)
     os.chdir(call.cwd)
     os.environ.clear()
     os.environ.update(call.environment)
@@ -136,24 +149,3 @@ def _answer(connection: socket.socket, call: Call, descriptors: list[int], run: 
     sys.stderr.flush()
     connection.sendall(bytes([code]))
     return 0
-
-
-def _end_with(connection: socket.socket, folder: str | None) -> None:
-    """Kill this process group when the client disconnects.
-
-    If the client belongs to a build, note the process, so that the next build in that folder can kill it
-    otherwise.
-    """
-
-    def check_connection(_number: int, _frame: object) -> None:
-        with contextlib.suppress(BlockingIOError):
-            if not connection.recv(1, socket.MSG_PEEK | socket.MSG_DONTWAIT):
-                os.killpg(0, signal.SIGKILL)
-
-    os.setpgid(0, 0)
-    if folder:
-        # It could not be identified after the end of the server.
-        StartedProcesses(Path(folder)).note(os.getpid())
-    signal.signal(signal.SIGIO, check_connection)
-    fcntl.fcntl(connection, fcntl.F_SETOWN, os.getpid())
-    fcntl.fcntl(connection, fcntl.F_SETFL, fcntl.fcntl(connection, fcntl.F_GETFL) | os.O_ASYNC)

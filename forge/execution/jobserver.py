@@ -139,7 +139,34 @@ def join_pool(auth: str) -> TokenPool | None:
 
 def supported_styles(name: str, program: Path, variables: Mapping[str, str]) -> frozenset[str]:
     """Return the jobserver styles that a tool ('ninja' or 'make') supports, determined by running it."""
-    return frozenset(style for style in (FIFO, PIPE) if _supports(name, program, style, variables))
+    import tempfile
+
+    file, text, arguments = _TRIALS[name]
+    supported = set()
+    for style in (FIFO, PIPE):
+        with (
+            tempfile.TemporaryDirectory(prefix="forge-") as folder,
+            contextlib.closing(create_pool(style)) as pool,
+            contextlib.suppress(OSError, subprocess.TimeoutExpired),
+        ):
+            Path(folder, file).write_text(text, encoding="utf-8")
+            trial = subprocess.run(
+                (str(program), *arguments),
+                cwd=folder,
+                env={**variables, "MAKEFLAGS": f"-j2 --jobserver-auth={pool.auth}"},
+                pass_fds=pool.descriptors,
+                stdin=subprocess.DEVNULL,
+                capture_output=True,
+                text=True,
+                errors="replace",
+                timeout=10,
+                check=False,
+            )
+            rejected = any(word in trial.stderr for word in ("error", "gnoring", "unavailable"))
+            has_joined = any(word in trial.stdout for word in _SUPPORT_OUTPUT[name])
+            if trial.returncode == 0 and not rejected and has_joined:
+                supported.add(style)
+    return frozenset(supported)
 
 
 def common_style(styles_by_tool: Mapping[str, frozenset[str]]) -> str | None:
@@ -159,33 +186,3 @@ def without_jobserver_notices(lines: bytes) -> bytes:
     if not any(notice in lines for notice in _NOTICES):
         return lines
     return b"".join(line for line in split_lines(lines) if not line.startswith(_NOTICES))
-
-
-def _supports(name: str, program: Path, style: str, variables: Mapping[str, str]) -> bool:
-    import tempfile
-
-    file, text, arguments = _TRIALS[name]
-    with (
-        tempfile.TemporaryDirectory(prefix="forge-") as folder,
-        contextlib.closing(create_pool(style)) as pool,
-    ):
-        Path(folder, file).write_text(text, encoding="utf-8")
-        try:
-            probe = subprocess.run(
-                (str(program), *arguments),
-                cwd=folder,
-                env={**variables, "MAKEFLAGS": f"-j2 --jobserver-auth={pool.auth}"},
-                pass_fds=pool.descriptors,
-                stdin=subprocess.DEVNULL,
-                capture_output=True,
-                text=True,
-                errors="replace",
-                timeout=10,
-                check=False,
-            )
-        except (OSError, subprocess.TimeoutExpired):
-            return False
-    refused = "error" in probe.stderr or "gnoring" in probe.stderr or "unavailable" in probe.stderr
-    return (
-        probe.returncode == 0 and not refused and any(word in probe.stdout for word in _SUPPORT_OUTPUT[name])
-    )

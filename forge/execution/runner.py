@@ -24,7 +24,7 @@ from forge.execution.jobserver import without_jobserver_notices
 from forge.execution.started import BUILD_FOLDER_VARIABLE
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
+    from collections.abc import Callable, Mapping
 
     from forge.build.events import Event
     from forge.build.tasks import Step, Task
@@ -278,11 +278,14 @@ def _read_lines(process: subprocess.Popen[bytes], put: Callable[[bytes, bool], N
 
     A daemon started by the program may hold the pipes open; it is not waited for.
     """
-    with selectors.DefaultSelector() as selector, _exit_descriptor(process) as end:
+    with contextlib.ExitStack() as stack:
+        selector = stack.enter_context(selectors.DefaultSelector())
         for pipe, stderr in ((process.stdout, False), (process.stderr, True)):
             assert pipe is not None
             selector.register(pipe, selectors.EVENT_READ, stderr)
-        if end is not None:
+        with contextlib.suppress(AttributeError, OSError):  # which an old kernel lacks
+            end = os.pidfd_open(process.pid)
+            stack.callback(os.close, end)
             selector.register(end, selectors.EVENT_READ)
         partial_lines = {False: b"", True: b""}
         timeout = None
@@ -314,20 +317,6 @@ def _emit_lines(data: bytes, stderr: bool, put: Callable[[bytes, bool], None]) -
         put(partial_line, stderr)
         return b""
     return partial_line
-
-
-@contextlib.contextmanager
-def _exit_descriptor(process: subprocess.Popen[bytes]) -> Iterator[int | None]:
-    """Yield a descriptor that becomes readable when the process ends, or None if unsupported."""
-    try:
-        descriptor = os.pidfd_open(process.pid)
-    except (AttributeError, OSError):
-        yield None
-        return
-    try:
-        yield descriptor
-    finally:
-        os.close(descriptor)
 
 
 def changed_variables(variables: Mapping[str, str]) -> tuple[tuple[str, str], ...]:

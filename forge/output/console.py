@@ -18,7 +18,7 @@ from forge.build.events import Aborted, Finished, Fresh, Output, Skipped, Starte
 from forge.build.tasks import TEST_FAILURES, StepKind, environment_file, step_line
 from forge.cache.model import RESTORED
 from forge.output.package_warnings import CompilerWarnings, RepeatedWarnings
-from forge.toolchain.cmake_variables import UnusedVariables, well_known
+from forge.toolchain.cmake_variables import UnusedVariables, probable_variable
 from forge.toolchain.programs import CMAKE_TYPES
 
 if TYPE_CHECKING:
@@ -273,7 +273,7 @@ class ConsoleReporter:
             self._out(f"  CMake variables not used by any package: {' '.join(unused)}")
             hint = palette.paint("hint", "hint:")
             for variable in unused:
-                if near := well_known(variable):
+                if near := probable_variable(variable):
                     self._out(f"  {hint} did you mean '{near}' instead of '{variable}'?")
 
     def _progress(self, line: str) -> None:

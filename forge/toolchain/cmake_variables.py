@@ -66,8 +66,8 @@ def defined(arguments: Sequence[str]) -> frozenset[str]:
     return frozenset(name for name, _ in definitions(arguments))
 
 
-def well_known(name: str) -> str | None:
-    """Return the variable of CMake that an unused one probably misspells, or None."""
+def probable_variable(name: str) -> str | None:
+    """Return the variable of CMake that was probably meant by an unused one, or None."""
     return None if name in _WELL_KNOWN else nearest(name, _WELL_KNOWN, _SIMILAR)
 
 

@@ -1,4 +1,4 @@
-"""Checks which modules an interpreter has, tells the command that installs others, and lends setuptools."""
+"""Checks which modules an interpreter has, tells how to install others, and provides setuptools."""
 
 from __future__ import annotations
 

@@ -79,24 +79,16 @@ def test_a_process_with_only_its_variables_keeps_running(
     assert editor.poll() is None
 
 
+@pytest.mark.parametrize(("time_shift", "boot"), [(1, None), (0, "another")])
 def test_a_process_with_a_reused_id_keeps_running(
-    tmp_path: Path, started: list[subprocess.Popen[str]]
+    tmp_path: Path, started: list[subprocess.Popen[str]], time_shift: int, boot: str | None
 ) -> None:
+    """Its start time differs, or the record is from another boot."""
     process, _ = start(SLEEP, tmp_path, told=True)
     started.append(process)
-    number, begun, *machine = (tmp_path / PROCESSES_FILE).read_text().split()
-    (tmp_path / PROCESSES_FILE).write_text(" ".join((number, str(int(begun) - 1), *machine)) + "\n")
-    StartedProcesses(tmp_path).end()
-    assert process.poll() is None
-
-
-def test_process_ids_of_another_boot_are_ignored(
-    tmp_path: Path, started: list[subprocess.Popen[str]]
-) -> None:
-    process, _ = start(SLEEP, tmp_path, told=True)
-    started.append(process)
-    number, begun, _, namespace = (tmp_path / PROCESSES_FILE).read_text().split()
-    (tmp_path / PROCESSES_FILE).write_text(f"{number} {begun} another {namespace}\n")
+    number, begun, recorded_boot, namespace = (tmp_path / PROCESSES_FILE).read_text().split()
+    record = f"{number} {int(begun) - time_shift} {boot or recorded_boot} {namespace}\n"
+    (tmp_path / PROCESSES_FILE).write_text(record)
     StartedProcesses(tmp_path).end()
     assert process.poll() is None
 

@@ -48,7 +48,7 @@ class Result(unittest.TextTestResult):
 
     def stopTest(self, test: unittest.TestCase) -> None:
         super().stopTest(test)
-        self.records[-1].stop()
+        self.records[-1].seconds = time.monotonic() - self.records[-1].began
 
     def addError(self, test: unittest.TestCase, err: Fault) -> None:
         super().addError(test, err)
@@ -75,9 +75,8 @@ class Result(unittest.TextTestResult):
 
     def addUnexpectedSuccess(self, test: unittest.TestCase) -> None:
         super().addUnexpectedSuccess(test)
-        self._record(test).events.append(
-            ("failure", "unexpected success of a test marked as expected failure", "")
-        )
+        message = "unexpected success of a test marked as expected failure"
+        self._record(test).events.append(("failure", message, ""))
 
     def _record(self, test: unittest.TestCase) -> CaseRecord:
         if not self.records or self.records[-1].name != test.id():
@@ -99,10 +98,7 @@ class CaseRecord:
         self.name = name
         self.events: list[tuple[str, str, str]] = []
         self.seconds = 0.0
-        self._begun = time.monotonic()
-
-    def stop(self) -> None:
-        self.seconds = time.monotonic() - self._begun
+        self.began = time.monotonic()
 
     @property
     def kind(self) -> str:
@@ -130,15 +126,10 @@ def main(words: Sequence[str]) -> int:
 
 def _junit(package: str, records: Sequence[CaseRecord]) -> bytes:
     kinds = [record.kind for record in records]
-    counts = {
-        "tests": len(records),
-        "errors": kinds.count("error"),
-        "failures": kinds.count("failure"),
-        "skipped": kinds.count("skipped"),
-    }
     seconds = sum(record.seconds for record in records)
-    root = ET.Element("testsuite", name=_printable(package), time=f"{seconds:.3f}")
-    root.attrib.update({name: str(count) for name, count in counts.items()})
+    root = ET.Element("testsuite", name=_printable(package), time=f"{seconds:.3f}", tests=str(len(records)))
+    for name, kind in (("errors", "error"), ("failures", "failure"), ("skipped", "skipped")):
+        root.set(name, str(kinds.count(kind)))
     for record in records:
         # 'setUpClass (module.Class)' is not a test name.
         suite, _, name = (package, "", record.name) if " " in record.name else record.name.rpartition(".")

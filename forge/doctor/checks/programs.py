@@ -42,7 +42,7 @@ _POLICIES_GONE, _LEAST_POLICY = (4, 0), (3, 5)
 _PROGRAM = "#include <optional>\nint main() { if constexpr (true) { return std::optional(0).value(); } }\n"
 _VERSION = re.compile(r"\d+(?:\.\d+)+")
 _HEADERS = re.compile(r"pybind11|PythonLibs|Python3?\b[^)]*\bDevelopment|Python3_add_library|nanobind")
-_SPEAKS_SH = frozenset({"ash", "busybox", "dash", "ksh", "mksh"})
+_SH_COMPATIBLE = frozenset({"ash", "busybox", "dash", "ksh", "mksh"})
 _PROJECT_TABLE = (61, 0)
 """The first setuptools that reads project metadata from pyproject.toml."""
 
@@ -75,7 +75,9 @@ def cmake(subject: CheckContext) -> CheckResult:
         problem = Problem(f"'{program}' does not run", hint=hint)
         return graded("cmake", str(program), (problem,), serious=bool(cmake_packages))
     found = _numbers(version)
-    problems = [problem for package in cmake_packages for problem in _minimum(subject, package, found)]
+    problems = [
+        problem for package in cmake_packages for problem in _rejected_by_cmake(subject, package, found)
+    ]
     if found < _OLDEST_CMAKE:
         hint = f"install a newer one, for example with `{extra_command('cmake')}`"
         problems.append(Problem(f"CMake {version} at '{program}' is older than 3.18", hint=hint))
@@ -142,14 +144,16 @@ def shells(subject: CheckContext) -> CheckResult:
     found = [name for name in SHELLS if shutil.which(name, path=path)]
     login = subject.surroundings.get("SHELL", "").rpartition("/")[2]
     summary = " ".join(found) + (f"; yours is {login}" if login else "")
-    if not login or login in SHELLS or login in _SPEAKS_SH:
+    if not login or login in SHELLS or login in _SH_COMPATIBLE:
         return CheckResult("shells", summary)
     hint = "start it with 'forge shell' in the environment of the workspace, or use 'forge env'"
     problem = Problem(f"no setup script for shell '{login}'", hint=hint)
     return CheckResult("shells", summary, warnings=(problem,))
 
 
-def _minimum(subject: CheckContext, package: Package, version: tuple[int, ...]) -> Iterator[Problem]:
+def _rejected_by_cmake(
+    subject: CheckContext, package: Package, version: tuple[int, ...]
+) -> Iterator[Problem]:
     """Yield a problem if a CMake of this version rejects the package."""
     text = subject.text(package, "CMakeLists.txt")
     call = next((call for call in calls(text) if call.command == "cmake_minimum_required"), None)

@@ -31,7 +31,7 @@ _PYTHON_FOLDER = re.compile(r"python(\d+)\.(\d+)")
 _MODULES = ("lib", "local/lib")
 _PATHS = ("CMAKE_PREFIX_PATH", "PYTHONPATH", "LD_LIBRARY_PATH")
 _FILES = ("COLCON_DEFAULTS_FILE", "COLCON_PYTHON_EXECUTABLE", "COLCON_HOME", "CMAKE_COMMAND", "CTEST_COMMAND")
-_PASSING = ("AMENT_CURRENT_PREFIX", "COLCON_CURRENT_PREFIX")
+_SCRIPT_VARIABLES = ("AMENT_CURRENT_PREFIX", "COLCON_CURRENT_PREFIX")
 _CACHE_HOME = re.compile(r"^CMAKE_HOME_DIRECTORY:INTERNAL=(.*)$", re.MULTILINE)
 
 
@@ -51,7 +51,7 @@ def underlays(subject: CheckContext) -> CheckResult:
             warnings.append(Problem(message, hint=hint))
         # Built without a package although all its underlays are sourced: that build did not need it.
         is_complete = all(below.resolve() in sourced for below in underlays_of(root))
-        (notes if is_complete else warnings).extend(_without_needs(root, subject))
+        (notes if is_complete else warnings).extend(_missing_dependencies(root, subject))
     for place, root in enumerate(chain):
         try:
             below = recorded_underlays(root)
@@ -62,7 +62,7 @@ def underlays(subject: CheckContext) -> CheckResult:
             if other in chain[place + 1 :]:
                 message = f"'{root}' was built on '{other}', but is sourced before it"
                 warnings.append(Problem(message, hint=f"in a new terminal, source '{other}' first"))
-    summary = ", ".join(f"{root} ({_maker(root)})" for root in chain) or "none sourced"
+    summary = ", ".join(f"{root} ({_tool_of(root)})" for root in chain) or "none sourced"
     return CheckResult("underlays", summary, warnings=tuple(warnings), notes=tuple(notes))
 
 
@@ -70,11 +70,11 @@ def environment(subject: CheckContext) -> CheckResult:
     """Find variables left over from another ROS, workspace or Python."""
     variables = subject.surroundings
     warnings = [
-        *_of_another_ros(variables),
-        *_of_another_python(variables, subject),
-        *_leading_nowhere(variables),
+        *_other_ros(variables),
+        *_other_python(variables, subject),
+        *_missing_paths(variables),
     ]
-    for name in _PASSING:
+    for name in _SCRIPT_VARIABLES:
         if name in variables:
             message = f"'{name}' is set, which only setup scripts should do while they run"
             warnings.append(Problem(message, hint=f"unset {name}"))
@@ -100,7 +100,7 @@ def results(subject: CheckContext) -> CheckResult:
     return CheckResult("results", summary, tuple(errors), notes=tuple(notes))
 
 
-def _maker(root: Path) -> str:
+def _tool_of(root: Path) -> str:
     if (root / INSTALL_STATE_FILE).is_file():
         return "forge"
     if (root / LAYOUT_MARKER).is_file():
@@ -108,7 +108,7 @@ def _maker(root: Path) -> str:
     return "catkin" if (root / "_setup_util.py").is_file() else "a distribution"
 
 
-def _without_needs(root: Path, subject: CheckContext) -> Iterator[Problem]:
+def _missing_dependencies(root: Path, subject: CheckContext) -> Iterator[Problem]:
     held = installed_packages(root)
     # The packages of a distribution come from many sources, so that fewer of their names are certain.
     is_package = resembles_ros_name if (root / LAYOUT_MARKER).is_file() else is_ros_name
@@ -126,7 +126,7 @@ def _without_needs(root: Path, subject: CheckContext) -> Iterator[Problem]:
         yield Problem(message, hint=hint)
 
 
-def _of_another_ros(variables: Mapping[str, str]) -> Iterator[Problem]:
+def _other_ros(variables: Mapping[str, str]) -> Iterator[Problem]:
     new = "open a new terminal, and source only the underlays of this workspace"
     if variables.get("ROS_VERSION", "2") != "2" or "ROS_PACKAGE_PATH" in variables:
         yield Problem("the environment is for ROS 1", hint=f"{new}; check ~/.bashrc, too")
@@ -139,7 +139,7 @@ def _of_another_ros(variables: Mapping[str, str]) -> Iterator[Problem]:
         yield Problem(f"'ROS_DISTRO' is '{distro}', but '/opt/ros/{distros[0]}' is sourced", hint=new)
 
 
-def _of_another_python(variables: Mapping[str, str], subject: CheckContext) -> Iterator[Problem]:
+def _other_python(variables: Mapping[str, str], subject: CheckContext) -> Iterator[Problem]:
     if variables.get("PYTHONHOME"):
         yield Problem(f"'PYTHONHOME' is set to '{variables['PYTHONHOME']}'", hint="unset PYTHONHOME")
     try:
@@ -161,8 +161,8 @@ def _of_another_python(variables: Mapping[str, str], subject: CheckContext) -> I
         yield Problem(f"conda is active in '{conda}'", hint=hint)
 
 
-def _leading_nowhere(variables: Mapping[str, str]) -> Iterator[Problem]:
-    """Yield variables that name missing files or folders; lost_underlays checks two others."""
+def _missing_paths(variables: Mapping[str, str]) -> Iterator[Problem]:
+    """Yield variables with missing files or folders; lost_underlays checks two others."""
     for name in _PATHS:
         entries = dict.fromkeys(filter(None, variables.get(name, "").split(os.pathsep)))
         gone = [entry for entry in entries if not os.path.lexists(entry)]
