@@ -1,8 +1,7 @@
-"""C++ that drives Fast-CDR for generated messages as ROS's type support does, to compare forge_cdr with.
+"""C++ that serializes generated messages with Fast-CDR as ROS's type support does, for comparisons.
 
-For each message: `serialized_size`, `serialize_members` and `deserialize_members`, none of them inlined, as
-in ROS each lies in a library of its own. A size pass comes first, then everything is written into a
-buffer of that size.
+Each message has `serialized_size`, `serialize_members` and `deserialize_members`. They are not inlined,
+because in ROS each is in a library of its own. The size is computed first, for a buffer of that size.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -23,7 +22,7 @@ from forge.interfaces.model import (
 from forge.interfaces.wire.layout import SIZES
 
 HEADER = "/usr/include/fastcdr/Cdr.h"
-"""Where Debian's libfastcdr-dev puts what the code includes."""
+"""The header in Debian's libfastcdr-dev."""
 
 _START = """\
 #pragma once
@@ -85,7 +84,7 @@ void peer_deserialize(const char * data, std::size_t size, Message & message)
 
 
 def declarations(names: Iterable[TypeName], known: Mapping[TypeName, Message]) -> str:
-    """Return a header for the named messages and all below them: what drives Fast-CDR for each."""
+    """Return a header that declares the functions of the named messages and all nested ones."""
     below = _below(names, known)
     headers = sorted({main_path(_owner(name), "hpp") for name in below})
     includes = "".join(f'#include "{header}"\n' for header in headers)
@@ -94,18 +93,18 @@ def declarations(names: Iterable[TypeName], known: Mapping[TypeName, Message]) -
 
 
 def definitions(names: Iterable[TypeName], known: Mapping[TypeName, Message], header: str) -> str:
-    """Return the source that belongs to the header."""
+    """Return the source of the functions in the header."""
     defined = "\n".join(_defined(known[name]) for name in _below(names, known))
     return f'#include "{header}"\n\nusing eprosima::fastcdr::Cdr;\n\n{defined}'
 
 
 def _owner(name: TypeName) -> TypeName:
-    """Return the interface that brings a message along."""
+    """Return the interface that defines a message."""
     return name if name.kind == "msg" else TypeName(name.package, name.kind, name.name.partition("_")[0])
 
 
 def _below(names: Iterable[TypeName], known: Mapping[TypeName, Message]) -> list[TypeName]:
-    """Return the messages and those inside them, each after what it contains."""
+    """Return the messages and all nested ones, each after those that it contains."""
     found: dict[TypeName, None] = {}
     for name in names:
         inner = (getattr(field.type, "of", field.type) for field in known[name].members)

@@ -1,4 +1,4 @@
-"""Messages of any generated class: random ones, and their values as plain data."""
+"""Random messages of generated classes, and messages as plain data."""
 
 import sys
 from array import array
@@ -63,7 +63,7 @@ def class_of(owner: Any, type_: Any) -> Any:
 
 
 def plain(value: Any) -> Any:
-    """Return a value as dicts, lists, numbers and strings, whichever library's message it is of."""
+    """Return a value or a message of any library as dicts, lists, numbers and strings."""
     if isinstance(value, np.ndarray | array):
         return value.tolist()
     if isinstance(value, bytes):

@@ -1,4 +1,4 @@
-"""Strategies that several tests share."""
+"""Hypothesis strategies for several tests."""
 
 from hypothesis import strategies as st
 
@@ -7,7 +7,7 @@ NAMES = st.from_regex(r"[a-z][a-z0-9_]{0,8}", fullmatch=True)
 
 @st.composite
 def graphs(draw: st.DrawFn, *, acyclic: bool = True) -> dict[str, frozenset[str]]:
-    """Draw name -> needs; in an acyclic graph a name needs only names that were drawn before it."""
+    """Draw a graph that maps each name to the names it needs."""
     names = draw(st.lists(NAMES, unique=True, max_size=8))
     graph = {}
     for index, name in enumerate(names):

@@ -54,18 +54,6 @@ def test_the_headers_of_a_package_are_as_reviewed(golden: Golden) -> None:
     golden(case, {file.path: file.text for file in cpp.files(catalog)})
 
 
-def test_every_interface_has_rosidls_headers() -> None:
-    assert sorted(texts(message(name="UInt8"))) == [
-        "demo/msg/detail/u_int8__builder.hpp",
-        "demo/msg/detail/u_int8__cdr.hpp",
-        "demo/msg/detail/u_int8__struct.hpp",
-        "demo/msg/detail/u_int8__traits.hpp",
-        "demo/msg/detail/u_int8__type_support.hpp",
-        "demo/msg/rosidl_generator_cpp__visibility_control.hpp",
-        "demo/msg/u_int8.hpp",
-    ]
-
-
 @pytest.mark.parametrize("name", ["DELETE", "ERROR", "NAN", "NO_ERROR"])
 def test_a_constant_may_have_the_name_of_a_macro(name: str) -> None:
     """The macro is undefined while the struct is defined."""

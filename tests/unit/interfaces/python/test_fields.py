@@ -37,13 +37,8 @@ FLOAT = "a float in [-3.402823466e+38, 3.402823466e+38]"
 def test_fields_start_at_zero(msg: ModuleType) -> None:
     scalars = msg.Scalars()
     assert scalars.flag is False
-    assert (scalars.octet, scalars.letter, scalars.text, scalars.wide, scalars.brief) == (
-        b"\0",
-        0,
-        "",
-        "",
-        "",
-    )
+    assert (scalars.octet, scalars.letter) == (b"\0", 0)
+    assert (scalars.text, scalars.wide, scalars.brief) == ("", "", "")
     for name in ("single", "exact"):
         assert type(getattr(scalars, name)) is float
     for name in INTEGERS:
@@ -229,14 +224,8 @@ def test_idl_characters_are_strings_of_one_character() -> None:
     made = class_()
     assert (made.c, made.w, made.cs, made.ws) == ("\0", "é", ["\0", "\0"], ["A"])
     assert class_(c="a", w="日", cs=["a", "b"], ws=[]).w == "日"
-    for values in (
-        {"c": "é"},
-        {"c": "ab"},
-        {"w": "\U0001f600"},
-        {"w": 1},
-        {"cs": ["a", "é"]},
-        {"ws": ["ab"]},
-    ):
+    wrong = ({"c": "é"}, {"c": "ab"}, {"w": "\U0001f600"}, {"w": 1}, {"cs": ["a", "é"]}, {"ws": ["ab"]})
+    for values in wrong:
         with pytest.raises(AssertionError):
             class_(**values)
 

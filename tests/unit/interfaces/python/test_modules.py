@@ -194,36 +194,23 @@ def test_messages_can_be_copied_and_pickled(msg: ModuleType, name: str) -> None:
 def test_the_metaclass_has_the_attributes_that_rclpy_uses(msg: ModuleType) -> None:
     metaclass = type(msg.Point)
     assert metaclass.__name__ == "Metaclass_Point"
-    for name in (
-        "_CREATE_ROS_MESSAGE",
-        "_CONVERT_FROM_PY",
-        "_CONVERT_TO_PY",
-        "_DESTROY_ROS_MESSAGE",
-        "_TYPE_SUPPORT",
-    ):
-        assert getattr(metaclass, name) is None
+    for name in "CREATE_ROS_MESSAGE CONVERT_FROM_PY CONVERT_TO_PY DESTROY_ROS_MESSAGE TYPE_SUPPORT".split():
+        assert getattr(metaclass, f"_{name}") is None
     metaclass.__import_type_support__()
     assert metaclass._TYPE_SUPPORT is None
 
 
 def test_the_docstring_names_the_constants(msg: ModuleType) -> None:
     assert msg.Point.__doc__ == "Message class 'Point'."
-    assert msg.Constants.__doc__.split() == [
-        "Message",
-        "class",
-        "'Constants'.",
-        "Constants:",
-        *["YES", "RAW", "LETTER", "LOW", "HIGH", "PI", "NAN", "INF", "WORD", "WIDE"],
-    ]
+    names = "YES RAW LETTER LOW HIGH PI NAN INF WORD WIDE"
+    assert msg.Constants.__doc__.split() == f"Message class 'Constants'. Constants: {names}".split()
 
 
-def test_an_empty_message_has_no_field(msg: ModuleType) -> None:
+def test_an_empty_message_has_no_fields(msg: ModuleType) -> None:
     assert msg.Nothing.__slots__ == []
     assert msg.Nothing.SLOT_TYPES == ()
     assert msg.Nothing.get_fields_and_field_types() == {}
-
-
-def test_a_hidden_member_beside_another_is_a_field(msg: ModuleType) -> None:
+    # The placeholder beside another member is a field.
     assert list(msg.Hidden.get_fields_and_field_types()) == ["structure_needs_at_least_one_member", "other"]
 
 
