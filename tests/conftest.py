@@ -12,6 +12,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
@@ -25,6 +26,7 @@ from forge.base.files import write_if_changed
 from forge.cli.main import main
 from forge.toolchain.compiler_probe import Toolchain
 from tests.generated import generate, importable, probe_catalog
+from tests.packages import write_files
 from tests.rosidl import DEBIAN, EMPY, MODULES
 
 # A suite that was started in the background, or below nohup, ignores these, and what it starts would, too.
@@ -157,16 +159,7 @@ def _variables() -> dict[str, str]:
 def tree(tmp_path: Path) -> Tree:
     """Make files from a table of paths and texts."""
 
-    def write(files: Mapping[str, str]) -> Path:
-        for name, text in files.items():
-            path = tmp_path / name
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(text, encoding="utf-8")
-            if text.startswith("#!"):
-                path.chmod(0o755)
-        return tmp_path
-
-    return write
+    return partial(write_files, tmp_path)
 
 
 @pytest.fixture(scope="session")

@@ -1,5 +1,6 @@
 """Makes packages for tests, from the text of a manifest, and the context of a build with CMake."""
 
+from collections.abc import Mapping
 from pathlib import Path
 
 from forge.base.layout import Layout
@@ -18,6 +19,17 @@ HEAD = """<?xml version="1.0"?>
 {body}
 </package>
 """
+
+
+def write_files(root: Path, files: Mapping[str, str]) -> Path:
+    """Write files below a folder, which is returned; a text with '#!' is executable."""
+    for name, text in files.items():
+        path = root / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+        if text.startswith("#!"):
+            path.chmod(0o755)
+    return root
 
 
 def manifest_text(name: str, *lines: str, build_type: str = "ament_cmake") -> str:

@@ -1,10 +1,11 @@
 """Workspaces of any size, kind and shape, the same for the same seed."""
 
 import random
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 
 from tests.bench.definitions import write_definitions
+from tests.packages import write_files
 
 MANIFEST = """<?xml version="1.0"?>
 <package format="3">
@@ -63,7 +64,7 @@ def write_workspace(root: Path, packages: int, files: int = 18, seed: int = 1, s
 def _write_package(folder: Path, name: str, needs: list[str], files: int) -> None:
     texts = {f"src/part_{number}.cpp": f"int part_{number};\n" for number in range(files)}
     manifest = MANIFEST.format(name=name, depends=_depends(needs))
-    _write_files(folder, {"package.xml": manifest, "CMakeLists.txt": CMAKELISTS.format(name=name), **texts})
+    write_files(folder, {"package.xml": manifest, "CMakeLists.txt": CMAKELISTS.format(name=name), **texts})
 
 
 AMENT_CMAKELISTS = """cmake_minimum_required(VERSION 3.22)
@@ -125,7 +126,7 @@ def _write_ament_package(folder: Path, name: str, needs: list[str], *, linked: b
         "src/library.cpp": LIBRARY.format(name=name, functions=functions),
         "src/main.cpp": f'#include "{name}/library.hpp"\nint main() {{ return {name}::sum_0(0, 1); }}\n',
     }
-    _write_files(folder, texts)
+    write_files(folder, texts)
 
 
 SETUP = """from setuptools import setup
@@ -162,7 +163,7 @@ def write_python_workspace(root: Path, packages: int, seed: int = 1, shape: str 
             f"resource/{name}": "",
             f"{name}/__init__.py": "",
         }
-        _write_files(root / "src" / name, {**texts, **modules})
+        write_files(root / "src" / name, {**texts, **modules})
 
     _write(packages, 2, write, seed=seed, shape=shape)
     return root
@@ -201,7 +202,7 @@ def write_interface_workspace(
         group = "  <member_of_group>rosidl_interface_packages</member_of_group>\n"
         manifest = _manifest(name, ["ament_cmake", *generators, *depends], "ament_cmake", group)
         folder = write_definitions(root / "src" / name, messages, number, others=referring)
-        _write_files(
+        write_files(
             folder, {"package.xml": manifest, "CMakeLists.txt": listed.replace(" DEPENDENCIES )", ")")}
         )
 
@@ -216,9 +217,3 @@ def _manifest(name: str, needs: list[str], build_type: str, more: str = "") -> s
 
 def _depends(needs: list[str]) -> str:
     return "".join(f"  <depend>{need}</depend>\n" for need in needs)
-
-
-def _write_files(folder: Path, texts: Mapping[str, str]) -> None:
-    for path, text in texts.items():
-        (folder / path).parent.mkdir(parents=True, exist_ok=True)
-        (folder / path).write_text(text, encoding="utf-8")

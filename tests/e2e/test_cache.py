@@ -8,14 +8,13 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
 
 from tests.conftest import Forge, Ran
 from tests.evolving import PYTHON, differences, look
-from tests.packages import manifest_text
+from tests.packages import manifest_text, write_files
 
 pytestmark = pytest.mark.needs("cmake", "ninja", "g++")
 
@@ -58,15 +57,6 @@ BOUND = {
 }
 
 
-def write(root: Path, files: Mapping[str, str]) -> Path:
-    """Write a workspace."""
-    for name, text in files.items():
-        path = root / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
-    return root
-
-
 class Users:
     """Builds with one cache, each in its own workspace."""
 
@@ -102,7 +92,7 @@ def restored(ran: Ran) -> int:
 @pytest.mark.parametrize("layout", [(), ("--merge-install",)])
 def test_a_restored_tree_is_the_built_one(users: Users, tmp_path: Path, layout: tuple[str, ...]) -> None:
     """At the same path to the byte; then there is nothing to do, and an edit is built."""
-    root = write(tmp_path / "a b", {**PLAIN, **PYTHON})
+    root = write_files(tmp_path / "a b", {**PLAIN, **PYTHON})
     first = users.build(root, *layout)
     built = look(root / "install")
     assert restored(first) == 0
@@ -124,7 +114,7 @@ def test_unlisted_files_in_a_merged_prefix_are_not_cached(users: Users, tmp_path
         "install(CODE [[execute_process(COMMAND ./writer ${CMAKE_INSTALL_PREFIX}/share/library/unseen)]])\n"
     )
     code = '#include <cstdio>\nint main(int, char **words) { return !std::fopen(words[1], "w"); }\n'
-    root = write(
+    root = write_files(
         tmp_path / "ws", {**PLAIN, "src/library/CMakeLists.txt": lists, "src/library/writer.cpp": code}
     )
     ran = users.build(root, "--merge-install", "--explain", "--executor", "sequential")
@@ -139,8 +129,8 @@ def test_unlisted_files_in_a_merged_prefix_are_not_cached(users: Users, tmp_path
 
 def test_a_workspace_at_another_path_gets_relocated_results(users: Users, tmp_path: Path) -> None:
     one, two = (
-        write(tmp_path / "one", {**PLAIN, **PYTHON}),
-        write(tmp_path / "deeper" / "two", {**PLAIN, **PYTHON}),
+        write_files(tmp_path / "one", {**PLAIN, **PYTHON}),
+        write_files(tmp_path / "deeper" / "two", {**PLAIN, **PYTHON}),
     )
     users.build(one)
     ran = users.build(two)
@@ -157,7 +147,7 @@ def test_a_workspace_at_another_path_gets_relocated_results(users: Users, tmp_pa
 
 
 def test_results_with_embedded_paths_are_bound_to_their_path(users: Users, tmp_path: Path) -> None:
-    one, two = write(tmp_path / "one", BOUND), write(tmp_path / "two", BOUND)
+    one, two = write_files(tmp_path / "one", BOUND), write_files(tmp_path / "two", BOUND)
     ran = users.build(one, "--explain")
     kept = "cached for this path only: 'bin/speak' contains the path of the build folder"
     assert f"speaking: not in the cache; {kept}" in ran.out
@@ -177,7 +167,7 @@ def test_paths_of_sources_are_kept_out_of_what_is_compiled(
     """__FILE__ and debug information are the same everywhere; the flags of the user stay."""
     main = "#include <cstdio>\nint main() { std::puts(__FILE__); }\n"
     files = {**BOUND, "src/speaking/main.cpp": main}
-    one, two = write(tmp_path / "one", files), write(tmp_path / "two", files)
+    one, two = write_files(tmp_path / "one", files), write_files(tmp_path / "two", files)
     flags = ("--cmake-args", *words)
     users.build(one, *flags)
     assert restored(users.build(two, *flags)) == 1
@@ -189,7 +179,7 @@ def test_paths_of_sources_are_kept_out_of_what_is_compiled(
 
 
 def test_paths_with_spaces_get_only_results_with_quoted_paths(users: Users, tmp_path: Path) -> None:
-    plain, spaced = write(tmp_path / "plain", PLAIN), write(tmp_path / "with blank", PLAIN)
+    plain, spaced = write_files(tmp_path / "plain", PLAIN), write_files(tmp_path / "with blank", PLAIN)
     users.build(plain)
     assert restored(users.build(spaced)) == 0
     users.begin_anew(plain)
@@ -202,7 +192,7 @@ def test_paths_with_spaces_get_only_results_with_quoted_paths(users: Users, tmp_
 
 @pytest.mark.parametrize("harm", ["flip", "cut", "remove", "empty"])
 def test_a_corrupt_cache_causes_builds(users: Users, tmp_path: Path, harm: str) -> None:
-    root = write(tmp_path / "ws", PLAIN)
+    root = write_files(tmp_path / "ws", PLAIN)
     users.build(root)
     built = look(root / "install")
     chance = random.Random(harm)
@@ -232,7 +222,7 @@ def spoil(path: Path, harm: str) -> None:
 
 
 def test_an_unwritable_cache_is_reported_once(users: Users, tmp_path: Path) -> None:
-    root = write(tmp_path / "ws", PLAIN)
+    root = write_files(tmp_path / "ws", PLAIN)
     users.cache.write_text("a file is in the way")
     ran = users.build(root)
     assert ran.err.count("the cache: ") == 1
@@ -240,14 +230,14 @@ def test_an_unwritable_cache_is_reported_once(users: Users, tmp_path: Path) -> N
 
 
 def test_an_invalid_url_is_reported_even_if_nothing_is_built(users: Users, tmp_path: Path) -> None:
-    root = write(tmp_path / "ws", BOUND)
+    root = write_files(tmp_path / "ws", BOUND)
     users.build(root)
     ran = users.build(root, "--remote-cache", "/srv/cache", code=2)
     assert ran.err.startswith("error: the remote cache is not a valid URL\nhint: for example: ")
 
 
 def test_force_ignores_the_cache(users: Users, tmp_path: Path) -> None:
-    root = write(tmp_path / "ws", BOUND)
+    root = write_files(tmp_path / "ws", BOUND)
     users.build(root)
     users.begin_anew(root)
     assert restored(users.build(root, "--force")) == 0
@@ -255,7 +245,7 @@ def test_force_ignores_the_cache(users: Users, tmp_path: Path) -> None:
 
 
 def test_links_into_sources_are_not_cached(users: Users, tmp_path: Path) -> None:
-    root = write(tmp_path / "ws", BOUND)
+    root = write_files(tmp_path / "ws", BOUND)
     assert (
         "speaking: not cached: installed with symbolic links"
         in users.build(root, "--symlink-install", "--explain").out
@@ -267,14 +257,14 @@ def test_links_into_sources_are_not_cached(users: Users, tmp_path: Path) -> None
 def test_external_files_are_part_of_the_cache_key(users: Users, tmp_path: Path) -> None:
     """Either state of it has its result; the older one is found again."""
     header = tmp_path / "outside" / "answer.h"
-    write(header.parent, {"answer.h": '#define HOME "one"\n'})
+    write_files(header.parent, {"answer.h": '#define HOME "one"\n'})
     definitions = re.compile(r"target_compile_definitions.*")
     found = f"target_include_directories(speak PRIVATE {header.parent})"
     own = {
         "src/speaking/CMakeLists.txt": definitions.sub(found, SPEAKING),
         "src/speaking/main.cpp": "#include <answer.h>\n#include <cstdio>\nint main() { std::puts(HOME); }\n",
     }
-    root = write(tmp_path / "ws", {**BOUND, **own})
+    root = write_files(tmp_path / "ws", {**BOUND, **own})
     seen = []
     for said, count in (("one", 0), ("two", 0), ("one", 1)):
         header.write_text(f'#define HOME "{said}"\n')
@@ -287,7 +277,7 @@ def test_external_files_are_part_of_the_cache_key(users: Users, tmp_path: Path) 
 def test_files_written_outside_of_the_workspace_change_the_key(users: Users, tmp_path: Path) -> None:
     """A package that reads it is not restored as it was, though another has looked at the file before."""
     header = tmp_path / "outside" / "answer.h"
-    write(header.parent, {"answer.h": '#define HOME "one"\n'})
+    write_files(header.parent, {"answer.h": '#define HOME "one"\n'})
     found = f"target_include_directories(speak PRIVATE {header.parent})"
     cmake = re.sub(r"target_compile_definitions.*", found, SPEAKING)
     main = "#include <answer.h>\n#include <cstdio>\nint main() { std::puts(HOME); }\n"
@@ -307,7 +297,7 @@ install(FILES package.xml DESTINATION share/writing)
             f"src/{name}/CMakeLists.txt": cmake.replace("speaking", name),
             f"src/{name}/main.cpp": main,
         }
-    root = write(tmp_path / "ws", files)
+    root = write_files(tmp_path / "ws", files)
     users.build(root)
     users.begin_anew(root)
     (root / "src/writing/said").write_text("two")
@@ -323,7 +313,7 @@ def build_with_mask(root: Path, cache: Path, mask: int) -> str:
 
 
 def test_results_built_with_another_umask_are_not_used(users: Users, tmp_path: Path) -> None:
-    root = write(tmp_path / "ws", {**PLAIN, **PYTHON})
+    root = write_files(tmp_path / "ws", {**PLAIN, **PYTHON})
     build_with_mask(root, users.cache, 0o022)
     clean = look(root / "install")
     users.begin_anew(root)
@@ -349,7 +339,7 @@ def test_native_code_is_bound_to_its_processor(users: Users, tmp_path: Path, whe
     files = dict(PLAIN)
     files["src/library/CMakeLists.txt"] = LIBRARY.replace("install(TARGETS", f"{library}\ninstall(TARGETS")
     files["src/using/CMakeLists.txt"] = USING.replace("add_exec", f"{using}\nadd_exec")
-    root = write(tmp_path / "ws", files)
+    root = write_files(tmp_path / "ws", files)
     users.build(root, *options)
     users.begin_anew(root)
     assert restored(users.build(root, *options)) == 2
@@ -376,7 +366,7 @@ def test_native_code_is_bound_to_its_processor(users: Users, tmp_path: Path, whe
 
 
 def test_a_cache_stays_within_its_size(users: Users, tmp_path: Path) -> None:
-    root = write(tmp_path / "ws", {**PLAIN, **BOUND})
+    root = write_files(tmp_path / "ws", {**PLAIN, **BOUND})
     users.build(root)
     whole = sum(path.stat().st_size for path in users.cache.rglob("*") if path.is_file())
     users.begin_anew(root)
@@ -392,7 +382,7 @@ def test_a_cache_stays_within_its_size(users: Users, tmp_path: Path) -> None:
 
 
 def test_concurrent_builds_share_a_cache_safely(users: Users, tmp_path: Path) -> None:
-    roots = [write(tmp_path / f"ws{number}", PLAIN) for number in range(3)]
+    roots = [write_files(tmp_path / f"ws{number}", PLAIN) for number in range(3)]
     running = [
         subprocess.Popen(
             [sys.executable, "-m", "forge", "build", "--cache", str(users.cache)],
@@ -415,7 +405,7 @@ def test_a_killed_restore_is_repeated(users: Users, tmp_path: Path, seed: int) -
     chance = random.Random(seed)
     many = {f"src/speaking/data/{number}": "x" * number for number in range(3000)}
     text = SPEAKING + "install(DIRECTORY data DESTINATION share/speaking)\n"
-    root = write(tmp_path / "ws", {**BOUND, **many, "src/speaking/CMakeLists.txt": text, **PLAIN})
+    root = write_files(tmp_path / "ws", {**BOUND, **many, "src/speaking/CMakeLists.txt": text, **PLAIN})
     users.build(root)
     built = look(root / "install")
     users.begin_anew(root)

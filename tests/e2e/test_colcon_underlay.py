@@ -12,7 +12,7 @@ from forge.environment.sourcing import sourced_environment
 from tests.conftest import Forge
 from tests.e2e.test_colcon_installs import told
 from tests.e2e.test_shells import each_layout
-from tests.packages import manifest_text
+from tests.packages import manifest_text, write_files
 from tests.peers import Colcon
 
 pytestmark = [pytest.mark.slow, pytest.mark.needs("colcon", "cmake", "bash", "zsh", "dash", "fish")]
@@ -98,9 +98,7 @@ def test_forge_and_colcon_workspaces_can_be_each_others_underlays(
     for below, above in itertools.product(("forge", "colcon"), repeat=2):
         home = tmp_path / f"{above}_on_{below}"
         for workspace, files in WORKSPACES.items():
-            for name, text in files.items():
-                (home / workspace / name).parent.mkdir(parents=True, exist_ok=True)
-                (home / workspace / name).write_text(text)
+            write_files(home / workspace, files)
         build(below, home / "below", options, plain, forge)
         build(above, home / "above", options, sourced(home / "below/install/setup.sh", "sh", plain), forge)
         for shell in SHELLS:

@@ -16,7 +16,7 @@ from forge.base.own_environment import extra_command
 from tests.clusters import Loopback, alone, loopback, programs_of
 from tests.conftest import Forge, Tree
 from tests.evolving import differences, look
-from tests.packages import manifest_text
+from tests.packages import manifest_text, write_files
 from tests.snippets import ROOT, surroundings
 
 pytestmark = pytest.mark.needs("cmake", "ninja", "g++")
@@ -74,15 +74,6 @@ def python(name: str, *needs: str) -> dict[str, str]:
         f"src/{name}/setup.py": f"from setuptools import setup\nsetup(name='{name}', packages=['{name}'])\n",
         f"src/{name}/{name}/__init__.py": "",
     }
-
-
-def write(root: Path, files: Mapping[str, str]) -> Path:
-    """Write files below a folder."""
-    for name, text in files.items():
-        path = root / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
-    return root
 
 
 class Workspace:
@@ -153,7 +144,7 @@ def until(holds: Callable[[], object], seconds: float = 30.0) -> None:
 
 def test_workers_build_the_same_as_a_local_build(cluster: Loopback, tmp_path: Path) -> None:
     files = {**library("a"), **library("b"), **library("c", "a", "b"), **python("d", "c")}
-    workspace = Workspace(write(tmp_path / "ws", files), cluster)
+    workspace = Workspace(write_files(tmp_path / "ws", files), cluster)
     said = workspace.build()
     assert "Summary: 4 packages finished" in said
     assert "stderr" not in said
@@ -162,7 +153,9 @@ def test_workers_build_the_same_as_a_local_build(cluster: Loopback, tmp_path: Pa
 
 
 def test_the_package_cache_works_as_in_a_local_build(cluster: Loopback, tmp_path: Path) -> None:
-    workspace = Workspace(write(tmp_path / "ws", plain("a")), cluster, "--cache", str(tmp_path / "cache"))
+    workspace = Workspace(
+        write_files(tmp_path / "ws", plain("a")), cluster, "--cache", str(tmp_path / "cache")
+    )
     workspace.build()
     shutil.rmtree(workspace.home / "build")
     shutil.rmtree(workspace.home / "install")
@@ -172,9 +165,9 @@ def test_the_package_cache_works_as_in_a_local_build(cluster: Loopback, tmp_path
 def test_output_is_live_complete_and_ordered(cluster: Loopback, tmp_path: Path) -> None:
     shell = "for i in $(seq 20000); do echo line $i of many; done; touch {0}; sleep 1; echo last"
     flag = tmp_path / "flag"
-    write(tmp_path, {"talk.sh": shell.format(flag)})
+    write_files(tmp_path, {"talk.sh": shell.format(flag)})
     body = f"add_custom_target(talk ALL COMMAND sh {tmp_path}/talk.sh VERBATIM USES_TERMINAL)\n"
-    workspace = Workspace(write(tmp_path / "ws", cmake("talker", body)), cluster)
+    workspace = Workspace(write_files(tmp_path / "ws", cmake("talker", body)), cluster)
     process = workspace.start(*workspace.options, "--event-handlers", "console_direct+")
     assert process.stdout is not None
     lines = []
@@ -193,7 +186,7 @@ def test_output_is_live_complete_and_ordered(cluster: Loopback, tmp_path: Path) 
 def test_failures_are_reported_as_in_a_local_build(cluster: Loopback, tmp_path: Path) -> None:
     broken = {**library("bad"), "src/bad/two.cpp": "int bad_two() { return nothing; }\n"}
     files = {**broken, **plain("above", "bad"), **plain("other")}
-    workspace = Workspace(write(tmp_path / "ws", files), cluster)
+    workspace = Workspace(write_files(tmp_path / "ws", files), cluster)
     there = workspace.build("--continue-on-error", code=1)
     shutil.rmtree(workspace.home / "build")
     shutil.rmtree(workspace.home / "install")
@@ -215,7 +208,7 @@ def _failure(said: str) -> list[str]:
 def test_ctrl_c_ends_all_remote_processes(cluster: Loopback, tmp_path: Path) -> None:
     flags = [tmp_path / "flag-a", tmp_path / "flag-b"]
     files = {**slow("a", flags[0], 60), **slow("b", flags[1], 60)}
-    workspace = Workspace(write(tmp_path / "ws", files), cluster)
+    workspace = Workspace(write_files(tmp_path / "ws", files), cluster)
     process = workspace.start(*workspace.options)
     until(lambda: all(flag.exists() for flag in flags))
     assert programs_of(workspace.home / "build")
@@ -228,7 +221,7 @@ def test_ctrl_c_ends_all_remote_processes(cluster: Loopback, tmp_path: Path) -> 
 
 def test_remote_processes_end_soon_after_a_killed_client(cluster: Loopback, tmp_path: Path) -> None:
     flag = tmp_path / "flag"
-    workspace = Workspace(write(tmp_path / "ws", slow("a", flag, 60)), cluster)
+    workspace = Workspace(write_files(tmp_path / "ws", slow("a", flag, 60)), cluster)
     process = workspace.start(*workspace.options)
     until(flag.exists)
     process.kill()
@@ -239,7 +232,7 @@ def test_remote_processes_end_soon_after_a_killed_client(cluster: Loopback, tmp_
 def test_a_worker_that_is_killed_is_replaced_by_another(cluster: Loopback, tmp_path: Path) -> None:
     flag = tmp_path / "flag"
     files = {**slow("a", flag), **plain("b", "a"), **plain("c")}
-    workspace = Workspace(write(tmp_path / "ws", files), cluster)
+    workspace = Workspace(write_files(tmp_path / "ws", files), cluster)
     process = workspace.start(*workspace.options)
     until(flag.exists)
     victim = cluster.holder(flag)
@@ -265,7 +258,7 @@ def apart(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Loopback, 
 
 def test_workers_without_access_to_the_build_folder_are_rejected(apart: tuple[Loopback, Path]) -> None:
     cluster, hidden = apart
-    workspace = Workspace(write(hidden / "ws", plain("a")), cluster)
+    workspace = Workspace(write_files(hidden / "ws", plain("a")), cluster)
     said = workspace.build(code=2)
     assert said == (
         f"error: the workers cannot access the build folder '{workspace.home / 'build'}'\n"
@@ -275,7 +268,7 @@ def test_workers_without_access_to_the_build_folder_are_rejected(apart: tuple[Lo
 
 def test_one_worker_without_access_to_the_build_folder_is_named(apart: tuple[Loopback, Path]) -> None:
     cluster, hidden = apart
-    workspace = Workspace(write(hidden / "ws", plain("a")), cluster)
+    workspace = Workspace(write_files(hidden / "ws", plain("a")), cluster)
     cluster.hidden = None
     cluster.add("with-access")
     try:
@@ -289,7 +282,7 @@ def test_one_worker_without_access_to_the_build_folder_is_named(apart: tuple[Loo
 
 def test_a_worker_with_other_programs_is_reported(apart: tuple[Loopback, Path], tmp_path: Path) -> None:
     cluster, hidden = apart
-    workspace = Workspace(write(tmp_path / "ws", plain("a")), cluster)
+    workspace = Workspace(write_files(tmp_path / "ws", plain("a")), cluster)
     program = hidden / "bin" / "cmake"
     program.parent.mkdir()
     program.write_text(f'#!/bin/sh\nexec {shutil.which("cmake")} "$@"\n', encoding="utf-8")
@@ -302,7 +295,7 @@ def test_a_worker_with_other_programs_is_reported(apart: tuple[Loopback, Path], 
 def test_the_build_waits_for_the_first_worker(tmp_path: Path) -> None:
     (tmp_path / "cluster").mkdir()
     with loopback(tmp_path / "cluster") as cluster:
-        workspace = Workspace(write(tmp_path / "ws", plain("a")), cluster)
+        workspace = Workspace(write_files(tmp_path / "ws", plain("a")), cluster)
         process = workspace.start(*workspace.options)
         assert process.stdout is not None
         first = process.stdout.readline()
@@ -323,7 +316,9 @@ def test_missing_requirements_are_reported(tree: Tree, forge: Forge) -> None:
 
 
 def test_an_unresponsive_scheduler_is_reported(tmp_path: Path) -> None:
-    workspace = Workspace(write(tmp_path / "ws", plain("a")), Loopback(tmp_path, address="tcp://127.0.0.1:9"))
+    workspace = Workspace(
+        write_files(tmp_path / "ws", plain("a")), Loopback(tmp_path, address="tcp://127.0.0.1:9")
+    )
     hasty = {"DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT": "500ms"}
     process = workspace.start(*workspace.options, env=hasty)
     said, _ = process.communicate(timeout=60)
@@ -335,8 +330,10 @@ def test_an_unresponsive_scheduler_is_reported(tmp_path: Path) -> None:
 
 
 def test_without_dask_the_install_command_is_printed(tmp_path: Path) -> None:
-    write(tmp_path / "absent", {"sitecustomize.py": "import sys\nsys.modules['distributed'] = None\n"})
-    workspace = Workspace(write(tmp_path / "ws", plain("a")), Loopback(tmp_path, address="tcp://127.0.0.1:9"))
+    write_files(tmp_path / "absent", {"sitecustomize.py": "import sys\nsys.modules['distributed'] = None\n"})
+    workspace = Workspace(
+        write_files(tmp_path / "ws", plain("a")), Loopback(tmp_path, address="tcp://127.0.0.1:9")
+    )
     path = os.pathsep.join((str(tmp_path / "absent"), str(ROOT)))
     process = workspace.start(*workspace.options, env={"PYTHONPATH": path})
     said, _ = process.communicate(timeout=60)

@@ -27,7 +27,7 @@ from forge.base.layout import LOCK_FILE
 from forge.execution.started import BUILD_FOLDER_VARIABLE
 from tests.conftest import Tree
 from tests.evolving import differences, look
-from tests.packages import manifest_text
+from tests.packages import manifest_text, write_files
 from tests.snippets import ROOT
 
 pytestmark = pytest.mark.needs("cmake")
@@ -187,10 +187,7 @@ def test_a_closed_terminal_ends_the_build(waiting: Path, view: str) -> None:
 
 
 def test_a_reader_that_leaves_ends_the_build(waiting: Path) -> None:
-    files = package("c", PLAIN, "b")
-    for name, text in files.items():
-        (waiting / name).parent.mkdir(parents=True, exist_ok=True)
-        (waiting / name).write_text(text)
+    write_files(waiting, package("c", PLAIN, "b"))
     with start(waiting) as process:
         until(waiting / "ready")
         assert process.stdout is not None

@@ -12,7 +12,7 @@ from forge.base.layout import Layout
 from forge.cli.preparation import build_variables
 from forge.environment.prefixes import find_underlays
 from tests.opt_ros import DIST, SITE, install
-from tests.packages import manifest_text
+from tests.packages import manifest_text, write_files
 from tests.rosidl import DEBIAN, interface_package
 
 pytestmark = pytest.mark.needs(str(DEBIAN), "cmake", "g++")
@@ -132,10 +132,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Built:
     folder = tmp_path_factory.mktemp("machine")
     prefix, root = folder / "opt/ros/humble", folder / "ws"
     python = install(prefix, folder)
-    for name, text in FILES.items():
-        path = root / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
+    write_files(root, FILES)
     before = states(prefix)
     printed = shell(f". {prefix}/setup.sh && forge build", root)
     return Built(root, prefix, python, printed, before)

@@ -12,9 +12,10 @@ from pathlib import Path
 import pytest
 
 from tests.conftest import Forge, Ran
+from tests.e2e.test_cache import restored
 from tests.evolving import PLAIN, Entry, differences, look
 from tests.nginx import Nginx, serving
-from tests.packages import manifest_text
+from tests.packages import manifest_text, write_files
 from tests.rude import Moves, rude
 from tests.snippets import ROOT, shell
 
@@ -60,24 +61,10 @@ class Clone:
             shutil.rmtree(folder, ignore_errors=True)
 
 
-def written(folder: Path) -> Path:
-    """Write the two packages into a new folder."""
-    for path, text in SMALL.items():
-        (folder / path).parent.mkdir(parents=True, exist_ok=True)
-        (folder / path).write_text(text, encoding="utf-8")
-    return folder
-
-
 @pytest.fixture
 def clone(tmp_path: Path, forge: Forge) -> Callable[[str], Clone]:
     """Make clones of the two packages."""
-    return lambda name: Clone(written(tmp_path / name), forge)
-
-
-def restored(ran: Ran) -> int:
-    """Return how many packages came from the cache."""
-    found = re.search(r"(\d+) packages? came from the cache", ran.out)
-    return int(found[1]) if found else 0
+    return lambda name: Clone(write_files(tmp_path / name, SMALL), forge)
 
 
 @pytest.fixture
@@ -137,7 +124,7 @@ class Clean:
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory) -> Clean:
     """Build once for all tests of this module."""
-    folder = written(tmp_path_factory.mktemp("clean") / "clone")
+    folder = write_files(tmp_path_factory.mktemp("clean") / "clone", SMALL)
     begun = time.monotonic()
     shell("forge build --cache ../cache", folder)
     seconds = time.monotonic() - begun

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from tests.conftest import Forge, Tree
-from tests.packages import manifest_text
+from tests.packages import manifest_text, write_files
 
 CMAKE = "cmake_minimum_required(VERSION 3.18)\nproject({name} NONE)\n{lines}\n"
 SETUP = "from setuptools import find_packages, setup\nsetup(name='{name}', packages=['{name}'])\n"
@@ -279,10 +279,7 @@ def test_an_overlay_of_a_forge_workspace_has_no_problems(forge: Forge, tree: Tre
     """Embedded packages in the underlay need no Python modules of ROS, and rosdep keys are no packages."""
     root = tree({**ament_package("below", "<depend>rosidl_default_generators</depend>"), "over/src/x": ""})
     assert forge("build", cwd=root).code == 0
-    over = root / "over"
-    for name, text in ament_package("above", "<depend>below</depend>", INTERFACES).items():
-        (over / name).parent.mkdir(parents=True, exist_ok=True)
-        (over / name).write_text(text)
+    over = write_files(root / "over", ament_package("above", "<depend>below</depend>", INTERFACES))
     found = findings(forge, over, env={"COLCON_PREFIX_PATH": f"{root}/install"})
     assert [found for found in found["findings"] if found["topic"] in {"python", "underlays"}] == []
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from tests.conftest import Forge, Ran, Tree
-from tests.packages import manifest_text
+from tests.packages import manifest_text, write_files
 from tests.snippets import ROOT
 from tests.testable import PYTEST, UNITTEST, cmake_package, python_package
 
@@ -34,9 +34,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
         **python_package("u_test", UNITTEST.format(name="u_test"), pytest=False),
         **python_package("u_none", "", pytest=False),
     }
-    for name, text in files.items():
-        (root / name).parent.mkdir(parents=True, exist_ok=True)
-        (root / name).write_text(text)
+    write_files(root, files)
     variables = {name: value for name, value in os.environ.items() if not name.startswith("FORGE_")}
     variables["PYTHONPATH"] = str(ROOT)
     argv = [sys.executable, "-m", "forge", "build"]
