@@ -41,12 +41,8 @@ OWN: Mapping[str, Mapping[str, str]] = {
         "c": "forge.plugins.c_target.target",
         "docs": "forge.plugins.interface_pages.markdown",
     },
-    VERBS: {
-        "docs": "forge.plugins.interface_pages.command",
-    },
-    TOOLCHAINS: {
-        "cross": "forge.plugins.cross.toolchain",
-    },
+    VERBS: {"docs": "forge.plugins.interface_pages.command"},
+    TOOLCHAINS: {"cross": "forge.plugins.cross.toolchain"},
     BUILD_TYPES: {
         "ament_cargo": "forge.plugins.cargo.build_type",
         "cargo": "forge.plugins.cargo.build_type",
@@ -56,12 +52,8 @@ OWN: Mapping[str, Mapping[str, str]] = {
         "http": "forge.plugins.remote_cache.http_backend",
         "https": "forge.plugins.remote_cache.http_backend",
     },
-    EXECUTORS: {
-        "dask": "forge.plugins.dask.executor",
-    },
-    RECIPES: {
-        "fast_rosidl": "forge.plugins.fast_rosidl.recipe",
-    },
+    EXECUTORS: {"dask": "forge.plugins.dask.executor"},
+    RECIPES: {"fast_rosidl": "forge.plugins.fast_rosidl.recipe"},
     REPORTERS: {
         "coverage": "forge.plugins.coverage.reporter",
         "timings": "forge.plugins.charts.reporter",

@@ -14,12 +14,7 @@ from forge.workspace.cmake_text import cmake_dependencies, cmake_files, is_catki
 from forge.workspace.identity import Identity, identify_with
 from forge.workspace.model import Dependency, DependencyKind, Manifest, Package
 from forge.workspace.overrides import COLCON_PKG
-from forge.workspace.python_metadata import (
-    PythonMetadata,
-    read_pyproject,
-    read_setup_cfg,
-    read_setup_py,
-)
+from forge.workspace.python_metadata import PythonMetadata, read_pyproject, read_setup_cfg, read_setup_py
 
 if TYPE_CHECKING:
     from forge.workspace.identity import Folder

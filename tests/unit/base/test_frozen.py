@@ -86,11 +86,8 @@ def test_invalid_arguments_of_constructors_are_reported() -> None:
     assert Checked(1).size == 1
 
 
-def test_mutable_defaults_are_not_shared() -> None:
+def test_defaults_patterns_and_empty_classes_work_like_those_of_dataclasses() -> None:
     assert Ours("a").words is not Ours("a").words
-
-
-def test_match_patterns_and_empty_classes_are_supported() -> None:
     match Ours("a", 5):
         case Ours(name, count):
             assert (name, count) == ("a", 5)
