@@ -120,7 +120,7 @@ def catalogs() -> Iterator[Catalog]:
 
 
 def without_long_doubles(catalog: Catalog) -> Catalog:
-    """Return what C++ takes of a catalog."""
+    """Return a catalog without the interface that C++ does not support."""
     kept = {name: interface for name, interface in catalog.interfaces.items() if name.name != "Wide"}
     return replace(catalog, interfaces=kept)
 
@@ -139,7 +139,7 @@ def include(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def compile_cleanly(argv: tuple[str, ...], include: Path, *arguments: str | Path) -> None:
-    """Run the compiler with the strictest of usual settings; fail with what it says."""
+    """Compile with strict warnings; fail with the output of the compiler."""
     line = [*argv, *WARNINGS, "-I", include, "-I", RUNTIME, *arguments]
     done = subprocess.run(line, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr[:4000]
@@ -162,7 +162,7 @@ CPP17 = ("g++", "-std=c++17", "-x", "c++")
 def test_a_program_uses_messages_as_c_programs_do(
     compiler: tuple[str, ...], include: Path, tmp_path: Path
 ) -> None:
-    """It compiles without a warning, every check holds, and no memory is lost or touched when it is gone."""
+    """It compiles without warnings, all checks pass, and sanitizers find no leak or invalid access."""
     program = tmp_path / "program"
     compile_cleanly(compiler, include, HERE / "program.c", "-o", program, "-lm")
     ran = subprocess.run([program], capture_output=True, text=True, check=False)
@@ -226,7 +226,7 @@ def test_type_support_has_the_names_of_its_macros(include: Path, tmp_path: Path)
 
 @pytest.mark.needs("gcc")
 def test_functions_of_another_run_time_are_left_to_its_libraries(include: Path, tmp_path: Path) -> None:
-    """Where the headers of rosidl's own run time are seen first, its type support is what a program gets."""
+    """If the headers of rosidl's own run time are found first, programs get its type support."""
     theirs = tmp_path / "rosidl_runtime_c" / "message_type_support_struct.h"
     theirs.parent.mkdir()
     theirs.write_text("typedef int rosidl_message_type_support_t;\n", encoding="utf-8")

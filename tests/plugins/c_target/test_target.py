@@ -58,7 +58,7 @@ def functions(*fields: Field) -> str:
     return texts(message(*fields))["demo/msg/detail/thing__functions.h"]
 
 
-def test_a_package_reads_as_if_written_by_hand(golden: Golden) -> None:
+def test_headers_match_the_golden_files(golden: Golden) -> None:
     """A message, a service and an action give these headers and no others."""
     case = GOLDEN / "interfaces" / "c" / "robot"
     catalog = resolve("robot", parse_all(read_folder("robot", case)), Library())

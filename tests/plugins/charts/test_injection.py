@@ -27,7 +27,7 @@ from tests.unit.test_injection import quick
 
 
 def texts(value: object) -> set[str]:
-    """Return all texts in a value that JSON gave."""
+    """Return all strings in a JSON value."""
     if isinstance(value, dict):
         return {found for each in value.values() for found in texts(each)}
     if isinstance(value, list):
@@ -36,7 +36,7 @@ def texts(value: object) -> set[str]:
 
 
 def chart_of(text: str, name: str) -> PackageGraph:
-    """Return a graph of two packages that say a text wherever that is taken; one is called `name`."""
+    """Return a graph of two packages, one called `name` with `text` in every field that is shown."""
     below, above = package("below"), package("above", "below")
     said = replace(below.manifest, name=name, version=text, description=text, build_type=text)
     packages = {name: replace(below, path=Path("src") / f"x{text}", manifest=said), "above": above}
@@ -75,9 +75,7 @@ def test_graph_pages_contain_no_foreign_elements(text: str, name: str) -> None:
 @given(named)
 def test_graph_pictures_contain_no_foreign_elements(name: str) -> None:
     found, plain = (
-        # Our own text, and an attack on its reader is what is sought.
-        list(ET.fromstring(picture_of(chart_of("x", each), "svg")).iter())
-        for each in (name, "below")
+        list(ET.fromstring(picture_of(chart_of("x", each), "svg")).iter()) for each in (name, "below")
     )
     assert [(each.tag, sorted(each.attrib)) for each in found] == [
         (each.tag, sorted(each.attrib)) for each in plain
@@ -109,7 +107,7 @@ def test_flowcharts_contain_no_foreign_lines(name: str) -> None:
 
 
 def events_of(text: str, name: str) -> list[str]:
-    """Return the events of a build that say a text wherever a package, its steps or its builder may."""
+    """Return the events of a build of package `name` with `text` in every field of free text."""
     about: Mapping[str, object] = {"package": name, "embedded": False}
     told: list[dict[str, object]] = [
         {"event": "Planned", **about, "reason": text, "conditional": False, "needs": [], "last": 9.0},

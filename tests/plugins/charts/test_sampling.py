@@ -47,5 +47,5 @@ def test_the_number_of_samples_is_bounded() -> None:
     time.sleep(0.8)
     sampler.stop()
     assert 2 < len(sampler.samples) <= 9
-    # They still tell of the whole time.
+    # They still cover the whole time.
     assert sampler.samples[-1][0] - sampler.samples[0][0] > 0.4

@@ -26,7 +26,7 @@ def event(word: str, time: float, package: str | None = None, **said: object) ->
 
 
 def planned(package: str, *needs: str, **said: object) -> str:
-    """Return the line by which a package is announced."""
+    """Return the Planned event of a package."""
     return event("Planned", 0.0, package, reason="new", conditional=False, needs=needs, **said)
 
 
@@ -102,7 +102,7 @@ def test_waiting_for_a_job_starts_when_all_dependencies_have_ended() -> None:
 
 @st.composite
 def schedules(draw: st.DrawFn) -> list[PackageRun]:
-    """Return packages that were built after what they need, at any pace."""
+    """Return runs of packages, each after its dependencies."""
     graph = draw(graphs())
     ends: dict[str, float] = {}
     runs = []
@@ -165,7 +165,7 @@ def test_the_page_summarizes_the_build() -> None:
 
 
 def test_the_page_explains_the_critical_path(tmp_path: Path) -> None:
-    """They are no lower bound: packages that shared the processors take less time with more of them."""
+    """It is no lower bound: packages that shared processors are faster with more of them."""
     (tmp_path / "events.jsonl").write_text("\n".join(DIAMOND))
     write_timings(tmp_path)
     text = (tmp_path / "timings.html").read_text()

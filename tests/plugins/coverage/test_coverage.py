@@ -184,7 +184,7 @@ def test_the_summary_has_a_line_for_all_packages_and_one_for_each() -> None:
 
 
 @pytest.mark.needs("gcc", "gcov", "gcovr")
-def test_a_threshold_of_the_package_does_not_lose_the_report(tmp_path: Path) -> None:
+def test_a_missed_threshold_of_the_package_keeps_the_report(tmp_path: Path) -> None:
     one = task(tmp_path, "half", "cmake")
     folder = source(tmp_path, "half")
     (folder / "half.c").write_text(HALF)

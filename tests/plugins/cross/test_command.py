@@ -1,4 +1,4 @@
-"""What `--target` means for commands, and what it refuses."""
+"""`--target`: rejected combinations, similar names, and Python packages."""
 
 from __future__ import annotations
 

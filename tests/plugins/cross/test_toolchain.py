@@ -73,7 +73,7 @@ def test_zig_on_path_is_the_compiler_of_a_known_target(tree: Tree) -> None:
 
 
 def test_the_file_is_the_same_at_every_path(tree: Tree) -> None:
-    """Else a cache could not be shared, and a workspace that was moved would be built again."""
+    """Otherwise caches could not be shared, and a moved workspace would be rebuilt."""
     root = tree({**ZIG, "own.cmake": ""})
     assert str(root) not in file_of(prepare(root)).read_text()
     assert str(root) not in file_of(prepare(root, toolchain_file="own.cmake")).read_text()
@@ -192,7 +192,7 @@ SOURCES = {
 def test_zig_compiles_its_library_once(
     tree: Tree, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """All sources for Linux are compiled, the command says why it takes so long, and other builds do not."""
+    """It compiles all sources for Linux and says why this takes long; later builds use the result."""
     root = tree({"bin/zig": STAND_IN, **SOURCES})
     monkeypatch.chdir(root)
     cross = prepare(root)
@@ -216,7 +216,7 @@ def test_zig_compiles_its_library_once(
 def test_a_zig_whose_library_is_another_one_still_compiles(
     tree: Tree, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The build reports what it does without; the next one tries again."""
+    """The build warns, and the next build tries again."""
     root = tree({"bin/zig": STAND_IN, **SOURCES, "lib/libcxx/src/bad.cpp": ""})
     monkeypatch.chdir(root)
     cross = prepare(root)

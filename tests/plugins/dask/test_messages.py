@@ -64,19 +64,16 @@ def test_a_lost_message_is_detected() -> None:
 
 
 class Promise:
-    """What Dask says of a task: how it ended, and by which error."""
+    """A Dask future that has ended, possibly with an error."""
 
     def __init__(self, status: str, error: Exception | None = None) -> None:
-        """Remember."""
         self.status = status
         self._error = error
 
     def exception(self) -> Exception | None:
-        """Return the error."""
         return self._error
 
     def done(self) -> bool:
-        """Tell that it ended."""
         return True
 
 
@@ -84,13 +81,11 @@ class Quiet:
     """A connection without messages from workers; `command` is the last command sent to all."""
 
     def __init__(self, command: str = "") -> None:
-        """Store the command."""
         self.command = command
         self.cluster = SimpleNamespace(address="tcp://there")
         self.handed: list[TaskRequest] = []
 
     def deliver_task(self, request: TaskRequest, _task: RemoteTask) -> None:
-        """Note the request."""
         self.handed.append(request)
 
 
@@ -115,11 +110,11 @@ def called(
         call.close()
 
 
-def test_a_task_that_no_worker_has_is_given_up_at_once_when_the_build_ends(tmp_path: Path) -> None:
+def test_a_task_without_a_worker_is_aborted_on_interrupt(tmp_path: Path) -> None:
     assert called(Quiet(), tmp_path, "interrupt") == [Aborted("a", 0.0)]
 
 
-def test_nothing_begins_once_the_build_ends(tmp_path: Path) -> None:
+def test_no_task_is_delivered_while_the_build_stops(tmp_path: Path) -> None:
     connection = Quiet("finish")
     assert called(connection, tmp_path, TaskRequest("one", "tcp://1", "host")) == [Aborted("a", 0.0)]
     assert connection.handed == []
@@ -155,9 +150,7 @@ class KilledWorker(Exception):
         (RuntimeError("the step runner exited with code -9"), b"the step runner exited with code -9"),
     ],
 )
-def test_a_fault_of_workers_is_a_failure_of_the_package(
-    tmp_path: Path, error: Exception, words: bytes
-) -> None:
+def test_a_killed_worker_fails_the_package(tmp_path: Path, error: Exception, words: bytes) -> None:
     said = called(Quiet(), tmp_path, "ended", promise=Promise("error", error))
     assert said == [
         Output("a", b"forge: 'a' failed: " + words + b"\n", stderr=True),
@@ -165,7 +158,7 @@ def test_a_fault_of_workers_is_a_failure_of_the_package(
     ]
 
 
-def test_a_task_that_vanishes_ends_the_build(tmp_path: Path) -> None:
+def test_a_dropped_task_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(HostError, match="the scheduler at 'tcp://there' dropped the task 'a'"):
         called(Quiet(), tmp_path, "ended", promise=Promise("cancelled"))
     with pytest.raises(HostError, match="the worker's result for 'a' was not received"):

@@ -45,7 +45,7 @@ def test_slots_share_the_remaining_jobs() -> None:
             assert number == "5"
             reader = os.open(auth.removeprefix("fifo:"), os.O_RDONLY) if auth.startswith("fifo:") else None
             if reader is not None:
-                # What is taken and never given back is there again once nobody is at work.
+                # Tokens that were never returned are restored once no slot is in use.
                 assert os.read(reader, 10) == b"+++"
                 os.close(reader)
 
@@ -162,7 +162,7 @@ def test_a_cluster_within_this_process_builds(forge: Forge, tree: Tree) -> None:
         ran = forge("build", "--executor", "dask", "--scheduler", address, cwd=root)
         assert ran.code == 1
         assert "first error in step " in ran.err
-        # More than may be under way at a time.
+        # More messages than may be unacknowledged at a time.
         (root / "src/a/CMakeLists.txt").write_text(flood, encoding="utf-8")
         ran = forge("build", "--executor", "dask", "--scheduler", address, cwd=root)
         assert ran.code == 0, ran.err

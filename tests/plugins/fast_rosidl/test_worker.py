@@ -130,7 +130,7 @@ def test_another_interpreter_is_declined(tmp_path: Path, variables: dict[str, st
     assert not in_worker(done)
 
 
-def test_a_failure_is_that_of_the_command_itself(tmp_path: Path, variables: dict[str, str]) -> None:
+def test_failed_commands_run_again_outside_the_worker(tmp_path: Path, variables: dict[str, str]) -> None:
     (tmp_path / "report.py").write_text("print('once')\nraise SystemExit(7)\n")
     done = ask(tmp_path, variables)
     assert (done.returncode, done.stdout) == (7, "once\n")

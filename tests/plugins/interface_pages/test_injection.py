@@ -17,7 +17,7 @@ from tests.unit.test_injection import BIDI, NEUTRAL, everywhere, generated, mess
 
 
 def site_of(text: str) -> dict[str, str]:
-    """Return the pages about a message of which everybody says the same wherever anything may be said."""
+    """Return the pages of a message with `text` in every field of free text."""
     name, doc = TypeName("demo", "msg", "Thing"), tuple(text.split("\n"))
     number = Field("a", Primitive("int8"), 5, doc, text)
     message = Message(

@@ -24,7 +24,7 @@ def page(message: Message) -> str:
     return file.text
 
 
-def test_a_page_reads_as_if_written_by_hand(golden: Golden) -> None:
+def test_pages_match_the_golden_files(golden: Golden) -> None:
     """A message, a service and an action, with constants, defaults, units and links."""
     case = GOLDEN / "interfaces" / "docs" / "robot"
     catalog = resolve("robot", parse_all(read_folder("robot", case)), Library())

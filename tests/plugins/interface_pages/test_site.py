@@ -58,7 +58,7 @@ def workspace(tree: Tree) -> Path:
     )
 
 
-def test_a_page_reads_as_if_written_by_hand(golden: Golden) -> None:
+def test_pages_match_the_golden_files(golden: Golden) -> None:
     """A message, a service and an action, with constants, defaults, units and links."""
     case = GOLDEN / "interfaces" / "html" / "robot"
     folder = GOLDEN / "interfaces" / "docs" / "robot"

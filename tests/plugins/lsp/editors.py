@@ -21,7 +21,6 @@ class Editor:
     """Sends requests, and waits for their answers; positions are written as 'LINE:COLUMN' from 0."""
 
     def __init__(self, answers: IO[bytes], requests: IO[bytes]) -> None:
-        """Speak through the two streams."""
         self._answers = answers
         self._requests = requests
         self._number = 0
@@ -31,7 +30,7 @@ class Editor:
         self.messages: list[str] = []
         """What the server has shown to the user."""
         self.registered: list[str] = []
-        """What the server wants to be told."""
+        """The methods that the server has registered."""
 
     def start(self, folder: Path, **capabilities: Any) -> dict[str, Any]:
         """Open a folder, and return what the server can do."""
@@ -56,7 +55,7 @@ class Editor:
         return self.problems(path)
 
     def problems(self, path: Path) -> list[str]:
-        """Return what has been reported about a file once all that was sent is answered."""
+        """Return the problems of a file after the server has processed all messages."""
         self._settle()
         return [
             f"{each['range']['start']['line']}:{each['range']['start']['character']}"
@@ -86,7 +85,7 @@ class Editor:
         self._send({"method": method, "params": params})
 
     def end(self) -> None:
-        """End the session as the protocol wants it."""
+        """End the session."""
         self._number += 1
         self._send({"id": self._number, "method": "shutdown"})
         while self._receive().get("id") != self._number:
@@ -94,7 +93,7 @@ class Editor:
         self._send({"method": "exit"})
 
     def _settle(self) -> None:
-        """Wait until the server has read everything: it answers in order, here that it has no such method."""
+        """Wait until the server has processed all messages: it answers in order, also to unknown methods."""
         self._number += 1
         self._send({"id": self._number, "method": "tests/settle", "params": {}})
         while (message := self._receive()).get("id") != self._number or "method" in message:

@@ -89,7 +89,7 @@ def test_packages_that_the_manifest_declares_come_first(workspace: Pointer) -> N
     assert packages[:2] == ["shapes/", "std_msgs/"]
 
 
-def test_the_editor_asks_again_if_there_are_too_many(workspace: Pointer) -> None:
+def test_proposals_are_limited(workspace: Pointer) -> None:
     path = workspace.path("nav/msg/A.msg")
     for number in range(MOST):
         workspace.index.open(workspace.path(f"nav/msg/Zone{number}.msg"), "int8 x\n")
@@ -101,7 +101,7 @@ def test_the_editor_asks_again_if_there_are_too_many(workspace: Pointer) -> None
     assert (len(found.items), found.complete) == (MOST, False)
 
 
-def test_nothing_is_proposed_behind_the_end(workspace: Pointer) -> None:
+def test_nothing_is_proposed_after_a_complete_declaration(workspace: Pointer) -> None:
     path = workspace.path("nav/msg/A.msg")
     workspace.index.open(path, "int8 x\nint8 y ")
     assert complete(workspace.index, path, 1, 7).items == ()

@@ -57,9 +57,7 @@ _IDL = "module nav {\n  module msg {\n    struct A {\n      nav::msg::Gaol g;\n 
         ("package.xml", manifest_text("nav", "<depend/>"), ["7:2-11 warning: element 'depend' is empty"]),
     ],
 )
-def test_problems_have_the_place_and_the_words_of_the_compiler(
-    index: Index, file: str, text: str, problems: list[str]
-) -> None:
+def test_diagnostics_match_compiler_errors(index: Index, file: str, text: str, problems: list[str]) -> None:
     assert told(index, file, text) == problems
 
 
@@ -131,7 +129,7 @@ def test_a_cycle_is_shown_in_each_of_its_files(index: Index) -> None:
     ]
 
 
-def test_a_file_that_is_not_known_has_no_problems(index: Index, tmp_path: Path) -> None:
+def test_an_unknown_file_has_no_problems(index: Index, tmp_path: Path) -> None:
     assert diagnose(index, tmp_path / "src/nav/msg/Nowhere.msg") == ()
 
 

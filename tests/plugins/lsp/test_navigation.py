@@ -42,7 +42,7 @@ def test_a_name_leads_to_its_declaration(workspace: Pointer, file: str, word: st
     assert shown(workspace, definition(*workspace.at(file, word))) == place
 
 
-def test_what_lies_outside_of_the_workspace_is_found_as_well(workspace: Pointer) -> None:
+def test_definitions_outside_the_workspace_are_found(workspace: Pointer) -> None:
     header = workspace.path("nav/msg/Path.msg")
     workspace.index.open(header, "std_msgs/Header header\nmissing/Type x\n")
     found = definition(workspace.index, header, 0, 3)
@@ -84,7 +84,7 @@ def test_references_are_found_in_the_whole_workspace(
         ("nav/package.xml", "nav", "nav/package.xml:2:8-11"),
     ],
 )
-def test_the_declaration_is_among_them_if_wanted(
+def test_references_include_the_declaration_on_request(
     workspace: Pointer, file: str, word: str, place: str
 ) -> None:
     found = references(*workspace.at(file, word), declaration=True)

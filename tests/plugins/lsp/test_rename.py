@@ -77,7 +77,7 @@ def test_a_type_is_renamed_with_its_file_and_its_uses(workspace: Pointer, file: 
         ("file(GLOB files msg/*.msg)\nrosidl_generate_interfaces(shapes ${files})\n", ""),
     ],
 )
-def test_what_a_rename_does_not_change_in_cmake_is_said(workspace: Pointer, cmake: str, remark: str) -> None:
+def test_a_rename_warns_of_unchanged_cmake_lines(workspace: Pointer, cmake: str, remark: str) -> None:
     files = {"CMakeLists.txt": cmake}
     if "include(" in cmake:
         files["cmake/files.cmake"] = "set(files ${CMAKE_CURRENT_LIST_DIR}/../msg/Point.msg)\n"
@@ -126,7 +126,7 @@ def test_a_member_is_renamed(workspace: Pointer, file: str, word: str, new: str,
         ("nav/package.xml", "shapes", "forms", "there is no name of a type, field or constant here"),
     ],
 )
-def test_a_name_that_does_not_fit_is_refused(
+def test_an_invalid_new_name_is_rejected(
     workspace: Pointer, file: str, word: str, new: str, message: str
 ) -> None:
     with pytest.raises(InterfaceError) as error:
@@ -142,7 +142,7 @@ def test_a_type_outside_of_the_workspace_is_not_renamed(workspace: Pointer) -> N
         renamable(*workspace.at("nav/msg/Path.msg", "Header"))
 
 
-def test_what_can_be_renamed_is_known_beforehand(workspace: Pointer) -> None:
+def test_prepare_rename_returns_the_name_under_the_cursor(workspace: Pointer) -> None:
     found = renamable(*workspace.at("nav/msg/Path.msg", "Point"))
     assert found
     assert (found.name, found.span.start, found.span.end) == ("Point", 7, 12)

@@ -38,7 +38,7 @@ def client(root: Path) -> Iterator[Editor]:
         yield found
 
 
-def test_problems_follow_what_is_typed_and_not_what_is_saved(client: Editor, root: Path) -> None:
+def test_diagnostics_follow_unsaved_text(client: Editor, root: Path) -> None:
     path = root / "src/nav/msg/Path.msg"
     assert client.open(path) == []
     assert client.type(path, "shapes/Pont[] points\n") == ["0:0-13: unknown type 'shapes/Pont'"]
@@ -47,7 +47,7 @@ def test_problems_follow_what_is_typed_and_not_what_is_saved(client: Editor, roo
     assert client.problems(path) == []
 
 
-def test_a_file_that_is_open_is_checked_again_if_another_one_changes(client: Editor, root: Path) -> None:
+def test_open_files_are_checked_again_when_another_file_changes(client: Editor, root: Path) -> None:
     path, other = root / "src/nav/msg/Path.msg", root / "src/shapes/msg/Line.msg"
     assert client.open(path, "shapes/Line line\n") == ["0:0-11: unknown type 'shapes/Line'"]
     client.open(other, "Point start\n")
@@ -60,7 +60,7 @@ def test_a_file_that_is_open_is_checked_again_if_another_one_changes(client: Edi
     assert client.problems(path) == []
 
 
-def test_questions_are_answered(client: Editor, root: Path) -> None:
+def test_hover_definition_and_references(client: Editor, root: Path) -> None:
     path, point = root / "src/nav/msg/Path.msg", root / "src/shapes/msg/Point.msg"
     client.open(path, "# \N{PINCHING HAND}\nshapes/Point[] points\n")
     shown = client.at("textDocument/hover", path, "1:8")
@@ -76,7 +76,7 @@ def test_questions_are_answered(client: Editor, root: Path) -> None:
     assert client.at("textDocument/hover", root / "notes.txt", "0:0") is None
 
 
-def test_words_are_proposed_in_place_of_what_was_typed(client: Editor, root: Path) -> None:
+def test_completion_replaces_the_typed_prefix(client: Editor, root: Path) -> None:
     path = root / "src/nav/msg/Path.msg"
     client.open(path, "shapes/P\n")
     found = client.at("textDocument/completion", path, "0:8")
@@ -104,7 +104,7 @@ def test_a_rename_edits_all_files_and_moves_one(client: Editor, root: Path) -> N
     assert client.at("textDocument/rename", root / "notes.txt", "0:0", newName="A") is None
 
 
-def test_a_rename_says_what_it_does_not_change(client: Editor, root: Path) -> None:
+def test_a_rename_shows_a_warning_about_cmake(client: Editor, root: Path) -> None:
     (root / "src/shapes/CMakeLists.txt").write_text("rosidl_generate_interfaces(shapes ${FILES})\n")
     path = root / "src/nav/msg/Path.msg"
     client.open(path, "shapes/Point[] points\n")
@@ -112,7 +112,7 @@ def test_a_rename_says_what_it_does_not_change(client: Editor, root: Path) -> No
     assert client.messages == ["not changed: 'shapes/CMakeLists.txt' does not name 'Point.msg' literally"]
 
 
-def test_an_editor_that_cannot_rename_files_is_told(root: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_renaming_a_type_needs_support_by_the_editor(root: Path, caplog: pytest.LogCaptureFixture) -> None:
     """The answer is an error of the protocol, and no failure of the server that its log would show."""
     with editor() as client:
         client.start(root)
@@ -134,14 +134,14 @@ def test_columns_count_in_the_units_of_the_editor(client: Editor, root: Path) ->
     assert client.open(path, "\ufeff# \N{PINCHING HAND}\n") == [f"0:0-5: {problem}"]
 
 
-def test_an_editor_that_can_is_asked_to_report_changed_files(root: Path) -> None:
+def test_file_watchers_are_registered_if_the_editor_supports_them(root: Path) -> None:
     with editor() as client:
         client.start(root, workspace={"didChangeWatchedFiles": {"dynamicRegistration": True}})
         client.open(root / "src/nav/msg/Path.msg")
         assert client.registered == ["workspace/didChangeWatchedFiles"]
 
 
-def test_an_editor_that_reports_no_changes_need_not(root: Path) -> None:
+def test_changed_files_are_found_without_file_watchers(root: Path) -> None:
     path, other = root / "src/nav/msg/Path.msg", root / "src/shapes/msg/Late.msg"
     with editor() as client:
         client.start(root)

@@ -33,7 +33,7 @@ def opened_store(url: str) -> Store:
 
 
 def test_files_of_a_folder_store_appear_complete(tmp_path: Path) -> None:
-    """What is written lies under another name until it is whole, and nothing is left of what failed."""
+    """Files are written under another name first, and nothing is left of a failed upload."""
     source = tmp_path / "source"
     source.write_bytes(BYTES)
     store = opened_store(f"file://{tmp_path}/store")
@@ -73,7 +73,7 @@ def test_library_errors_are_reported_without_passwords(
 
 
 def test_objects_in_buckets_are_not_renamed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Files appear whole there, folders are none, and moving would be copying."""
+    """Objects appear atomically, there are no folders, and moving would copy."""
     monkeypatch.setattr("forge.plugins.remote_cache.fsspec_backend._BUCKETS", frozenset({"memory"}))
     kind = fsspec.get_filesystem_class("memory")
     for name in ("mv", "makedirs"):

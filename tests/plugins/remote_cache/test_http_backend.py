@@ -33,7 +33,7 @@ SECONDS = 0.3
 AMPLE = 30.0
 """The time limit in all other tests, so that a busy machine does not decide what they see."""
 SLACK = 1.2
-"""How much later than in time an answer may come on a machine that is busy."""
+"""How late an answer may be on a busy machine."""
 
 KEY = "ab" * 32
 BYTES = os.urandom(200_000)
@@ -43,7 +43,7 @@ RESULT = ActionResult((OutputFile("pack", DIGEST),))
 
 @contextmanager
 def in_time(seconds: float = SECONDS) -> Iterator[None]:
-    """Check that something ends when it should, however it ends."""
+    """Check that a block ends in time, even with an exception."""
     begun = time.monotonic()
     try:
         yield
@@ -52,12 +52,12 @@ def in_time(seconds: float = SECONDS) -> Iterator[None]:
 
 
 def raw(*moves: bytes | float | None) -> Callable[[Request], Moves]:
-    """Answer all requests by the same moves."""
+    """Answer all requests with the same moves."""
     return lambda _: moves
 
 
 def endless(head: bytes, drop: bytes, pause: float) -> Callable[[Request], Moves]:
-    """Answer with something, and then with one drop after the other."""
+    """Answer with `head`, then with `drop` again and again."""
     return lambda _: itertools.chain([head], itertools.cycle([drop, pause] if pause else [drop]))
 
 
@@ -114,7 +114,7 @@ SPOILT = {
 
 @pytest.fixture
 def target(tmp_path: Path) -> Iterator[Path]:
-    """Give a place for a blob, at which there is nothing in the end, nor anything beside it."""
+    """Yield a path for a blob; nothing may be left there at the end."""
     yield tmp_path / "new" / "blob"
     assert list(tmp_path.rglob("*")) in ([], [tmp_path / "new"])
 
@@ -270,7 +270,7 @@ def test_connections_are_kept() -> None:
 
 @pytest.fixture
 def source(tmp_path: Path) -> Path:
-    """Give the file of the blob."""
+    """Return the file of the blob."""
     path = tmp_path / "source"
     path.write_bytes(BYTES)
     return path

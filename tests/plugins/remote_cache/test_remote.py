@@ -36,7 +36,7 @@ RESULT = ActionResult((OutputFile("pack", DIGEST),))
 
 @pytest.fixture
 def source(tmp_path: Path) -> Path:
-    """Give the file of the blob."""
+    """Return the file of the blob."""
     path = tmp_path / "source"
     path.write_bytes(BYTES)
     return path
@@ -58,20 +58,16 @@ class Fake:
             raise self.fault
 
     def read(self, path: str) -> Generator[bytes]:
-        """Yield the one result."""
         self._do(f"read {path[:5]}")
         yield encode(RESULT)
 
     def size(self, path: str) -> int | None:
-        """Tell that there is no file."""
         raise FileNotFoundError
 
     def write(self, path: str, size: int, blocks: Callable[[], Iterable[bytes]]) -> None:
-        """Note that."""
         self._do(f"write {path[:5]} {len(b''.join(blocks()))}")
 
     def close(self) -> None:
-        """Note that."""
         self.closed.set()
 
 
@@ -131,7 +127,6 @@ def test_many_slow_responses_disable_the_store(monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_many_threads_can_use_a_store_at_once() -> None:
-    """As many as there are packages in a build."""
     remote, answers = remote_of(Fake(seconds=0.05), []), list[ActionResult | None]()
     threads = [
         threading.Thread(target=lambda: answers.extend(remote.result(KEY) for _ in range(10)))
@@ -232,7 +227,7 @@ def test_read_only_stores_send_no_upload_requests(source: Path) -> None:
 
 
 def test_waiting_requests_end_when_the_store_fails(tmp_path: Path) -> None:
-    """Four packages ask at once, and the first refusal is for all of them."""
+    """Four packages wait at once; the first fault disables the store for all of them."""
 
     def answer(request: Request) -> Moves:
         return (0.2, *reply(503)) if request.path.startswith("/ac") else (60.0,)
@@ -303,7 +298,7 @@ def test_ssh_without_host_key_verification_is_rejected(tmp_path: Path) -> None:
 
 
 def sent(url: str, count: int, source: Path, seconds: float = 10) -> int:
-    """Send so many results with one blob; return how many did not arrive."""
+    """Upload `count` results that share a blob; return how many failed."""
     remote = opened(url, [], seconds=seconds)
     for number in range(count):
         remote.upload(f"{number:064x}", RESULT, {DIGEST: source})

@@ -42,7 +42,7 @@ def nginx(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Nginx]:
 
 @pytest.fixture(params=[pytest.param("nginx", marks=pytest.mark.needs("/usr/sbin/nginx")), "file", "memory"])
 def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
-    """Give the URL of an empty store."""
+    """Return the URL of an empty store."""
     if request.param == "nginx":
         running = request.getfixturevalue("nginx")
         for path in running.files.glob("*/*"):
@@ -131,7 +131,7 @@ def test_concurrent_writes_of_one_blob_are_safe(nginx: Nginx, tmp_path: Path) ->
 
 @pytest.fixture
 def guarded(tmp_path: Path) -> Iterator[Nginx]:
-    """Run nginx as the page has it for teams of which not everybody may write: with TLS and passwords."""
+    """Run nginx with TLS and passwords for writers, as configured on the documentation page."""
     etc = tmp_path / "etc"
     for folder in ("nginx", "ssl/certs", "ssl/private"):
         (etc / folder).mkdir(parents=True)

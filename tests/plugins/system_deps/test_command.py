@@ -64,12 +64,12 @@ def root(tree: Tree) -> Path:
 
 
 def deps(forge: Forge, root: Path, *argv: str, system: str = "ubuntu:jammy") -> Ran:
-    """Run it far from this machine's own rosdep."""
+    """Run `forge deps` without this machine's rosdep data."""
     env = {"ROS_HOME": str(root / "none")}
     return forge("deps", "--rosdep-file", "keys.yaml", "--os", system, *argv, cwd=root, env=env)
 
 
-def test_derived_distributions_use_their_parent_and_say_so(forge: Forge, root: Path) -> None:
+def test_mistyped_distributions_are_reported(forge: Forge, root: Path) -> None:
     assert deps(forge, root, "--rosdistro", "humbel").err.startswith(
         "warning: unknown ROS distribution 'humbel'\nhint: did you mean 'humble'?\n"
     )
@@ -77,7 +77,7 @@ def test_derived_distributions_use_their_parent_and_say_so(forge: Forge, root: P
         assert "unknown ROS distribution" not in deps(forge, root, "--rosdistro", name).err
 
 
-def test_lines_to_paste_name_the_packages_that_need_each_key(forge: Forge, root: Path) -> None:
+def test_printed_commands_name_the_packages_that_need_each_key(forge: Forge, root: Path) -> None:
     ran = deps(forge, root)
     assert (ran.code, ran.err) == (0, "")
     lines = ran.out.splitlines()

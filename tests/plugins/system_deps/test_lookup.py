@@ -63,7 +63,7 @@ def test_a_system_that_rosdep_does_not_know_has_no_packages() -> None:
     assert resolver([{"k": {"void": ["v"]}}], System("void", "", ""))("k") is None
 
 
-def test_any_rule_is_read() -> None:
+def test_any_rule_can_be_read() -> None:
     database: dict[str, Any] = {}
     look_up = resolver([database], JAMMY)
     words = st.sampled_from(["apt", "pip", "source", "jammy", "*", "packages", "uri"]) | st.text(max_size=3)

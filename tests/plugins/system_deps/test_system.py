@@ -35,6 +35,6 @@ def test_the_system_is_read_from_os_release(tmp_path: Path, said: str, expected:
     assert system_of(os_release([tmp_path / "missing", file])) == expected
 
 
-def test_another_system_may_be_asked_for() -> None:
+def test_another_system_can_be_selected() -> None:
     assert system_of({"ID": "debian"}, "ubuntu:jammy") == JAMMY
     assert system_of({"ID": "debian"}, "openEuler:24.03") == System("openeuler", "24.03", "dnf")
