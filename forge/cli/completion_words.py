@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from forge.workspace.root import find_install, find_root, is_root
-from forge.workspace.source_names import is_environment, may_contain_packages
+from forge.workspace.source_names import folders_to_search
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -146,24 +146,13 @@ def _names(words: Sequence[str], variables: Mapping[str, str]) -> Iterator[str]:
 
 def package_names(root: str) -> Iterator[str]:
     """Yield the names of the packages of a workspace; skip ignored folders, follow links."""
-    waiting, visited = [root], set()
-    while waiting:
-        folder = waiting.pop()
-        try:
-            status = os.stat(folder)
-            entries = {entry.name: entry for entry in os.scandir(folder)}
-        except OSError:
-            continue
-        identity = (status.st_dev, status.st_ino)
-        if identity in visited or not entries.keys().isdisjoint(_IGNORED):
-            continue
-        visited.add(identity)
-        if folder != root and is_environment(entries.__contains__):
-            continue
+    for folder, entries in folders_to_search(root):
+        if not entries.keys().isdisjoint(_IGNORED):
+            entries.clear()
         kind = next((kind for kind in _KINDS if kind in entries), None)
         if kind is None:
-            waiting += (e.path for e in entries.values() if may_contain_packages(e.name) and e.is_dir())
             continue
+        entries.clear()
         match = None
         if not kind.endswith((".py", ".toml")):
             with suppress(OSError), open(f"{folder}/{kind}", "rb") as stream:

@@ -31,7 +31,7 @@ from forge.workspace.forge_toml import FORGE_TOML
 from forge.workspace.identification import MARKER_FILES, ROS_IGNORE_FILES
 from forge.workspace.load import find_packages
 from forge.workspace.resolve import INTERFACE_GROUP
-from forge.workspace.source_names import is_environment, is_source, may_contain_packages
+from forge.workspace.source_names import folders_to_search, is_source, may_contain_packages
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -299,36 +299,20 @@ def watch_specs(
             for target in targets:
                 add(os.path.dirname(target), WatchSpec(frozenset({os.path.basename(target)}), folders=False))
     for base in base_paths:
-        for folder, spec in _bare(os.path.normpath(os.path.join(root, base)), homes | results):
-            add(folder, spec)
+        # Outside of packages, new packages count; in ignored folders, only the end of that.
+        for folder, entries in folders_to_search(os.path.normpath(os.path.join(root, base))):
+            if folder in homes or folder in results:
+                entries.clear()
+            elif _IGNORE_MARKERS.isdisjoint(entries):
+                add(folder, WatchSpec(MARKER_FILES))
+            else:
+                add(folder, WatchSpec(_IGNORE_MARKERS, folders=False))
+                entries.clear()
     for file in files:
         path = os.path.normpath(os.path.join(root, file))
         if os.path.isdir(os.path.dirname(path)):
             add(os.path.dirname(path), WatchSpec(frozenset({os.path.basename(path)}), folders=False))
     return found
-
-
-def _bare(base: str, without: frozenset[str] | set[str]) -> Iterator[tuple[str, WatchSpec]]:
-    """Yield the folders outside of packages that discovery searches; in ignored ones only markers count."""
-    waiting, visited = [base], set()
-    while waiting:
-        folder = waiting.pop()
-        try:
-            status = os.stat(folder)
-            with os.scandir(folder) as entries:
-                inside = [(entry.name, entry.is_dir()) for entry in entries]
-        except OSError:
-            continue
-        if folder in without or (status.st_dev, status.st_ino) in visited:
-            continue
-        visited.add((status.st_dev, status.st_ino))
-        if folder != base and is_environment({name for name, _ in inside}.__contains__):
-            continue
-        if any(name in _IGNORE_MARKERS for name, _ in inside):
-            yield folder, WatchSpec(_IGNORE_MARKERS, folders=False)
-            continue
-        yield folder, WatchSpec(MARKER_FILES)
-        waiting += [f"{folder}/{name}" for name, below in inside if below and may_contain_packages(name)]
 
 
 class FileWatcher:

@@ -6,11 +6,12 @@ whole folders with arbitrary names, so that a name alone is rarely sufficient.
 
 from __future__ import annotations
 
+import os
 import re
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
 _LITTER_FOLDERS = frozenset(
     """.git .hg .svn .bzr __pycache__ .pytest_cache .mypy_cache .ruff_cache .hypothesis .tox .eggs
@@ -72,6 +73,30 @@ def is_environment(inside: Callable[[str], bool]) -> bool:
 def may_contain_packages(name: str) -> bool:
     """Tell whether packages of a workspace may be below a folder, which is itself not a package."""
     return not name.startswith(".") and name not in _INSTALLED
+
+
+def folders_to_search(base: str) -> Iterator[tuple[str, dict[str, os.DirEntry[str]]]]:
+    """Yield each folder that a search for packages visits, with its entries; follow links without loops.
+
+    As with os.walk, clear the entries to skip what is below a folder. Unreadable folders are left out.
+    """
+    waiting, visited = [base], set()
+    while waiting:
+        folder = waiting.pop()
+        try:
+            status = os.stat(folder)
+            with os.scandir(folder) as found:
+                entries = {entry.name: entry for entry in found}
+        except OSError:
+            continue
+        identity = (status.st_dev, status.st_ino)
+        if identity in visited or (folder != base and is_environment(entries.__contains__)):
+            continue
+        visited.add(identity)
+        yield folder, entries
+        waiting += (
+            each.path for each in entries.values() if may_contain_packages(each.name) and each.is_dir()
+        )
 
 
 def _belongs_to_another(name: str, beside: Callable[[str], bool]) -> bool:

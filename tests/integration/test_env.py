@@ -87,8 +87,8 @@ def test_dotenv_contains_the_module_path(forge: Forge, layout: Layout) -> None:
     ran = forge(
         "env", "--format", "dotenv", "PYTHONPATH", cwd=layout.install.parent, env={"PYTHONPATH": found}
     )
-    assert ran.out == as_dotenv({"PYTHONPATH": found}, ())
-    assert as_dotenv({"A": 'x"$y`\\'}, ["B"]) == 'A="x\\"\\$y\\`\\\\"\n'
+    assert ran.out == as_dotenv({"PYTHONPATH": found})
+    assert as_dotenv({"A": 'x"$y`\\'}) == 'A="x\\"\\$y\\`\\\\"\n'
 
 
 def test_variables_that_a_hook_unsets_are_unset(forge: Forge, tmp_path: Path) -> None:

@@ -18,36 +18,16 @@ from forge.cli.options import install_base_option
 from forge.environment.sourcing import sourced_environment
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping
+    from collections.abc import Mapping
 
 _SPECIAL = re.compile(r'[\\"$`]')
 _ESCAPED = r"\\\g<0>"
 
 
-def as_sh(variables: Mapping[str, str], gone: Iterable[str]) -> str:
-    """Return lines for `eval` in POSIX shells."""
-    lines = [f"export {name}={shlex.quote(value)}" for name, value in sorted(variables.items())]
-    return "".join(f"{line}\n" for line in (*lines, *(f"unset {name}" for name in sorted(gone))))
-
-
-def as_json(variables: Mapping[str, str], gone: Iterable[str]) -> str:
-    """Return an object with strings for variables that are set and null for unset ones."""
-    return json.dumps({**variables, **dict.fromkeys(gone)}, indent=2, sort_keys=True) + "\n"
-
-
-def as_dotenv(variables: Mapping[str, str], gone: Iterable[str]) -> str:
-    """Return a .env file for editors and containers; it cannot unset variables."""
-    del gone
+def as_dotenv(variables: Mapping[str, str]) -> str:
+    """Return a .env file for editors and containers."""
     lines = (f'{name}="{_SPECIAL.sub(_ESCAPED, value)}"' for name, value in sorted(variables.items()))
     return "".join(f"{line}\n" for line in lines)
-
-
-FORMATS: Mapping[str, Callable[[Mapping[str, str], Iterable[str]], str]] = {
-    "sh": as_sh,
-    "json": as_json,
-    "dotenv": as_dotenv,
-}
-"""The formats by the name on the command line."""
 
 
 @frozen
@@ -55,7 +35,7 @@ class Options:
     names: tuple[str, ...] = option(
         "print only these variables, changed or not", default=(), positional=True, metavar="VARIABLE"
     )
-    format: str = option("output format (default: sh)", default="sh", choices=tuple(FORMATS))
+    format: str = option("output format (default: sh)", default="sh", choices=("sh", "json", "dotenv"))
     install_base: str = install_base_option()
 
 
@@ -78,5 +58,14 @@ def run(options: Options) -> int:
         changed, gone = {name: after[name] for name in options.names}, set()
     elif not changed and not gone and sys.stdout.isatty():
         print("note: this shell has sourced the workspace: nothing changes", file=sys.stderr)
-    sys.stdout.write(FORMATS[options.format](changed, gone))
+    match options.format:
+        case "sh":
+            lines = [f"export {name}={shlex.quote(value)}" for name, value in sorted(changed.items())]
+            lines += (f"unset {name}" for name in sorted(gone))
+            text = "".join(f"{line}\n" for line in lines)
+        case "json":
+            text = json.dumps({**changed, **dict.fromkeys(gone)}, indent=2, sort_keys=True) + "\n"
+        case _:
+            text = as_dotenv(changed)  # which cannot unset variables
+    sys.stdout.write(text)
     return 0
