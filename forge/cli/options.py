@@ -11,12 +11,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from forge.base.env_vars import expand_home, setting
-from forge.base.errors import Problem, SelectionError, print_warnings
+from forge.base.errors import Problem, SelectionError
 from forge.base.frozen import frozen
 from forge.base.layout import Layout
-from forge.base.options import default_of, nested_options, option, option_of, options_of
+from forge.base.options import default_of, nested_options, option, option_of
 from forge.cli.colcon_options import PASSED_ON
-from forge.workspace.selection import Query
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -25,7 +24,6 @@ if TYPE_CHECKING:
     from forge.base.options import Option
     from forge.cli.main import Parser
     from forge.toolchain.targets import Target
-    from forge.workspace.load import LoadedWorkspace
 
 _Options = TypeVar("_Options")
 
@@ -241,27 +239,6 @@ class OptionSources:
         "use the options of these mixins; 'forge mixin show' shows them", nargs="*", metavar="NAME"
     )
     mixin_files: tuple[str, ...] | None = option("additional mixin files", nargs="*", metavar="FILE")
-
-
-@frozen
-class ListingOptions:
-    """The options of commands that show packages and build none."""
-
-    query: Query = options_of(Query)
-    sources: OptionSources = options_of(OptionSources)
-    build_base: str = option(
-        "build folder, for results of earlier builds (default: build)", default="build", metavar="DIR"
-    )
-    embedded: bool = option("include the packages embedded in forge", default=False)
-    json: bool = option("print the output as JSON", default=False)
-
-    def load(self) -> LoadedWorkspace:
-        """Return the workspace in the current folder; print its warnings."""
-        from forge.workspace.load import load_workspace
-
-        loaded = load_workspace(Path.cwd(), self.query, os.environ, embedded=self.embedded)
-        print_warnings(loaded.warnings)
-        return loaded
 
 
 def displayed(path: Path | str, origin: str) -> str:

@@ -1,3 +1,3 @@
 """One module per command with the functions register(parser) and run(options) -> exit code."""
 
-__all__ = ["interface"]
+__all__ = ["interface", "list"]

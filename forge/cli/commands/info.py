@@ -14,7 +14,8 @@ from forge.base.layout import LAYOUT_MARKER
 from forge.base.names import did_you_mean
 from forge.base.options import option, options_of
 from forge.cli import options as shared
-from forge.cli.options import FolderOptions, ListingOptions
+from forge.cli.commands.list import ListingOptions
+from forge.cli.options import FolderOptions
 from forge.cli.preparation import build_variables, known_rosdistro, workspace_interpreter
 from forge.environment.prefixes import find_underlays
 from forge.workspace.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS

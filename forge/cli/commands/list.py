@@ -5,14 +5,39 @@ from __future__ import annotations
 import json
 import os
 from dataclasses import fields
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from forge.base.errors import Problem, SelectionError
+from forge.base.errors import Problem, SelectionError, print_warnings
 from forge.base.extensions import COMMANDS, find
 from forge.base.frozen import frozen
 from forge.base.options import option, options_of
 from forge.cli import options as shared
-from forge.cli.options import ListingOptions
+from forge.cli.options import OptionSources
+from forge.workspace.load import load_workspace
+from forge.workspace.selection import Query
+
+if TYPE_CHECKING:
+    from forge.workspace.load import LoadedWorkspace
+
+
+@frozen
+class ListingOptions:
+    """The options of commands that show packages and build none."""
+
+    query: Query = options_of(Query)
+    sources: OptionSources = options_of(OptionSources)
+    build_base: str = option(
+        "build folder, for results of earlier builds (default: build)", default="build", metavar="DIR"
+    )
+    embedded: bool = option("include the packages embedded in forge", default=False)
+    json: bool = option("print the output as JSON", default=False)
+
+    def load(self) -> LoadedWorkspace:
+        """Return the workspace in the current folder; print its warnings."""
+        loaded = load_workspace(Path.cwd(), self.query, os.environ, embedded=self.embedded)
+        print_warnings(loaded.warnings)
+        return loaded
 
 
 def _alias(command: str, short: str = "") -> Any:

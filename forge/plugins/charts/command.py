@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
 from forge.base.options import option, options_of
-from forge.cli.options import ListingOptions
+from forge.cli.commands.list import ListingOptions
 from forge.plugins.charts import graph_formats
 from forge.plugins.charts.graph_formats import PackageGraph
 
