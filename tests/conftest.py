@@ -23,8 +23,8 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from forge.base.files import write_if_changed
+from forge.build.compiler_probe import Toolchain
 from forge.cli.main import main
-from forge.toolchain.compiler_probe import Toolchain
 from tests.generated import generate, importable, probe_catalog
 from tests.packages import write_files
 from tests.rosidl import DEBIAN, EMPY, MODULES

@@ -105,7 +105,8 @@ class Audit:
                 package.compare(family, graph.read_by_cmake, "cmake", _CONFIGURES)
             elif kind and kind not in {StepKind.BUILD.value, StepKind.BUILD_TARGET.value}:
                 package.compare(family)  # install rules declare themselves, and so do Python packages
-            elif process.parent and _runs_rules(process.parent) and not _runs_rules(process):
+            # Only ninja says what its rules declare.
+            elif graph.tool and process.parent and _runs_rules(process.parent) and not _runs_rules(process):
                 written = frozenset(word for each in family for _, kind, word in each.records if kind == "W")
                 if edge := finder.edge(process, written):
                     output = os.path.relpath(edge.outputs[0], task.build_dir)

@@ -17,6 +17,7 @@ import os
 import time
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from forge.base.files import delete_tree, replace_file
@@ -48,20 +49,18 @@ from forge.build.observed_commands import COMMANDS, COMMANDS_BEFORE
 from forge.build.reuse import (
     Decision,
     Reuse,
+    affected_outputs,
     decide,
     is_known,
-    read_or_nothing,
     restorable_outputs,
-    undeclared_readers,
-    with_side_outputs,
+    with_all_written,
 )
-from forge.build.side_outputs import files_below, find_side_outputs, record_configured
 from forge.engine.commands import NOT_OBSERVED, read_commands, write_commands
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
-    from pathlib import Path
 
+    from forge.base.frozen import Pairs
     from forge.build.inputs.input_manifest import InputManifest
     from forge.build.inputs.native_graph import NativeGraph
     from forge.engine.commands import ObservedCommands
@@ -98,13 +97,13 @@ class FileChecks:
 
     `needed_changes(name, then, now)` returns the difference between two states of a dependency's installed
     files, or None if it is unknown; `only_library_code_changed` whether they differ only in the code of
-    shared libraries. `contents(paths)` returns content digests.
+    shared libraries. `contents(paths)` returns content digests, `answers(questions)` answers of a `World`.
     """
 
     needed_changes: Callable[[str, str, str], Changes | None]
     contents: Callable[[Iterable[str]], Mapping[str, str]]
-    is_cmake_module: Callable[[str], bool]
     only_library_code_changed: Callable[[str, str, str], bool]
+    answers: Callable[[Iterable[str]], Pairs] = lambda _: ()
 
 
 def prepare_build_dir(
@@ -137,7 +136,9 @@ def prepare_build_dir(
     for name in (ENDED, DEFERRED_BUILD_FILE, COMMANDS):
         (folder / name).unlink(missing_ok=True)
     # If this build is killed, nothing is known of the commands that it has run.
-    write_commands(folder / COMMANDS_BEFORE, seen if decision.reuse is not Reuse.NOTHING else NOT_OBSERVED)
+    write_commands(
+        folder / COMMANDS_BEFORE, seen if decision.reuse is not Reuse.NOTHING or inputs.kept else NOT_OBSERVED
+    )
     write_manifest(folder / SOURCES, inputs.sources)
     note = {
         "began": time.time_ns(),
@@ -154,14 +155,11 @@ def restore_outputs(build: Path) -> None:
     """Move products of the earlier build that the new build graph still contains back into the build folder.
 
     Files that CMake generated again with identical content get their old times, so that they cause no
-    rebuild. A product with other files that its command wrote is moved only with these, see `side_outputs`.
-    Records which files CMake wrote; does nothing else unless a folder was set aside.
+    rebuild. Does nothing unless a folder was set aside.
     """
-    configured = tuple(files_below(build, _KEPT))
     before = set_aside_path(build)
     if before.is_dir():
         _restore(build, before)
-    record_configured(build, configured)
 
 
 def _restore(build: Path, before: Path) -> None:
@@ -169,17 +167,11 @@ def _restore(build: Path, before: Path) -> None:
     dropped = frozenset(note_data.get("dropped", ()))
     graph, then = read_native_graph(build), read_native_graph(before, build)
     seen = _of_same_commands(read_commands(build / SCRATCH_DIR / COMMANDS_BEFORE), then, graph)
-    observed = {
-        edge.outputs[0]: seen.edges[edge.outputs[0]].written for edge in then.edges if is_known(edge, seen)
-    }
-    claimed = frozenset(path for paths in observed.values() for path in paths)
-    side_outputs = find_side_outputs(before, build, then, graph, _KEPT, claimed)
     graph = replace(graph, reported=then.reported)
-    dropped |= undeclared_readers(graph, _generated_changes(build, before), read_or_nothing, seen)
-    dropped |= side_outputs.dropped | _readers_of_generated(build, before, graph, seen)
-    dropped = with_side_outputs(graph, dropped, seen)
+    dropped |= affected_outputs(graph, _generated_changes(build, before), seen)
+    dropped = with_all_written(graph, dropped | _readers_of_generated(build, before, graph, seen), seen)
     for product in restorable_outputs(graph, dropped, seen):
-        for path in (product, *side_outputs.beside.get(product, ()), *observed.get(product, ())):
+        for path in (product, *(seen.edges[product].written if product in seen.edges else ())):
             if path.startswith(f"{build}/"):
                 _move(path, path.replace(str(build), str(before), 1))
     for path in note_data.get("generated", ()):
@@ -257,10 +249,12 @@ def _decision(build: Path, inputs: BuildDirInputs, checks: FileChecks, *, reconf
     if needed_changes is None or not graph.tool or _externals_changed(build, external_paths, note, checks):
         return _NOTHING
     seen = read_commands(build / SCRATCH_DIR / COMMANDS)
+    if seen.answers != checks.answers(question for question, _ in seen.answers):
+        return _NOTHING
     if {*note["needs"]} != {*inputs.needs}:
         # Other prefixes are in the search paths: nothing was looked for in them.
         seen = NOT_OBSERVED
-    decision = decide(graph, own, needed_changes, read_or_nothing, checks.is_cmake_module, seen)
+    decision = decide(graph, own | needed_changes, seen)
     must_configure = reconfigure or note.get("shape") != inputs.shape
     if must_configure and decision.reuse is Reuse.EVERYTHING:
         return Decision(Reuse.PRODUCTS if graph.tool == "ninja" else Reuse.NOTHING, decision.dropped)
@@ -340,8 +334,15 @@ def _test_results(build: Path) -> Iterator[str]:
     for folder, folders, files in os.walk(build):
         folders[:] = [name for name in folders if not name.startswith(".")]
         for path in (f"{folder}/{name}" for name in files if name.endswith(".xml")):
-            if mentions(read_or_nothing(path), "<testsuite"):
+            if mentions(_content(path), "<testsuite"):
                 yield os.path.relpath(path, build)
+
+
+def _content(path: str) -> bytes:
+    try:
+        return Path(path).read_bytes() if os.path.isfile(path) else b""
+    except OSError:
+        return b""
 
 
 def _touch_build_ninja(build: Path) -> None:

@@ -13,7 +13,6 @@ from forge.base.layout import SCRATCH_DIR
 from forge.build.inputs.depfiles import written_by_backend
 from forge.build.inputs.fingerprints import contents_of, tree_stats
 from forge.build.inputs.input_manifest import read_manifest, write_manifest
-from forge.build.inputs.native_graph import read_native_graph
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -82,27 +81,25 @@ def read_last(build: Path) -> LastBuild:
 
 
 def saved_during_build(
-    build: Path, begun: BegunBuild, externals: InputManifest, table: FileTable
+    build: Path, begun: BegunBuild, externals: InputManifest, table: FileTable, observed: frozenset[str]
 ) -> frozenset[str]:
     """Return the inputs that were written since the build started, even if with the same content.
 
-    Files that the native tool wrote among the sources, or a build backend anywhere, are excluded, and so are
-    files that were also written during the last build and have the same content: the build writes them.
+    Files that the steps were `observed` to write, or a build backend, are excluded, and so are files that
+    were also written during the last build and have the same content: the build writes them.
     """
     note = read_json(build / SCRATCH_DIR / BEGUN)
-    written = frozenset(written_by_backend(build))
+    written = observed.union(written_by_backend(build))
     then, now, last = begun.sources, tree_stats(begun.source), begun.last
     paths = then.keys() | now.keys()
     changed = {path for path in paths if path not in then or then[path].stats != now.get(path)}
     if changed:
-        made = {output for edge in read_native_graph(build).edges for output in edge.outputs}
-        made.update(written)
         before = {path: then[path].content for path in changed & then.keys()}
         contents = contents_of(sorted(changed), table)
         changed = {
             path
             for path in changed
-            if path not in made and not (path in last.saved and before.get(path) == contents[path])
+            if path not in written and not (path in last.saved and before.get(path) == contents[path])
         }
     recent_externals = {path for path in externals.keys() - written if written_since(path, note["began"])}
     for path in recent_externals:

@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from forge.build.tests.recipes import TestContext
     from forge.workspace.identity import Folder, Identity
     from forge.workspace.model import Manifest, Package
-    from forge.workspace.references import References
 
 
 @frozen
@@ -63,8 +62,6 @@ class BuildType:
     """Nothing but `install_tree` writes into the prefix, so that forge need not observe the steps."""
     tests_need_build: bool = True
     """The tests need the files in the build folder, which a package restored from the cache lacks."""
-    reader_of: Callable[[str], Callable[[str], References] | None] | None = None
-    """Returns the function that finds what the text of a source file refers to, None for most paths."""
     code: str = ""
     """Identifies the code of another distribution's build type; set by forge."""
 

@@ -14,9 +14,10 @@ from forge.build.build_notes import EXTERNALS, SOURCES
 from forge.build.inputs.fingerprints import DIR_LISTING_SUFFIX, contents_of, tree_manifest
 from forge.build.inputs.input_manifest import Changes, compare, read_manifest
 from forge.build.up_to_date import UNKNOWN_INSTALLED, UNKNOWN_SOURCES, InputChange, InputKind
+from forge.engine.world import PACKAGE_FOUND, PROGRAM, VARIABLE
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Collection, Iterable, Mapping
     from pathlib import Path
 
     from forge.build.inputs.fingerprints import FileTable
@@ -24,6 +25,11 @@ if TYPE_CHECKING:
     from forge.build.model import BuildRecord
 
 _MISSING = "missing"
+_QUESTIONS = (
+    (InputKind.VARIABLE, "environment variable", VARIABLE),
+    (InputKind.TOOL, "tool", PROGRAM),
+    (InputKind.OTHER, "place of the package", PACKAGE_FOUND),
+)
 UNKNOWN_EXTERNAL = "a file outside of the package that its last build read has changed"
 
 
@@ -77,6 +83,8 @@ def changed_external_files(
         before = {}
         gone = {path for path in record.externals if now[path] == _MISSING}
         changed = gone or {*record.externals}.intersection(recent)
+    if questions := [each for each in changed if not each.startswith("/")]:
+        return _changed_answers(questions, before)
     inside = bool(changed) and all(path.startswith(f"{root}/") for path in changed)
     kind = InputKind.OWN if inside else InputKind.OUTSIDE
     files = sorted(path for path in changed if not path.endswith(DIR_LISTING_SUFFIX))
@@ -89,6 +97,16 @@ def changed_external_files(
     removed = frozenset(path for path in files if now[path] == _MISSING)
     text = described(Changes(added, removed, frozenset(files) - added - removed), _from(root))
     return InputChange(kind, text if inside else f"the external input {text}")
+
+
+def _changed_answers(questions: Collection[str], before: Mapping[str, str]) -> InputChange:
+    """Return the change of some answers about the surroundings, of which `before` has the former ones."""
+    kind, what, start = next(
+        row for row in _QUESTIONS if any(question.startswith(row[-1]) for question in questions)
+    )
+    names = {each.removeprefix(start): each for each in sorted(questions) if each.startswith(start)}
+    added = frozenset(name for name, question in names.items() if before.get(question) == "")
+    return InputChange(kind, f"the {what} '{next(iter(names))}' changed", tuple(names), added)
 
 
 def described(changes: Changes, shown: Callable[[str], str]) -> str:

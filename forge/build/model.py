@@ -50,9 +50,10 @@ class BuildRecord:
     """The journal's record of a package's last build.
 
     `complete` is False from the start of the build until it succeeds. `files` are the installed files, as
-    absolute paths; `externals` are the files outside the workspace that the build read, and `external` is the
-    digest of their contents. Times are seconds since the epoch; `began` is 0 for a package restored from the
-    cache. `tree` is a path-independent digest of the files for the package cache, '' if not yet computed.
+    absolute paths; `externals` are the files outside the workspace that the build read or looked for, and
+    its questions for a `World`; `external` is the digest of their contents and answers. Times are seconds
+    since the epoch; `began` is 0 for a package restored from the cache. `tree` is a path-independent digest
+    of the files for the package cache, '' if not yet computed.
     `saved` are inputs that were written while the build ran; the outputs may reflect any of their states.
     `from_empty` is True if the build started in an empty build folder. `read_from` are undeclared
     dependencies: packages whose build folder or prefix the build read. `folders` are the empty folders that

@@ -4,50 +4,56 @@ from __future__ import annotations
 
 import os
 import re
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from forge.base.layout import PACKAGE, SCRATCH_DIR
+from forge.base.files import text_or_nothing
+from forge.base.layout import SCRATCH_DIR, own_folders
 from forge.build.inputs.depfiles import cmake_root
 from forge.build.inputs.native_graph import read_native_graph
-from forge.build.observed_writes import read_steps
-from forge.build.prefix import written_log
 from forge.engine.commands import NOT_OBSERVED, Folders, commands_of, read_commands, write_commands
+from forge.engine.world import about_packages
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from forge.base.layout import Layout
     from forge.build.inputs.native_graph import Edge, NativeGraph
-    from forge.build.tasks import Task
+    from forge.build.observed_writes import ObservedSteps
+    from forge.engine.commands import ObservedCommands
     from forge.engine.observation import Process
+    from forge.engine.world import World
 
 COMMANDS, COMMANDS_BEFORE = "commands.json", "commands_before.json"
 """What is known of the commands whose products are in a build folder, and what was before this build."""
 _CACHES = ("~/.cache", "~/.ccache")
 _COMMAND = re.compile(r"^  COMMAND = (.*)$", re.MULTILINE)
+_PACKAGE = re.compile(r"^([^/#:]+)_DIR:PATH=", re.MULTILINE)
+"""The packages that CMake has searched, found or not."""
 _ESCAPE = re.compile(r"\$([ :$])")
 
 
-def record_commands(task: Task, source: Path, layout: Layout) -> frozenset[str]:
-    """Record what the steps of a task have done, successful or not.
-
-    Returns the files that they, or earlier steps whose products are kept, read outside of the workspace.
-    """
-    build = task.build_dir
-    steps = read_steps(written_log(task.name, layout))
+def record_commands(
+    steps: ObservedSteps, build: Path, source: Path, layout: Layout, world: World
+) -> ObservedCommands:
+    """Record what the steps of a package did, successful or not; return also what earlier ones did."""
     if not steps.kinds:
-        return frozenset()
+        return NOT_OBSERVED
     graph = read_native_graph(build)
-    tracked = (f"{PACKAGE}/", cmake_root(build), *(f"{os.path.expanduser(cache)}/" for cache in _CACHES))
-    folders = Folders(build, (source, layout.install, layout.build), filter(None, tracked))
+    own = (f"{folder}/" for folder in own_folders())
+    tracked = (*own, cmake_root(build), *(f"{os.path.expanduser(cache)}/" for cache in _CACHES))
+    folders = Folders(build, (source, layout.install, layout.build), filter(None, tracked), world)
     found = commands_of(steps.observed, steps.kinds, EdgeFinder(graph), folders)
     outputs = frozenset(edge.outputs[0] for edge in graph.edges)
     # Which commands ran is unknown if a part of the log is missing.
     is_whole = not steps.observed.blind
     before = read_commands(build / SCRATCH_DIR / COMMANDS_BEFORE) if is_whole else NOT_OBSERVED
     commands = before.merged(found, outputs)
+    packages = _PACKAGE.findall(text_or_nothing(build / "CMakeCache.txt", errors="surrogateescape"))
+    asked = frozenset(about_packages(packages)).union(*(each.asked for each in commands.all))
+    commands = replace(commands, answers=world.answers(asked))
     write_commands(build / SCRATCH_DIR / COMMANDS, commands)
-    return commands.all_external()
+    return commands
 
 
 class EdgeFinder:

@@ -15,13 +15,11 @@ from forge.build.install_manifests import without_other_installs
 from forge.build.model import BuildInputs, Fingerprint
 from forge.build.tasks import BuildPlan, StepKind, Task
 from forge.build.up_to_date import (
-    CONFIGURING,
-    FOR_COMPILERS,
     DependencyHashes,
-    ExtraInputs,
     changed_input,
     reason_to_build,
 )
+from forge.engine.variables import FOR_COMPILERS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Mapping
@@ -108,6 +106,10 @@ def _read_from(resolution: DependencyResolution, snapshot: Snapshot) -> dict[str
     return {name: others - cycles.get(name, frozenset()) for name, others in found.items()}
 
 
+_CONFIGURING = frozenset({"python", "cmake", "ninja", "make"})
+"""The tools of packages that compile nothing."""
+
+
 @frozen
 class GlobalInputs:
     """The build inputs shared by all packages, and the option that forces a rebuild.
@@ -121,12 +123,10 @@ class GlobalInputs:
     underlays: str = ""
     force: str = ""
     selected: frozenset[str] = frozenset()
-    named: Callable[[Package, Snapshot], ExtraInputs] = lambda *_: ExtraInputs()
-    """Returns further inputs of one package: those that its sources or an option name."""
 
     def tools_of(self, package: Package) -> Pairs:
         """Return the tools that a package is built with; embedded packages need no compilers."""
-        return tuple(pair for pair in self.tools if not package.embedded or pair[0] in CONFIGURING)
+        return tuple(pair for pair in self.tools if not package.embedded or pair[0] in _CONFIGURING)
 
     def environment_of(self, package: Package) -> Pairs:
         """Return the variables that affect a package."""
@@ -182,12 +182,11 @@ def make_whole_plan(
 def _inputs(
     package: Package, needs: Pairs, snapshot: Snapshot, context: BuildContext, global_inputs: GlobalInputs
 ) -> BuildInputs:
-    more = global_inputs.named(package, snapshot)
     return BuildInputs(
         forge=global_inputs.forge,
-        options=(*build_type_of(package).options(package, context.of(package)), *more.options),
-        tools=(*global_inputs.tools_of(package), *more.tools),
-        environment=(*global_inputs.environment_of(package), *more.environment),
+        options=build_type_of(package).options(package, context.of(package)),
+        tools=global_inputs.tools_of(package),
+        environment=global_inputs.environment_of(package),
         sources=snapshot.sources[package.name].digest,
         needs=needs,
         underlays=global_inputs.underlays,

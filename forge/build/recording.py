@@ -13,7 +13,7 @@ from forge.base.layout import TOOLCHAIN_DIR
 from forge.build import build_notes
 from forge.build.build_dir import BuildDirInputs, FileChecks, prepare_build_dir
 from forge.build.file_conflicts import record_contents
-from forge.build.inputs.depfiles import cmake_root, external_inputs, read_below
+from forge.build.inputs.depfiles import read_below, reported_inputs
 from forge.build.inputs.fingerprints import (
     contents_of,
     digest_of,
@@ -28,11 +28,14 @@ from forge.build.installed_files import remove_stale, set_file_times
 from forge.build.installed_lists import write_installed_list
 from forge.build.model import BuildRecord
 from forge.build.observed_commands import record_commands
+from forge.build.observed_writes import read_steps
+from forge.build.prefix import written_log
 from forge.build.up_to_date import UNKNOWN
+from forge.engine.commands import NOT_OBSERVED
 from forge.toolchain.programs import CMAKE_TYPES
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Iterator, Mapping
     from pathlib import Path
 
     from forge.base.errors import Problem
@@ -43,6 +46,8 @@ if TYPE_CHECKING:
     from forge.build.model import CachedBuild
     from forge.build.state import BuildState
     from forge.build.tasks import Task
+    from forge.engine.commands import ObservedCommands
+    from forge.engine.world import World
 
 
 class PackageRecorder:
@@ -54,8 +59,7 @@ class PackageRecorder:
         self._layout = state.layout
         self._table = state.table
         self._begun_builds: dict[str, BegunBuild] = {}
-        self._external: dict[str, frozenset[str]] = {}
-        """What was observed to be read outside of the workspace, by package."""
+        self._observed: dict[str, ObservedCommands] = {}
         self.kept: tuple[Problem, ...] = ()
         """Files that packages no longer install, but that stay because somebody has edited them."""
 
@@ -89,15 +93,16 @@ class PackageRecorder:
         prepare_build_dir(
             build,
             made_from,
-            file_checks(build, self._state.installed_states, self._table),
+            file_checks(self._state.installed_states, self._table, self._state.world),
             can_reuse=can_reuse,
             reconfigure=task.reconfigure,
         )
 
     def record_commands(self, task: Task) -> None:
-        """Record what the steps of a CMake package have read and written, successful or not."""
-        if task.package.build_type in CMAKE_TYPES:
-            self._external[task.name] = record_commands(task, self._state.source(task), self._layout)
+        """Record what the steps of a package have read and written, successful or not."""
+        steps = read_steps(written_log(task.name, self._layout))
+        source, world = self._state.source(task), self._state.world
+        self._observed[task.name] = record_commands(steps, task.build_dir, source, self._layout, world)
 
     def make_record(self, task: Task, installed: InstalledFiles) -> BuildRecord:
         """Remove stale installed files and return the record of a successful task.
@@ -108,14 +113,15 @@ class PackageRecorder:
         stats = set_file_times(task, installed.files, self._layout, self._table)
         prefixes = map(self._layout.prefix, (task.name, *task.needs))
         declared = (self._state.source(task), build, self._layout.build / TOOLCHAIN_DIR, *prefixes)
-        searched = (self._layout.install,)
-        found = external_inputs(build, self._state.source(task), declared, searched)
-        found = tuple(sorted({*found, *self._external.pop(task.name, ())}))
-        if self._layout.merged:
-            found = (*found, *self._undeclared(task, build))
+        reported = reported_inputs(build, declared)
+        observed = self._observed.pop(task.name, NOT_OBSERVED)
+        asked = (question for question, _ in observed.answers)
+        found = tuple(sorted(reported.union(asked, *(each.external for each in observed.all))))
+        found = (*found, *self._undeclared(task, observed, declared))
         externals = file_manifest(found, self._table)
         begun = self._begun_builds.pop(task.name)
-        saved = build_notes.saved_during_build(build, begun, externals, self._table)
+        written = frozenset[str]().union(*(each.written for each in observed.all))
+        saved = build_notes.saved_during_build(build, begun, externals, self._table, written)
         build_notes.finish_build_dir(build, externals, saved)
         names = (path.removeprefix(f"{self._state.source(task)}/") for path in sorted(saved))
         contents = {path: state.content for path, state in externals.items()}
@@ -129,14 +135,23 @@ class PackageRecorder:
             read_from=self._owners_of(task, externals),
         )
 
-    def _undeclared(self, task: Task, build: Path) -> tuple[str, ...]:
-        """Return the files of undeclared dependencies that a build read in a merged prefix."""
-        found = read_below(build, self._layout.install)
-        if not found:
-            return ()
-        records = self._records
-        known = {path for name in (task.name, *task.needs) if name in records for path in records[name].files}
-        return tuple(sorted(path for path in found if path not in known and os.path.isfile(path)))  # noqa: PTH113
+    def _undeclared(self, task: Task, observed: ObservedCommands, declared: Iterable[Path]) -> Iterator[str]:
+        """Yield what a build read of packages of this workspace that it does not depend on."""
+        build, install, records = f"{self._layout.build}/", f"{self._layout.install}/", self._records
+        own = tuple(
+            f"{path}/" for path in declared if not (self._layout.merged and path == self._layout.install)
+        )
+        known: set[str] = set()
+        if self._layout.merged:
+            names = (name for name in (task.name, *task.needs) if name in records)
+            known = {path for name in names for path in records[name].files}
+        read = frozenset[str]().union(
+            read_below(task.build_dir, self._layout.install), *(each.read for each in observed.all)
+        )
+        for path in sorted(read - known):
+            of_other = path.startswith(build) and path[len(build) :].partition("/")[0] in records
+            if (of_other or path.startswith(install)) and not path.startswith(own) and os.path.isfile(path):  # noqa: PTH113
+                yield path
 
     def _owners_of(self, task: Task, paths: Iterable[str]) -> tuple[str, ...]:
         """Return the other packages of this workspace that own some of `paths`."""
@@ -206,12 +221,11 @@ class PackageRecorder:
         return record.installed.digest if record else UNKNOWN
 
 
-def file_checks(build: Path, states: InstalledStates, table: FileTable) -> FileChecks:
+def file_checks(states: InstalledStates, table: FileTable, world: World) -> FileChecks:
     """Return the checks of the files that a build folder was made from."""
-    cmakes = cmake_root(build)
     return FileChecks(
         needed_changes=states.changes,
         only_library_code_changed=states.only_library_code_changed,
+        answers=world.answers,
         contents=lambda paths: contents_of(paths, table),
-        is_cmake_module=lambda path: bool(cmakes) and path.startswith(cmakes),
     )

@@ -8,24 +8,18 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from forge.base.files import text_or_nothing
 from forge.base.layout import SCRATCH_DIR
 from forge.build.build_dir import dependency_changes
 from forge.build.build_notes import BEGUN, ENDED, read_json
-from forge.build.inputs.input_manifest import Changes
 from forge.build.inputs.native_graph import read_native_graph
-from forge.build.reuse import (
-    decide,
-    installs_what_others_installed,
-    is_own_code,
-    read_or_nothing,
-    would_only_link,
-)
+from forge.build.observed_commands import COMMANDS
+from forge.build.reuse import would_only_link
 from forge.build.up_to_date import changed_input
+from forge.engine.commands import read_commands
 from forge.toolchain.programs import CMAKE_TYPES
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Mapping
 
     from forge.build.build_dir import FileChecks
     from forge.build.model import BuildRecord
@@ -33,13 +27,12 @@ if TYPE_CHECKING:
 
 
 def relinking_is_redundant(
-    task: Task, record: BuildRecord, needs: Mapping[str, str], checks: FileChecks, prefixes: Iterable[str]
+    task: Task, record: BuildRecord, needs: Mapping[str, str], checks: FileChecks
 ) -> bool:
     """Return True if building a task would only link it with shared libraries whose interfaces are unchanged.
 
     All that the package has installed would stay the same, byte for byte. `record` is that of its last build,
-    which succeeded. `needs` has a digest of what each dependency has installed, `prefixes` are the absolute
-    paths of their prefixes.
+    which succeeded. `needs` has a digest of what each dependency has installed.
     """
     only_needs_changed = changed_input(replace(task.inputs, needs=record.inputs.needs), record.inputs) is None
     if task.package.build_type not in CMAKE_TYPES or not only_needs_changed:
@@ -53,12 +46,5 @@ def relinking_is_redundant(
     if not changed or not all(checks.only_library_code_changed(*each) for each in changed):
         return False
     needed = dependency_changes(then, needs, checks)
-    graph = read_native_graph(build)
-    if needed is None or not graph.tool:
-        return False
-    decision = decide(graph, Changes(), needed, read_or_nothing, checks.is_cmake_module)
-    if not would_only_link(graph, decision):
-        return False
-    scripts = [text_or_nothing(path) for path in build.rglob("cmake_install.cmake")]
-    own = (text_or_nothing(path) for path in graph.read_by_cmake if is_own_code(path, checks.is_cmake_module))
-    return not installs_what_others_installed(scripts, own, prefixes)
+    seen = read_commands(build / SCRATCH_DIR / COMMANDS)
+    return needed is not None and would_only_link(read_native_graph(build), needed, seen)

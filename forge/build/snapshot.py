@@ -16,7 +16,7 @@ from forge.build.inputs.fingerprints import (
     digest_of,
     fingerprint_files,
     fingerprint_tree,
-    stamp_files,
+    stamp_inputs,
 )
 from forge.build.install_manifests import ManifestFiles, installed_links
 from forge.build.installed_states import InstalledStates
@@ -94,7 +94,7 @@ def find_changed_externals(journal: Journal, table: FileTable) -> tuple[str, ...
     """
     paths = journal.externals
     table.changed_files.clear()
-    if journal.stamp and stamp_files(paths) == journal.stamp:
+    if journal.stamp and stamp_inputs(paths, table) == journal.stamp:
         return ()
     journal.clear_stamp()
     contents = contents_of(paths, table)

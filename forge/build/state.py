@@ -12,7 +12,7 @@ from forge.base.files import remove_drafts
 from forge.base.layout import FILE_TABLE
 from forge.build.events import Finished, Fresh
 from forge.build.file_conflicts import MergedPrefix
-from forge.build.inputs.fingerprints import FileTable, contents_of, digest_of, stamp_files
+from forge.build.inputs.fingerprints import FileTable, contents_of, digest_of, stamp_inputs
 from forge.build.installed_states import InstalledStates
 from forge.build.journal import open_journal
 from forge.build.planning import finalize_task
@@ -20,6 +20,7 @@ from forge.build.prefix import copy_others_of_merged, drop_others_of_merged
 from forge.build.snapshot import find_changed_externals
 from forge.build.up_to_date import UNKNOWN
 from forge.build.workspace_scripts import WorkspaceScripts
+from forge.engine.world import World
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -37,15 +38,18 @@ if TYPE_CHECKING:
 class BuildState:
     """The records of finished and running builds, and the dependency hashes derived from them."""
 
-    def __init__(self, root: Path, layout: Layout, interpreter: Interpreter, journal: Journal) -> None:
+    def __init__(
+        self, root: Path, layout: Layout, interpreter: Interpreter, journal: Journal, world: World
+    ) -> None:
         """Start with the journal of the workspace at `root`."""
         self.layout = layout
         self.journal = journal
-        self.table = FileTable(layout.build / FILE_TABLE)
+        self.table = FileTable(layout.build / FILE_TABLE, world.answer)
         self.installed_states = InstalledStates(layout.build)
         self.merged_prefix = MergedPrefix(layout, journal)
         self.scripts = WorkspaceScripts(layout, journal, self.table)
         self.root = root
+        self.world = world
         self._interpreter = interpreter
         self._hashes: DependencyHashes | None = None
         self._ran = False
@@ -102,9 +106,8 @@ class BuildState:
 
         records = self.journal.records
         needs = {need: records[need].installed.digest if need in records else UNKNOWN for need in task.needs}
-        prefixes = [str(self.layout.prefix(need)) for need in task.needs]
-        checks = file_checks(task.build_dir, self.installed_states, self.table)
-        if not relinking_is_redundant(decided, record, needs, checks, prefixes):
+        checks = file_checks(self.installed_states, self.table, self.world)
+        if not relinking_is_redundant(decided, record, needs, checks):
             return decided
         self.journal.set_record(task.name, replace(record, inputs=decided.inputs))
         return None
@@ -152,7 +155,7 @@ class BuildState:
             self.journal.clear_stamp()
         if not self.journal.stamp:
             # Take the stamp first, so that the next build detects any later change.
-            stamp = stamp_files(self.journal.externals)
+            stamp = stamp_inputs(self.journal.externals, self.table)
             if not find_changed_externals(self.journal, self.table):
                 self.journal.set_stamp(stamp)
 
@@ -162,6 +165,8 @@ class BuildState:
         self.table.save()
 
 
-def open_state(root: Path, layout: Layout, interpreter: Interpreter) -> BuildState:
-    """Open the state below the build folder."""
-    return BuildState(root, layout, interpreter, open_journal(layout.build))
+def open_state(
+    root: Path, layout: Layout, interpreter: Interpreter, variables: Mapping[str, str]
+) -> BuildState:
+    """Open the state below the build folder; `variables` is the environment of builds."""
+    return BuildState(root, layout, interpreter, open_journal(layout.build), World(variables))

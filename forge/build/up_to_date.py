@@ -25,15 +25,6 @@ UNKNOWN = "unknown"
 """The digest of a package without a record, for example one that another tool built."""
 
 
-@frozen
-class ExtraInputs:
-    """Further inputs of one package: options, tools and variables."""
-
-    options: tuple[str, ...] = ()
-    tools: Pairs = ()
-    environment: Pairs = ()
-
-
 class DependencyHashes:
     """The hash of each package for its dependents; owned by the build loop.
 
@@ -162,10 +153,6 @@ def changed_input(
     return InputChange(InputKind.OWN, text) if text else None
 
 
-FOUND_BY_PATH = "PATH"
-"""The recorded name of the packages that CMake finds beside the folders of PATH."""
-
-
 def _differences(now: Pairs, then: Pairs) -> tuple[str, ...]:
     before, after = dict(then), dict(now)
     return tuple(name for name in sorted(before | after) if before.get(name) != after.get(name))
@@ -175,11 +162,7 @@ def _changed_pairs(kind: InputKind, now: Pairs, then: Pairs) -> InputChange | No
     names = _differences(now, then)
     if not names:
         return None
-    text = (
-        "the packages that CMake finds beside the folders of 'PATH' changed"
-        if kind is InputKind.VARIABLE and names[0] == FOUND_BY_PATH
-        else f"the {'tool' if kind is InputKind.TOOL else 'environment variable'} '{names[0]}' changed"
-    )
+    text = f"the {'tool' if kind is InputKind.TOOL else 'environment variable'} '{names[0]}' changed"
     return InputChange(kind, text, names, frozenset(names) - dict(then).keys())
 
 
@@ -277,61 +260,7 @@ _NEGATIVE = {
 """Recorded words that are no options of the user: sentences and options if they were added or removed."""
 
 
-MANIFEST, NAMED_FILE, BUILD_TYPE = "the evaluated package.xml", "the file ", "the build type "
+MANIFEST, BUILD_TYPE = "the evaluated package.xml", "the build type "
 RECIPE = "the recipe "
 _DIGESTED = "the "
 """The beginning of recorded options that end with a digest: these, and toolchains of build types."""
-
-
-def relevant_environment(variables: Mapping[str, str]) -> Pairs:
-    """Return the environment variables that compilers, CMake, Python and ROS packages read."""
-    return tuple((name, variables[name]) for name in sorted(variables) if is_relevant(name))
-
-
-def is_relevant(name: str) -> bool:
-    """Return True if the environment variable `name` affects every package."""
-    return name in _NAMES or (name.startswith(_BEGINNINGS) and name not in WITHOUT_EFFECT)
-
-
-WITHOUT_EFFECT = frozenset(
-    """CMAKE_BUILD_PARALLEL_LEVEL CMAKE_COLOR_DIAGNOSTICS CMAKE_EXPORT_BUILD_DATABASE
-    CMAKE_EXPORT_COMPILE_COMMANDS CMAKE_INSTALL_PARALLEL_LEVEL CMAKE_INSTALL_PREFIX CMAKE_MSVCIDE_RUN_PATH
-    CMAKE_NO_VERBOSE CMAKE_TEST_LAUNCHER CMAKE_TLS_VERIFY CMAKE_TLS_VERSION
-    PKG_CONFIG_DEBUG_SPEW PKG_CONFIG_LOG
-    """.split()
-)
-"""Variables with a relevant prefix that do not affect the result: they control parallelism or output."""
-
-CONFIGURING = frozenset({"python", "cmake", "ninja", "make"})
-"""The tools of packages that compile nothing."""
-
-FOR_COMPILERS = frozenset(
-    """ASM ASMFLAGS CC CFLAGS CPP CPPFLAGS CUDAARCHS CUDACXX CUDAFLAGS CUDAHOSTCXX CXX CXXFLAGS FC FFLAGS
-    HIPCXX HIPFLAGS HIPHOSTCXX ISPC ISPCFLAGS LDFLAGS OBJC OBJCFLAGS OBJCXX OBJCXXFLAGS
-    AR ARFLAGS AS LD NM OBJCOPY RANLIB STRIP CMAKE_BUILD_TYPE
-    CPATH C_INCLUDE_PATH CPLUS_INCLUDE_PATH OBJC_INCLUDE_PATH LIBRARY_PATH GCC_EXEC_PREFIX COMPILER_PATH
-    CCC_OVERRIDE_OPTIONS CCACHE_COMPILER LD_RUN_PATH LDEMULATION GNUTARGET
-    """.split()
-)
-"""Variables that affect only compiled code."""
-
-_NAMES = FOR_COMPILERS | frozenset(
-    """ADSP_ROOT DESTDIR INCLUDE LIB MACOSX_DEPLOYMENT_TARGET SDKROOT
-    BUILD_TESTING GTEST_DIR GMOCK_DIR MAKEFILES SOURCE_DATE_EPOCH
-    CUDA_BIN_PATH CUDA_HOME CUDA_INC_PATH CUDA_LIB_PATH CUDA_PATH CUDA_ROOT CUDA_TOOLKIT_ROOT
-    CUDA_TOOLKIT_ROOT_DIR CUDAToolkit_ROOT NVCC_APPEND_FLAGS NVCC_CCBIN NVCC_PREPEND_FLAGS
-    PYTHONPATH PYTHONHOME PYTHONNOUSERSITE PYTHONPLATLIBDIR PYTHONSAFEPATH PYTHONUSERBASE
-    _PYTHON_HOST_PLATFORM _PYTHON_SYSCONFIGDATA_NAME
-    ARCHFLAGS CCSHARED DIST_EXTRA_CONFIG LDCXXSHARED LDSHARED PBR_VERSION PDM_BUILD_SCM_VERSION
-    AMENT_PREFIX_PATH ROS_PYTHON_VERSION ROS_VERSION
-    """.split()
-)
-"""See the manuals of CMake (cmake-env-variables), gcc, ld, clang, nvcc, Python, setuptools and ament."""
-_BEGINNINGS = (
-    "CMAKE_",
-    "PKG_CONFIG",
-    "STATIC_ROSIDL",
-    "SETUPTOOLS_",
-    "DISTUTILS",
-    "SKBUILD_",
-)

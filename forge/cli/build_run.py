@@ -11,12 +11,12 @@ from forge.base.env_vars import SEQUENTIAL, own_cache, without_secrets
 from forge.base.errors import WorkspaceError, print_problem, raise_if_any
 from forge.base.layout import OWN_CACHE_DIR, PROGRAMS_DIR
 from forge.build.compile_commands import merge_compile_commands
-from forge.build.inputs.referenced_inputs import named_by
+from forge.build.compiler_probe import Surroundings, Toolchain
 from forge.build.recipes.cmake import common_arguments
 from forge.build.recipes.extensions import active_extensions
 from forge.build.recording import PackageRecorder
-from forge.build.up_to_date import relevant_environment
 from forge.cli.session import open_session
+from forge.engine.variables import relevant_environment
 from forge.environment.prefixes import find_underlays, provider
 from forge.environment.underlays import overridden
 from forge.execution.executor import ExecutorContext
@@ -28,7 +28,6 @@ from forge.execution.started import StartedProcesses
 from forge.execution.task_setup import TaskSetup
 from forge.toolchain.cmake_variables import defined
 from forge.toolchain.compiler_launchers import LauncherStats, open_launcher_stats
-from forge.toolchain.compiler_probe import Toolchain
 from forge.toolchain.programs import CMAKE_TYPES, any_enables_cxx, ninja_first, program_of
 from forge.toolchain.resources import LIBRARY_PATH_BELOW, gcc_heap, memory
 from forge.workspace.cmake_text import announced_downloads
@@ -105,6 +104,7 @@ def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
                 variables |= gcc_heap(memory(), job_pool.local)
         variables |= ninja_first(context.ninja, context.layout.build / PROGRAMS_DIR, build.variables)
         recorder = PackageRecorder(state)
+        observer = open_observer(context.layout, own, build.variables)
         lifecycle = TaskSetup(
             build.loaded.resolution,
             context.layout,
@@ -113,13 +113,13 @@ def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
             state,
             recorder,
             cache,
-            _toolchain(plan, build),
+            _toolchain(plan, build, state, observer.library),
             audit,
         )
         executor: Executor = remote or LocalExecutor(
             job_pool,
             StartedProcesses(context.layout.build),
-            open_observer(plan.tasks.values(), context.layout, own, build.variables, audits=options.audit),
+            observer,
         )
         # Each package that is built on this machine holds a job.
         runner = TaskRunner(lifecycle, executor, None if remote else job_pool)
@@ -238,7 +238,9 @@ def _package_cache(
     return open_cache(options.cache, context, state, build.variables, build.mode.warn)
 
 
-def _toolchain(plan: BuildPlan, build: PreparedBuild) -> Toolchain | None:
+def _toolchain(
+    plan: BuildPlan, build: PreparedBuild, state: BuildState, library: Path | None
+) -> Toolchain | None:
     """Return the cached compiler detection for new CMake packages.
 
     None with --no-toolchain-cache, without CMake, and if ament packages get extra arguments, which may select
@@ -255,15 +257,19 @@ def _toolchain(plan: BuildPlan, build: PreparedBuild) -> Toolchain | None:
     languages = "C CXX" if any_enables_cxx(packages) else "C"
     arguments = common_arguments(context)
     return Toolchain(
-        context.layout.build, context.cmake, arguments, _compilers(build), python, languages=languages
+        context.layout.build,
+        context.cmake,
+        arguments,
+        _compilers(build),
+        python,
+        languages=languages,
+        observed=Surroundings(state.world, state.table, library),
     )
 
 
 def _compilers(build: PreparedBuild) -> Pairs:
-    """Return what compilers depend on: programs by their identities, options and variables."""
-    named = named_by(build.context.cmake_args, build.variables)
-    contents = tuple((word, "") for word in named.options)
-    return (*build.context.tools, *named.tools, *contents, *relevant_environment(build.variables))
+    """Return what affects every compilation: programs by their identities, and variables."""
+    return (*build.context.tools, *relevant_environment(build.variables))
 
 
 def warn_of_packages(plan: BuildPlan, build: PreparedBuild) -> None:

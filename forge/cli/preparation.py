@@ -36,14 +36,13 @@ from forge.build import folder_marks
 from forge.build.build_types import leave_out, with_toolchains
 from forge.build.certain_failures import CMakeSearch
 from forge.build.inputs.fingerprints import digest_strings, source_files, stamp_files
-from forge.build.inputs.referenced_inputs import ReferencedInputs
 from forge.build.journal import open_journal
 from forge.build.planning import GlobalInputs, make_whole_plan, names_to_build
 from forge.build.preflight import path_problems, variable_length_problems
 from forge.build.recipes.cmake import FLAGS, unfit_generator
 from forge.build.recipes.context import BuildContext
 from forge.build.snapshot import take_snapshot
-from forge.build.up_to_date import relevant_environment
+from forge.engine.variables import relevant_environment
 from forge.environment.install_state import (
     forget_underlays,
     recorded_python,
@@ -318,7 +317,7 @@ def prepare(
         rosdistro=distribution_in(variables),
         wheels=(*warm, "-m", "forge.cli.install_wheel"),
         generator=through_worker,
-        tools=identities(tools, interpreter.path, variables, shared_args, cross.programs if cross else ()),
+        tools=identities(tools, interpreter.path, variables, cross.programs if cross else ()),
         cmake=tools.cmake if tools else None,
         ninja=tools.ninja if tools else None,
         make=tools.make if tools else None,
@@ -362,11 +361,10 @@ def _has_many_wheels(packages: Iterable[Package]) -> bool:
 def make_plan(build: PreparedBuild, state: BuildState) -> tuple[BuildPlan, Snapshot]:
     """Compare all inputs with the journal, and record what is up to date."""
     loaded, context, variables = build.loaded, build.context, build.variables
-    resolution, stamp = loaded.resolution, forge_stamp()
+    resolution = loaded.resolution
     snapshot = take_snapshot(
         context.root, loaded.packages.values(), context.layout, state.journal, state.table
     )
-    named_inputs = ReferencedInputs(context, resolution.needs, resolution.packages, variables, stamp)
     # Names of packages are cheap to compare, unlike their contents.
     words: list[str] = []
     for prefix in find_underlays(variables, context.layout.install).prefixes:
@@ -374,13 +372,12 @@ def make_plan(build: PreparedBuild, state: BuildState) -> tuple[BuildPlan, Snaps
             with suppress(OSError):
                 words += (f"{prefix}/{folder}", *sorted(os.listdir(prefix / folder)))  # noqa: PTH208
     shared_inputs = GlobalInputs(
-        forge=stamp,
+        forge=forge_stamp(),
         tools=condensed(context.tools),
         environment=tuple((name, digest_strings(value)) for name, value in relevant_environment(variables)),
         underlays=digest_strings(*words) if words else "",
         force=build.options.forced_by,
         selected=frozenset(loaded.selection.names),
-        named=named_inputs.of,
     )
     plan, hashes = make_whole_plan(
         build.names,
@@ -390,7 +387,6 @@ def make_plan(build: PreparedBuild, state: BuildState) -> tuple[BuildPlan, Snaps
         shared_inputs,
         state.merged_prefix.packages_to_reinstall,
     )
-    named_inputs.save()
     state.confirm_up_to_date(plan, snapshot, hashes)
     return plan, snapshot
 

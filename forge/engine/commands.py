@@ -1,7 +1,7 @@
 """What CMake and each command of the native tool read and wrote in a build folder, from run to run.
 
-Only paths below the folders that matter are kept: the package's sources, its build folder, and the prefixes
-of the workspace. The journal has the files outside of them.
+The folders that matter are the package's sources, its build folder and the prefixes of the workspace. Of the
+rest of the machine, only what later builds compare is kept.
 """
 
 from __future__ import annotations
@@ -9,20 +9,26 @@ from __future__ import annotations
 import json
 import os
 import re
+import tempfile
 from dataclasses import field, replace
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.base.files import replace_file
+from forge.base.files import replace_file, text_or_nothing
 from forge.base.frozen import frozen
 from forge.engine.observation import observe
+from forge.engine.variables import mentioned
+from forge.engine.world import about_programs, about_variables
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 
+    from forge.base.frozen import Pairs
     from forge.engine.observation import Observation, ObservedStep, Process
+    from forge.engine.world import World
 
-_VERSION = 1
+_VERSION = 3
 
 
 @frozen
@@ -30,10 +36,10 @@ class Accesses:
     """What a command asked of the file system, as absolute paths.
 
     `searched` is what it looked for in vain; of commands of the native tool, which share most of it, only the
-    folders in which it did. All these lie in the folders that
-    matter; `external` are other files that it read. `written` has created folders, too, which end with '/'.
-    `outside` is True if it wrote to
-    another folder than the build folder, and `blind` if not all is known.
+    folders in which it did. All these lie in the folders that matter. `external` are other files that it read
+    or looked for in vain, and folders that it listed, ending with '/.'. `asked` are questions for a `World`.
+    `written` has created folders, too, ending with '/'. `outside` is True if it wrote elsewhere than to the
+    build folder, and `blind` if not all is known.
     """
 
     read: frozenset[str] = frozenset()
@@ -42,8 +48,14 @@ class Accesses:
     searched: frozenset[str] = frozenset()
     written: frozenset[str] = frozenset()
     external: frozenset[str] = frozenset()
+    asked: frozenset[str] = frozenset()
     outside: bool = False
     blind: bool = False
+
+    def __or__(self, after: Accesses) -> Accesses:
+        """Return what both did."""
+        sets = {name: getattr(self, name) | getattr(after, name) for name in _SETS}
+        return Accesses(**sets, outside=self.outside or after.outside, blind=self.blind or after.blind)
 
     @property
     def outputs_known(self) -> bool:
@@ -56,18 +68,20 @@ class ObservedCommands:
     """What CMake did, if that is known, and the commands of the native tool by their first outputs.
 
     `missing` are all paths that some command has looked for in vain; they end with the first missing name.
-    `external` are the files outside the folders that matter which other processes of the steps have read.
+    `rest` is what other processes of the steps did. `answers` are those to all questions when they were
+    recorded.
     """
 
     configure: Accesses | None = None
     edges: Mapping[str, Accesses] = field(default_factory=dict)
     missing: frozenset[str] = frozenset()
-    external: frozenset[str] = frozenset()
+    rest: Accesses | None = None
+    answers: Pairs = ()
 
-    def all_external(self) -> frozenset[str]:
-        """Return all files outside of the folders that matter."""
-        commands = (*self.edges.values(), *((self.configure,) if self.configure else ()))
-        return self.external.union(*(each.external for each in commands))
+    @property
+    def all(self) -> tuple[Accesses, ...]:
+        """What all commands and other processes did."""
+        return (*self.edges.values(), *filter(None, (self.configure, self.rest)))
 
     def affected(
         self, accesses: Accesses, added: Collection[str], removed: Collection[str], modified: Collection[str]
@@ -96,8 +110,8 @@ class ObservedCommands:
     def merged(self, after: ObservedCommands, outputs: Collection[str]) -> ObservedCommands:
         """Return these accesses updated by those of a later build, of the commands with `outputs`."""
         edges = {name: each for name, each in {**self.edges, **after.edges}.items() if name in outputs}
-        missing, external = self.missing | after.missing, self.external | after.external
-        return ObservedCommands(after.configure or self.configure, edges, missing, external)
+        rest = self.rest | after.rest if self.rest and after.rest else after.rest or self.rest
+        return ObservedCommands(after.configure or self.configure, edges, self.missing | after.missing, rest)
 
 
 NOT_OBSERVED = ObservedCommands()
@@ -131,9 +145,9 @@ def commands_of(
             others.difference_update(family)
             # CMake looks whether files exist; the programs that it starts may also look how old they are.
             own = [each for each in family if each.programs and Path(each.programs[-1]).name == "cmake"]
-            seen, of_others = observe(family, step.blind), observe(each for each in family if each not in own)
-            accesses = folders.accesses(seen)
-            children = folders.accesses(of_others)
+            seen = observe(family, step.blind)
+            accesses = folders.accesses(seen, family)
+            children = folders.accesses(observe(each for each in family if each not in own))
             configure = replace(
                 accesses,
                 read=accesses.read | children.found,
@@ -142,29 +156,36 @@ def commands_of(
             )
             missing |= configure.searched
     for process in step.edges():
-        others.difference_update(process.family())
-        seen = observe(process.family(), step.blind)
-        accesses = folders.accesses(seen)
+        family = process.family()
+        others.difference_update(family)
+        seen = observe(family, step.blind)
+        accesses = folders.accesses(seen, family)
         edge = edge_of(process, accesses.written)
         if edge is not None:
             output, outputs = edge
             # A server has written what the command itself did not.
-            blind = accesses.blind or not outputs <= {path.rstrip("/") for path in accesses.written}
+            others_outputs = outputs - {path.rstrip("/") for path in accesses.written}
+            blind = accesses.blind or any(map(os.path.lexists, others_outputs))
             # A command may look how old a file is.
             read = accesses.read | accesses.found
             edges[output] = replace(accesses, read=read, found=frozenset(), blind=blind)
             missing |= folders.paths(seen.missing)
-    external = folders.accesses(observe(others)).external
-    return ObservedCommands(configure, edges, frozenset(missing), external)
+    seen = observe(others, step.blind)
+    rest = replace(folders.accesses(seen, others), searched=folders.paths(seen.missing))
+    return ObservedCommands(configure, edges, frozenset(missing | rest.searched), rest)
 
 
 class Folders:
-    """The folders whose files matter, with and without resolved links."""
+    """The folders whose files matter, with and without resolved links; and the others."""
 
-    def __init__(self, build: Path, others: Iterable[Path], known: Iterable[str] = ()) -> None:
+    def __init__(
+        self, build: Path, others: Iterable[Path], known: Iterable[str] = (), world: World | None = None
+    ) -> None:
         """Keep what lies below the build folder or `others`; what lies below `known` is tracked otherwise."""
         self._build = f"{build}/"
-        self._known = tuple(known)
+        self._known = (*known, *_VOLATILE)
+        self._path = world.path if world else frozenset[str]()
+        self._searched = world.searched_for_packages if world else lambda _: False
         self.tools: frozenset[str] = frozenset()
         """The programs of the steps themselves, which are tracked as tools wherever they are installed."""
         folders = (str(build), *map(str, others))
@@ -173,6 +194,7 @@ class Folders:
             key=lambda pair: -len(pair[0]),
         )
         self._folders: dict[str, str] = {"": "", "/": "/"}
+        self._mentioned: dict[tuple[str, str], frozenset[str]] = {}
 
     def path(self, path: str) -> str | None:
         """Return a path below one of the folders as its name spells it, None if it is elsewhere."""
@@ -197,36 +219,83 @@ class Folders:
         """Return those below one of the folders."""
         return frozenset(found for path in paths if (found := self.path(path)) is not None)
 
-    def accesses(self, seen: Observation) -> Accesses:
-        """Return what matters of an observation."""
+    def accesses(self, seen: Observation, processes: Iterable[Process] = ()) -> Accesses:
+        """Return what matters of an observation of some processes."""
+        processes = tuple(processes)
         kept = [path for path in seen.written if os.path.lexists(path) and not CACHED_BYTECODE.match(path)]
         kept += [
             f"{path}/" for path in seen.folders if os.path.isdir(path) and not path.endswith("/__pycache__")
         ]
         written = self.paths(kept)
+        read = seen.read - seen.written
+        external = {*self._external_files(read), *self._missing(seen.missing), *self._listed(processes)}
+        used = (path.rpartition("/") for path in chain(seen.missing, seen.found, seen.executed, read))
+        asked = about_programs({name for folder, _, name in used if folder in self._path})
+        variables = seen.variables.union(*map(self._mentioned_by, processes))
         return Accesses(
-            read=self.paths(seen.read | seen.executed),
+            read=self.paths(seen.read | seen.executed | seen.loaded),
             found=self.paths(seen.found),
             listed=self.paths(seen.listed),
             searched=frozenset(map(os.path.dirname, self.paths(seen.missing))),
-            written=frozenset(path for path in written if path.startswith(self._build)),
-            external=frozenset(self._external(seen.read - seen.written)),
+            written=written,
+            external=frozenset(external),
+            asked=frozenset((*asked, *about_variables(variables))),
             outside=len(written) < len(kept) or any(not path.startswith(self._build) for path in written),
             blind=bool(seen.blind),
         )
 
-    def _external(self, paths: Iterable[str]) -> Iterator[str]:
+    def _is_external(self, path: str) -> bool:
+        return not path.startswith(self._known) and self.path(path) is None
+
+    def _external_files(self, paths: Iterable[str]) -> Iterator[str]:
         """Yield the files that lie elsewhere; Python's caches stand for their sources."""
         for path in paths:
             path = CACHED_BYTECODE.sub(r"\1/\2.py", path)
-            if path.startswith(self._known) or self.path(path) is not None or not os.path.isfile(path):
+            if _NO_INPUT.search(path):
                 continue
-            if not (os.access(path, os.X_OK) and os.path.realpath(path) in self.tools):
+            is_tool = os.access(path, os.X_OK) and os.path.realpath(path) in self.tools
+            if not is_tool and self._is_external(path) and os.path.isfile(path):
                 yield path
 
+    def _missing(self, paths: Iterable[str]) -> Iterator[str]:
+        """Yield what is still missing elsewhere, but for programs, for which PATH is searched."""
+        for path in paths:
+            folder = os.path.dirname(path)
+            is_searched = folder in (*self._path, tempfile.gettempdir()) or _NO_INPUT.search(path)
+            if not is_searched and self._is_external(path) and not os.path.lexists(path):
+                yield path
 
+    def _listed(self, processes: Iterable[Process]) -> Iterator[str]:
+        """Yield the folders elsewhere whose names were read, except for searches that are tracked by name.
+
+        Python lists the folders in which it looks for modules, CMake those in which it looks for packages.
+        """
+        for process in processes:
+            if process.programs and not os.path.basename(process.programs[-1]).startswith("python"):
+                for _, kind, path in process.records:
+                    is_input = kind == "L" and self._is_external(f"{path}/") and not self._searched(path)
+                    if is_input and os.path.isdir(path):
+                        yield f"{path}/."
+
+    def _mentioned_by(self, process: Process) -> frozenset[str]:
+        """Return the variables that a process may have read from a copy of its environment."""
+        found = [mentioned(program, process.command) for program in process.programs if process.command]
+        for program in process.programs[-1:]:
+            for _, kind, path in process.records:
+                if kind == "R" and self.path(path) is not None:
+                    if (program, path) not in self._mentioned:
+                        text = text_or_nothing(Path(path), errors="replace")
+                        self._mentioned[program, path] = mentioned(program, text)
+                    found.append(self._mentioned[program, path])
+        return frozenset[str]().union(*found)
+
+
+_NO_INPUT = re.compile(r"/__pycache__$|\.pyc$|-packages/[^/]+\.(dist|egg)-info/entry_points\.txt$")
+"""Caches of Python, and what it reads of every distribution in search of plugins, which it then imports."""
+_VOLATILE = ("/dev/", "/proc/", "/sys/")
+"""What the kernel makes up."""
 CACHED_BYTECODE = re.compile(r"^(.*)/__pycache__/([^/.]+)\.[^/]*\.pyc$")
-_SETS = ("read", "found", "listed", "searched", "written", "external")
+_SETS = ("read", "found", "listed", "searched", "written", "external", "asked")
 
 
 def write_commands(file: Path, commands: ObservedCommands) -> None:
@@ -244,7 +313,8 @@ def write_commands(file: Path, commands: ObservedCommands) -> None:
         "configure": coded(commands.configure) if commands.configure else None,
         "edges": {name: coded(each) for name, each in commands.edges.items()},
         "missing": sorted(commands.missing),
-        "external": sorted(commands.external),
+        "rest": coded(commands.rest) if commands.rest else None,
+        "answers": commands.answers,
         "paths": list(numbers),
     }
     replace_file(file, json.dumps(data).encode())
@@ -265,6 +335,8 @@ def read_commands(file: Path) -> ObservedCommands:
 
         configure = decoded(data["configure"]) if data["configure"] else None
         edges = {name: decoded(each) for name, each in data["edges"].items()}
-        return ObservedCommands(configure, edges, frozenset(data["missing"]), frozenset(data["external"]))
+        rest = decoded(data["rest"]) if data["rest"] else None
+        answers = tuple((question, answer) for question, answer in data["answers"])
+        return ObservedCommands(configure, edges, frozenset(data["missing"]), rest, answers)
     except (OSError, ValueError, LookupError, TypeError, RecursionError):
         return ObservedCommands()

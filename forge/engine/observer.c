@@ -8,7 +8,7 @@
  *
  *   P path   this process has loaded the library, as it began to run this program
  *   O pid    the parent of this process, after P or as a copy of its parent
- *   C words  the command that a shell runs
+ *   C words  the command that a shell or Python runs
  *   X path   this process is about to execute a program
  *   F path   ... and could not
  *   S pid    this process has started a program in another process
@@ -437,7 +437,8 @@ static char *map_file(const char *path, int writes, size_t *size)
     return result == MAP_FAILED ? NULL : result;
 }
 
-static void note_command(void)
+/* Note the text that a shell or interpreter runs, or the variable that printenv prints. */
+static void note_command(int prints_variables)
 {
     char words[1 << 16];
     int descriptor = syscall(SYS_openat, AT_FDCWD, "/proc/self/cmdline", O_RDONLY | O_CLOEXEC);
@@ -450,7 +451,11 @@ static void note_command(void)
     if (size <= 0 || words[size - 1])
         return;
     flag = strlen(words) + 1;
-    if (flag + 3 < size && !strcmp(words + flag, "-c"))
+    if (flag >= size)
+        return;
+    if (prints_variables)
+        say('V', words + flag, strlen(words + flag));
+    else if (flag + 3 < size && !strcmp(words + flag, "-c"))
         say('C', words + flag + 3, strlen(words + flag + 3));
 }
 
@@ -474,8 +479,11 @@ static void note_process(void)
     say('P', program, strlen(program));
     note_parent();
     name = strrchr(program, '/');
-    if (name && (!strcmp(name, "/sh") || !strcmp(name, "/dash") || !strcmp(name, "/bash") || !strcmp(name, "/busybox")))
-        note_command();
+    if (name && (!strcmp(name, "/sh") || !strcmp(name, "/dash") || !strcmp(name, "/bash") || !strcmp(name, "/busybox")
+                 || !strncmp(name, "/python", 7)))
+        note_command(0);
+    else if (name && !strcmp(name, "/printenv"))
+        note_command(1);
     dl_iterate_phdr(note_library, NULL);
 }
 

@@ -10,8 +10,13 @@ from pathlib import Path
 from shutil import which
 from typing import TYPE_CHECKING
 
+from forge.engine.commands import Accesses
+from forge.engine.observation import LOG_VARIABLE, begin_log, end_log, observe, read_log
+
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
+
+    from forge.engine.commands import Folders
 
 _SOURCE = Path(__file__).with_name("observer.c")
 _COMPILERS = ("cc", "gcc", "clang", "g++", "clang++")
@@ -43,3 +48,25 @@ def compile_library(folder: Path, variables: Mapping[str, str]) -> Path | None:
             draft.unlink()
         return None
     return library
+
+
+def run_observed(
+    argv: Sequence[str], variables: Mapping[str, str], library: Path | None, log: Path, folders: Folders
+) -> tuple[subprocess.CompletedProcess[bytes], Accesses]:
+    """Run a program; return how it ended and what it did, which is blind without a `library`."""
+    if library is None:
+        done = subprocess.run(
+            argv, env=dict(variables), stdin=subprocess.DEVNULL, capture_output=True, check=False
+        )
+        return done, Accesses(blind=True)
+    begin_log(log)
+    preloaded = " ".join(filter(None, (variables.get("LD_PRELOAD"), str(library))))
+    observed = {**variables, LOG_VARIABLE: str(log), "LD_PRELOAD": preloaded}
+    with subprocess.Popen(
+        argv, env=observed, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as process:
+        output, errors = process.communicate()
+    step = read_log(log, frozenset({process.pid}))
+    end_log(log)
+    found = folders.accesses(observe(step.processes, step.blind), step.processes)
+    return subprocess.CompletedProcess(argv, process.returncode, output, errors), found

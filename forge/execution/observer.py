@@ -8,14 +8,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
-from forge.build.build_types import build_type_of
 from forge.build.observed_writes import append
 from forge.build.prefix import guarded_links, written_log
 from forge.engine.observation import LINKS_VARIABLE, LOG_VARIABLE
 from forge.engine.observer import compile_library
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Mapping
     from pathlib import Path
 
     from forge.base.layout import Layout
@@ -28,8 +27,6 @@ class Observer:
 
     layout: Layout
     library: Path | None
-    audits: bool = False
-    """Observe packages whose files forge itself installs, too."""
 
     def variables(self, task: Task, variables: Mapping[str, str]) -> Mapping[str, str]:
         """Return the environment of a step with the variables added."""
@@ -38,7 +35,7 @@ class Observer:
             LOG_VARIABLE: str(written_log(task.name, self.layout)),
             LINKS_VARIABLE: str(guarded_links(task.name, self.layout)),
         }
-        if self.library is not None and (self.audits or is_observed(task)):
+        if self.library is not None:
             found["LD_PRELOAD"] = " ".join(filter(None, (variables.get("LD_PRELOAD"), str(self.library))))
             # A program built with AddressSanitizer otherwise requires that no library precedes its own.
             options = (variables.get("ASAN_OPTIONS"), "verify_asan_link_order=0")
@@ -51,18 +48,9 @@ class Observer:
             append(variables[LOG_VARIABLE], b"P%d %s" % (process, step.kind.value.encode()))
 
 
-def is_observed(task: Task) -> bool:
-    """Return True unless forge itself installs the files of the package, and thus knows them."""
-    return not build_type_of(task.package).staged
-
-
-def open_observer(
-    tasks: Iterable[Task], layout: Layout, folder: Path, variables: Mapping[str, str], *, audits: bool = False
-) -> Observer:
-    """Return the observer of a build; compile its library into `folder` if a task needs it.
+def open_observer(layout: Layout, folder: Path, variables: Mapping[str, str]) -> Observer:
+    """Return the observer of a build; compile its library into `folder`.
 
     Programs for another machine cannot load it.
     """
-    if layout.target or not (audits or any(map(is_observed, tasks))):
-        return Observer(layout, None)
-    return Observer(layout, compile_library(folder, variables), audits)
+    return Observer(layout, None if layout.target else compile_library(folder, variables))

@@ -15,7 +15,7 @@ from forge.build import installation
 from forge.build.deferred import defer_build, tests_need_build
 from forge.build.installed_lists import package_markers
 from forge.build.prefix import PrefixExchange
-from forge.build.up_to_date import FOR_COMPILERS
+from forge.engine.variables import FOR_COMPILERS
 from forge.environment.hooks import config_folders, config_variables
 from forge.environment.sourcing import build_environment, package_edits
 from forge.execution.runner import TaskLifecycle, changed_variables
@@ -31,13 +31,13 @@ if TYPE_CHECKING:
     from forge.base.frozen import Pairs
     from forge.base.layout import Layout
     from forge.build.audit import Audit
+    from forge.build.compiler_probe import Toolchain
     from forge.build.model import BuildRecord
     from forge.build.recording import PackageRecorder
     from forge.build.state import BuildState
     from forge.build.tasks import Task
     from forge.cache.package_cache import PackageCache
     from forge.environment.dsv import Edit, Script
-    from forge.toolchain.compiler_probe import Toolchain
     from forge.toolchain.interpreter import Interpreter
     from forge.workspace.resolve import DependencyResolution
 

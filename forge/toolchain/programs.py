@@ -15,9 +15,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.base.cmake_syntax import definitions
 from forge.base.errors import HostError, Problem, raise_if_any
-from forge.base.files import open_regular, text_or_nothing
+from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
 from forge.base.own_environment import extra_command, install_beside_forge
 from forge.base.text import counted, digest
@@ -25,7 +24,7 @@ from forge.toolchain.compiler_launchers import LAUNCHERS
 from forge.workspace.cmake_text import calls, cmake_files
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from forge.base.frozen import Pairs
     from forge.workspace.model import Package
@@ -203,14 +202,12 @@ def identities(
     tools: Tools | None,
     python: Path,
     variables: Mapping[str, str],
-    arguments: Sequence[str] = (),
     more: Sequence[Path] = (),
 ) -> Pairs:
     """Return the programs whose replacement changes build results, each with its identity.
 
-    `arguments` are CMake's arguments for all packages, `more` the programs of a toolchain. Programs that no
-    selected package needs count as well: otherwise, the inputs of a package would depend on those with which
-    it is selected.
+    `more` are the programs of a toolchain. Programs that no selected package needs count as well: otherwise,
+    the inputs of a package would depend on those with which it is selected.
     """
     found = {"python": _identity(python), **{str(program): _identity(program) for program in more}}
     lookup = ProgramLookup(variables)
@@ -222,14 +219,8 @@ def identities(
         if program:
             found[name] = _identity(program)
     for name, variable in _COMPILING.items():
-        found |= _resolve_wrappers(name, variables.get(variable) or name, lookup)
-    for variable in _NAMED_PROGRAMS:
-        if variables.get(variable, "").strip():
-            found |= _resolve_wrappers(variable, variables[variable], lookup)
-    flags = " ".join((*arguments, *(variables.get(name, "") for name in _FLAGS)))
-    for linker in dict.fromkeys(re.findall(_USE_LINKER, flags)) if "-fuse-ld" in flags else ():
-        for name in (linker, f"ld.{linker}", f"ld64.{linker}"):
-            if identity := lookup.identity(name):
+        for word in (variables.get(variable) or name).split()[:1]:
+            if identity := lookup.identity(word):
                 found[name] = identity
     return tuple(sorted(found.items()))
 
@@ -240,29 +231,10 @@ def condensed(tools: Pairs) -> Pairs:
     return tuple(sorted((*(pair for pair in tools if pair[0] not in _BINUTILS), (BINUTILS, binutils))))
 
 
-def programs_in(arguments: Sequence[str], lookup: ProgramLookup) -> Pairs:
-    """Return the programs named in CMake definitions such as -DCMAKE_C_COMPILER=clang."""
-    found: dict[str, str] = {}
-    for name, value in definitions(arguments):
-        if name.endswith(_PROGRAM_VARIABLES) or value.startswith("/"):
-            found |= _resolve_wrappers(name, value.replace(";", " "), lookup)
-    return tuple(sorted(found.items()))
-
-
 def cmake_root(cmake: Path) -> Path | None:
     """Return the folder of CMake's modules; None if it is not next to the program."""
     roots = sorted((cmake.resolve().parents[1] / "share").glob("cmake*"))
     return next((root for root in roots if (root / "Modules" / "CMakeDetermineSystem.cmake").is_file()), None)
-
-
-def _resolve_wrappers(name: str, words: str, lookup: ProgramLookup) -> dict[str, str]:
-    """Return the programs in a command: the first one under the given name, others with a number."""
-    found: dict[str, str] = {}
-    for word in words.split():
-        for identity in lookup.resolve(word) if not word.startswith("-") else ():
-            if identity not in found.values():
-                found[f"{name} {len(found) + 1}" if found else name] = identity
-    return found
 
 
 def program_of(identity: str) -> str:
@@ -276,18 +248,6 @@ BINUTILS = "binutils"
 _BINUTILS = frozenset({"ar", "as", "ld", "nm", "objcopy", "ranlib", "strip"})
 _COMPILING = {"cc": "CC", "c++": "CXX", **{name: name.upper() for name in sorted(_BINUTILS)}}
 """Compilers and binutils, and the variables that override them."""
-_NAMED_PROGRAMS = (
-    *("ASM", "CCACHE_COMPILER", "CPP", "CUDACXX", "CUDAHOSTCXX", "FC", "HIPCXX", "ISPC"),
-    *("LDCXXSHARED", "LDSHARED", "OBJC", "OBJCXX", "PKG_CONFIG"),
-)
-"""Variables that name build programs."""
-_FLAGS = ("CFLAGS", "CXXFLAGS", "LDFLAGS", "LDSHARED")
-_USE_LINKER = r"-fuse-ld=([^\s\"';]+)"
-_PROGRAM_VARIABLES = (
-    *("_COMPILER", "_LAUNCHER", "_LINKER", "_AR", "_RANLIB", "_NM", "_OBJCOPY", "_OBJDUMP", "_READELF"),
-    *("_STRIP", "_EXECUTABLE", "_PROGRAM", "_COMMAND", "_EMULATOR", "_ADDR2LINE"),
-)
-"""Suffixes of CMake variables that name programs."""
 
 
 def _identity(program: Path) -> str:
@@ -392,41 +352,16 @@ class ProgramLookup:
             self._names = frozenset(names)
         return self._names
 
-    def stamp(self) -> str:
-        """Return a value that changes with PATH, and when files are added to or removed from its folders."""
-        return digest("\n".join(f"{folder} {_time(folder)}" for folder in self.folders), size=16)
-
     def identity(self, word: str) -> str:
         """Return path, size and time of a program given by name or path, '' if it does not exist.
 
         The path is normalized, so that links between folders such as /bin and /usr/bin make no difference.
         """
         if word not in self._identities:
-            self._identities[word] = next(self._all(word), "")
+            self._identities[word] = self._find(word)
         return self._identities[word]
 
-    def resolve(self, word: str) -> tuple[str, ...]:
-        """Return the identities of a compiler and of the programs it starts.
-
-        A launcher named like a compiler starts the next program with that name, a script those named in its
-        text.
-        """
-        found: dict[str, None] = {}
-        for identity in self._all(word):
-            found[identity] = None
-            path = identity.rsplit(" ", 2)[0]
-            text = _script(path)
-            if text:
-                from forge.workspace.references import in_shell
-
-                started = map(self.identity, sorted(in_shell(text).words))
-                found |= dict.fromkeys(filter(None, started))
-            if not text and os.path.basename(os.path.realpath(path)) not in _LAUNCHERS:
-                break
-        return tuple(found)
-
-    def _all(self, word: str) -> Iterator[str]:
-        """Yield the identity of each program with that name, in the order of PATH."""
+    def _find(self, word: str) -> str:
         paths = [word] if os.sep in word else [f"{folder}/{word}" for folder in self.folders]
         for path in paths:
             try:
@@ -437,23 +372,5 @@ class ProgramLookup:
                 folder, _, name = path.rpartition("/")
                 if folder not in self._real:
                     self._real[folder] = os.path.realpath(folder)
-                yield f"{self._real[folder]}/{name} {status.st_size} {status.st_mtime_ns}"
-
-
-def _time(folder: str) -> str:
-    try:
-        status = os.stat(folder)
-    except OSError:
-        return ""
-    return f"{status.st_ino} {status.st_mtime_ns}"
-
-
-def _script(path: str) -> str:
-    """Return the text of a script, '' for other programs."""
-    try:
-        with open(path, "rb", opener=open_regular) as stream:
-            if stream.read(2) != b"#!":
-                return ""
-            return stream.read(_LARGEST_SCRIPT).decode(errors="replace")
-    except OSError:
+                return f"{self._real[folder]}/{name} {status.st_size} {status.st_mtime_ns}"
         return ""

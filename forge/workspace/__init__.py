@@ -10,7 +10,6 @@ __all__ = [
     "manifest",
     "model",
     "plain_packages",
-    "references",
     "resolve",
     "root",
     "selection",

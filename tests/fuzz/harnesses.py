@@ -20,7 +20,7 @@ from forge.base.layout import Layout
 from forge.build.build_dir import BuildDirInputs, FileChecks, prepare_build_dir
 from forge.build.build_notes import read_last, start_time
 from forge.build.compile_commands import merge_compile_commands
-from forge.build.inputs.depfiles import external_inputs
+from forge.build.inputs.depfiles import reported_inputs
 from forge.build.inputs.fingerprints import FileTable
 from forge.build.inputs.input_manifest import read_manifest
 from forge.build.install_manifests import ManifestFiles
@@ -69,9 +69,7 @@ HARNESSES: dict[str, Harness] = {}
 """Each harness by the name of what it reads."""
 
 _INPUTS = BuildDirInputs("base", "shape", {}, {})
-_NOTHING_KNOWN = FileChecks(
-    lambda *_: None, lambda paths: dict.fromkeys(paths, ""), lambda _: False, lambda *_: False
-)
+_NOTHING_KNOWN = FileChecks(lambda *_: None, lambda paths: dict.fromkeys(paths, ""), lambda *_: False)
 _LAYOUT = Layout(Path("/ws/build"), Path("/ws/install"), None)
 _FOLDER = tempfile.TemporaryDirectory(prefix="forge-fuzz-")
 ROOM = Path(_FOLDER.name)
@@ -287,11 +285,11 @@ def build_logs(data: bytes) -> None:
     build = place("ninja", ".ninja_deps", b"# ninjadeps\n\x04\0\0\0" + data)
     place("ninja", "build.ninja", data)
     place("ninja", "CMakeFiles/rules.ninja", b"")
-    external_inputs(build, Path("/ws/src/p"), [])
+    reported_inputs(build, [])
     made = place("make", "a.o.d", data)
     place("make", "CMakeFiles/a.dir/build.make", data)
     place("make", "CMakeFiles/Makefile.cmake", data)
-    external_inputs(made, Path("/ws/src/p"), [])
+    reported_inputs(made, [])
     place("make", "p/install_manifest.txt", data)
     ManifestFiles(replace(_LAYOUT, build=made)).get("p")
     place("make", "p/compile_commands.json", data)

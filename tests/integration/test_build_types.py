@@ -148,37 +148,6 @@ def test_the_toolchain_of_a_plugin_is_an_input_of_its_packages(
     assert (ran.code, "error: no maker for 1 packages\n" in ran.err) == (2, True)
 
 
-READER = """
-def reader_of(path):
-    from forge.workspace.references import References
-    if path.endswith(".rules"):
-        return lambda text: References(variables=frozenset(text.split()))
-"""
-
-
-def test_a_plugin_finds_the_variables_that_its_files_name(
-    forge: Forge, greeter: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    install(monkeypatch, greeter / "plugin", PLUGIN + READER)
-    (greeter / "src/greeter/x.rules").write_text("NOISE\n")
-    assert forge("build", cwd=greeter).code == 0
-    ran = forge("build", "--dry-run", cwd=greeter, env={"NOISE": "loud"})
-    assert "greeter: build, the environment variable 'NOISE' " in ran.out
-    (greeter / "src/greeter/x.rules").write_text("OTHER\n")
-    install(monkeypatch, greeter / "broken", PLUGIN + READER.replace("frozenset", "1 / 0 or "))
-    ran = forge("build", cwd=greeter)
-    assert (ran.code, "the build type 'make' failed: ZeroDivisionError" in ran.err) == (2, True)
-
-
-def test_the_steps_of_a_plugin_that_stages_are_not_observed(
-    forge: Forge, greeter: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    install(monkeypatch, greeter / "plugin", PLUGIN + "staged = True\n")
-    (greeter / "src/greeter/Makefile").write_text(MAKEFILE.replace("echo made", "echo $$LD_PRELOAD"))
-    assert forge("build", cwd=greeter).code == 0
-    assert (greeter / "install/greeter/lib/greeter/greet").read_text() == "\n"
-
-
 @pytest.mark.usefixtures("plugin")
 @pytest.mark.parametrize(
     "named_by", [{"forge.toml": "build-types = ['make']"}, {"src/x/colcon.pkg": "type: make"}]

@@ -148,10 +148,12 @@ def test_reasons_do_not_change_when_asked_again(
 def test_external_files_and_folders_are_named(forge: Forge, tree: Tree, tmp_path: Path) -> None:
     """A header, its folder, and a file of the workspace that belongs to no package."""
     system = tmp_path / "system"
-    code = f"include_directories({system})\nadd_library(a a.cpp)\nfile(READ ../shared.txt text)"
+    code = f"include_directories({system})\nadd_library(a a.cpp)\nfile(READ ../shared.txt text)\n"
+    code += f"file(GLOB names {system}/names/*)\n"
     root = tree(
         {
             "system/x.h": "int x;\n",
+            "system/names/old": "",
             **{f"ws/{name}": text for name, text in package("a", code, a_cpp="#include <x.h>\n").items()},
             "ws/src/shared.txt": "1",
         }
@@ -164,7 +166,9 @@ def test_external_files_and_folders_are_named(forge: Forge, tree: Tree, tmp_path
         assert reasons(forge, root) == {"a": expected}
     assert announced(forge, root) == [f"{expected}; 1 package is rebuilt"]
     (system / "new.h").touch()
-    expected = f"files were added to or removed from '{system}'"
+    assert reasons(forge, root) == {}, "nobody has looked for it"
+    (system / "names/new").touch()
+    expected = f"files were added to or removed from '{system}/names'"
     assert reasons(forge, root) == {"a": expected}
     assert announced(forge, root) == [f"{expected}; 1 package is rebuilt"]
     (root / "src/shared.txt").write_text("2")

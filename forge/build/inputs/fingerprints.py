@@ -24,7 +24,7 @@ from forge.build.model import Fingerprint
 from forge.workspace.source_names import is_environment, is_source, is_source_folder
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Iterator, Mapping
+    from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
     from pathlib import Path
 
     Stats = Mapping[str, os.stat_result]
@@ -51,8 +51,12 @@ _RESULTS = frozenset({".built_by", LAYOUT_MARKER, "latest_build"})
 class FileTable:
     """A cache of content digests by file and stat; it may be deleted at any time."""
 
-    def __init__(self, path: Path) -> None:
-        """Store the path of the table; the file is read at the first access."""
+    def __init__(self, path: Path, answer: Callable[[str], str] = str) -> None:
+        """Store the path of the table, which is read at the first access.
+
+        `answer` answers the questions of builds that are no absolute paths, see `forge.engine.world`.
+        """
+        self.answer = answer
         self._path = path
         self._known: dict[str, tuple[str, str]] | None = None
         self._changed = False
@@ -176,8 +180,18 @@ def content_digest(path: str) -> str:
     return digest.hexdigest()
 
 
+def stamp_inputs(inputs: Iterable[str], table: FileTable) -> str:
+    """Return a stamp of files, and of the answers to questions."""
+    inputs = tuple(inputs)
+    answers = (f"{each}={table.answer(each)}" for each in inputs if not each.startswith("/"))
+    return digest_strings(stamp_files(each for each in inputs if each.startswith("/")), *answers)
+
+
 def contents_of(paths: Iterable[str], table: FileTable, stats: Stats = _NO_STATS) -> dict[str, str]:
-    """Return mode and content digest of each file as text; `stats` may provide stats that were just taken."""
+    """Return mode and content digest of each file as text, and the answer to each question.
+
+    `stats` may provide stats that were just taken.
+    """
     return {path: _content(path, stats.get(path) or _status(path), table) for path in paths}
 
 
@@ -361,6 +375,8 @@ def _digest(text: bytes) -> str:
 
 def _content(path: str, status: os.stat_result | None, table: FileTable) -> str:
     """Return the mode and content digest of a file as text, for a link also its target."""
+    if not path.startswith("/"):
+        return table.answer(path)
     if status is None:
         return "missing"
     try:
@@ -385,8 +401,9 @@ def _target(path: str, table: FileTable) -> str:
 
 
 def _status(path: str, *, follow: bool = False) -> os.stat_result | None:
+    """Return the stat of a file, None for a missing one and for a question."""
     try:
-        return os.stat(path, follow_symlinks=follow)
+        return os.stat(path, follow_symlinks=follow) if path.startswith("/") else None
     except OSError:
         return None
 

@@ -3,10 +3,11 @@
 This module is imported on its own by the workspace's interpreter, which may not have forge. It has minimal
 imports and supports Python 3.8. Each line of the log is a JSON array:
 
-- ["read", PATH], ["written", PATH], ["made", FOLDER], ["listed", FOLDER]: a file access
-- ["started", FOLDER, PROGRAM, ARGV]: another program with its working folder and command line
+- ["written", PATH], ["listed", FOLDER]: a file access
+- ["asked", NAME]: an environment variable was looked up
+- ["started", PROGRAM]: another program
 - ["missing", MODULE, OPTIONAL]: a failed import; optional if an installed package tried it
-- ["interpreter", SYS_PATH, PROGRAMS]: the Python interpreter
+- ["interpreter", SYS_PATH]: the search path of Python
 
 The log is FOLDER/log. Python programs that this one starts import the sitecustomize.py in FOLDER/children,
 which makes them write to the same log.
@@ -20,12 +21,9 @@ import sys
 TYPE_CHECKING = False  # importing typing would dominate the start-up time
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from types import FrameType
 
 _WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC
 _BATCH_SIZE = 1000
-_INFO = "-info" + os.sep
-_PLUGINS = os.sep + "entry_points.txt"
 _FINDERS = tuple(
     "{0}{1}".format(os.sep, folder.replace("/", os.sep))
     for folder in ("importlib/metadata/", "importlib_metadata/", "pkg_resources/", "wheels/setup_install.py")
@@ -50,6 +48,13 @@ def trace(log: str) -> None:
     tracer = Tracer(log)
     atexit.register(tracer.finish)
     os.register_at_fork(after_in_child=tracer.forked)
+    encode = os.environ.encodekey
+
+    def asked(name: "str") -> "str":
+        tracer.ask(name)
+        return encode(name)
+
+    os.environ.encodekey = asked
     handler_of = tracer.handlers.get
 
     def hook(event: str, args: "tuple[object, ...]") -> None:
@@ -79,15 +84,13 @@ class Tracer:
             "import": self._importing,
             "os.listdir": self._listed,
             "os.scandir": self._listed,
-            "os.mkdir": lambda args: self._log_path("made", args[0]),
             "os.rename": lambda args: self._log_path("written", args[1]),
             "os.symlink": lambda args: self._log_path("written", args[1]),
-            "os.link": self._hard_linked,
-            "ctypes.dlopen": lambda args: self._log_path("read", args[0]) if "/" in str(args[0]) else None,
-            "subprocess.Popen": lambda args: self._started(args[0], args[1], args[2]),
+            "os.link": lambda args: self._log_path("written", args[1]),
+            "subprocess.Popen": lambda args: self._started(args[0], args[1]),
             "os.posix_spawn": lambda args: self._started(args[0], args[1]),
             "os.exec": self._replaced,
-            "os.system": lambda args: self._started("/bin/sh", ["sh", "-c", args[0]]),
+            "os.system": lambda args: self._started("/bin/sh", ()),
         }
 
     def finish(self) -> None:
@@ -95,8 +98,7 @@ class Tracer:
         for name, optional in self._imported.items():
             if name not in sys.modules:
                 self._log_event("missing", name, optional)
-        programs = [sys.executable, os.path.realpath(sys.executable)]
-        self._log_event("interpreter", [entry for entry in sys.path if isinstance(entry, str)], programs)
+        self._log_event("interpreter", [entry for entry in sys.path if isinstance(entry, str)])
         self._flush()
 
     def forked(self) -> None:
@@ -108,13 +110,16 @@ class Tracer:
         path, _, flags = args
         if isinstance(flags, int) and flags & _WRITING:
             self._log_path("written", path)
-        elif not (isinstance(path, str) and _INFO in path and self._is_scan(path)):
-            self._log_path("read", path)
+
+    def ask(self, name: str) -> None:
+        """Log the name of a variable."""
+        if ("asked", name) not in self._known:
+            self._known.add(("asked", name))
+            self._log_event("asked", str(name))
 
     def _importing(self, args: "tuple[object, ...]") -> None:
-        """Log an extension module, or record that code outside the standard library imports a module."""
+        """Record that code outside the standard library imports a module."""
         if args[1] is not None:
-            self._log_path("read", args[1])
             return
         caller = sys._getframe(2).f_code.co_filename
         if not caller.startswith("<frozen") and not self._is_standard(caller):
@@ -127,39 +132,13 @@ class Tracer:
         if not caller.startswith("<frozen importlib") and not any(part in caller for part in _FINDERS):
             self._log_path("listed", "." if args[0] is None else args[0])
 
-    def _is_scan(self, path: str) -> bool:
-        """Return True if distribution metadata is read by an installed program that searches for plugins.
-
-        Plugins that it finds are imported and logged then. Metadata read by the package's own code, for
-        example a version, is an input.
-        """
-        if path.endswith(_PLUGINS):
-            return True
-        frame: "FrameType | None" = sys._getframe(3)
-        while frame is not None:
-            caller = frame.f_code.co_filename
-            if caller.startswith("<frozen importlib._bootstrap"):
-                return True
-            # The code of setup.py has no file name, since setuptools executes its text.
-            between = caller.startswith("<frozen") or self._is_standard(caller)
-            if not between and not any(part in caller for part in _FINDERS):
-                return _is_installed(caller)
-            frame = frame.f_back
-        return False
-
-    def _hard_linked(self, args: "tuple[object, ...]") -> None:
-        self._log_path("read", args[0])
-        self._log_path("written", args[1])
-
     def _replaced(self, args: "tuple[object, ...]") -> None:
         self._started(args[0], args[1])
         self.finish()
 
-    def _started(self, program: object, words: object, folder: object = None) -> None:
-        listed = list(words) if isinstance(words, (list, tuple)) else [words]
-        texts = [os.fsdecode(word) for word in listed if isinstance(word, (str, bytes, os.PathLike))]
-        name = _text(program) if program else texts[0]
-        self._log_event("started", self._absolute(folder or os.curdir), name, texts)
+    def _started(self, program: object, words: object) -> None:
+        first = words[0] if isinstance(words, (list, tuple)) and words else words
+        self._log_event("started", _text(program or first))
 
     def _log_path(self, word: str, path: object) -> None:
         # Most events are repeated or concern the standard library.

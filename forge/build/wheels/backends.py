@@ -24,17 +24,11 @@ from forge.base.files import delete_tree, listed_paths, read_file, replace_file
 from forge.base.formats import read_toml
 from forge.base.frozen import frozen
 from forge.base.layout import PACKAGE, SCRATCH_DIR
-from forge.build.inputs.depfiles import READ_BY_BACKEND, WRITTEN_BY_BACKEND, external_inputs
+from forge.build.inputs.depfiles import READ_BY_BACKEND, WRITTEN_BY_BACKEND
 from forge.build.inputs.fingerprints import source_files
 from forge.build.observed_writes import note_start, note_unobserved, note_written
 from forge.build.wheels import setup_install
-from forge.build.wheels.backend_inputs import (
-    Traced,
-    external_files,
-    parse_list,
-    parse_make_rules,
-    parse_trace,
-)
+from forge.build.wheels.backend_inputs import Traced, external_inputs, parse_trace
 from forge.build.wheels.backend_output import DISK_FULL, progress_and_failure
 from forge.build.wheels.entry_points import invalid_scripts_of_setup
 from forge.toolchain.python_modules import install_command, setuptools_path
@@ -197,7 +191,7 @@ def run_setup_install(options: SetupInstall) -> tuple[tuple[Path, ...], str]:
         for path in installed:
             note_written(path)
         for started in traced.started:
-            note_unobserved(started.program)
+            note_unobserved(started)
     if source.is_relative_to(PACKAGE):
         # The path from an embedded package to the build folder depends on where both are.
         for listing in filter(lambda path: path.name == "SOURCES.txt", map(Path, installed)):
@@ -310,32 +304,18 @@ class _Trace:
         return (python, "-c", _START.format(tracer=tracer), str(self.folder), script, *words)
 
     def variables(self) -> Mapping[str, str]:
-        """Return the variables that make compilers log headers: one for gcc, two for clang.
-
-        SKBUILD_BUILD_DIR is set since scikit-build-core would remove its build folder with CMake's dependency
-        logs.
-        """
-        return {
-            "SKBUILD_BUILD_DIR": str(self._products / "cmake"),
-            "SUNPRO_DEPENDENCIES": str(self.folder / "rules"),
-            "CC_PRINT_HEADERS": "1",
-            "CC_PRINT_HEADERS_FILE": str(self.folder / "headers"),
-        }
+        """Return the variables that keep scikit-build-core out of the sources."""
+        return {"SKBUILD_BUILD_DIR": str(self._products / "cmake")}
 
     def finish(self) -> Traced:
         """Record the external inputs, and the sources that were written; return the parsed log."""
-        source = str(self._source)
-        rules, headers = (_text(self.folder / name) for name in ("rules", "headers"))
-        files = {*parse_make_rules(rules, source), *parse_list(headers, source)}
-        for cache in self._products.rglob("CMakeCache.txt"):
-            files.update(external_inputs(cache.parent, self._source, ()))
         traced = parse_trace(_text(self._log))
         if self._bundled:
             # The bundled setuptools is used until these modules are installed.
             traced.missing.update(setuptools=True, wheel=True)
-            files.update(map(os.path.realpath, self._bundled.glob("*.dist-info/RECORD")))
+            traced.read.update(map(os.path.realpath, self._bundled.glob("*.dist-info/RECORD")))
         scratch = self._build / SCRATCH_DIR
-        _write_list(scratch / READ_BY_BACKEND, external_files(traced, files, tuple(self._inside)))
+        _write_list(scratch / READ_BY_BACKEND, external_inputs(traced, tuple(self._inside)))
         _write_list(scratch / WRITTEN_BY_BACKEND, sorted(_respelled(traced.written, self._source)))
         delete_tree(self.folder)
         return traced

@@ -82,7 +82,7 @@ def build(options: BuildOptions, mode: BuildMode) -> int:
     with (
         lock_build_dir(layout.build, wait=not options.folders.no_wait) as waited,
         lock_install_dir(layout.install, wait=not options.folders.no_wait) as waited_again,
-        closing(open_state(prepared.context.root, layout, prepared.interpreter)) as state,
+        closing(open_state(prepared.context.root, layout, prepared.interpreter, prepared.variables)) as state,
     ):
         prepared = replace(prepared, began=began + waited + waited_again)
         # Another forge may have begun to install here with the other layout at the same time.

@@ -14,7 +14,6 @@ from forge.build.recipes.context import Recipe, common_options, install_tree
 from forge.build.tasks import TEST_FAILURES, Step, StepKind
 from forge.build.tests.recipes import missing_result
 from forge.plugins.cargo.manifest import identify
-from forge.plugins.cargo.references import reader_of
 from forge.toolchain.programs import find_program
 
 if TYPE_CHECKING:
@@ -24,7 +23,7 @@ if TYPE_CHECKING:
     from forge.build.tests.recipes import TestContext
     from forge.workspace.model import Package
 
-__all__ = ["identify", "options", "reader_of", "recipe", "staged", "tests", "tests_build", "toolchain"]
+__all__ = ["identify", "options", "recipe", "staged", "tests", "tests_build", "toolchain"]
 
 staged = True
 tests_build = True

@@ -9,13 +9,18 @@ from pathlib import Path
 
 import pytest
 
-from forge.base.layout import SCRATCH_DIR
+from forge.base.layout import SCRATCH_DIR, Layout
 from forge.build import build_dir, build_notes
 from forge.build.build_dir import BuildDirInputs, FileChecks
 from forge.build.build_notes import BegunBuild
 from forge.build.inputs.fingerprints import FileTable, contents_of, file_manifest, tree_manifest
 from forge.build.inputs.input_manifest import Changes
+from forge.build.observed_commands import record_commands
+from forge.build.observed_writes import append, begin_log, read_steps
 from forge.build.reuse import Reuse
+from forge.engine.observation import LOG_VARIABLE
+from forge.engine.observer import compile_library
+from forge.engine.world import World
 
 pytestmark = pytest.mark.needs("cmake", "gcc", "ninja")
 
@@ -56,6 +61,11 @@ class Probe:
         return self.root / "source"
 
     @property
+    def log(self) -> Path:
+        """What its steps do."""
+        return self.root / "log/probe"
+
+    @property
     def build(self) -> Path:
         """Its build folder."""
         return self.root / "build" / "probe"
@@ -68,12 +78,13 @@ class Probe:
         """Prepare the folder for the steps of a build."""
         table = self.table()
         sources = tree_manifest(str(self.source), table)
+        begin_log(self.log)
         self.begun = BegunBuild(str(self.source), sources, build_notes.read_last(self.build))
         checks = FileChecks(
             needed_changes=lambda _name, _then, _now: self.needed,
             contents=lambda paths: contents_of(paths, table),
-            is_cmake_module=lambda path: "/Modules/" in path,
             only_library_code_changed=lambda _name, _then, _now: False,
+            answers=World(os.environ).answers,
         )
         inputs = replace(self.inputs, sources=sources)
         return build_dir.prepare_build_dir(
@@ -83,20 +94,32 @@ class Probe:
     def configure(self) -> None:
         """Run CMake, unless the folder is configured, and what forge does after it."""
         if not (self.build / "build.ninja").is_file():
-            run("cmake", "-G", "Ninja", "-S", str(self.source), "-B", str(self.build))
+            self.run("cmake", "cmake", "-G", "Ninja", "-S", str(self.source), "-B", str(self.build))
             build_dir.restore_outputs(self.build)
 
     def compile(self) -> set[str]:
         """Run ninja; return the names of the sources that it compiled."""
-        out = run("ninja", "-C", str(self.build))
+        out = self.run("build", "ninja", "-C", str(self.build))
         return {name for name in OBJECTS if f"/{name}.c.o" in out}
+
+    def run(self, kind: str, *argv: str) -> str:
+        """Run a step of a kind, which must succeed; return what it printed."""
+        library = compile_library(self.root, os.environ)
+        variables = {**os.environ, LOG_VARIABLE: str(self.log), "LD_PRELOAD": str(library)}
+        with subprocess.Popen(argv, env=variables, stdout=subprocess.PIPE, text=True) as process:
+            append(str(self.log), f"P{process.pid} {kind}".encode())
+            out, _ = process.communicate()
+        assert process.returncode == 0, out
+        layout, world = Layout(self.root / "build", self.root / "install", None), World(os.environ)
+        record_commands(read_steps(self.log), self.build, self.source, layout, world)
+        return out
 
     def end(self) -> frozenset[str]:
         """Note that the build ended well; return what was saved meanwhile."""
         assert self.begun is not None
         table = self.table()
         externals = file_manifest(self.externals, table)
-        saved = build_notes.saved_during_build(self.build, self.begun, externals, table)
+        saved = build_notes.saved_during_build(self.build, self.begun, externals, table, frozenset())
         build_notes.finish_build_dir(self.build, externals, saved)
         return saved
 
@@ -115,13 +138,6 @@ class Probe:
         path.write_text(text, encoding="utf-8")
         if old:
             os.utime(path, (1_000_000_000, 1_000_000_000))
-
-
-def run(*argv: str) -> str:
-    """Run a program that must succeed; return what it printed."""
-    ran = subprocess.run(argv, capture_output=True, text=True, check=False)
-    assert ran.returncode == 0, ran.stdout + ran.stderr
-    return ran.stdout
 
 
 @pytest.fixture

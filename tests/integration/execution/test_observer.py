@@ -57,7 +57,7 @@ def observed(tmp_path: Path, folder: Path) -> tuple[Layout, Task, Observer]:
     log = written_log("a", layout)
     log.parent.mkdir()
     begin_log(log)
-    observer = open_observer([task], layout, folder, dict(os.environ))
+    observer = open_observer(layout, folder, dict(os.environ))
     assert observer.library is not None
     return layout, task, observer
 
@@ -142,7 +142,7 @@ def test_writes_are_not_observed_without_a_compiler(
     tmp_path: Path, observed: tuple[Layout, Task, Observer]
 ) -> None:
     layout, task, _ = observed
-    observer = open_observer([task], layout, tmp_path / "empty", {"PATH": str(tmp_path)})
+    observer = open_observer(layout, tmp_path / "empty", {"PATH": str(tmp_path)})
     assert observer.library is None
     assert "LD_PRELOAD" not in observer.variables(task, {})
 

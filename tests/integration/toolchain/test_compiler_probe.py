@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from forge.build.compiler_probe import Toolchain
 from forge.toolchain.cmake_variables import unused_variables
-from forge.toolchain.compiler_probe import Toolchain
 from tests.conftest import Tree
 
 LISTS = """cmake_minimum_required(VERSION 3.18)

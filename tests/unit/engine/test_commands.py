@@ -57,7 +57,7 @@ def test_a_later_build_replaces_what_its_commands_did_before() -> None:
 
 def test_what_is_known_survives_on_disk(tmp_path: Path) -> None:
     commands = ObservedCommands(
-        SEEN, {"x": Accesses(blind=True), "y": SEEN}, frozenset({"/m"}), frozenset({"/e"})
+        SEEN, {"x": Accesses(blind=True), "y": SEEN}, frozenset({"/m"}), SEEN, (("$A", "1"),)
     )
     write_commands(tmp_path / "commands.json", commands)
     assert read_commands(tmp_path / "commands.json") == commands
@@ -106,7 +106,7 @@ def test_the_children_of_ninja_are_the_commands(tmp_path: Path) -> None:
     assert accesses.written == {str(output)}
     assert accesses.searched == {str(source)}
     assert found.missing == {str(source / "y.h")}
-    assert found.all_external() == {str(external)}
+    assert accesses.external == {str(external)}
     assert accesses.outputs_known
     found = commands_of(step, {1: "build"}, lambda *_: (str(output), frozenset({"/elsewhere"})), folders)
     assert not found.edges[str(output)].outputs_known

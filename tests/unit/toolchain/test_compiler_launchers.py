@@ -10,7 +10,7 @@ from forge.base.errors import SelectionError
 from forge.base.layout import Layout
 from forge.build.recipes.context import BuildContext
 from forge.build.recipes.initial_cache import initial_cache
-from forge.build.up_to_date import relevant_environment
+from forge.engine.variables import relevant_environment
 from forge.execution.job_pool import JobPool, open_job_pool
 from forge.execution.options import JobOptions
 from forge.toolchain.compiler_launchers import (

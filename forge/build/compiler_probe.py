@@ -2,8 +2,10 @@
 
 When CMake configures a new folder, it detects the compilers with about ten small compilations: 0.2 s per
 package. It stores the results in CMakeFiles/VERSION/ and in its cache, and trusts them in a folder that
-contains both. A reference project that only enables C and C++ is configured once for each set of options,
-compilers and variables; its results are copied into new folders whose CMakeLists.txt cannot require others.
+contains both. A reference project that only enables C and C++ is configured once for each set of options and
+variables; its results are copied into new folders whose CMakeLists.txt cannot require others. They are used
+until something changes that CMake and the compilers were observed to read, or by one run of forge if that is
+unknown.
 If no package needs C++, the reference project enables only C: some cross compilers compile their C++ library
 when they are tested.
 ROS's own ament also searches Python in every package, which starts the interpreter five times: these results
@@ -12,15 +14,20 @@ are copied, too.
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
-import subprocess
 import threading
 from typing import TYPE_CHECKING
 
 from forge.base.files import has_text, remove_tree, replace_file, text_or_nothing
+from forge.base.frozen import frozen
 from forge.base.layout import TOOLCHAIN_DIR
 from forge.base.text import digest
+from forge.build.inputs.fingerprints import contents_of, file_manifest
+from forge.build.inputs.input_manifest import read_manifest, write_manifest
+from forge.engine.commands import Folders
+from forge.engine.observer import run_observed
 from forge.toolchain.cmake_variables import unused_variables
 from forge.toolchain.programs import calls_make
 from forge.workspace.cmake_text import calls
@@ -30,6 +37,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from forge.base.frozen import Pairs
+    from forge.build.inputs.fingerprints import FileTable
+    from forge.engine.world import World
 
 
 _PROJECT = """\
@@ -37,6 +46,7 @@ _PROJECT = """\
 cmake_minimum_required(VERSION 3.18)
 project(forge_toolchain {languages})
 """
+_READ, _ASKED = "read.json", "asked.json"
 _DIGEST, _UNUSED = "digest", "unused_variables"
 """The variables of CMake's arguments that the reference project does not use, one per line."""
 
@@ -52,6 +62,15 @@ _OF_PYTHON = re.compile(r"_?Python3_\w+:|CMAKE_CACHE_\w+_VERSION:")
 _OWN_VARIABLE = re.compile(r"(?!CMAKE_|ENV\b)\w+", re.IGNORECASE)
 
 
+@frozen
+class Surroundings:
+    """What the reference project is observed with, and compared with later."""
+
+    world: World
+    table: FileTable
+    library: Path | None
+
+
 class Toolchain:
     """The detection results for one build; the first package that needs them runs the reference project."""
 
@@ -64,12 +83,15 @@ class Toolchain:
         python: Path | None = None,
         *,
         languages: str = "C CXX",
+        observed: Surroundings | None = None,
     ) -> None:
         """Identify the results by CMake's arguments, the programs and the variables; run nothing.
 
         `python` is the interpreter that packages search, None if none does; `languages` are those of CMake
-        that packages enable.
+        that packages enable. without `observed`, the results are only used by
+        this run of forge.
         """
+        self._observed = observed
         if python is not None:
             arguments = (f"-DPython3_EXECUTABLE={python}", *arguments)
         self._asks_python = python is not None
@@ -107,20 +129,37 @@ class Toolchain:
 
     def _configure(self, variables: Mapping[str, str]) -> None:
         """Configure the reference project, unless an earlier build did."""
-        if self._results() is not None and has_text(self._home / _DIGEST, self._digest()):
+        is_intact = self._results() is not None and has_text(self._home / _DIGEST, self._digest())
+        if is_intact and self._is_current():
             return
         remove_tree(str(self._home))
         replace_file(self._home / "CMakeLists.txt", self._project.encode())
-        done = subprocess.run(
-            self._argv, env=dict(variables), stdin=subprocess.DEVNULL, capture_output=True, check=False
-        )
+        library, world = (self._observed.library, self._observed.world) if self._observed else (None, None)
+        folders = Folders(self._home, (), (), world)
+        done, accesses = run_observed(self._argv, variables, library, self._home / "log", folders)
+        if self._observed and not accesses.blind:
+            read = file_manifest(sorted(accesses.external), self._observed.table)
+            write_manifest(self._home / _READ, read)
+            answers = self._observed.world.answers(accesses.asked)
+            replace_file(self._home / _ASKED, json.dumps(answers).encode())
         replace_file(self._home / _UNUSED, "\n".join(sorted(unused_variables(done.stderr))).encode())
         replace_file(self._home / _DIGEST, self._digest().encode())
+
+    def _is_current(self) -> bool:
+        """Return True if all that the reference project was observed to read is unchanged."""
+        then = read_manifest(self._home / _READ)
+        if then is None or self._observed is None:
+            return False
+        now, world = contents_of(then, self._observed.table), self._observed.world
+        asked = json.loads(text_or_nothing(self._home / _ASKED) or "[]")
+        is_same = all(state.content == now[path] for path, state in then.items())
+        return is_same and all(world.answer(question) == answer for question, answer in asked)
 
     def _digest(self) -> str:
         """Return a digest of the results, to detect damaged ones."""
         build = self._home / "build"
-        files = (self._home / _UNUSED, build / "CMakeCache.txt", *sorted(build.glob("CMakeFiles/[0-9]*/*")))
+        own = (self._home / name for name in (_UNUSED, _READ, _ASKED))
+        files = (*own, build / "CMakeCache.txt", *sorted(build.glob("CMakeFiles/[0-9]*/*")))
         return digest(*(path.read_bytes().hex() for path in files if path.is_file()))
 
     def _results(self) -> Path | None:

@@ -1,0 +1,116 @@
+"""The environment variables that are inputs of builds.
+
+It is observed which variables a build asks for, but not what shells, Python and others read from their
+copies of the whole environment. For these, `RELEVANT` lists what the tools of ROS builds document.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from forge.base.frozen import Pairs
+
+
+def relevant_environment(variables: Mapping[str, str]) -> Pairs:
+    """Return the environment variables that compilers, CMake, Python and ROS packages read."""
+    return tuple((name, variables[name]) for name in sorted(variables) if is_relevant(name))
+
+
+def is_relevant(name: str) -> bool:
+    """Return True if the environment variable `name` affects every package."""
+    return name in RELEVANT or (name.startswith(_BEGINNINGS) and name not in _OUTPUT_ONLY)
+
+
+def is_tracked(name: str) -> bool:
+    """Return True if a variable is an input of those packages whose build asks for it."""
+    return not (name in _UNTRACKED or name.startswith(_UNTRACKED_BEGINNINGS) or is_relevant(name))
+
+
+FOR_COMPILERS = frozenset(
+    """ASM ASMFLAGS CC CFLAGS CPP CPPFLAGS CUDAARCHS CUDACXX CUDAFLAGS CUDAHOSTCXX CXX CXXFLAGS FC FFLAGS
+    HIPCXX HIPFLAGS HIPHOSTCXX ISPC ISPCFLAGS LDFLAGS OBJC OBJCFLAGS OBJCXX OBJCXXFLAGS
+    AR ARFLAGS AS LD NM OBJCOPY RANLIB STRIP CMAKE_BUILD_TYPE
+    CPATH C_INCLUDE_PATH CPLUS_INCLUDE_PATH OBJC_INCLUDE_PATH LIBRARY_PATH GCC_EXEC_PREFIX COMPILER_PATH
+    CCC_OVERRIDE_OPTIONS CCACHE_COMPILER LD_RUN_PATH LDEMULATION GNUTARGET
+    """.split()
+)
+"""Variables that affect only compiled code."""
+
+RELEVANT = FOR_COMPILERS | frozenset(
+    """ADSP_ROOT DESTDIR INCLUDE LIB MACOSX_DEPLOYMENT_TARGET SDKROOT
+    BUILD_TESTING GTEST_DIR GMOCK_DIR MAKEFILES SOURCE_DATE_EPOCH
+    CUDA_BIN_PATH CUDA_HOME CUDA_INC_PATH CUDA_LIB_PATH CUDA_PATH CUDA_ROOT CUDA_TOOLKIT_ROOT
+    CUDA_TOOLKIT_ROOT_DIR CUDAToolkit_ROOT NVCC_APPEND_FLAGS NVCC_CCBIN NVCC_PREPEND_FLAGS
+    PYTHONPATH PYTHONHOME PYTHONNOUSERSITE PYTHONPLATLIBDIR PYTHONSAFEPATH PYTHONUSERBASE
+    _PYTHON_HOST_PLATFORM _PYTHON_SYSCONFIGDATA_NAME
+    ARCHFLAGS CCSHARED DIST_EXTRA_CONFIG LDCXXSHARED LDSHARED PBR_VERSION PDM_BUILD_SCM_VERSION
+    AMENT_PREFIX_PATH ROS_PYTHON_VERSION ROS_VERSION
+    """.split()
+)
+"""See the manuals of CMake (cmake-env-variables), gcc, ld, clang, nvcc, Python, setuptools and ament."""
+_BEGINNINGS = ("CMAKE_", "PKG_CONFIG", "STATIC_ROSIDL", "SETUPTOOLS_", "DISTUTILS", "SKBUILD_")
+
+_OUTPUT_ONLY = frozenset(
+    """CMAKE_BUILD_PARALLEL_LEVEL CMAKE_COLOR_DIAGNOSTICS CMAKE_EXPORT_BUILD_DATABASE
+    CMAKE_EXPORT_COMPILE_COMMANDS CMAKE_INSTALL_PARALLEL_LEVEL CMAKE_INSTALL_PREFIX CMAKE_MSVCIDE_RUN_PATH
+    CMAKE_NO_VERBOSE CMAKE_TEST_LAUNCHER CMAKE_TLS_VERIFY CMAKE_TLS_VERSION
+    PKG_CONFIG_DEBUG_SPEW PKG_CONFIG_LOG
+    """.split()
+)
+"""Variables with a relevant prefix that do not affect the result: they control parallelism or output."""
+
+_UNTRACKED = _OUTPUT_ONLY | frozenset(
+    # What programs find through these counts instead.
+    "HOME PATH TEMP TEMPDIR TMP TMPDIR "
+    # The interpreter of the workspace counts instead.
+    "CONDA_PREFIX VIRTUAL_ENV "
+    # They differ from shell to shell.
+    "OLDPWD PWD SHELL SHLVL _ "
+    # They affect messages and their appearance.
+    "CLICOLOR CLICOLOR_FORCE COLORTERM COLUMNS EMACS FORCE_COLOR LANG LANGUAGE LINES NINJA_STATUS NO_COLOR "
+    "TERM TERMCAP TERMINFO VERBOSE "
+    # They share out processors.
+    "CTEST_PARALLEL_LEVEL MAKEFLAGS MAKELEVEL MAKE_TERMERR MAKE_TERMOUT MFLAGS "
+    # forge sets them.
+    "ASAN_OPTIONS COLCON DIST_EXTRA_CONFIG LD_PRELOAD SKBUILD_BUILD_DIR".split()
+)
+_UNTRACKED_BEGINNINGS = (
+    *("FORGE_", "LC_", "XDG_"),
+    # Those that matter are relevant for every package; the others are for debugging.
+    "PYTHON",
+    # gcc sets it for the programs that it starts.
+    "COLLECT_",
+)
+
+
+def mentioned(program: str, text: str) -> frozenset[str]:
+    """Return the variables named in a text that a program reads, if it copies the whole environment.
+
+    `program` is its path. What it asks for cannot be observed, only what its scripts say.
+    """
+    name = os.path.basename(program)
+    pattern = next((pattern for programs, pattern in _COPIES_ENVIRONMENT if programs.match(name)), None)
+    if pattern is None:
+        return frozenset()
+    return frozenset(match[match.lastindex] for match in pattern.finditer(text) if match.lastindex)
+
+
+_COPIES_ENVIRONMENT = (
+    (re.compile(r"(ba|da|k|z|fi)?sh$|busybox$|g?make$"), re.compile(r"\$[({]?([A-Za-z_]\w*)")),
+    (
+        re.compile(r"python"),
+        re.compile(
+            r"environb?\s*(?:\[|\.\s*\w+\s*\()\s*[bru]*['\"](\w+)|getenvb?\s*\(\s*[bru]*['\"](\w+)"
+            # Names that are looked up through an alias, as after `env = os.environ`.
+            r"|['\"]([A-Z][A-Z0-9_]+)['\"]|['\"](\w+)['\"]\s+(?:not\s+)?in\s+(?:os\s*\.\s*)?environ"
+        ),
+    ),
+    (re.compile(r"perl"), re.compile(r"\bENV\{\s*['\"]?(\w+)")),
+    (re.compile(r"[gm]?awk|ruby|node"), re.compile(r"\b(?:ENVIRON|ENV|env)(?:\[['\"]|\.)(\w+)")),
+)
+"""Programs whose variables cannot be observed, and how their scripts name them."""
