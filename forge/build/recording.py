@@ -36,7 +36,6 @@ from forge.toolchain.programs import CMAKE_TYPES
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
-    from pathlib import Path
 
     from forge.base.errors import Problem
     from forge.base.frozen import Pairs
@@ -117,7 +116,7 @@ class PackageRecorder:
         observed = self._observed.pop(task.name, NOT_OBSERVED)
         asked = (question for question, _ in observed.answers)
         found = tuple(sorted(reported.union(asked, *(each.external for each in observed.all))))
-        found = (*found, *self._undeclared(task, observed, declared))
+        found = (*found, *self._undeclared(task, observed))
         externals = file_manifest(found, self._table)
         begun = self._begun_builds.pop(task.name)
         written = frozenset[str]().union(*(each.written for each in observed.all))
@@ -135,22 +134,15 @@ class PackageRecorder:
             read_from=self._owners_of(task, externals),
         )
 
-    def _undeclared(self, task: Task, observed: ObservedCommands, declared: Iterable[Path]) -> Iterator[str]:
+    def _undeclared(self, task: Task, observed: ObservedCommands) -> Iterator[str]:
         """Yield what a build read of packages of this workspace that it does not depend on."""
-        build, install, records = f"{self._layout.build}/", f"{self._layout.install}/", self._records
-        own = tuple(
-            f"{path}/" for path in declared if not (self._layout.merged and path == self._layout.install)
-        )
-        known: set[str] = set()
-        if self._layout.merged:
-            names = (name for name in (task.name, *task.needs) if name in records)
-            known = {path for name in names for path in records[name].files}
-        read = frozenset[str]().union(
-            read_below(task.build_dir, self._layout.install), *(each.read for each in observed.all)
-        )
-        for path in sorted(read - known):
-            of_other = path.startswith(build) and path[len(build) :].partition("/")[0] in records
-            if (of_other or path.startswith(install)) and not path.startswith(own) and os.path.isfile(path):  # noqa: PTH113
+        build, others = f"{self._layout.build}/", self._records.keys() - {task.name, *task.needs}
+        installed = {path for name in others for path in self._records[name].files}
+        reported = read_below(task.build_dir, self._layout.install)
+        for path in sorted(reported.union(*(each.read for each in observed.all))):
+            name = path[len(build) :].partition("/")[0] if path.startswith(build) else task.name
+            of_other = name != task.name and name in self._records
+            if (of_other or path in installed) and os.path.isfile(path):  # noqa: PTH113
                 yield path
 
     def _owners_of(self, task: Task, paths: Iterable[str]) -> tuple[str, ...]:

@@ -108,7 +108,9 @@ def test_the_children_of_ninja_are_the_commands(tmp_path: Path) -> None:
     assert found.missing == {str(source / "y.h")}
     assert accesses.external == {str(external)}
     assert accesses.outputs_known
-    found = commands_of(step, {1: "build"}, lambda *_: (str(output), frozenset({"/elsewhere"})), folders)
+    found = commands_of(
+        step, {1: "build"}, lambda *_: (str(output), frozenset({str(output), str(external)})), folders
+    )
     assert not found.edges[str(output)].outputs_known
 
 
