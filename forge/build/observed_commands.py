@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 COMMANDS, COMMANDS_BEFORE = "commands.json", "commands_before.json"
 """What is known of the commands whose products are in a build folder, and what was before this build."""
 _CACHES = ("~/.cache", "~/.ccache")
+_CACHE_VARIABLES = ("CCACHE_DIR", "SCCACHE_DIR")
 _COMMAND = re.compile(r"^  COMMAND = (.*)$", re.MULTILINE)
 _PACKAGE = re.compile(r"^([^/#:]+)_DIR:PATH=", re.MULTILINE)
 """The packages that CMake has searched, found or not."""
@@ -41,7 +42,8 @@ def record_commands(
         return NOT_OBSERVED
     graph = read_native_graph(build)
     own = (f"{folder}/" for folder in own_folders())
-    tracked = (*own, cmake_root(build), *(f"{os.path.expanduser(cache)}/" for cache in _CACHES))
+    caches = (*_CACHES, *filter(None, map(world.value, _CACHE_VARIABLES)))
+    tracked = (*own, cmake_root(build), *(f"{os.path.expanduser(cache)}/" for cache in caches))
     folders = Folders(build, (source, layout.install, layout.build), filter(None, tracked), world)
     found = commands_of(steps.observed, steps.kinds, EdgeFinder(graph), folders)
     outputs = frozenset(edge.outputs[0] for edge in graph.edges)

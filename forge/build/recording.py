@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from forge.base.layout import TOOLCHAIN_DIR
 from forge.build import build_notes
 from forge.build.build_dir import BuildDirInputs, FileChecks, prepare_build_dir
+from forge.build.build_types import build_type_of
 from forge.build.file_conflicts import record_contents
 from forge.build.inputs.depfiles import read_below, reported_inputs
 from forge.build.inputs.fingerprints import (
@@ -115,7 +116,9 @@ class PackageRecorder:
         reported = reported_inputs(build, declared)
         observed = self._observed.pop(task.name, NOT_OBSERVED)
         asked = (question for question, _ in observed.answers)
-        found = tuple(sorted(reported.union(asked, *(each.external for each in observed.all))))
+        # Plugins whose builds forge stages, such as cargo's, report their files themselves.
+        every = () if build_type_of(task.package).staged else observed.all
+        found = tuple(sorted(reported.union(asked, *(each.external for each in every))))
         found = (*found, *self._undeclared(task, observed))
         externals = file_manifest(found, self._table)
         begun = self._begun_builds.pop(task.name)

@@ -41,6 +41,10 @@ class World:
         self.path = frozenset((*folders, *map(os.path.realpath, folders)))
         """The folders of PATH."""
 
+    def value(self, name: str) -> str:
+        """Return the value of a variable, '' if it is not set."""
+        return self._variables.get(name, "")
+
     def searched_for_packages(self, folder: str) -> bool:
         """Return True if CMake lists a folder to find packages, which are tracked by their names."""
         below = (folder[len(prefix) :] for prefix in self._prefixes if folder.startswith(prefix))

@@ -30,7 +30,7 @@ class ConfigSearch:
         """Return the real folder of a package's config file below a prefix, '' if there is none."""
         files = (f"{name}Config.cmake", f"{name.lower()}-config.cmake")
         for folder in self._candidates(prefix, name.lower()):
-            if any(os.path.isfile(f"{folder}/{file}") for file in files):  # noqa: PTH113
+            if any((file.lower(), file) in self._listed(folder) for file in files):
                 return os.path.realpath(folder)
         return ""
 

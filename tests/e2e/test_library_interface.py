@@ -35,7 +35,8 @@ OTHERS = {
     "an installed copy": "install(IMPORTED_RUNTIME_ARTIFACTS base::base DESTINATION share)",
     "a copied file": "get_target_property(file base::base LOCATION)\n"
     "install(FILES ${file} DESTINATION share)",
-    "code at install time": 'install(CODE "message(STATUS x)")',
+    "code at install time": "get_target_property(file base::base LOCATION)\n"
+    'install(CODE "file(SHA256 ${file} x)")',
     "a file read at configure time": "get_target_property(path base::base LOCATION)\n"
     "file(SHA256 ${path} digest)\nfile(WRITE ${CMAKE_CURRENT_BINARY_DIR}/d.txt ${digest})\n"
     "install(FILES ${CMAKE_CURRENT_BINARY_DIR}/d.txt DESTINATION share)",
