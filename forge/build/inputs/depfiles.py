@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.files import text_or_nothing
 from forge.base.layout import SCRATCH_DIR
+from forge.build.inputs.fingerprints import DIR_LISTING_SUFFIX, source_files, source_folders
 from forge.build.inputs.native_graph import read_native_graph
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ def reported_inputs(build: Path, inside: Sequence[Path]) -> frozenset[str]:
     own = tuple(f"{path}{os.sep}" for path in inside)
     cmakes = cmake_root(build)
     graph = read_native_graph(build)
-    found = {*graph.known(), *graph.read_by_cmake, *_listed(build, READ_BY_BACKEND)}
+    found = {*graph.known(), *graph.read_by_cmake, *_read_by_backend(build, inside)}
     return frozenset(
         path for path in found if not path.startswith(own) and not (cmakes and path.startswith(cmakes))
     )
@@ -52,6 +53,16 @@ def cmake_root(build: Path) -> str:
 def written_by_backend(build: Path) -> Iterator[str]:
     """Yield the source files that a Python build backend wrote, or the Cargo.lock that cargo wrote."""
     return _listed(build, WRITTEN_BY_BACKEND)
+
+
+def _read_by_backend(build: Path, inside: Sequence[Path]) -> Iterator[str]:
+    """Yield what the build backend of a Python package or cargo read; of a folder, its files and names."""
+    for path in _listed(build, READ_BY_BACKEND):
+        if path.endswith(DIR_LISTING_SUFFIX) or not path.startswith("/") or not os.path.isdir(path):
+            yield path
+        elif not any(f"{folder}/".startswith(f"{path}/") for folder in inside):
+            yield from source_files(path)
+            yield from (f"{folder}{DIR_LISTING_SUFFIX}" for folder, _ in source_folders(path))
 
 
 def _listed(build: Path, name: str) -> Iterator[str]:
