@@ -136,7 +136,10 @@ class Toolchain:
         replace_file(self._home / "CMakeLists.txt", self._project.encode())
         library, world = (self._observed.library, self._observed.world) if self._observed else (None, None)
         folders = Folders(self._home, (), (), world)
-        done, accesses = run_observed(self._argv, variables, library, self._home / "log", folders)
+        # No step can remove anything from the folder of its log.
+        done, accesses = run_observed(
+            self._argv, variables, library, self._home / "observed" / "log", folders
+        )
         if self._observed and not accesses.blind:
             read = file_manifest(sorted(accesses.external), self._observed.table)
             write_manifest(self._home / _READ, read)
