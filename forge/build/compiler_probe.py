@@ -88,8 +88,7 @@ class Toolchain:
         """Identify the results by CMake's arguments, the programs and the variables; run nothing.
 
         `python` is the interpreter that packages search, None if none does; `languages` are those of CMake
-        that packages enable. without `observed`, the results are only used by
-        this run of forge.
+        that packages enable. Without `observed`, only this run of forge uses the results.
         """
         self._observed = observed
         if python is not None:

@@ -14,7 +14,7 @@ from forge.build import build_notes
 from forge.build.build_dir import BuildDirInputs, FileChecks, prepare_build_dir
 from forge.build.build_types import build_type_of
 from forge.build.file_conflicts import record_contents
-from forge.build.inputs.depfiles import read_below, reported_inputs
+from forge.build.inputs.depfiles import reported_inputs
 from forge.build.inputs.fingerprints import (
     contents_of,
     digest_of,
@@ -24,6 +24,7 @@ from forge.build.inputs.fingerprints import (
     fingerprint_tree,
     tree_manifest,
 )
+from forge.build.inputs.native_graph import read_native_graph
 from forge.build.installation import InstalledFiles
 from forge.build.installed_files import remove_stale, set_file_times
 from forge.build.installed_lists import write_installed_list
@@ -37,6 +38,7 @@ from forge.toolchain.programs import CMAKE_TYPES
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
+    from pathlib import Path
 
     from forge.base.errors import Problem
     from forge.base.frozen import Pairs
@@ -113,13 +115,15 @@ class PackageRecorder:
         stats = set_file_times(task, installed.files, self._layout, self._table)
         prefixes = map(self._layout.prefix, (task.name, *task.needs))
         declared = (self._state.source(task), build, self._layout.build / TOOLCHAIN_DIR, *prefixes)
-        reported = reported_inputs(build, declared)
+        graph = read_native_graph(build)
+        reported = reported_inputs(build, graph, declared)
         observed = self._observed.pop(task.name, NOT_OBSERVED)
         asked = (question for question, _ in observed.answers)
         # Plugins whose builds forge stages, such as cargo's, report their files themselves.
         every = () if build_type_of(task.package).staged else observed.all
         found = tuple(sorted(reported.union(asked, *(each.external for each in every))))
-        found = (*found, *self._undeclared(task, observed))
+        read = graph.known().union(*(each.read for each in observed.all))
+        found = (*found, *self._undeclared(task, read, declared))
         externals = file_manifest(found, self._table)
         begun = self._begun_builds.pop(task.name)
         written = frozenset[str]().union(*(each.written for each in observed.all))
@@ -127,8 +131,8 @@ class PackageRecorder:
         build_notes.finish_build_dir(build, externals, saved)
         names = (path.removeprefix(f"{self._state.source(task)}/") for path in sorted(saved))
         contents = {path: state.content for path, state in externals.items()}
-        read = tuple(externals), digest_of(externals, contents)
-        record = self._finish_record(task, installed, read, stats)
+        digested = tuple(externals), digest_of(externals, contents)
+        record = self._finish_record(task, installed, digested, stats)
         return replace(
             record,
             began=build_notes.start_time(build),
@@ -137,15 +141,19 @@ class PackageRecorder:
             read_from=self._owners_of(task, externals),
         )
 
-    def _undeclared(self, task: Task, observed: ObservedCommands) -> Iterator[str]:
+    def _undeclared(self, task: Task, read: Iterable[str], declared: Iterable[Path]) -> Iterator[str]:
         """Yield what a build read of packages of this workspace that it does not depend on."""
-        build, others = f"{self._layout.build}/", self._records.keys() - {task.name, *task.needs}
-        installed = {path for name in others for path in self._records[name].files}
-        reported = read_below(task.build_dir, self._layout.install)
-        for path in sorted(reported.union(*(each.read for each in observed.all))):
-            name = path[len(build) :].partition("/")[0] if path.startswith(build) else task.name
-            of_other = name != task.name and name in self._records
-            if (of_other or path in installed) and os.path.isfile(path):  # noqa: PTH113
+        layout, records = self._layout, self._records
+        build, install = f"{layout.build}/", f"{layout.install}/"
+        # In a merged prefix, only the lists of files tell packages apart.
+        own = tuple(f"{path}/" for path in declared if not (layout.merged and path == layout.install))
+        near = [path for path in read if path.startswith((build, install)) and not path.startswith(own)]
+        names = (task.name, *task.needs) if layout.merged and near else ()
+        known = {path for name in names if name in records for path in records[name].files}
+        rest = sorted(path for path in near if path not in known and os.path.isfile(path))  # noqa: PTH113
+        owned = frozenset[str]().union(*(record.files for record in records.values())) if rest else ()
+        for path in rest:
+            if path in owned or (path.startswith(build) and path[len(build) :].partition("/")[0] in records):
                 yield path
 
     def _owners_of(self, task: Task, paths: Iterable[str]) -> tuple[str, ...]:

@@ -11,6 +11,7 @@ import os
 import re
 import tempfile
 from dataclasses import field, replace
+from functools import cache
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -185,6 +186,7 @@ class Folders:
         self._build = f"{build}/"
         self._known = (*known, *_VOLATILE)
         self._path = world.path if world else frozenset[str]()
+        self._unwatched = self._path | {tempfile.gettempdir()}
         self._searched = world.searched_for_packages if world else lambda _: False
         self.tools: frozenset[str] = frozenset()
         """The programs of the steps themselves, which are tracked as tools wherever they are installed."""
@@ -195,6 +197,9 @@ class Folders:
         )
         self._folders: dict[str, str] = {"": "", "/": "/"}
         self._mentioned: dict[tuple[str, str], frozenset[str]] = {}
+        # Commands of one package read and miss mostly the same: each path is looked at once.
+        self._is_read_file = cache(self._look_at_file)
+        self._is_missing = cache(self._look_for)
 
     def path(self, path: str) -> str | None:
         """Return a path below one of the folders as its name spells it, None if it is elsewhere."""
@@ -228,7 +233,11 @@ class Folders:
         ]
         written = self.paths(kept)
         read = seen.read - seen.written
-        external = {*self._external_files(read), *self._missing(seen.missing), *self._listed(processes)}
+        external = {
+            *self._external_files(read),
+            *filter(self._is_missing, seen.missing),
+            *self._listed(processes),
+        }
         used = (path.rpartition("/") for path in chain(seen.missing, seen.found, seen.executed, read))
         asked = about_programs({name for folder, _, name in used if folder in self._path})
         variables = seen.variables.union(*map(self._mentioned_by, processes))
@@ -251,19 +260,18 @@ class Folders:
         """Yield the files that lie elsewhere; Python's caches stand for their sources."""
         for path in paths:
             path = CACHED_BYTECODE.sub(r"\1/\2.py", path)
-            if _NO_INPUT.search(path):
-                continue
-            is_tool = os.access(path, os.X_OK) and os.path.realpath(path) in self.tools
-            if not is_tool and self._is_external(path) and os.path.isfile(path):
+            if self._is_read_file(path):
                 yield path
 
-    def _missing(self, paths: Iterable[str]) -> Iterator[str]:
-        """Yield what is still missing elsewhere, but for programs, for which PATH is searched."""
-        for path in paths:
-            folder = os.path.dirname(path)
-            is_searched = folder in (*self._path, tempfile.gettempdir()) or _NO_INPUT.search(path)
-            if not is_searched and self._is_external(path) and not os.path.lexists(path):
-                yield path
+    def _look_at_file(self, path: str) -> bool:
+        if _NO_INPUT.search(path) or not self._is_external(path) or not os.path.isfile(path):
+            return False
+        return not (os.access(path, os.X_OK) and os.path.realpath(path) in self.tools)
+
+    def _look_for(self, path: str) -> bool:
+        """Tell if a path is still missing elsewhere; programs are looked for in all of PATH instead."""
+        is_searched = os.path.dirname(path) in self._unwatched or _NO_INPUT.search(path)
+        return not is_searched and self._is_external(path) and not os.path.lexists(path)
 
     def _listed(self, processes: Iterable[Process]) -> Iterator[str]:
         """Yield the folders elsewhere whose names were read, except for searches that are tracked by name.

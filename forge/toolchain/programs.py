@@ -38,9 +38,6 @@ PROJECT_DETAILS = frozenset({"COMPAT_VERSION", "DESCRIPTION", "HOMEPAGE_URL", "S
 _ENABLING = frozenset({"enable_language", "project"})
 _WITHOUT_CXX = frozenset({"ASM", "C", "Fortran", "NONE", "OPTIONAL"})
 """Languages that need no C++ compiler, and words beside them. Any other word may also be a variable."""
-_LARGEST_SCRIPT = 1 << 16
-_LAUNCHERS = frozenset({"ccache", "distcc", "icecc", "sccache", "colorgcc", "ccache-swig"})
-"""Programs that may be named like a compiler and start the next program with that name on PATH."""
 _NAMES_COMPILER = re.compile(r"COMPILER|TOOLCHAIN|INCLUDE|--toolchain|--preset|(?:^| )-C")
 _NAMES_BUILDER = re.compile(r"CMAKE_MAKE_PROGRAM|TOOLCHAIN|--toolchain|--preset|(?:^| )-[CG]")
 

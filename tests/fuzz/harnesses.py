@@ -23,6 +23,7 @@ from forge.build.compile_commands import merge_compile_commands
 from forge.build.inputs.depfiles import reported_inputs
 from forge.build.inputs.fingerprints import FileTable
 from forge.build.inputs.input_manifest import read_manifest
+from forge.build.inputs.native_graph import read_native_graph
 from forge.build.install_manifests import ManifestFiles
 from forge.build.journal import Journal
 from forge.build.recipes.initial_cache import manifest_variables
@@ -285,11 +286,11 @@ def build_logs(data: bytes) -> None:
     build = place("ninja", ".ninja_deps", b"# ninjadeps\n\x04\0\0\0" + data)
     place("ninja", "build.ninja", data)
     place("ninja", "CMakeFiles/rules.ninja", b"")
-    reported_inputs(build, [])
+    reported_inputs(build, read_native_graph(build), [])
     made = place("make", "a.o.d", data)
     place("make", "CMakeFiles/a.dir/build.make", data)
     place("make", "CMakeFiles/Makefile.cmake", data)
-    reported_inputs(made, [])
+    reported_inputs(made, read_native_graph(made), [])
     place("make", "p/install_manifest.txt", data)
     ManifestFiles(replace(_LAYOUT, build=made)).get("p")
     place("make", "p/compile_commands.json", data)

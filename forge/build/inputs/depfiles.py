@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING
 from forge.base.files import text_or_nothing
 from forge.base.layout import SCRATCH_DIR
 from forge.build.inputs.fingerprints import DIR_LISTING_SUFFIX, source_files, source_folders
-from forge.build.inputs.native_graph import read_native_graph
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
+
+    from forge.build.inputs.native_graph import NativeGraph
 
 _text = partial(text_or_nothing, errors="surrogateescape")
 _CMAKE_ROOT = re.compile(r"^CMAKE_ROOT:INTERNAL=(.+)$", re.MULTILINE)
@@ -25,23 +26,17 @@ READ_BY_BACKEND = "read_by_backend"
 WRITTEN_BY_BACKEND = "written_by_backend"
 
 
-def reported_inputs(build: Path, inside: Sequence[Path]) -> frozenset[str]:
+def reported_inputs(build: Path, graph: NativeGraph, inside: Sequence[Path]) -> frozenset[str]:
     """Return what the last build below `build` was reported to read outside of `inside`, and to ask.
 
-    An unreadable log counts as empty: the native tool's own rules still apply.
+    `graph` is what the native tool knows of it.
     """
     own = tuple(f"{path}{os.sep}" for path in inside)
     cmakes = cmake_root(build)
-    graph = read_native_graph(build)
     found = {*graph.known(), *graph.read_by_cmake, *_read_by_backend(build, inside)}
     return frozenset(
         path for path in found if not path.startswith(own) and not (cmakes and path.startswith(cmakes))
     )
-
-
-def read_below(build: Path, folder: Path) -> frozenset[str]:
-    """Return the files below a folder that are inputs of the native build."""
-    return frozenset(path for path in read_native_graph(build).known() if path.startswith(f"{folder}/"))
 
 
 def cmake_root(build: Path) -> str:
