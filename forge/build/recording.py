@@ -6,6 +6,7 @@ Used by the worker threads, each for the package that it builds.
 from __future__ import annotations
 
 import os
+import re
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -50,6 +51,9 @@ if TYPE_CHECKING:
     from forge.build.tasks import Task
     from forge.engine.commands import ObservedCommands
     from forge.engine.world import World
+
+
+_METADATA = re.compile(r"-packages/[^/]+\.(dist|egg)-info/")
 
 
 class PackageRecorder:
@@ -148,6 +152,8 @@ class PackageRecorder:
         # In a merged prefix, only the lists of files tell packages apart.
         own = tuple(f"{path}/" for path in declared if not (layout.merged and path == layout.install))
         near = [path for path in read if path.startswith((build, install)) and not path.startswith(own)]
+        # Python reads the metadata of all distributions in search of plugins.
+        near = [path for path in near if not _METADATA.search(path)]
         names = (task.name, *task.needs) if layout.merged and near else ()
         known = {path for name in names if name in records for path in records[name].files}
         rest = sorted(path for path in near if path not in known and os.path.isfile(path))  # noqa: PTH113

@@ -298,7 +298,7 @@ class Folders:
         return frozenset[str]().union(*found)
 
 
-_NO_INPUT = re.compile(r"/__pycache__$|\.pyc$|-packages/[^/]+\.(dist|egg)-info/entry_points\.txt$")
+_NO_INPUT = re.compile(r"/__pycache__$|\.pyc$|\.egg-info/|\.dist-info/entry_points\.txt$")
 """Caches of Python, and what it reads of every distribution in search of plugins, which it then imports."""
 _VOLATILE = ("/dev/", "/proc/", "/sys/")
 """What the kernel makes up."""

@@ -179,6 +179,21 @@ def test_a_variable_read_by_setup_py_causes_a_rebuild(forge: Forge, tree: Tree) 
     assert builds.same_as_clean({"VER": "2"})
 
 
+def test_a_copied_environment_makes_no_variable_an_input(forge: Forge, tree: Tree) -> None:
+    """Each Python package copies it to start other programs."""
+    setup = """import os, subprocess
+from setuptools import setup
+subprocess.run(["true"], env={**os.environ, **dict(os.environ.items()), **os.environ.copy()}, check=True)
+setup(name="p", version=os.environ.get("VER", "1"))
+"""
+    files = {"src/p/package.xml": manifest_text("p", build_type="ament_python"), "src/p/setup.py": setup}
+    builds = Builds(forge, tree(files))
+    builds.build({"OTHER": "1", "VER": "1"})
+    assert builds.build({"OTHER": "2", "VER": "1"}) == []
+    assert builds.build({"VER": "1"}) == []
+    assert builds.build({"OTHER": "1", "VER": "2"}) == ["p"]
+
+
 def test_variables_in_included_external_files_cause_a_rebuild(forge: Forge, tree: Tree) -> None:
     files = cmake("a", "include(../../common.cmake)\n") | {"common.cmake": "set(x 1)\n"}
     root = tree(files)

@@ -20,7 +20,7 @@ import sys
 
 TYPE_CHECKING = False  # importing typing would dominate the start-up time
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
 _WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC
 _BATCH_SIZE = 1000
@@ -48,13 +48,7 @@ def trace(log: str) -> None:
     tracer = Tracer(log)
     atexit.register(tracer.finish)
     os.register_at_fork(after_in_child=tracer.forked)
-    encode = os.environ.encodekey
-
-    def asked(name: "str") -> "str":
-        tracer.ask(name)
-        return encode(name)
-
-    os.environ.encodekey = asked
+    _trace_variables(tracer)
     handler_of = tracer.handlers.get
 
     def hook(event: str, args: "tuple[object, ...]") -> None:
@@ -66,6 +60,28 @@ def trace(log: str) -> None:
                 pass  # Invalid arguments: the program itself gets the error.
 
     sys.addaudithook(hook)
+
+
+def _trace_variables(tracer: "Tracer") -> None:
+    """Log the variables that are looked up by name; who copies the environment asks for none."""
+    encode = os.environ.encodekey
+    enumerated: "list[str]" = []
+
+    class Environment(type(os.environ)):  # type: ignore[misc]  # the class has no public name
+        def __iter__(self) -> "Iterator[str]":
+            enumerated[:] = reversed(list(super().__iter__()))
+            return iter(enumerated[::-1])
+
+    def asked(name: str) -> str:
+        # Whoever copies the environment looks up the names in the order in which they were enumerated.
+        if enumerated and name == enumerated[-1]:
+            enumerated.pop()
+        else:
+            tracer.ask(name)
+        return encode(name)
+
+    os.environ.__class__ = Environment
+    os.environ.encodekey = asked
 
 
 class Tracer:
