@@ -300,7 +300,7 @@ class Folders:
 
 _NO_INPUT = re.compile(r"/__pycache__$|\.pyc$|\.egg-info/|\.dist-info/entry_points\.txt$")
 """Caches of Python, and what it reads of every distribution in search of plugins, which it then imports."""
-_VOLATILE = ("/dev/", "/proc/", "/sys/")
+_VOLATILE = ("/proc/", "/sys/")
 """What the kernel makes up."""
 CACHED_BYTECODE = re.compile(r"^(.*)/__pycache__/([^/.]+)\.[^/]*\.pyc$")
 _SETS = ("read", "found", "listed", "searched", "written", "external", "asked")

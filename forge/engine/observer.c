@@ -223,11 +223,40 @@ static void forget(char kind, const char *word, size_t length)
         __atomic_store_n(entry, 0, __ATOMIC_RELAXED);
 }
 
+/* What the kernel shows of processes and devices is no input. */
+static int is_kernels(const char *path)
+{
+    return !strncmp(path, "/proc/", 6) || !strncmp(path, "/sys/", 5);
+}
+
+/* Tell if a path below /dev is an input, as a file in /dev/shm is; what is behind links to open files was logged
+ * when it was opened. */
+static int is_no_device(const char *path)
+{
+    char link[40], place[PATH_MAX] = "";
+    struct stat status;
+    int descriptor;
+
+    if (!NEXT(fstatat)(AT_FDCWD, path, &status, 0) && !S_ISREG(status.st_mode) && !S_ISDIR(status.st_mode))
+        return 0;
+    descriptor = syscall(SYS_openat, AT_FDCWD, path, O_PATH | O_NOFOLLOW | O_CLOEXEC);
+    if (descriptor < 0)
+        return 1;
+    snprintf(link, sizeof link, "/proc/self/fd/%d", descriptor);
+    syscall(SYS_readlinkat, AT_FDCWD, link, place, sizeof place - 1);
+    if (!is_kernels(place)) {
+        memset(place, 0, sizeof place);
+        syscall(SYS_readlinkat, descriptor, "", place, sizeof place - 1);
+    }
+    syscall(SYS_close, descriptor);
+    return !is_kernels(place);
+}
+
 static void note(char kind, const char *word)
 {
     size_t length = strlen(word);
 
-    if (map && remember(kind, word, length))
+    if (map && remember(kind, word, length) && (strncmp(word, "/dev/", 5) || is_no_device(word)))
         say(kind, word, length);
 }
 
@@ -279,18 +308,13 @@ static int is_below(const char *path, const char *folder)
     return size && !strncmp(path, folder, size) && (!path[size] || path[size] == '/');
 }
 
-/* What the kernel shows of processes and devices is no input. */
-static int is_input(const char *path)
-{
-    return strncmp(path, "/proc/", 6) && strncmp(path, "/dev/", 5) && strncmp(path, "/sys/", 5);
-}
 
 static void found(char kind, int folder, const char *path)
 {
     char absolute[PATH_MAX];
     int saved = errno;
 
-    if (map && locate(folder, path, absolute) && is_input(absolute))
+    if (map && locate(folder, path, absolute) && !is_kernels(absolute))
         note(kind, absolute);
     errno = saved;
 }
@@ -301,7 +325,7 @@ static void changed(char kind, int folder, const char *path)
     size_t length;
     int saved = errno;
 
-    if (map && (length = locate(folder, path, absolute)) && is_input(absolute)) {
+    if (map && (length = locate(folder, path, absolute)) && !is_kernels(absolute)) {
         /* A file that is written, removed and read again is a new one each time. */
         forget(kind == 'U' ? 'W' : 'U', absolute, length);
         forget('R', absolute, length);
@@ -325,7 +349,7 @@ static void missing(int folder, const char *path)
     if (!map || (saved != ENOENT && saved != ENOTDIR))
         return;
     length = locate(folder, path, absolute);
-    if (length && is_input(absolute)) {
+    if (length && !is_kernels(absolute)) {
         for (;;) {
             size_t parent = length;
             char slash;
@@ -1039,7 +1063,7 @@ static void executing(char kind, const char *file)
             own_process = parent;
         }
         say(kind, path, strlen(path));
-        if (kind == 'X' && path == absolute && is_input(path))
+        if (kind == 'X' && path == absolute && !is_kernels(path))
             note('R', path);
     }
     errno = saved;

@@ -2,6 +2,7 @@
 
 import shutil
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
 
@@ -188,3 +189,24 @@ def test_a_file_outside_of_the_workspace_is_an_input(forge: Forge, tree: Tree) -
     (root / "value").write_text("2\n")
     built(forge, root / "ws")
     assert (root / "ws/install/a/share/gen.h").read_text() == "#define X 2\n"
+
+
+GENERATOR = """missed=../../src/a/late
+test -r $missed && value=$missed || value=../../../value
+echo "#define X $(cat $value)" > gen.h; touch parts.lst runs.txt
+cat < /dev/null >> /dev/fd/1
+"""
+
+
+def test_a_workspace_below_dev_is_observed(forge: Forge, tree: Tree) -> None:
+    files = tree({**FILES, "src/a/CMakeLists.txt": GENERATES, "src/a/gen.sh": GENERATOR})
+    with TemporaryDirectory(dir="/dev/shm") as folder:
+        root = shutil.copytree(files, Path(folder) / "ws")
+        for value in ("1", "2"):
+            (root.parent / "value").write_text(value)
+            built(forge, root)
+            assert (root / "install/a/share/gen.h").read_text() == f"#define X {value}\n"
+        (root / "src/a/late").write_text("3")
+        built(forge, root)
+        assert (root / "install/a/share/gen.h").read_text() == "#define X 3\n"
+        assert "0 packages finished" in forge("build", cwd=root).out

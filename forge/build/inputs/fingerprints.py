@@ -377,18 +377,30 @@ def _content(path: str, status: os.stat_result | None, table: FileTable) -> str:
     """Return the mode and content digest of a file as text, for a link also its target."""
     if not path.startswith("/"):
         return table.answer(path)
-    if status is None:
-        return "missing"
+    if status is None or stat.S_ISCHR(status.st_mode) or stat.S_ISBLK(status.st_mode):
+        return "missing"  # devices come and go
     try:
         if path.endswith("/"):
             return f"folder {stat.S_IMODE(status.st_mode):o}"
         if path.endswith(DIR_LISTING_SUFFIX):
-            return f"names {_digest(os.fsencode(chr(0).join(sorted(os.listdir(path)))))}"
+            return f"names {_digest(os.fsencode(chr(0).join(_names(path))))}"
         if stat.S_ISREG(status.st_mode):
             return f"{stat.S_IMODE(status.st_mode):o} {table.digest(path, status)}"
         return _target(path, table) if stat.S_ISLNK(status.st_mode) else "special"
     except OSError:
         return "unreadable"
+
+
+def _names(folder: str) -> list[str]:
+    """Return the sorted names in a folder, except for those of devices."""
+    with os.scandir(folder) as entries:
+        found = list(entries)
+    devices = folder.startswith("/dev/")
+    return sorted(
+        entry.name
+        for entry in found
+        if not devices or entry.is_symlink() or entry.is_file() or entry.is_dir()
+    )
 
 
 def _target(path: str, table: FileTable) -> str:
