@@ -99,7 +99,7 @@ class BuildOptions:
         "keep building packages that do not depend on a failed package", default=False
     )
     skip_keys: tuple[str, ...] = option(
-        "build as if these missing dependencies existed", default=(), metavar="KEY", accumulates=True
+        "do not warn of these missing dependencies", default=(), metavar="KEY", accumulates=True
     )
     force: bool = option(
         "rebuild the selected packages even if they are up to date", default=False, first_build_only=True

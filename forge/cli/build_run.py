@@ -277,9 +277,7 @@ def warn_of_packages(plan: BuildPlan, build: PreparedBuild) -> None:
     loaded, layout = build.loaded, build.context.layout
     own = [name for name, task in plan.tasks.items() if not task.embedded]
     whereabouts = Whereabouts(loaded.workspace.root, layout).of
-    missing = missing_dependencies(
-        loaded.resolution, own, build.options.skip_keys, whereabouts=whereabouts
-    ).warnings
+    missing = missing_dependencies(loaded.resolution, own, build.options.skip_keys, whereabouts)
     build.mode.warn((*missing, *overridden(own, layout.install, build.variables)))
     configured = (
         loaded.packages[name]

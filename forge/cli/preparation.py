@@ -24,17 +24,14 @@ from forge.base.errors import (
     Problem,
     WarningReporter,
     WorkspaceError,
-    print_problem,
     raise_if_any,
-    share_hints,
 )
 from forge.base.extensions import RECIPES, installed
 from forge.base.frozen import frozen
-from forge.base.graph import closure, closures, ordered_names
+from forge.base.graph import closure
 from forge.base.layout import NO_CODE, OWN_CACHE_DIR, PACKAGE, own_folders
 from forge.build import folder_marks
 from forge.build.build_types import leave_out, with_toolchains
-from forge.build.certain_failures import CMakeSearch
 from forge.build.inputs.fingerprints import digest_strings, source_files, stamp_files
 from forge.build.journal import open_journal
 from forge.build.planning import GlobalInputs, make_whole_plan, names_to_build
@@ -59,7 +56,7 @@ from forge.toolchain.interpreter import find_interpreter, other_than_recorded, o
 from forge.toolchain.programs import CMAKE_TYPES, PYTHON_TYPES, condensed, find_tools, identities
 from forge.workspace.discovery import ROS_DEFAULTS, special_files
 from forge.workspace.load import find_packages, load_workspace
-from forge.workspace.missing import Whereabouts, missing_dependencies, submodule_remedy, unchecked_submodules
+from forge.workspace.missing import submodule_remedy, unchecked_submodules
 from forge.workspace.resolve import INTERFACE_GROUP
 
 if TYPE_CHECKING:
@@ -192,48 +189,21 @@ def check_before_planning(
     names: Sequence[str],
     layout: Layout,
     options: BuildOptions,
-    variables: Mapping[str, str],
-) -> tuple[str, ...]:
-    """Return the packages that can be built; raises WorkspaceError with all problems that prevent the build.
-
-    With --continue-on-error, packages that lack dependencies are reported and left out with their dependents.
-    """
-    cross = ("--toolchain",) if options.folders.target else ()
-    cmake_args = (*cross, *options.cmake.cmake_args, *options.cmake.ament_cmake_args)
-    search = CMakeSearch(loaded.resolution, layout, variables, cmake_args)
-    missing = missing_dependencies(
-        loaded.resolution,
-        names,
-        options.skip_keys,
-        search.certainly_missing,
-        Whereabouts(loaded.workspace.root, layout).of,
-    )
+) -> None:
+    """Raise WorkspaceError with all problems that prevent the build."""
     problems = list(loaded.workspace.problems)
     if not (problems or loaded.workspace.packages):
         raise_if_any(output_problems(loaded, layout, ()), WorkspaceError)
         require_packages(loaded)
     python = any("python" in loaded.packages[name].build_type for name in names)
     problems += path_problems((loaded.workspace.root, layout.build, layout.install), python=python)
-    buildable = tuple(names)
-    if missing.unbuildable:
-        needs = loaded.resolution.needs
-        below = closures(needs, ordered_names(needs))
-        buildable = tuple(name for name in names if missing.unbuildable.isdisjoint((name, *below[name])))
     problems += output_problems(
         loaded,
         layout,
-        buildable,
+        names,
         {"--test-result-base": options.test_result_base, "--cache": options.cache.cache},
     )
-    if not options.continue_on_error:
-        others = sum(not loaded.packages[name].embedded for name in buildable)
-        rest = "package that does" if others == 1 else f"{others} packages that do"
-        remedy = f"; '--continue-on-error' builds the {rest} not need it" if others else ""
-        problems += (replace(problem, hint=f"{problem.hint}{remedy}") for problem in missing.errors)
     raise_if_any(problems, WorkspaceError)
-    for problem in share_hints(missing.errors):
-        print_problem(problem)
-    return buildable
 
 
 def with_packages_of_underlays(
@@ -424,15 +394,6 @@ def check_plan(plan: BuildPlan, build: PreparedBuild) -> None:
 
 
 _OPENED_OF_PYTHON = ("setup.py", "setup.cfg", "pyproject.toml")
-
-
-def report_left_out(names: Sequence[str], buildable: Sequence[str]) -> int:
-    """Report the packages that were not built for lack of dependencies; returns 1 if there are any."""
-    left_out = sorted({*names} - {*buildable})
-    if left_out:
-        message = f"not built, because dependencies are missing: {', '.join(left_out)}"
-        print_problem(Problem(message))
-    return int(bool(left_out))
 
 
 def build_variables(

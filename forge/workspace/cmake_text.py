@@ -17,7 +17,7 @@ from forge.base.text import counted
 from forge.workspace.source_names import is_environment, may_contain_packages
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
+    from collections.abc import Iterable, Iterator
     from pathlib import Path
 
     from forge.workspace.model import Package
@@ -44,19 +44,6 @@ _PKG_CONFIG_FLAGS = frozenset(
 _SCOPES = frozenset({"PUBLIC", "PRIVATE", "INTERFACE", "SYSTEM"})
 _OPAQUE = frozenset({"include", "add_subdirectory", "macro", "function", "cmake_language"})
 """Commands that may call others."""
-_INERT = frozenset(
-    {"add_compile_definitions", "add_compile_options", "add_definitions", "add_executable", "add_library"}
-    | {"add_link_options", "cmake_minimum_required", "else", "elseif", "enable_testing", "endforeach"}
-    | {"endif", "endwhile", "foreach", "if", "include_directories", "install", "link_directories", "list"}
-    | {"mark_as_advanced", "math", "message", "option", "project", "set", "set_target_properties", "string"}
-    | {"target_compile_definitions", "target_compile_features", "target_compile_options"}
-    | {"target_include_directories", "target_link_libraries", "target_sources", "unset", "while"}
-)
-"""Commands that find_package() does not depend on, unless they change a variable of its search."""
-_SETTING = frozenset({"foreach", "list", "option", "set", "string", "unset"})
-_SEARCH = re.compile(r"_(?:DIR|PATH|PREFIX|ROOT)\b|_INCLUDE|FIND_|PROVIDER|SYSROOT|TOOLCHAIN")
-_ELSEWHERE = frozenset({"CONFIGS", "HINTS", "NAMES", "PATHS"})
-"""Arguments of find_package() that name other packages or folders."""
 _DOWNLOADING = frozenset(
     {"ament_vendor", "cpmaddpackage", "externalproject_add", "fetchcontent_declare", "fetchcontent_populate"}
 )
@@ -216,33 +203,6 @@ def used_by_tests_only(text: str) -> frozenset[str]:
     references = tuple(package_references(text))
     others = {each.name for each in references if not each.testing}
     return frozenset(each.name for each in references if each.testing) - others
-
-
-def requirements(text: str, is_inert: Callable[[str], bool] = lambda _: True) -> frozenset[str]:
-    """Return the packages that CMake certainly looks for, and without which it certainly fails.
-
-    They are those of find_package(NAME REQUIRED) outside of all blocks and before any command that may change
-    what is found, or that may end the file: included files, macros, return(), variables of the search.
-    `is_inert(name)` tells whether finding another package before them changes nothing.
-    """
-    found: set[str] = set()
-    for call in calls(text):
-        words = call.words
-        if call.command == "find_package" and words:
-            if not call.conditions and "REQUIRED" in words and _ELSEWHERE.isdisjoint(words):
-                found.add(words[0])
-            if not is_inert(words[0]):
-                break
-        elif call.command not in _INERT or (
-            call.command in _SETTING and (changes_search(words) or "$" in "".join(words[:2]))
-        ):
-            break
-    return frozenset(filter(_PACKAGE.fullmatch, found))
-
-
-def changes_search(words: Iterable[str]) -> bool:
-    """Tell whether one of the words may be a variable that changes what find_package() finds."""
-    return any(map(_SEARCH.search, words))
 
 
 def announced_downloads(packages: Iterable[Package]) -> Problem | None:

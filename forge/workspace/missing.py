@@ -1,7 +1,6 @@
 """Reports ROS packages that dependencies name and that exist nowhere, and where they may be.
 
-It is an error only if the build certainly fails. Other packages are built, because a manifest may declare
-more than the build needs.
+These are warnings: a manifest may declare more than the build needs.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
 from forge.base.layout import docs_url
 from forge.workspace.manifest import declaration
-from forge.workspace.model import BUILD_KINDS, RUN_KINDS, Package
+from forge.workspace.model import BUILD_KINDS, RUN_KINDS
 from forge.workspace.resolve import is_ros_name, quoted_names, resembles_ros_name, similar_package
 
 if TYPE_CHECKING:
@@ -30,36 +29,23 @@ _FEW = 3
 _SUBMODULE = re.compile(r"^[ \t]*path[ \t]*=[ \t]*(\S.*?)[ \t]*$", re.MULTILINE)
 
 
-@frozen
-class MissingDependencies:
-    """Unresolved dependencies: errors of the packages that cannot be built, and warnings of others."""
-
-    errors: tuple[Problem, ...] = ()
-    warnings: tuple[Problem, ...] = ()
-    unbuildable: frozenset[str] = frozenset()
-    """The packages of `errors`, without their dependents."""
-
-
 def missing_dependencies(
     resolution: DependencyResolution,
     names: Iterable[str],
     skip_keys: Collection[str] = (),
-    certainly_missing: Callable[[Package, Collection[str]], frozenset[str]] = lambda *_: frozenset(),
     whereabouts: Callable[[str], str | None] = lambda _: None,
-) -> MissingDependencies:
+) -> tuple[Problem, ...]:
     """Return the unresolved dependencies of `names`, except for `skip_keys`.
 
-    Build dependencies on ROS packages without which the build certainly fails are errors. Other build and run
-    dependencies are warnings, test dependencies are ignored. Names that merely resemble ROS packages are at
-    most warnings, and only for build dependencies, unless they resemble a package that exists. `whereabouts`
-    returns a remedy for a name if it is known where that package is.
+    Test dependencies are ignored, and names that merely resemble ROS packages, unless they are build
+    dependencies or resemble a package that exists. `whereabouts` returns a remedy for a name if it is known
+    where that package is.
     """
 
     def is_misspelt(name: str) -> bool:
         return resembles_ros_name(name) and similar_package(name, resolution.known()) is not None
 
-    errors: dict[str, list[str]] = {}
-    warnings: dict[str, list[str]] = {}
+    found: dict[str, list[str]] = {}
     for name in names:
         unresolved = [other for other in resolution.missing.get(name, ()) if other not in skip_keys]
         if not unresolved:
@@ -70,18 +56,12 @@ def missing_dependencies(
         lenient = package.build_type == "ament_python" or not package.ros or manifest.group_dependencies
         built_with = () if lenient else manifest.names(BUILD_KINDS)
         used = manifest.names(BUILD_KINDS | RUN_KINDS)
-        candidates = [other for other in unresolved if is_ros_name(other) and other in built_with]
-        required = certainly_missing(package, candidates) if candidates else ()
         for dependency in unresolved:
-            if dependency in required:
-                errors.setdefault(dependency, []).append(name)
-            elif dependency in built_with or (
+            if dependency in built_with or (
                 dependency in used and (is_ros_name(dependency) or is_misspelt(dependency))
             ):
-                warnings.setdefault(dependency, []).append(name)
-    unbuildable = frozenset(name for users in errors.values() for name in users)
-    problems, doubts = (_together(found, resolution, whereabouts) for found in (errors, warnings))
-    return MissingDependencies(problems, doubts, unbuildable)
+                found.setdefault(dependency, []).append(name)
+    return _together(found, resolution, whereabouts)
 
 
 def _together(

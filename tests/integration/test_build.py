@@ -63,16 +63,10 @@ SEEMS_REQUIRED = {
 
 
 def test_an_ignored_dependency_is_not_reported_as_missing(forge: Forge, tree: Tree) -> None:
-    made = {**files("rcl_a"), **files("warned", "<depend>rcl_a</depend>")}
-    made |= files("failing", "<depend>rcl_a</depend>")
-    made["src/failing/CMakeLists.txt"] = "project(failing NONE)\nfind_package(rcl_a REQUIRED)\ninstall()\n"
-    root = tree(made)
+    root = tree({**files("rcl_a"), **files("warned", "<depend>rcl_a</depend>")})
     hint = "if the build needs it, remove it from --packages-ignore and --packages-ignore-regex"
     for arguments in (("--packages-ignore", "rcl_a"), ("--packages-ignore-regex", "rcl")):
         ran = forge("build", *arguments, cwd=root)
-        assert ran.code == 2
-        assert "error: 'failing' needs 'rcl_a', which is in the workspace, but ignored" in ran.err
-        ran = forge("build", *arguments, "--packages-skip", "failing", cwd=root)
         assert ran.code == 0, ran.err
         assert "warning: 'warned' needs 'rcl_a', which is in the workspace, but ignored" in ran.err
         assert hint in ran.err
@@ -98,7 +92,10 @@ def test_dependencies_that_may_be_optional_do_not_stop_the_build(forge: Forge, t
 def test_options_that_lead_to_a_package_let_it_be_found(forge: Forge, tree: Tree) -> None:
     root = tree({**files("node", "<depend>rclcpp</depend>"), "elsewhere/rclcppConfig.cmake": ""})
     tree({"src/node/CMakeLists.txt": "project(node NONE)\nfind_package(rclcpp REQUIRED)\ninstall()\n"})
-    assert forge("build", cwd=root).code == 2
+    ran = forge("build", cwd=root)
+    assert ran.code == 1
+    assert "warning: 'node' needs 'rclcpp', which is neither in the workspace nor" in ran.err
+    assert "hint: source a ROS installation that contains 'rclcpp'" in ran.err
     ran = forge("build", "--cmake-args", f"-Drclcpp_DIR={root / 'elsewhere'}", cwd=root)
     assert ran.code == 0, ran.err
 
@@ -265,12 +262,10 @@ def test_event_handlers_of_colcon_are_supported(forge: Forge, workspace: Path) -
 
 def test_a_missing_dependency_is_reported_before_cmake_runs(forge: Forge, tree: Tree) -> None:
     root = tree(files("node", "<depend>rclcpp</depend>"))
-    tree({"src/node/CMakeLists.txt": "project(node)\nfind_package(rclcpp REQUIRED)\n"})
-    ran = forge("build", cwd=root)
-    assert ran.code == 2
-    assert ran.err.startswith("src/node/package.xml:8:3: error: 'node' needs 'rclcpp', which is neither")
-    assert ran.err.endswith(f"; see {docs_url('how-to/rclcpp.md')}\n")
-    assert not (root / "build").exists()
+    ran = forge("build", "--dry-run", cwd=root)
+    assert ran.code == 0
+    assert ran.err.startswith("src/node/package.xml:8:3: warning: 'node' needs 'rclcpp', which is neither")
+    assert f"; see {docs_url('how-to/rclcpp.md')}\n" in ran.err
 
 
 def test_a_lone_package_is_fresh_beside_its_own_results(forge: Forge, tree: Tree) -> None:

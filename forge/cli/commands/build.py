@@ -27,7 +27,6 @@ from forge.cli.preparation import (
     make_plan,
     packages_to_build,
     prepare,
-    report_left_out,
     with_packages_of_underlays,
 )
 from forge.execution.lock import lock_build_dir, lock_install_dir
@@ -73,8 +72,8 @@ def build(options: BuildOptions, mode: BuildMode) -> int:
         print(last_command(layout, options.print_command))
         return 0
     loaded, variables = load(options, layout, mode.warn)
-    selected = packages_to_build(loaded, options, mode.warn)
-    names = check_before_planning(loaded, selected, layout, options, variables)
+    names = packages_to_build(loaded, options, mode.warn)
+    check_before_planning(loaded, names, layout, options)
     loaded = with_packages_of_underlays(loaded, names, layout, variables, mode.warn)
     prepared = prepare(options, loaded, names, layout, variables, mode, began)
     create_output_folders(layout)
@@ -104,7 +103,7 @@ def build(options: BuildOptions, mode: BuildMode) -> int:
             code = run_plan(plan, prepared, state)
         elif not options.dry_run:
             _finish_up_to_date(plan, prepared, state)
-        return max(code, report_left_out(selected, names))
+        return code
 
 
 def _print_plan(plan: BuildPlan, snapshot: Snapshot, build: PreparedBuild) -> None:

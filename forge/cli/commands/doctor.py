@@ -13,7 +13,6 @@ from forge.base.errors import ForgeError
 from forge.base.frozen import frozen
 from forge.base.options import option, options_of
 from forge.base.text import counted
-from forge.build.certain_failures import CMakeSearch
 from forge.cli.config import configured_word
 from forge.cli.options import FolderOptions, OptionSources
 from forge.cli.preparation import build_variables, without_own
@@ -98,14 +97,12 @@ def _load(root: Path, layout: Layout, options: Options) -> tuple[CheckResult, Ch
     missing = missing_dependencies(
         loaded.resolution,
         loaded.selection.names,
-        certainly_missing=CMakeSearch(loaded.resolution, layout, variables).certainly_missing,
     )
     names = loaded.selection.names
     own = sum(not loaded.resolution.packages[name].embedded for name in names)
     others = f", and {len(names) - own} embedded in forge" if own < len(names) else ""
     summary = f"{counted(own, 'package')}{others}" if own else "no packages found"
-    faults = (*loaded.workspace.problems, *missing.errors)
-    warnings = (*loaded.warnings, *missing.warnings)
+    warnings = (*loaded.warnings, *missing)
     everything = loaded.workspace.packages
     # The packages of the user come first in all findings.
     ordered = sorted(names, key=lambda name: loaded.resolution.packages[name].embedded)
@@ -115,4 +112,4 @@ def _load(root: Path, layout: Layout, options: Options) -> tuple[CheckResult, Ch
         resolution=loaded.resolution,
         files={name: files_of(root, package) for name, package in everything.items()},
     )
-    return CheckResult("workspace", summary, errors=faults, warnings=warnings), subject
+    return CheckResult("workspace", summary, errors=loaded.workspace.problems, warnings=warnings), subject

@@ -61,7 +61,7 @@ def test_a_family_of_embedded_packages_is_used_completely_or_not_at_all() -> Non
     assert "rosidl_default_generators" in made.packages
     assert made.needs["rosidl_default_generators"] == frozenset()
     assert made.missing == {"a": ("ament_cmake_auto",)}
-    (warning,) = missing_dependencies(made, ["a"]).warnings
+    (warning,) = missing_dependencies(made, ["a"])
     assert warning.message.endswith(
         "the embedded packages cannot be used, because 'ament_cmake' comes from '1'"
     )
@@ -82,7 +82,7 @@ def test_embedded_interfaces_work_with_generators_of_an_underlay() -> None:
 def test_an_incomplete_family_in_the_workspace_is_reported() -> None:
     half = package("ament_cmake_core", build_type="cmake")
     made = resolve_dependencies(by_name(package("a", "ament_cmake_auto"), half), EMBEDDED, nobody)
-    (warning,) = missing_dependencies(made, ["a"]).warnings
+    (warning,) = missing_dependencies(made, ["a"])
     assert warning.message == (
         "'a' needs 'ament_cmake_auto', which is neither in the workspace nor in a sourced underlay; "
         "the embedded packages cannot be used, because 'ament_cmake_core' is in the workspace "
