@@ -158,11 +158,11 @@ def commands_of(
             missing |= configure.searched
     for process in step.edges():
         family = process.family()
-        others.difference_update(family)
         seen = observe(family, step.blind)
         accesses = folders.accesses(seen, family)
         edge = edge_of(process, accesses.written)
         if edge is not None:
+            others.difference_update(family)
             output, outputs = edge
             # A server has written what the command itself did not.
             others_outputs = outputs - {path.rstrip("/") for path in accesses.written}

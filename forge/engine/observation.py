@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from forge.base.frozen import frozen
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Iterable, Iterator
     from pathlib import Path
 
 LOG_VARIABLE = "FORGE_OBSERVER_LOG"
@@ -74,6 +74,13 @@ class Process:
         """Return True if the last program is ninja."""
         return bool(self.programs) and os.path.basename(self.programs[-1]) in _NINJA
 
+    def above(self) -> Iterator[Process]:
+        """Yield the parent, its parent and so on."""
+        parent = self.parent
+        while parent:
+            yield parent
+            parent = parent.parent
+
     def family(self) -> list[Process]:
         """Return the process and all its descendants."""
         found = [self]
@@ -90,8 +97,15 @@ class ObservedStep:
     blind: tuple[str, ...] = ()
 
     def edges(self) -> tuple[Process, ...]:
-        """Return the processes that ninja has started, one for each edge that it ran."""
-        return tuple(each for each in self.processes if each.parent and each.parent.is_ninja)
+        """Return the processes that ninja has started, one for each edge that it ran.
+
+        A ninja that such a process starts, as that of an ExternalProject, is a part of it.
+        """
+        return tuple(
+            each
+            for each in self.processes
+            if sum(above.is_ninja for above in each.above()) == 1 and each.parent and each.parent.is_ninja
+        )
 
 
 def begin_log(log: Path) -> None:

@@ -114,6 +114,26 @@ def test_the_children_of_ninja_are_the_commands(tmp_path: Path) -> None:
     assert not found.edges[str(output)].outputs_known
 
 
+def test_an_inner_ninja_belongs_to_the_command_that_starts_it(tmp_path: Path) -> None:
+    outer, inner = Process(1, programs=["/usr/bin/ninja"]), Process(3, programs=["/usr/bin/ninja"])
+    shell, cc = Process(2, outer, ["/bin/sh"], "outer"), Process(4, inner, ["/usr/bin/cc"])
+    inner.parent = shell
+    outer.children, shell.children, inner.children = [shell], [inner], [cc]
+    cc.records = [(1, "R", str(tmp_path / "x.c"))]
+    step = ObservedStep((outer, shell, inner, cc))
+    folders = Folders(tmp_path, ())
+
+    def found(name: str | None) -> ObservedCommands:
+        return commands_of(
+            step, {1: "build"}, lambda each, _: (each.command, frozenset()) if name else None, folders
+        )
+
+    source = {str(tmp_path / "x.c")}
+    assert {name: each.read for name, each in found("outer").edges.items()} == {"outer": source}
+    assert found("outer").rest == Accesses()
+    assert (found(None).rest or Accesses()).read == source
+
+
 def test_paths_are_those_of_the_spelled_folders(tmp_path: Path) -> None:
     (tmp_path / "real/deep").mkdir(parents=True)
     (tmp_path / "link").symlink_to("real")
