@@ -60,17 +60,28 @@ class MergedPrefix:
     def refresh_stamps(self, plan: BuildPlan, table: FileTable) -> None:
         """Accept files that a later package has just overwritten as unchanged.
 
-        The digest of the package remains that of its own files; only the stamp is updated.
+        The digest of the package remains that of its own files; only the stamp is updated. The next build
+        compares the content of a file that the later package no longer installs.
         """
         if not self._layout.merged:
             return
-        for name in sorted(overwritten(plan, self._layout, self._journal.records)):
-            record = self._journal.records[name]
+        records = self._journal.records
+        for name in sorted(overwritten(plan, self._layout, records)):
+            record = records[name]
             stamp = fingerprint_files((*record.files, *record.folders), table).stamp
             if stamp != record.installed.stamp:
                 self._journal.set_record(
                     name, replace(record, installed=replace(record.installed, stamp=stamp))
                 )
+        left = {
+            path
+            for name, task in plan.tasks.items()
+            if name in records
+            for path in frozenset(task.earlier).difference(records[name].files)
+        }
+        for name, record in sorted(records.items() if left else ()):
+            if record.installed.stamp and not left.isdisjoint(record.files):
+                self._journal.set_record(name, replace(record, installed=replace(record.installed, stamp="")))
 
 
 def conflicting_files(

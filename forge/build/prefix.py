@@ -373,7 +373,7 @@ class PrefixExchange:
         """Record the package's folders, which may become empty and be removed, with their permissions."""
         folders: dict[str, int | None] = {}
         for path in paths:
-            for folder in (path.rstrip("/"), *folders_above(path, self._prefix)):
+            for folder in (path.rstrip("/"), *folders_above(path, self._prefix), self._prefix):
                 if folder not in folders:
                     status = status_of(folder)
                     is_folder = status is not None and stat.S_ISDIR(status.st_mode)
@@ -417,6 +417,9 @@ class PrefixExchange:
                 emptied.add(os.path.dirname(path))
         for folder in sorted({*emptied, *folders}, reverse=True):
             _remove_empty(f"{folder}/x", self._prefix)
+        if emptied and not self._layout.merged and not os.path.islink(self._prefix):
+            with contextlib.suppress(OSError):  # in use
+                os.rmdir(self._prefix)
         if target is self._part:
             self._part.rename(self._moved)
 

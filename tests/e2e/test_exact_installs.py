@@ -83,6 +83,34 @@ def hold_against_clean(forge: Forge, root: Path, *options: str) -> None:
 # --- what stays behind, what is in the way
 
 
+def test_install_code_finds_the_prefix_as_in_a_clean_build(forge: Forge, tree: Tree) -> None:
+    body = (
+        'install(CODE "execute_process(COMMAND ln -s to ${CMAKE_INSTALL_PREFIX}/made)")\n'
+        "install(FILES c.txt DESTINATION share)"
+    )
+    root = tree(cmake("a", body, **{"c.txt": "1"}))
+    build(forge, root)
+    tree({"src/a/c.txt": "2"})
+    hold_against_clean(forge, root)
+    (root / "install/a").chmod(0o750)
+    before = look(root / "install")
+    tree({"src/a/CMakeLists.txt": "message(FATAL_ERROR)\n"})
+    assert forge("build", cwd=root).code == 1
+    assert before == look(root / "install")
+
+
+def test_a_file_that_another_package_no_longer_overwrites_is_installed_again(
+    forge: Forge, tree: Tree
+) -> None:
+    body = "install(FILES c.txt DESTINATION share)"
+    root = tree({**cmake("a", body, **{"c.txt": "a"}), **cmake("b", body, "a", **{"c.txt": "b"})})
+    build(forge, root, MERGED)
+    tree(cmake("b", "", "a"))
+    build(forge, root, MERGED, "--packages-select", "b")
+    hold_against_clean(forge, root, MERGED)
+    assert (root / "install/share/c.txt").read_text() == "a"
+
+
 SHAPES: Mapping[str, Mapping[str, str]] = {
     "a file": {"share/d/x": "file"},
     "a folder": {"share/d/x/y": "in it"},
