@@ -128,7 +128,11 @@ def prepare_build_dir(
     decision = _decision(build, inputs, checks, reconfigure=reconfigure) if can_reuse else _NOTHING
     seen = read_commands(build / SCRATCH_DIR / COMMANDS)
     if decision.reuse is Reuse.EVERYTHING:
-        _remove_below(build, decision.dropped)
+        # The first output of a command goes in any case, or the native tool would not run it.
+        remaining = (
+            each.remaining - {output} for output, each in seen.edges.items() if output in decision.dropped
+        )
+        _remove_below(build, decision.dropped.difference(*remaining))
         _touch_build_ninja(build)
     else:
         _begin_empty(build, decision, inputs.kept)

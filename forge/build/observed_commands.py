@@ -7,6 +7,7 @@ import re
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from forge.base.env_vars import own_cache
 from forge.base.files import text_or_nothing
 from forge.base.layout import SCRATCH_DIR, own_folders
 from forge.build.inputs.depfiles import cmake_root
@@ -44,7 +45,9 @@ def record_commands(
     own = (f"{folder}/" for folder in own_folders())
     caches = (*_CACHES, *filter(None, map(world.value, _CACHE_VARIABLES)))
     tracked = (*own, cmake_root(build), *(f"{os.path.expanduser(cache)}/" for cache in caches))
-    folders = Folders(build, (source, layout.install, layout.build), filter(None, tracked), world)
+    folders = Folders(
+        build, (source, layout.install, layout.build), filter(None, tracked), world, own_cache(os.environ)
+    )
     found = commands_of(steps.observed, steps.kinds, EdgeFinder(graph), folders)
     outputs = frozenset(edge.outputs[0] for edge in graph.edges)
     # Which commands ran is unknown if a part of the log is missing.

@@ -76,9 +76,10 @@ def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
         {name: program_of(identity) for name, identity in context.tools},
         mode.warn,
     )
+    observer = open_observer(context.layout, own, build.variables)
     with (
         options.execution.connected(executor_context) as remote,
-        _workers(plan, build, compiles=compiles) as worker_variables,
+        _workers(plan, build, observer.library, compiles=compiles) as worker_variables,
         closing(
             open_job_pool(
                 options.jobs,
@@ -104,7 +105,6 @@ def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
                 variables |= gcc_heap(memory(), job_pool.local)
         variables |= ninja_first(context.ninja, context.layout.build / PROGRAMS_DIR, build.variables)
         recorder = PackageRecorder(state)
-        observer = open_observer(context.layout, own, build.variables)
         lifecycle = TaskSetup(
             build.loaded.resolution,
             context.layout,
@@ -166,7 +166,9 @@ def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
 
 
 @contextmanager
-def _workers(plan: BuildPlan, build: PreparedBuild, *, compiles: bool) -> Iterator[dict[str, str]]:
+def _workers(
+    plan: BuildPlan, build: PreparedBuild, library: Path | None, *, compiles: bool
+) -> Iterator[dict[str, str]]:
     """Yield the variables for the workers that run short commands of packages."""
     if build.options.audit:
         # Reads of a worker would belong to no step.
@@ -175,7 +177,7 @@ def _workers(plan: BuildPlan, build: PreparedBuild, *, compiles: bool) -> Iterat
     context = build.context
     with ExitStack() as stack:
         has_rosidl = GENERATORS not in context.embedded
-        found = dict(stack.enter_context(build.mode.worker(plan, has_rosidl=has_rosidl)))
+        found = dict(stack.enter_context(build.mode.worker(plan, library, has_rosidl=has_rosidl)))
         if context.recipes and compiles:
             packages = [task.package for task in plan.tasks.values()]
             variables, compilers = without_secrets(build.variables), _compilers(build)

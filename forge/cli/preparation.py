@@ -91,10 +91,13 @@ class BuildMode:
     def __init__(self) -> None:
         self.warn = WarningReporter()
 
-    def worker(self, plan: BuildPlan, *, has_rosidl: bool) -> AbstractContextManager[dict[str, str]]:
+    def worker(
+        self, plan: BuildPlan, library: Path | None, *, has_rosidl: bool
+    ) -> AbstractContextManager[dict[str, str]]:
         """Return a context that yields the environment variables for the worker of short commands.
 
-        With `has_rosidl`, the generators of a distribution compile the interfaces.
+        With `has_rosidl`, the generators of a distribution compile the interfaces. The worker is observed by
+        the `library`.
         """
         packages = [task.package for task in plan.tasks.values()]
         compiles = not has_rosidl and any(INTERFACE_GROUP in each.manifest.groups for each in packages)
@@ -103,7 +106,7 @@ class BuildMode:
             return nullcontext({})
         from forge.cli.worker import INTERFACE_MODULES, WHEEL_MODULES, worker
 
-        return worker(*INTERFACE_MODULES * compiles, *WHEEL_MODULES * installs)
+        return worker(*INTERFACE_MODULES * compiles, *WHEEL_MODULES * installs, library=library)
 
     def conclude(self, _plan: BuildPlan, report: ConsoleReporter, seconds: float) -> None:
         """Print the summary of a build."""

@@ -175,7 +175,9 @@ class WatchLoop(BuildMode):
             hint = "let packages write only into their build folders; forge now pauses between builds"
             self.warn([Problem(message, hint=hint)])
 
-    def worker(self, plan: BuildPlan, *, has_rosidl: bool) -> AbstractContextManager[dict[str, str]]:
+    def worker(
+        self, plan: BuildPlan, _library: Path | None, *, has_rosidl: bool
+    ) -> AbstractContextManager[dict[str, str]]:
         """Return the variables to connect to the worker shared by all builds."""
         self._warm(task.package for task in plan.tasks.values())
         return nullcontext(self._worker or {})
@@ -219,9 +221,13 @@ class WatchLoop(BuildMode):
             package.build_type in PYTHON_TYPES or INTERFACE_GROUP in package.manifest.groups
             for package in packages
         ):
+            from forge.base.env_vars import own_cache
             from forge.cli.worker import INTERFACE_MODULES, WHEEL_MODULES, worker
+            from forge.engine.observer import compile_library
 
-            started = worker(*INTERFACE_MODULES, *WHEEL_MODULES)
+            own = own_cache(os.environ)
+            library = compile_library(own, os.environ) if own else None
+            started = worker(*INTERFACE_MODULES, *WHEEL_MODULES, library=library)
             self._worker = self._at_the_end.enter_context(started)
 
     def _print(self, line: str) -> None:

@@ -9,16 +9,20 @@ from __future__ import annotations
 
 import contextlib
 import importlib
+import os
 import sys
 from typing import TYPE_CHECKING
 
 from forge.cli.main import main as run_command
+from forge.engine.observation import LINKS_VARIABLE, LOG_VARIABLE
+from forge.engine.observed import observe_for
 from forge.execution.fork_server import serve, started_server
 from forge.execution.worker_client import WORKER_VARIABLE
 from forge.toolchain.interpreter import own_command
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from pathlib import Path
 
     from forge.execution.fork_server import Call
 
@@ -33,16 +37,22 @@ WHEEL_MODULES = ("forge.cli.install_wheel",)
 
 
 @contextlib.contextmanager
-def worker(*modules: str) -> Iterator[dict[str, str]]:
+def worker(*modules: str, library: Path | None = None) -> Iterator[dict[str, str]]:
     """Start a worker and yield the variables that let clients connect; stop it at the end of the block.
 
-    `modules` are imported before the first request.
+    `modules` are imported before the first request. With the `library` of the observer, requests from
+    observed steps are observed as well.
     """
 
     def command(descriptor: int) -> tuple[str, ...]:
         return own_command("-m", "forge.cli.worker", str(descriptor), *modules)
 
-    with started_server(command) as address:
+    variables = {
+        name: value for name, value in os.environ.items() if name not in {LOG_VARIABLE, LINKS_VARIABLE}
+    }
+    if library is not None:
+        variables["LD_PRELOAD"] = " ".join(filter(None, (variables.get("LD_PRELOAD"), str(library))))
+    with started_server(command, variables) as address:
         yield {WORKER_VARIABLE: address}
 
 
@@ -54,6 +64,7 @@ def main(descriptor: str, *modules: str) -> int:
 def _run(call: Call) -> int:
     """Run a forge command line, or after '-m' the main function of a module."""
     if call.argv[:1] != ["-m"]:
+        observe_for(call.client)
         return run_command(call.argv)
     code: int = importlib.import_module(call.argv[1]).main(call.argv[2:])
     return code

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 from forge.base.files import replace_file, text_or_nothing
 from forge.base.frozen import frozen
 from forge.engine.observation import observe
+from forge.engine.observed import is_intact
 from forge.engine.variables import mentioned
 from forge.engine.world import about_programs, about_variables
 
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
     from forge.engine.observation import Observation, ObservedStep, Process
     from forge.engine.world import World
 
-_VERSION = 3
+_VERSION = 4
 
 
 @frozen
@@ -39,8 +40,9 @@ class Accesses:
     `searched` is what it looked for in vain; of commands of the native tool, which share most of it, only the
     folders in which it did. All these lie in the folders that matter. `external` are other files that it read
     or looked for in vain, and folders that it listed, ending with '/.'. `asked` are questions for a `World`.
-    `written` has created folders, too, ending with '/'. `outside` is True if it wrote elsewhere than to the
-    build folder, and `blind` if not all is known.
+    `written` has created folders, too, ending with '/'. Programs with `ledgers`, a digest and a path each,
+    have written what is `kept`, see `forge.engine.observed`. `outside` is True if it wrote elsewhere than to
+    the build folder, and `blind` if not all is known.
     """
 
     read: frozenset[str] = frozenset()
@@ -50,6 +52,8 @@ class Accesses:
     written: frozenset[str] = frozenset()
     external: frozenset[str] = frozenset()
     asked: frozenset[str] = frozenset()
+    kept: frozenset[str] = frozenset()
+    ledgers: frozenset[str] = frozenset()
     outside: bool = False
     blind: bool = False
 
@@ -57,6 +61,11 @@ class Accesses:
         """Return what both did."""
         sets = {name: getattr(self, name) | getattr(after, name) for name in _SETS}
         return Accesses(**sets, outside=self.outside or after.outside, blind=self.blind or after.blind)
+
+    @property
+    def remaining(self) -> frozenset[str]:
+        """Return what need not be removed before the command runs again."""
+        return self.kept if self.outputs_known and all(map(is_intact, self.ledgers)) else frozenset()
 
     @property
     def outputs_known(self) -> bool:
@@ -180,9 +189,18 @@ class Folders:
     """The folders whose files matter, with and without resolved links; and the others."""
 
     def __init__(
-        self, build: Path, others: Iterable[Path], known: Iterable[str] = (), world: World | None = None
+        self,
+        build: Path,
+        others: Iterable[Path],
+        known: Iterable[str] = (),
+        world: World | None = None,
+        private: Path | None = None,
     ) -> None:
-        """Keep what lies below the build folder or `others`; what lies below `known` is tracked otherwise."""
+        """Keep what lies below the build folder or `others`; what lies below `known` is tracked otherwise.
+
+        What commands of forge write below `private`, forge's own cache, is no output.
+        """
+        self._private = f"{private}/" if private else "\0"
         self._build = f"{build}/"
         self._known = (*known, *_VOLATILE)
         self._path = world.path if world else frozenset[str]()
@@ -231,6 +249,7 @@ class Folders:
         kept += [
             f"{path}/" for path in seen.folders if os.path.isdir(path) and not path.endswith("/__pycache__")
         ]
+        kept = [path for path in kept if not path.startswith(self._private)]
         written = self.paths(kept)
         read = seen.read - seen.written
         external = {
@@ -241,6 +260,9 @@ class Folders:
         used = (path.rpartition("/") for path in chain(seen.missing, seen.found, seen.executed, read))
         asked = about_programs({name for folder, _, name in used if folder in self._path})
         variables = seen.variables.union(*map(self._mentioned_by, processes))
+        ledgers = [
+            (digest, self.path(path)) for digest, _, path in (each.partition(" ") for each in seen.ledgers)
+        ]
         return Accesses(
             read=self.paths(seen.read | seen.executed | seen.loaded),
             found=self.paths(seen.found),
@@ -249,9 +271,19 @@ class Folders:
             written=written,
             external=frozenset(external),
             asked=frozenset((*asked, *about_variables(variables))),
+            kept=self._kept(processes) if seen.ledgers else frozenset(),
+            ledgers=frozenset(f"{digest} {path}" for digest, path in ledgers),
             outside=len(written) < len(kept) or any(not path.startswith(self._build) for path in written),
             blind=bool(seen.blind),
         )
+
+    def _kept(self, processes: Iterable[Process]) -> frozenset[str]:
+        """Return what only processes with a ledger have written."""
+        written: dict[bool, set[str]] = {True: set(), False: set()}
+        for process in processes:
+            keeps = any(kind == "J" for _, kind, _ in process.records)
+            written[keeps].update(path for _, kind, path in process.records if kind == "W")
+        return self.paths(written[True] - written[False])
 
     def _is_external(self, path: str) -> bool:
         return not path.startswith(self._known) and self.path(path) is None
@@ -303,7 +335,7 @@ _NO_INPUT = re.compile(r"/__pycache__$|\.pyc$|\.egg-info/|\.dist-info/entry_poin
 _VOLATILE = ("/proc/", "/sys/")
 """What the kernel makes up."""
 CACHED_BYTECODE = re.compile(r"^(.*)/__pycache__/([^/.]+)\.[^/]*\.pyc$")
-_SETS = ("read", "found", "listed", "searched", "written", "external", "asked")
+_SETS = ("read", "found", "listed", "searched", "written", "external", "asked", "kept", "ledgers")
 
 
 def write_commands(file: Path, commands: ObservedCommands) -> None:

@@ -38,9 +38,9 @@ class Observation:
     `found` exist but were not opened; `missing` end with the first name that did not exist. What the
     processes wrote before they read it is no input and in `written` only; a renamed folder stands for all
     that is in it. `folders` were created, `removed` were removed or renamed, `loaded` are shared
-    libraries, `refused` are changes that were
-    not allowed. `variables` were asked for by name. `blind` says what was not observed; if it is empty,
-    nothing else was read or written.
+    libraries, `refused` are changes that were not allowed. `variables` were asked for by name. `ledgers` are
+    the digest and the path of each, see `forge.engine.observed`. `blind` says what was not observed; if it is
+    empty, nothing else was read or written.
     """
 
     read: frozenset[str] = frozenset()
@@ -54,6 +54,7 @@ class Observation:
     loaded: frozenset[str] = frozenset()
     refused: frozenset[str] = frozenset()
     variables: frozenset[str] = frozenset()
+    ledgers: frozenset[str] = frozenset()
     blind: tuple[str, ...] = ()
 
 
@@ -129,7 +130,7 @@ def end_log(log: Path) -> None:
     log.unlink(missing_ok=True)
 
 
-ALL_KINDS = "RYTLNWDUVEB"
+ALL_KINDS = "RYTLNWDUVEBJ"
 
 
 def read_log(
@@ -171,7 +172,7 @@ def read_log(
                 pending.pop(pid, None)
             case "S" if int(word) not in running:
                 spawned[int(word)] = process
-            case "B" | "V" if kind in kinds:
+            case "B" | "V" | "J" if kind in kinds:
                 process.records.append((number, kind, word))
             case _ if kind in kinds:
                 process.records.append((number, kind, resolve(word)))
@@ -227,9 +228,12 @@ def observe(processes: Iterable[Process], blind: tuple[str, ...] = ()) -> Observ
     processes = tuple(processes)
     words: dict[str, set[str]] = defaultdict(set)
     unknown = dict.fromkeys(blind)
+    ledgers: dict[str, str] = {}
     for _, kind, word in merge(*(process.records for process in processes)):
         if kind == "B":
             unknown[word] = None
+        elif kind == "J":
+            ledgers[word.partition(" ")[2]] = word
         elif kind not in "RTL" or word not in words["W"]:
             words[kind].add(word)
     return Observation(
@@ -244,6 +248,7 @@ def observe(processes: Iterable[Process], blind: tuple[str, ...] = ()) -> Observ
         loaded=frozenset(words["Y"]),
         refused=frozenset(words["E"]),
         variables=frozenset(words["V"]),
+        ledgers=frozenset(ledgers.values()),
         blind=tuple(unknown),
     )
 

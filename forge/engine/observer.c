@@ -21,6 +21,7 @@
  *   D path   a folder was created, or renamed to this path
  *   U path   a file, link or folder was removed, or renamed to another path
  *   V name   an environment variable was asked for
+ *   J word   the digest and the path of a ledger by which this program knows its own files, see observed.py
  *   B what   something that cannot be observed
  *   E path   this call was refused, since a link of somebody else leads out of the prefix there
  *
@@ -485,15 +486,17 @@ static void note_command(int prints_variables)
 
 static pid_t own_process;
 
-static void note_parent(void)
+static void note_child_of(long process)
 {
-    char parent[16];
+    char parent[24];
 
     own_process = syscall(SYS_getpid);
-    say('O', parent, snprintf(parent, sizeof parent, "%ld", syscall(SYS_getppid)));
+    say('O', parent, snprintf(parent, sizeof parent, "%ld", process));
 }
 
-static void note_process(void)
+static void note_parent(void) { note_child_of(syscall(SYS_getppid)); }
+
+static void note_process(long parent)
 {
     char program[PATH_MAX];
     ssize_t size = syscall(SYS_readlinkat, AT_FDCWD, "/proc/self/exe", program, sizeof program - 1);
@@ -501,7 +504,7 @@ static void note_process(void)
 
     program[size > 0 ? size : 0] = 0;
     say('P', program, strlen(program));
-    note_parent();
+    note_child_of(parent);
     name = strrchr(program, '/');
     if (name && (!strcmp(name, "/sh") || !strcmp(name, "/dash") || !strcmp(name, "/bash") || !strcmp(name, "/busybox")
                  || !strncmp(name, "/python", 7)))
@@ -532,7 +535,8 @@ static void guard_copies(void)
         strcpy(backups + PATH_MAX, backups);
 }
 
-__attribute__((constructor)) static void start(void)
+/* Begin to log as a child of a process if the environment names a log. */
+static void start(long parent)
 {
     int saved = errno;
     Dl_info info;
@@ -543,7 +547,7 @@ __attribute__((constructor)) static void start(void)
         map = map_file(log_variable + strlen(LOG), 1, &map_size);
         if (map) {
             guard_copies();
-            note_process();
+            note_process(parent);
             pthread_atfork(NULL, NULL, note_parent);
         }
         if (store_variable(LINKS, links_variable, sizeof links_variable)) {
@@ -553,6 +557,28 @@ __attribute__((constructor)) static void start(void)
         }
     }
     errno = saved;
+}
+
+__attribute__((constructor)) static void load(void) { start(syscall(SYS_getppid)); }
+
+/* For observed.py. A server that was started without a log serves a process that has one; return 0 if it cannot
+ * say now what that process asks. */
+EXPORT int forge_observe_for(long process)
+{
+    if (map)
+        return 0;
+    start(process);
+    return map != NULL;
+}
+
+/* Log words that each end with NUL. */
+EXPORT void forge_observed(char kind, const char *words, size_t size)
+{
+    for (const char *word = words; map && word < words + size; word += strlen(word) + 1)
+        if (kind == 'W')
+            changed(kind, AT_FDCWD, word);
+        else
+            say(kind, word, strlen(word));
 }
 
 /* Open */

@@ -14,6 +14,7 @@ import os
 import select
 import signal
 import socket
+import struct
 import subprocess
 import sys
 import tempfile
@@ -27,14 +28,18 @@ from forge.execution.worker_client import DECLINED, receive_exactly
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
+_CREDENTIALS = struct.Struct("3i")
+"""Process, user and group of the other end of a connection."""
+
 
 @frozen
 class Call:
-    """A command line with its absolute working directory and its whole environment."""
+    """A command line with its absolute working directory and its whole environment, and who asks for it."""
 
     argv: list[str]
     cwd: str
     environment: dict[str, str]
+    client: int
 
 
 @contextlib.contextmanager
@@ -114,7 +119,8 @@ def _receive(connection: socket.socket) -> tuple[Call, list[int]]:
     cwd, count, *words = map(os.fsdecode, request.split(b"\0"))
     argv, variables = words[: int(count)], words[int(count) :]
     environment = dict(variable.split("=", 1) for variable in variables)
-    return Call(argv, cwd, environment), descriptors
+    credentials = connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
+    return Call(argv, cwd, environment, _CREDENTIALS.unpack(credentials)[0]), descriptors
 
 
 def _answer(connection: socket.socket, call: Call, descriptors: list[int], run: Callable[[Call], int]) -> int:

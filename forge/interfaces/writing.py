@@ -1,13 +1,16 @@
 """Write rendered files to a folder: only changed ones; obsolete ones are removed.
 
-The state of an output folder contains the files that earlier runs generated, and hashes of their inputs.
+The ledger of an output folder contains the files that earlier runs generated, and hashes of their inputs and
+contents. Without it, all files are generated again.
 """
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import os
+import time
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import field
 from functools import cache
@@ -15,24 +18,35 @@ from pathlib import Path
 
 from forge import __version__
 from forge.base.errors import HostError, Location, Problem
-from forge.base.files import write_if_changed
+from forge.base.files import replace_file, write_if_changed
 from forge.base.frozen import frozen
 from forge.base.layout import templates_folder
 from forge.interfaces.model import TypeName
 from forge.interfaces.rendering import Part
 
 STATE_FOLDER = ".forge"
-"""The folder with the state, inside the output folder."""
+"""The folder with the ledgers, inside the output folder."""
 
-_VERSION = 3
+_VERSION = 4
+_RACY_NANOSECONDS = 20_000_000
+"""A file may be written twice in this time without a change of its times."""
+
+
+@frozen
+class FileState:
+    """The content digest of a file, its mode, and its stat; without a stat, its content is read."""
+
+    digest: str
+    mode: int
+    stat: tuple[int, ...]
 
 
 @frozen
 class PartState:
-    """The digest of the inputs of a part, and size and modification time of each of its files."""
+    """The digest of the inputs of a part, and the states of its files."""
 
     digest: str | None
-    stats: Mapping[str, tuple[int, int] | None]
+    files: Mapping[str, FileState]
 
 
 @frozen
@@ -47,28 +61,46 @@ class OutputState:
     @property
     def files(self) -> Iterator[str]:
         for part in self.parts.values():
-            yield from part.stats
+            yield from part.files
 
     def up_to_date(self, part: str, digest: str | None, out: Path) -> PartState | None:
         """Return the state of a part if its digest matches and all its files exist unchanged, else None."""
         state = self.parts.get(part)
         if state is None or digest is None or state.digest != digest:
             return None
-        unchanged = all(stat and file_stat(out, path) == stat for path, stat in state.stats.items())
-        return state if unchanged else None
+        files = {path: _unchanged(out, path, file) for path, file in state.files.items()}
+        return None if None in files.values() else PartState(digest, {p: f for p, f in files.items() if f})
 
 
-def file_stat(out: Path, path: str) -> tuple[int, int] | None:
-    """Return size and modification time of a file, or None if it does not exist."""
+def _unchanged(out: Path, path: str, state: FileState) -> FileState | None:
+    """Return the current state of a file that is still as it was written, else None."""
     try:
-        status = os.stat(f"{out}/{path}")  # noqa: PTH116  (thousands of them: Path takes three times as long)
+        status = os.lstat(f"{out}/{path}")
+        if status.st_mode != state.mode:
+            return None
+        if state.stat == _stat_of(status):
+            return state
+        digest = _digest(Path(out, path).read_bytes())
     except OSError:
         return None
-    return status.st_size, status.st_mtime_ns
+    return FileState(digest, status.st_mode, _stat_of(status)) if digest == state.digest else None
+
+
+def _stat_of(status: os.stat_result) -> tuple[int, ...]:
+    return status.st_size, status.st_mtime_ns, status.st_ctime_ns, status.st_ino
+
+
+def _digest(content: bytes) -> str:
+    return hashlib.blake2b(content, digest_size=16).hexdigest()
+
+
+def ledger_of(package: str, out: Path) -> Path:
+    """Return the path of the ledger of a package in an output folder."""
+    return out / STATE_FOLDER / f"{package}.json"
 
 
 def read_states(out: Path) -> dict[str, OutputState]:
-    """Return the state of each package generated into a folder; unreadable files are ignored."""
+    """Return the state of each package generated into a folder; unreadable ledgers are ignored."""
     return {path.stem: _read(path) for path in sorted((out / STATE_FOLDER).glob("*.json"))}
 
 
@@ -81,8 +113,9 @@ def generator_digest() -> str:
             below.sort()
             for name in sorted(names):
                 if not name.endswith(".pyc"):
+                    status = os.stat(f"{folder}/{name}")  # noqa: PTH116
                     path = os.path.relpath(f"{folder}/{name}", root)
-                    digest.update(f"{path} {file_stat(root, path)}".encode())
+                    digest.update(f"{path} {(status.st_size, status.st_mtime_ns)}".encode())
     return digest.hexdigest()[:32]
 
 
@@ -93,8 +126,14 @@ def _read(path: Path) -> OutputState:
             return OutputState()
         return OutputState(
             {
-                key: PartState(digest, {name: tuple(stat) if stat else None for name, stat in stats.items()})
-                for key, (digest, stats) in state["parts"].items()
+                key: PartState(
+                    digest,
+                    {
+                        name: FileState(str(content), int(mode), tuple(numbers))
+                        for name, (content, mode, *numbers) in files.items()
+                    },
+                )
+                for key, (digest, files) in state["parts"].items()
             },
             tuple(TypeName(*name.split("/")) for name in state["needs"]),
             {name: Path(folder) for name, folder in state["folders"].items()},
@@ -105,51 +144,97 @@ def _read(path: Path) -> OutputState:
 
 @frozen
 class Written:
-    """The result of a run: the new or changed files, and the total number."""
+    """The result of a run: the new or changed files, the total number, and the content of the ledger."""
 
     changed: tuple[Path, ...]
     total: int
+    ledger: bytes = b""
 
 
-def write(parts: Iterable[Part], out: Path, package: str, state: OutputState | None = None) -> Written:
+def write(
+    parts: Iterable[Part],
+    out: Path,
+    package: str,
+    state: OutputState | None = None,
+    states: Mapping[str, OutputState] | None = None,
+) -> Written:
     """Write the parts of a package below `out`; parts that are up to date are skipped.
 
-    `state` contains the needed types to store. Files of an earlier run of the same package are removed,
-    unless this run or another package generates them, or this run does not include their language.
-    Raises HostError if the folder is not writable.
+    `state` contains the needed types to store, `states` the ledgers, if they were read already. Files of an
+    earlier run of the same package are removed, unless this run or another package generates them, or this
+    run does not include their language. Raises HostError if the folder is not writable.
     """
-    states = read_states(out)
+    states = dict(read_states(out) if states is None else states)
     before = states.pop(package, OutputState())
+    ledger = ledger_of(package, out)
     changed: list[Path] = []
     written: dict[str, PartState] = {}
     try:
         for part in parts:
             current = before.up_to_date(part.key, part.digest, out)
             if current is None:
-                stats = {}
+                # Until this run ends, the ledger would not list all files.
+                ledger.unlink(missing_ok=True)
+                files: dict[str, FileState] = {}
                 for file in part.files():
-                    if write_if_changed(out / file.path, file.text):
-                        changed.append(out / file.path)
-                    stats[file.path] = file_stat(out, file.path)
-                current = PartState(part.digest, stats)
+                    path = out / file.path
+                    old = before.parts.get(part.key, _UNKNOWN).files.get(file.path)
+                    mode = old.mode & 0o777 if old else None
+                    if write_if_changed(path, file.text, mode=mode):
+                        changed.append(path)
+                    status = os.lstat(path)
+                    digest = _digest(file.text.encode(errors="surrogateescape"))
+                    files[file.path] = FileState(digest, status.st_mode, _stat_of(status))
+                current = PartState(part.digest, files)
             written[part.key] = current
         languages = {key.partition(" ")[0] for key in written}
-        total = sum(len(each.stats) for each in written.values())
+        total = sum(len(each.files) for each in written.values())
         others = {k: each for k, each in before.parts.items() if k.partition(" ")[0] not in languages}
         new = OutputState(written | others, *((state.needs, state.folders) if state else ()))
         current_files = {*new.files, *(path for each in states.values() for path in each.files)}
-        for path in set(before.files) - current_files:
-            (out / path).unlink(missing_ok=True)
-        content = {
-            "version": _VERSION,
-            "needs": sorted(map(str, new.needs)),
-            "folders": {name: str(folder) for name, folder in sorted(new.folders.items())},
-            "parts": {key: [part.digest, part.stats] for key, part in sorted(new.parts.items())},
-        }
-        write_if_changed(out / STATE_FOLDER / f"{package}.json", json.dumps(content) + "\n")
+        obsolete = set(before.files) - current_files
+        if obsolete:
+            ledger.unlink(missing_ok=True)
+        for name in obsolete:
+            (out / name).unlink(missing_ok=True)
+        for folder in sorted({f"{Path(name).parent}" for name in obsolete}, reverse=True):
+            with contextlib.suppress(OSError):  # other files are in it
+                os.removedirs(out / folder)
+        content = _text_of(new).encode()
+        if not (ledger.is_file() and ledger.read_bytes() == content):
+            replace_file(ledger, content)
     except OSError as error:
         raise unwritable(error, out) from error
-    return Written(tuple(changed), total)
+    return Written(tuple(changed), total, content)
+
+
+_UNKNOWN = PartState(None, {})
+
+
+def _text_of(state: OutputState) -> str:
+    """Return the text of a ledger. The stats of files that were just written are left out."""
+    stable = time.time_ns() - _RACY_NANOSECONDS
+    parts = {
+        key: [
+            part.digest,
+            {
+                path: [
+                    each.digest,
+                    each.mode,
+                    *(each.stat if max(each.stat[1:3], default=0) < stable else ()),
+                ]
+                for path, each in part.files.items()
+            },
+        ]
+        for key, part in sorted(state.parts.items())
+    }
+    content = {
+        "version": _VERSION,
+        "needs": sorted(map(str, state.needs)),
+        "folders": {name: str(folder) for name, folder in sorted(state.folders.items())},
+        "parts": parts,
+    }
+    return json.dumps(content) + "\n"
 
 
 def unwritable(error: OSError, out: Path) -> HostError:

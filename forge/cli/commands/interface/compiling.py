@@ -10,12 +10,14 @@ from typing import TYPE_CHECKING, Any
 from forge.base.distributions import EMBEDDED
 from forge.base.env_vars import compiled_templates
 from forge.base.errors import InterfaceError, Problem, print_warnings, raise_if_any
+from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
 from forge.base.options import option, options_of
 from forge.base.templating import keep_compiled
 from forge.base.text import counted
 from forge.cli.commands.interface.inputs import InputOptions, catalog_of, library_of
 from forge.cli.options import add_verb
+from forge.engine.observed import keep
 from forge.interfaces.read.lint import python_keywords
 from forge.interfaces.read.sources import Library, read_runtime
 from forge.interfaces.rendering import Part, fingerprints, parts
@@ -24,6 +26,7 @@ from forge.interfaces.writing import (
     STATE_FOLDER,
     OutputState,
     generator_digest,
+    ledger_of,
     read_states,
     write,
     write_depfile,
@@ -31,7 +34,7 @@ from forge.interfaces.writing import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Mapping
 
     from forge.interfaces.model import Catalog
 
@@ -75,6 +78,14 @@ def register(verbs: Any) -> None:
 
 def _generate(options: _Options) -> int:
     inputs = options.inputs
+    states = read_states(options.output)
+    before = states.get(inputs.package or "", OutputState())
+    if before.parts:
+        # Also if this run fails.
+        ledger = ledger_of(inputs.package or "", options.output)
+        content = text_or_nothing(ledger).encode()
+        earlier = [f"{options.output}/{path}" for path in before.files]
+        keep(ledger, content, (*earlier, *filter(None, (options.depfile,))))
     library = library_of(inputs.others)
     bases = (options.source, *(base for base, _ in inputs.files))
     library.manifest = next((Path(base) / "package.xml" for base in bases if base), None)
@@ -83,20 +94,21 @@ def _generate(options: _Options) -> int:
         raise_if_any(undeclared_dependencies(catalog, dict(inputs.others.includes), library), InterfaceError)
     print_warnings(python_keywords(catalog.interfaces.values()))
     needed = () if options.no_runtime else dependency_catalogs(catalog, library)
-    others = () if options.no_runtime else _others(catalog, options)
+    others = () if options.no_runtime else _others(catalog, options, states)
     state = OutputState(
         needs=tuple(name for each in needed for name in each.interfaces), folders=_folders(needed, library)
     )
     keep_compiled(*compiled_templates(os.environ, options.output / STATE_FOLDER / "templates"))
     catalogs = (catalog, *others)
     languages = tuple(dict.fromkeys(options.languages or _DEFAULT_LANGUAGES))
-    digests = fingerprints(catalogs, generator_digest())
+    digests = fingerprints(catalogs, f"{generator_digest()} {library.rosdistro}")
     found = [part for language in languages for each in catalogs for part in parts(each, language, digests)]
     if not options.no_runtime:
         found += [
             Part(language, "run-time files", None, partial(read_runtime, language)) for language in languages
         ]
-    written = write(found, options.output, catalog.package, state)
+    written = write(found, options.output, catalog.package, state, states)
+    keep(ledger_of(catalog.package, options.output), written.ledger)
     if options.depfile:
         sources = [source.path for each in (catalog, *others) for source in each.sources.values()]
         write_depfile(options.depfile, options.stamp or options.output, dict.fromkeys(sources))
@@ -107,14 +119,13 @@ def _generate(options: _Options) -> int:
     return 0
 
 
-def _others(catalog: Catalog, options: _Options) -> tuple[Catalog, ...]:
+def _others(catalog: Catalog, options: _Options, found: Mapping[str, OutputState]) -> tuple[Catalog, ...]:
     """Return the types of other packages that the packages in the output folder need.
 
     Several packages may share the output folder: one run must not remove files that another package needs.
     Packages that are generated as a whole into the folder are left out.
     """
-    states = read_states(options.output)
-    states.pop(catalog.package, None)
+    states = {package: state for package, state in found.items() if package != catalog.package}
     whole = {catalog.package, *states}
     folders = dict(pair for state in states.values() for pair in state.folders.items())
     library = library_of(options.inputs.others, folders)

@@ -1,0 +1,68 @@
+"""What an observed process tells the observer itself.
+
+A command that runs again begins without the files that it wrote before, as in an empty folder. A program that
+keeps a ledger does not need that: it names a file by which it recognizes its own files, those that changed
+since and those that are obsolete. As long as the ledger has the announced content, the files stay.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge.engine.observation import LOG_VARIABLE
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+    from ctypes import CDLL
+
+
+def observe_for(client: int) -> None:
+    """Let this process, which a server has forked, be observed as a child of the process that it works for.
+
+    The server must have loaded the observer, and neither started threads nor opened a log. What it imported
+    before counts as read by this process.
+    """
+    library = _library()
+    if library and library.forge_observe_for(client):
+        modules = (getattr(module, "__file__", None) for module in [*sys.modules.values()])
+        _say(library, "R", filter(None, modules))
+
+
+def keep(ledger: Path, content: bytes, files: Iterable[str | Path] = ()) -> None:
+    """Announce the ledger of this program, and the `files` that it wrote earlier, which stay its outputs."""
+    library = _library()
+    if library:
+        _say(library, "W", (*files, ledger))
+        _say(library, "J", (f"{_digest(content)} {ledger.absolute()}",))
+
+
+def is_intact(ledger: str) -> bool:
+    """Return True if a ledger, given as digest and path, was not changed since it was announced."""
+    digest, _, path = ledger.partition(" ")
+    try:
+        return _digest(Path(path).read_bytes()) == digest
+    except OSError:
+        return False
+
+
+def _digest(content: bytes) -> str:
+    return hashlib.blake2b(content, digest_size=16).hexdigest()
+
+
+def _library() -> CDLL | None:
+    """Return the library of the observer if this process has loaded it and is to be observed."""
+    if LOG_VARIABLE not in os.environ or "LD_PRELOAD" not in os.environ:
+        return None
+    import ctypes
+
+    library = ctypes.CDLL(None)
+    return library if hasattr(library, "forge_observed") else None
+
+
+def _say(library: CDLL, kind: str, words: Iterable[str | Path]) -> None:
+    text = b"".join(b"%s\0" % os.fsencode(word) for word in words)
+    library.forge_observed(ord(kind), text, len(text))
