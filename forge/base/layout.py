@@ -25,6 +25,8 @@ INSTALLED_STATES_DIR = ".forge_installed"
 """A list of the installed files for each package and state, to tell which of them changed."""
 TOOLCHAIN_DIR = "forge_toolchain"
 """Cached results of CMake's checks of compilers and Python."""
+TEST_FILE_TABLE = "forge_test_files.json"
+"""The same as FILE_TABLE for the inputs of tests."""
 COMPILE_COMMANDS = "compile_commands.json"
 LOCK_FILE = ".forge_lock"
 PROCESSES_FILE = ".forge_processes"
@@ -51,7 +53,15 @@ STYLES_FILE = "styles.json"
 BUILT_BY = ".built_by"
 """Names the tool that created the build folder; the same file as colcon's."""
 BUILD_BASE_FILES = (
-    *(BUILT_BY, IGNORE_MARK, JOURNAL_FILE, FILE_TABLE, NAMED_INPUTS_FILE, INSTALLED_STATES_DIR),
+    *(
+        BUILT_BY,
+        IGNORE_MARK,
+        JOURNAL_FILE,
+        FILE_TABLE,
+        TEST_FILE_TABLE,
+        NAMED_INPUTS_FILE,
+        INSTALLED_STATES_DIR,
+    ),
     *(TOOLCHAIN_DIR, COMPILE_COMMANDS, LOCK_FILE, PROCESSES_FILE, PROGRAMS_DIR, COMPILATIONS_FILE),
     *(CLUSTER_DIR, OWN_CACHE_DIR, TEMPLATES_DIR, SET_ASIDE_DIR, TRASH_DIR, STYLES_FILE),
     INTERFACE_PAGES_DIR,
@@ -78,6 +88,10 @@ DEFERRED_BUILD_FILE = "deferred_build.json"
 """The build steps of a package that was restored from the cache, for its tests."""
 LAST_COMMAND = "last_command"
 """The command that repeats the last step."""
+
+# In TEST_SCRATCH_DIR.
+PASSED_TESTS_FILE = "passed.json"
+"""The record of the last pass, for `forge test --cached`."""
 
 # In the install folder.
 LAYOUT_MARKER = ".colcon_install_layout"

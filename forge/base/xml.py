@@ -48,9 +48,14 @@ class Element:
     @property
     def inner(self) -> str:
         """The content between start and end tag, as written."""
-        source = self.content[self.start : self.end]
-        tag = _START_TAG.match(source)
-        return source[tag.end() if tag else len(source) :].decode(errors="replace")
+        start = self.end if self.inner_start is None else self.inner_start
+        return self.content[start : self.end].decode(errors="replace")
+
+    @property
+    def inner_start(self) -> int | None:
+        """The first byte after the start tag, None if the element has no end tag."""
+        tag = _START_TAG.match(self.content, self.start, self.end)
+        return tag.end() if tag else None
 
     def all(self, tag: str) -> Iterator[Element]:
         return (child for child in self.children if child.tag == tag)

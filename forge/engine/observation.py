@@ -38,9 +38,10 @@ class Observation:
     `found` exist but were not opened; `missing` end with the first name that did not exist. What the
     processes wrote before they read it is no input and in `written` only; a renamed folder stands for all
     that is in it. `folders` were created, `removed` were removed or renamed, `loaded` are shared
-    libraries, `refused` are changes that were not allowed. `variables` were asked for by name. `ledgers` are
-    the digest and the path of each, see `forge.engine.observed`. `blind` says what was not observed; if it is
-    empty, nothing else was read or written.
+    libraries, `refused` are changes that were not allowed. `variables` were asked for by name. `channels` are
+    devices and sockets that were used. `ledgers` are the digest and the path of each, see
+    `forge.engine.observed`. `blind` says what was not observed; if it is empty, nothing else was read or
+    written.
     """
 
     read: frozenset[str] = frozenset()
@@ -55,6 +56,7 @@ class Observation:
     refused: frozenset[str] = frozenset()
     variables: frozenset[str] = frozenset()
     ledgers: frozenset[str] = frozenset()
+    channels: frozenset[str] = frozenset()
     blind: tuple[str, ...] = ()
 
 
@@ -131,6 +133,8 @@ def end_log(log: Path) -> None:
 
 
 ALL_KINDS = "RYTLNWDUVEBJ"
+CHANNELS = "K"
+"""The kind of records about devices and sockets."""
 
 
 def read_log(
@@ -172,7 +176,7 @@ def read_log(
                 pending.pop(pid, None)
             case "S" if int(word) not in running:
                 spawned[int(word)] = process
-            case "B" | "V" | "J" if kind in kinds:
+            case "B" | "V" | "J" | "K" if kind in kinds:
                 process.records.append((number, kind, word))
             case _ if kind in kinds:
                 process.records.append((number, kind, resolve(word)))
@@ -249,6 +253,7 @@ def observe(processes: Iterable[Process], blind: tuple[str, ...] = ()) -> Observ
         refused=frozenset(words["E"]),
         variables=frozenset(words["V"]),
         ledgers=frozenset(ledgers.values()),
+        channels=frozenset(words["K"]),
         blind=tuple(unknown),
     )
 

@@ -22,6 +22,7 @@
  *   U path   a file, link or folder was removed, or renamed to another path
  *   V name   an environment variable was asked for
  *   J word   the digest and the path of a ledger by which this program knows its own files, see observed.py
+ *   K what   a device was opened, or a socket that somebody else may answer
  *   B what   something that cannot be observed
  *   E path   this call was refused, since a link of somebody else leads out of the prefix there
  *
@@ -44,17 +45,21 @@
 #include <glob.h>
 #include <limits.h>
 #include <link.h>
+#include <netdb.h>
 #include <pthread.h>
 #include <spawn.h>
 #include <stdarg.h>
+#include <stddef.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
+#include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
 #include <sys/types.h>
+#include <sys/un.h>
 #include <unistd.h>
 
 #define EXPORT __attribute__((visibility("default")))
@@ -605,8 +610,30 @@ static void note_place(int descriptor)
     errno = saved;
 }
 
+/* Note what may answer otherwise the next time, which no record could tell. */
+static void note_channel(const char *word)
+{
+    size_t length = strlen(word);
+
+    if (map && remember('K', word, length))
+        say('K', word, length);
+}
+
+static void note_device(int folder, const char *path)
+{
+    char absolute[PATH_MAX];
+    int saved = errno;
+
+    if (map && locate(folder, path, absolute)
+        && (!strncmp(absolute, "/sys/", 5) || (!strncmp(absolute, "/dev/", 5) && !is_no_device(absolute))))
+        note_channel(absolute);
+    errno = saved;
+}
+
 static void opened(int result, int folder, const char *path, int flags)
 {
+    if (result >= 0)
+        note_device(folder, path);
     if (result < 0)
         missing(folder, path);
     else if (flags & O_DIRECTORY)
@@ -1000,6 +1027,50 @@ TEMPORARY(mkstemp64, 'W', int, -1, (char *path), path)
 TEMPORARY(mkostemp64, 'W', int, -1, (char *path, int flags), path, flags)
 #endif
 
+/* Sockets */
+
+EXPORT int socket(int domain, int type, int protocol)
+{
+    if (domain != AF_UNIX)
+        note_channel(domain == AF_INET || domain == AF_INET6 ? "the network" : "a socket of the kernel");
+    return NEXT(socket)(domain, type, protocol);
+}
+
+EXPORT int getaddrinfo(const char *host, const char *service, const struct addrinfo *hints, struct addrinfo **found)
+{
+    note_channel("the network");
+    return NEXT(getaddrinfo)(host, service, hints, found);
+}
+
+/* The server of a local socket may be no process of the step. */
+static void note_server(const struct sockaddr *address, socklen_t size)
+{
+    const struct sockaddr_un *local = (const struct sockaddr_un *)address;
+    char name[sizeof local->sun_path + 1] = "", path[PATH_MAX];
+    size_t length = size > offsetof(struct sockaddr_un, sun_path) ? size - offsetof(struct sockaddr_un, sun_path) : 0;
+    int saved = errno;
+
+    if (map && address && length && length < sizeof name && address->sa_family == AF_UNIX) {
+        memcpy(name, local->sun_path, length);
+        note_channel(locate(AT_FDCWD, name, path) ? path : "an abstract socket");
+    }
+    errno = saved;
+}
+
+#ifdef __GLIBC__
+EXPORT int connect(int descriptor, __CONST_SOCKADDR_ARG address, socklen_t size)
+{
+    note_server(address.__sockaddr__, size);
+    return NEXT(connect)(descriptor, address, size);
+}
+#else
+EXPORT int connect(int descriptor, const struct sockaddr *address, socklen_t size)
+{
+    note_server(address, size);
+    return NEXT(connect)(descriptor, address, size);
+}
+#endif
+
 /* Variables. Shells and Python copy all of them at their start and ask for none. */
 
 EXPORT char *getenv(const char *name)
@@ -1089,7 +1160,7 @@ static void executing(char kind, const char *file)
             own_process = parent;
         }
         say(kind, path, strlen(path));
-        if (kind == 'X' && path == absolute && !is_kernels(path))
+        if (kind == 'X' && path == absolute && !is_kernels(path) && is_there(path))
             note('R', path);
     }
     errno = saved;

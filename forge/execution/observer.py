@@ -5,7 +5,7 @@ Without a compiler nothing is observed, and `forge.build.prefix` decides by the 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from forge.base.frozen import frozen
 from forge.build.observed_writes import append
@@ -21,6 +21,32 @@ if TYPE_CHECKING:
     from forge.build.tasks import Step, Task
 
 
+class StepObserver(Protocol):
+    """Prepares the environment of steps so that what they do is logged."""
+
+    def variables(self, task: Task, variables: Mapping[str, str], /) -> Mapping[str, str]:
+        """Return the environment of a step with the variables added."""
+
+    def note_process(self, variables: Mapping[str, str], process: int, step: Step, /) -> None:
+        """Log the start of a step."""
+
+
+def observed(variables: Mapping[str, str], library: Path | None, log: Path) -> dict[str, str]:
+    """Return an environment in which the library, if there is one, writes to a log."""
+    found = {**variables, LOG_VARIABLE: str(log)}
+    if library is not None:
+        found["LD_PRELOAD"] = " ".join(filter(None, (variables.get("LD_PRELOAD"), str(library))))
+        # A program built with AddressSanitizer otherwise requires that no library precedes its own.
+        options = (variables.get("ASAN_OPTIONS"), "verify_asan_link_order=0")
+        found["ASAN_OPTIONS"] = ":".join(filter(None, options))
+    return found
+
+
+def note_step(variables: Mapping[str, str], process: int, step: Step) -> None:
+    """Log the start of a step in an environment from `observed`."""
+    append(variables[LOG_VARIABLE], b"P%d %s" % (process, step.kind.value.encode()))
+
+
 @frozen
 class Observer:
     """Sets the variables by which the steps of tasks are observed; without a `library`, only forge's do."""
@@ -30,22 +56,13 @@ class Observer:
 
     def variables(self, task: Task, variables: Mapping[str, str]) -> Mapping[str, str]:
         """Return the environment of a step with the variables added."""
-        found = {
-            **variables,
-            LOG_VARIABLE: str(written_log(task.name, self.layout)),
-            LINKS_VARIABLE: str(guarded_links(task.name, self.layout)),
-        }
-        if self.library is not None:
-            found["LD_PRELOAD"] = " ".join(filter(None, (variables.get("LD_PRELOAD"), str(self.library))))
-            # A program built with AddressSanitizer otherwise requires that no library precedes its own.
-            options = (variables.get("ASAN_OPTIONS"), "verify_asan_link_order=0")
-            found["ASAN_OPTIONS"] = ":".join(filter(None, options))
-        return found
+        found = observed(variables, self.library, written_log(task.name, self.layout))
+        return {**found, LINKS_VARIABLE: str(guarded_links(task.name, self.layout))}
 
     def note_process(self, variables: Mapping[str, str], process: int, step: Step) -> None:
         """Log the start of a step."""
         if self.library is not None and str(self.library) in variables.get("LD_PRELOAD", ""):
-            append(variables[LOG_VARIABLE], b"P%d %s" % (process, step.kind.value.encode()))
+            note_step(variables, process, step)
 
 
 def open_observer(layout: Layout, folder: Path, variables: Mapping[str, str]) -> Observer:

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from forge.build.tasks import Step, Task
     from forge.execution.executor import Executor
     from forge.execution.job_pool import JobPool
-    from forge.execution.observer import Observer
+    from forge.execution.observer import StepObserver
     from forge.execution.started import StartedProcesses
 
 GRACE_SECONDS = 3.0
@@ -149,7 +149,7 @@ class LocalExecutor:
         self,
         job_pool: JobPool | None = None,
         started: StartedProcesses | None = None,
-        observer: Observer | None = None,
+        observer: StepObserver | None = None,
     ) -> None:
         self.slots = job_pool.local if job_pool else 1
         self._job_pool = job_pool

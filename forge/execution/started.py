@@ -142,6 +142,12 @@ def _read_process(number: int) -> Process | None:
     return Process(number, int(words[19]), parent, group, session, ended=state in {b"Z", b"X"})
 
 
+def is_running(number: int) -> bool:
+    """Tell whether a process with this id runs; a zombie does not."""
+    process = _read_process(number)
+    return process is not None and not process.ended
+
+
 def _all() -> dict[int, Process]:
     numbers = (int(name) for name in os.listdir(_PROCESSES) if name.isdecimal())  # noqa: PTH208  (names alone)
     return {number: process for number in numbers if (process := _read_process(number))}

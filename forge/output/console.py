@@ -15,7 +15,7 @@ from forge.base.layout import LAST_COMMAND
 from forge.base.signals import ignore_closed_output
 from forge.base.text import Excerpt, counted, duration
 from forge.build.events import Aborted, Finished, Fresh, Output, Skipped, Started, StepFinished, StepStarted
-from forge.build.tasks import TEST_FAILURES, StepKind, environment_file, step_line
+from forge.build.tasks import CACHED, NOT_CACHED, TEST_FAILURES, StepKind, environment_file, step_line
 from forge.cache.model import RESTORED
 from forge.output.package_warnings import CompilerWarnings, RepeatedWarnings
 from forge.toolchain.cmake_variables import UnusedVariables, probable_variable
@@ -75,6 +75,7 @@ class Tally:
     """The results of packages, as sorted names; embedded packages that are up to date are left out.
 
     `embedded` are embedded packages that finished; `stderr` wrote to stderr; `restored` came from the cache;
+    the passed tests of `cached` were replayed;
     the tests or dependencies of `not_tested` are not built.
     """
 
@@ -86,6 +87,7 @@ class Tally:
     stderr: tuple[str, ...] = ()
     test_failures: tuple[str, ...] = ()
     restored: tuple[str, ...] = ()
+    cached: tuple[str, ...] = ()
     not_processed: tuple[str, ...] = ()
     not_tested: tuple[str, ...] = ()
 
@@ -153,6 +155,7 @@ class ConsoleReporter:
         self._fresh = list(plan.fresh)
         self._failed_tests: set[str] = set()
         self._restored: list[str] = []
+        self._cached: list[str] = []
 
     @property
     def failed_tests(self) -> frozenset[str]:
@@ -183,6 +186,7 @@ class ConsoleReporter:
             stderr=tuple(sorted(self._stderr)),
             test_failures=tuple(sorted(self._failed_tests)),
             restored=tuple(sorted(self._restored)),
+            cached=tuple(sorted(self._cached)),
             not_processed=tuple(sorted(self._skipped)),
             not_tested=self.not_tested,
         )
@@ -250,6 +254,8 @@ class ConsoleReporter:
             self._out(f"  {counted(len(tally.embedded), 'embedded package')} finished")
         if tally.restored:
             self._out(f"  {counted(len(tally.restored), 'package')} came from the cache")
+        if tally.cached:
+            self._out(f"  {counted(len(tally.cached), 'package')} cached")
         for outcome in self.launcher_summaries:
             self._out(f"  {outcome.words}")
         repeated = self._repeated.packages
@@ -330,6 +336,10 @@ class ConsoleReporter:
         if event.cache == RESTORED:
             self._restored.append(task)
             remark = f"\t[ {RESTORED} ]"
+        elif event.cache == CACHED:
+            self._cached.append(task)
+        if event.cache == CACHED or (event.cache.startswith(NOT_CACHED) and not remark):
+            remark = f"\t[ {event.cache} ]"
         if task not in self.collapsed:
             verb = self.screen.palette().paint("success", "Finished")
             self._progress(f"{verb} <<< {self._label(task)} [{duration(event.seconds)}]{remark}")

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from forge.build.events import Event
     from forge.build.tasks import Step, Task
     from forge.build.tests.recipes import TestContext
+    from forge.testing.cached import CachedTests
     from forge.testing.outcomes import Case, Outcome
 
 RESULT = "colcon_test.rc"
@@ -50,6 +51,7 @@ class TestSetup(TaskLifecycle):
     failed: set[str] = field(default_factory=set)
     """Packages with failed tests, perhaps not in the last repetition."""
     results: dict[str, tuple[Outcome, ...]] = field(default_factory=dict)
+    cached: CachedTests | None = None
 
     def results_of(self, task: Task, fault: str = "") -> tuple[Outcome, ...]:
         """Return the results of a package's tests in this run.
@@ -96,14 +98,44 @@ class TestSetup(TaskLifecycle):
             if one.path in own or (runs_ctest and before.get(one.path) != _state(one.path))
         )
 
-    def begin(self, task: Task, _: Mapping[str, str]) -> None:
+    def restore(self, task: Task) -> BuildRecord | None:
+        if self.cached is None or not task.steps:
+            return None
+        record = self.cached.find(task, self.environment(task))
+        if record is None:
+            return None
+        self.before[task.name] = {
+            path: state for path, state in self._states(task).items() if path not in record.results
+        }
+        outcomes = self._found(task)
+        if {one.path for one in outcomes} != {*record.results} or any(one.counts.bad for one in outcomes):
+            self.cached.refuse(task)
+            return None
+        self.cached.note_replay(task, record, outcomes)
+        self.results_of(task)
+        return BuildRecord(BuildInputs())
+
+    def remark(self, task: Task) -> str:
+        return self.cached.remarks.get(task.name, "") if self.cached else ""
+
+    def begin(self, task: Task, environment: Mapping[str, str]) -> None:
         if self.context.options.test_result_base is not None:
             mark_result_dir(self.context.results_of(task.name))
         clean_paths(task)
+        self.before[task.name] = self._states(task)
+        if self.cached and task.steps:
+            self.cached.begin(task, environment)
+
+    def _states(self, task: Task) -> dict[str, object]:
+        """Return what may be a result of an earlier run."""
         # Tests of ament may write to another folder than CTest.
         folders = dict.fromkeys((self.context.results_of(task.name), task.build_dir))
         files = (path for folder in folders for path in folder.rglob("*.xml"))
-        self.before[task.name] = {str(path): _state(path) for path in files}
+        return {str(path): _state(path) for path in files}
+
+    def undo(self, task: Task) -> None:
+        if self.cached:
+            self.cached.end(task)
 
     def environment(self, task: Task) -> Mapping[str, str]:
         layout = self.context.layout
@@ -113,6 +145,8 @@ class TestSetup(TaskLifecycle):
         return {"PYTHONDONTWRITEBYTECODE": "1", **found, BUILD_FOLDER_VARIABLE: str(layout.build)}
 
     def install(self, task: Task) -> BuildRecord:
+        if self.cached:
+            self.cached.end(task)
         if self.context.options.test_result_base is not None:
             result, target = _result_of_ctest(task), self.context.results_of(task.name) / "Testing"
             is_there = result.name == "Test.xml" and result.is_file()

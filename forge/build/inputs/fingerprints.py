@@ -426,6 +426,11 @@ def _stat_text(status: os.stat_result) -> str:
 
 def _racy(status: os.stat_result) -> bool:
     """Return True if the file may be written again without a change of its times."""
+    return is_written_since(time.time_ns(), status)
+
+
+def is_written_since(moment: int, status: os.stat_result) -> bool:
+    """Return True if a file may have been written after a moment, in nanoseconds."""
     newest = max(status.st_mtime_ns, status.st_ctime_ns)
     whole_seconds = not (status.st_mtime_ns % 1_000_000_000 or status.st_ctime_ns % 1_000_000_000)
-    return newest > time.time_ns() - (_COARSE_NANOSECONDS if whole_seconds else RACY_NANOSECONDS)
+    return newest > moment - (_COARSE_NANOSECONDS if whole_seconds else RACY_NANOSECONDS)

@@ -28,6 +28,10 @@ class TestOptions:
     )
     retest_until_fail: int = option("repeat passing tests up to N times, until they fail", **_TIMES)
     retest_until_pass: int = option("repeat failing tests up to N times, until they pass", **_TIMES)
+    cached: bool = option(
+        "replay the passes of packages whose tests would read nothing new; tests run below an observer",
+        default=False,
+    )
     abort_on_error: bool = option(
         "stop when a package cannot be tested (failing tests do not stop the run)", default=False
     )

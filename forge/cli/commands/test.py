@@ -9,12 +9,15 @@ from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.base.env_vars import SEQUENTIAL
-from forge.base.errors import WarningReporter, WorkspaceError, print_problem, raise_if_any
+from forge.base.env_vars import SEQUENTIAL, own_cache
+from forge.base.errors import Problem, WarningReporter, WorkspaceError, print_problem, raise_if_any
 from forge.base.frozen import frozen
+from forge.base.layout import OWN_CACHE_DIR, TEST_FILE_TABLE
 from forge.base.options import options_of
 from forge.base.text import counted
-from forge.build.events import Finished, StepFinished
+from forge.build.events import Aborted, Finished, StepFinished
+from forge.build.inputs.fingerprints import FileTable
+from forge.build.journal import open_journal
 from forge.build.markers import create_output_folders
 from forge.build.tasks import TEST_FAILURES
 from forge.build.tests.options import TestOptions
@@ -51,12 +54,15 @@ from forge.workspace.load import load_workspace
 from forge.workspace.selection import Query
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
     from contextlib import AbstractContextManager
 
     from forge.build.events import Event
     from forge.build.tasks import BuildPlan, Task
+    from forge.build.tests.recipes import TestContext
     from forge.cli.session import Session
     from forge.execution.job_pool import JobPool
+    from forge.testing.cached import CachedTests
 
 
 @frozen
@@ -97,12 +103,16 @@ def run(given: Options) -> int:
     needs = needs_of_tests(names, loaded)
     absent = absent_problems(needs, layout, variables)
     create_output_folders(layout)
+    if options.test_result_base:
+        # Not in the middle of tests, which may list the folder above.
+        options.test_result_base.mkdir(parents=True, exist_ok=True)
     built = [name for name in names if name not in absent]
     warn(changed_since_build({name: needs[name] for name in built}, loaded, layout))
     context, lacking = prepare_context(options, loaded, layout, variables, built)
     absent |= lacking
     built = [name for name in built if name not in lacking]
-    setup = TestSetup(context, needs, variables)
+    cached = _open_cached_tests(options, context, needs, variables, warn)
+    setup = TestSetup(context, needs, variables, cached=cached)
 
     def session_of(plan: BuildPlan) -> AbstractContextManager[Session]:
         return open_session(
@@ -121,7 +131,7 @@ def run(given: Options) -> int:
         lock_build_dir(layout.build, wait=not folders.no_wait) as waited,
         closing(open_test_job_pool(jobs, variables)) as job_pool,
     ):
-        executor = LocalExecutor(job_pool, StartedProcesses(layout.build))
+        started = StartedProcesses(layout.build)
         restored = plan_restored(built, loaded, layout)
         failed = False
         if restored.tasks:
@@ -131,7 +141,7 @@ def run(given: Options) -> int:
                 session.json_events.announce()
                 session.run(
                     restored,
-                    TaskRunner(RestoredSetup(variables), executor, job_pool),
+                    TaskRunner(RestoredSetup(variables), LocalExecutor(job_pool, started), job_pool),
                     _scheduler(restored, options, jobs, job_pool),
                     lambda task: task,
                     lambda _: None,
@@ -153,14 +163,47 @@ def run(given: Options) -> int:
             try:
                 session.run(
                     plan,
-                    TaskRunner(setup, executor, job_pool),
+                    TaskRunner(setup, LocalExecutor(job_pool, started, cached), job_pool),
                     _scheduler(plan, options, jobs, job_pool),
                     lambda task: task,
                     lambda event: _record(event, plan.tasks[event.task], setup, session),
                 )
             finally:
+                if cached:
+                    cached.close()
                 code = _report_results(plan, setup, session, json=reports.json, failed=failed)
     return code
+
+
+def _open_cached_tests(
+    options: TestOptions,
+    context: TestContext,
+    needs: Mapping[str, Sequence[str]],
+    variables: Mapping[str, str],
+    warn: WarningReporter,
+) -> CachedTests | None:
+    """Return the records of passed tests for `--cached`, None if all tests are to run."""
+    others = ("coverage", "pytest_with_coverage", "retest_until_fail", "retest_until_pass")
+    contrary = next((name for name in others if getattr(options, name)), None)
+    if options.cached and contrary:
+        warn([Problem(f"all tests run: '--cached' has no effect with '--{contrary.replace('_', '-')}'")])
+    if not options.cached or contrary:
+        return None
+    from forge.engine.observer import compile_library
+    from forge.testing.cached import CachedTests
+
+    layout = context.layout
+    records = open_journal(layout.build).records
+    folder = own_cache(variables) or layout.build / OWN_CACHE_DIR
+    library = None if layout.target else compile_library(folder, variables)
+    if library is None:
+        warn([Problem("no pass is recorded: tests cannot be observed here without a C compiler")])
+    return CachedTests(
+        library,
+        FileTable(layout.build / TEST_FILE_TABLE),
+        context.results_of,
+        lambda name: {need: records[need].installed.digest for need in needs[name] if need in records},
+    )
 
 
 def _scheduler(plan: BuildPlan, options: TestOptions, jobs: JobOptions, job_pool: JobPool) -> Scheduler:
@@ -186,6 +229,10 @@ def _record(event: Event, task: Task, setup: TestSetup, session: Session) -> Non
         if any(outcome.counts.bad for outcome in setup.results_of(task, fault)):
             session.report.note_test_failures(task.name)
     write_result_file(event, task, session.report.failed_tests)
+    if setup.cached and isinstance(event, Finished | Aborted):
+        has_failed = task.name in setup.failed | session.report.failed_tests
+        passed = isinstance(event, Finished) and not event.code and not has_failed
+        setup.cached.keep(task, setup.results_of(task) if passed else (), passed=passed)
 
 
 def _report_results(plan: BuildPlan, setup: TestSetup, session: Session, *, json: bool, failed: bool) -> int:

@@ -1,0 +1,403 @@
+"""Replay the passes of tests whose inputs are unchanged: `forge test --cached`.
+
+The programs of the tests run below the observer of `forge.engine`. What they asked for, whatever it is, is
+an input of the pass: files, folders, programs, libraries, names that they looked for in vain. The declared
+inputs are added: commands, environment, installed packages, machine. A pass is recorded only if nothing else
+could have mattered, and replayed only if all of this, and the result files, are as they were.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import stat
+import tempfile
+import time
+from dataclasses import asdict, replace
+from heapq import merge
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge.base.errors import WorkspaceError
+from forge.base.files import read_file, remove_tree, replace_file
+from forge.base.frozen import frozen
+from forge.base.layout import PASSED_TESTS_FILE, TEST_SCRATCH_DIR
+from forge.base.xml import as_utf8, parse_xml
+from forge.build.inputs.fingerprints import DIR_LISTING_SUFFIX, contents_of, digest_strings, is_written_since
+from forge.build.observed_writes import begin_log, read_steps, remove_log
+from forge.build.tasks import CACHED, NOT_CACHED
+from forge.engine.commands import CACHED_BYTECODE
+from forge.engine.observation import ALL_KINDS, CHANNELS
+from forge.execution.job_pool import without_job_variables
+from forge.execution.observer import note_step, observed
+from forge.execution.started import is_running
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator, Mapping
+
+    from forge.base.xml import Element
+    from forge.build.inputs.fingerprints import FileTable
+    from forge.build.tasks import Step, Task
+    from forge.engine.observation import ObservedStep
+    from forge.testing.outcomes import Outcome
+
+_VERSION = 1
+
+OF_SESSION = frozenset(
+    # Shells set them anew in each folder and for each command.
+    "OLDPWD PWD SHLVL _ "
+    # Each login and each terminal has others.
+    "SSH_CLIENT SSH_CONNECTION SSH_TTY WINDOWID XDG_SESSION_ID "
+    # Tests get an empty folder of their own.
+    "TMPDIR".split()
+)
+"""The environment variables that are no inputs of tests. All others are: Python and shells copy all of them,
+so that it cannot be observed which ones a test asks for."""
+
+_OF_C_LIBRARY = (
+    *("/etc/group", "/etc/hosts", "/etc/ld.so.cache", "/etc/ld.so.preload", "/etc/localtime"),
+    *("/etc/nsswitch.conf", "/etc/passwd", "/usr/lib/locale/locale-archive"),
+)
+"""Files that the C library reads by itself, where it cannot be observed."""
+_STATIC = frozenset({"'/sbin/ldconfig' cannot be observed"})
+"""Python's ctypes has this program print one of the files above."""
+_STATELESS = ("/dev/fd/", "/dev/pts/")
+_STATELESS_DEVICES = frozenset(
+    f"/dev/{name}" for name in "full null ptmx random stderr stdin stdout tty urandom zero".split()
+)
+_RUNNER_STATE = (".pytest_cache", "Testing/Temporary")
+"""What pytest and CTest know of earlier runs. forge removes it, so that a pass does not depend on them."""
+_RESULTS = (*_RUNNER_STATE, "Testing", "test_results", "pytest.xml", "unittest.xml", TEST_SCRATCH_DIR)
+
+
+@frozen
+class TestRecord:
+    """The record of the last run of a package's tests.
+
+    `declared` and `inputs` have a digest for each name or path. `outputs` are the files in the build folder
+    that the tests wrote, `results` those with their outcomes, `created` files and folders that were not there
+    before. `unfit` says why the run cannot be replayed, '' if it can.
+    """
+
+    __test__ = False  # pytest collects classes with this prefix
+
+    declared: Mapping[str, str]
+    inputs: Mapping[str, str]
+    outputs: Mapping[str, str]
+    results: tuple[str, ...]
+    created: tuple[str, ...] = ()
+    unfit: str = ""
+
+
+@frozen
+class _Run:
+    """Tests that run: since when, their folder for temporary files, and their declared inputs."""
+
+    began: int
+    temporary: str
+    declared: Mapping[str, str]
+    libraries: tuple[str, ...]
+    """The folders in which the dynamic linker looks, unobserved."""
+
+
+class CachedTests:
+    """Observes the tests of one `forge test --cached`, records passes and replays them.
+
+    Workers call it for the packages that they test, and the main thread when these have ended.
+    """
+
+    def __init__(
+        self,
+        library: Path | None,
+        table: FileTable,
+        results_of: Callable[[str], Path],
+        installed: Callable[[str], Mapping[str, str]],
+    ) -> None:
+        """`installed` returns digests of the installed packages that the tests of a package use."""
+        self._library = library
+        self._table = table
+        self._results_of = results_of
+        self._installed = installed
+        mask = os.umask(0o22)
+        os.umask(mask)
+        processors = sorted(os.sched_getaffinity(0))
+        self._machine = repr((*os.uname(), os.getuid(), os.getgroups(), processors, mask))
+        self._running: dict[str, _Run] = {}
+        self._ended: dict[str, tuple[_Run, ObservedStep]] = {}
+        self.remarks: dict[str, str] = {}
+        """For each package CACHED, or why its tests ran."""
+
+    # Before the tests
+
+    def find(self, task: Task, environment: Mapping[str, str]) -> TestRecord | None:
+        """Return the record of a pass that may be replayed; else note why not."""
+        record, declared = self._read(task), self._declared(task, environment)
+        if record is None:
+            reason = "no run is recorded"
+        elif record.unfit:
+            reason = f"the last run cannot be replayed: {record.unfit}"
+        else:
+            reason = next(self._changes(record, declared), "")
+        self.remarks[task.name] = f"{NOT_CACHED}{reason}" if reason else CACHED
+        return None if reason else record
+
+    def _changes(self, record: TestRecord, declared: Mapping[str, str]) -> Iterator[str]:
+        for name in sorted(record.declared.keys() | declared.keys()):
+            if record.declared.get(name) != declared.get(name):
+                yield f"{name} has changed"
+        for known in (record.inputs, record.outputs):
+            # First what is cheap to look at.
+            for path, content in known.items():
+                if content == "missing" and os.path.lexists(path):
+                    yield f"'{path}' has appeared"
+            now = contents_of(known, self._table)
+            for path, content in known.items():
+                if now[path] != content:
+                    shown = path.removesuffix(DIR_LISTING_SUFFIX)
+                    yield f"'{shown}' has {'disappeared' if now[path] == 'missing' else 'changed'}"
+
+    def _declared(self, task: Task, environment: Mapping[str, str]) -> dict[str, str]:
+        steps = [repr((step.argv, str(step.cwd), step.env, step.condition)) for step in task.steps]
+        variables = without_job_variables(environment)
+        return {
+            "the command of the tests": digest_strings(*steps, str(self._results_of(task.name))),
+            "this machine": digest_strings(self._machine),
+            "the observer": self._library.name if self._library else "",
+            **{f"the package '{name}'": found for name, found in self._installed(task.name).items()},
+            **{  # a value may be a secret
+                f"the environment variable '{name}'": digest_strings(value)
+                for name, value in variables.items()
+                if name not in OF_SESSION
+            },
+        }
+
+    def begin(self, task: Task, environment: Mapping[str, str]) -> None:
+        """Prepare the observation of the first step: runs must not depend on earlier ones."""
+        last = self._read(task)
+        _record_file(task).unlink(missing_ok=True)
+        for name in _RUNNER_STATE:
+            remove_tree(f"{task.build_dir}/{name}")
+        created, outputs = (last.created, last.outputs) if last else ((), {})
+        for path in sorted(created, reverse=True):
+            if path in outputs and contents_of([path], self._table)[path] == outputs[path]:
+                Path(path).unlink()
+            elif path.endswith("/"):
+                with contextlib.suppress(OSError):  # others put files there
+                    os.rmdir(path)
+        begin_log(_log_file(task))
+        temporary = tempfile.mkdtemp(prefix="forge-")
+        libraries = tuple(filter(None, environment.get("LD_LIBRARY_PATH", "").split(os.pathsep)))
+        declared = self._declared(task, environment)
+        self._running[task.name] = _Run(time.time_ns(), temporary, declared, libraries)
+
+    def variables(self, task: Task, variables: Mapping[str, str]) -> Mapping[str, str]:
+        """Return the environment of a step below the observer, with an own folder for temporary files."""
+        found = observed(variables, self._library, _log_file(task))
+        return {**found, "TMPDIR": self._running[task.name].temporary}
+
+    def note_process(self, variables: Mapping[str, str], process: int, step: Step) -> None:
+        """Log the start of a step."""
+        note_step(variables, process, step)
+
+    # After the tests
+
+    def end(self, task: Task) -> None:
+        """Read what the tests did, successful or not."""
+        run = self._running.pop(task.name, None)
+        if run is None:
+            return
+        steps = read_steps(_log_file(task), f"{ALL_KINDS}{CHANNELS}").observed
+        if any(is_running(process.pid) for process in steps.processes):
+            steps = replace(steps, blind=(*steps.blind, "a program that they have started is still running"))
+        remove_log(_log_file(task))
+        remove_tree(run.temporary)
+        self._ended[task.name] = run, steps
+
+    def keep(self, task: Task, outcomes: Iterable[Outcome], *, passed: bool) -> None:
+        """Record tests that have ended; does nothing for those that were replayed."""
+        if task.name not in self._ended:
+            return
+        run, steps = self._ended.pop(task.name)
+        done = _ObservedRun(task, run, steps, self._results_of(task.name))
+        outcomes = tuple(outcomes)
+        results = tuple(sorted(outcome.path for outcome in outcomes))
+        inputs = contents_of(sorted({*done.inputs()}), self._table) if passed else {}
+        outputs = contents_of(sorted({*done.outputs(), *results}), self._table)
+        if not passed:
+            unfit = "they failed"
+        elif not self._library:
+            unfit = "without a C compiler, they are not observed"
+        elif all(outcome.counts.tests == outcome.counts.skipped for outcome in outcomes):
+            unfit = "no test ran"
+        else:
+            unfit = next(done.obstacles(inputs), "")
+        created = tuple(sorted(done.created()))
+        self._write(task, TestRecord(run.declared, inputs, outputs, results, created, unfit))
+
+    def note_replay(self, task: Task, record: TestRecord, outcomes: Iterable[Outcome]) -> None:
+        """Mark the JUnit files of a pass that is replayed."""
+        marked = [one.path for one in outcomes if not one.by_name and _mark(Path(one.path))]
+        if marked:
+            self._write(task, replace(record, outputs={**record.outputs, **contents_of(marked, self._table)}))
+
+    def close(self) -> None:
+        """Save the digests of inputs."""
+        self._table.save()
+
+    def refuse(self, task: Task) -> None:
+        """Note that the results of a pass cannot be found any more."""
+        self.remarks[task.name] = f"{NOT_CACHED}the results have changed"
+
+    def _write(self, task: Task, record: TestRecord) -> None:
+        data = {"version": _VERSION, **asdict(record)}
+        replace_file(_record_file(task), json.dumps(data).encode())
+
+    def _read(self, task: Task) -> TestRecord | None:
+        try:
+            data = json.loads(_record_file(task).read_bytes())
+            if data.pop("version") != _VERSION:
+                return None
+            return TestRecord(**{**data, **{name: tuple(data[name]) for name in ("results", "created")}})
+        except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
+            return None
+
+
+class _ObservedRun:
+    """What the tests of a package did in a run, as far as it matters for the next one."""
+
+    def __init__(self, task: Task, run: _Run, steps: ObservedStep, results: Path) -> None:
+        self._task, self._run = task, run
+        own = {str(task.build_dir), str(results)}
+        own |= {os.path.realpath(folder) for folder in own}
+        temporary = {run.temporary, os.path.realpath(run.temporary)}
+        self._own = tuple(f"{folder}/" for folder in own)
+        self._temporary = tuple(f"{folder}/" for folder in temporary)
+        # These are as forge has left them before each run: neither inputs nor of interest when they change.
+        self._reset = {f"{folder}{name}" for folder in self._own for name in _RESULTS}
+        self._reset |= temporary | {str(path) for path, _ in task.files}
+        self._reset |= own - {str(task.build_dir), os.path.realpath(task.build_dir)}
+        self._asked: dict[str, set[str]] = {kind: set() for kind in f"{ALL_KINDS}{CHANNELS}"}
+        self._asked["B"].update(steps.blind)
+        self._first: dict[str, str] = {}
+        """What was done first with each path."""
+        self._changed: set[str] = set()
+        self._created: set[str] = set()
+        """What was missing before the tests wrote it; nothing in it is an input."""
+        for _, kind, path in merge(*(process.records for process in steps.processes)):
+            if kind in "WDU" and "/__pycache__" not in path and not path.startswith(self._temporary):
+                self._changed.add(path)
+            if kind in "BJKV" or not (self._is_reset(path) or _is_in(self._created, path)):
+                self._asked[kind].add(path)
+                first = self._first.setdefault(path, kind)
+                if kind == "D" or (kind == "W" and first == "N"):
+                    self._created.add(path)
+        programs = {program for process in steps.processes for program in process.programs}
+        self._asked["R"] |= {each for each in programs if not _is_in(self._created, each)}
+        self._asked["R"] |= {step.argv[0] for step in task.steps}
+
+    def _is_reset(self, path: str) -> bool:
+        return f"{path}/".startswith((*self._own, *self._temporary)) and _is_in(self._reset, path)
+
+    def inputs(self) -> Iterator[str]:
+        """Yield the paths of all inputs; those of folders end with '/', those of their names with '/.'."""
+        yield from _OF_C_LIBRARY
+        for path in set[str]().union(*(self._asked[kind] for kind in "RTNY")):
+            # Python's caches stand for their sources.
+            path = CACHED_BYTECODE.sub(r"\1/\2.py", path)
+            is_created = path in self._created and os.path.lexists(path)
+            if not path.endswith("/__pycache__") and not is_created and self._first.get(path) != "W":
+                yield f"{path}/" if os.path.isdir(path) and not os.path.islink(path) else path
+        for path in (*self._asked["L"], *self._run.libraries):
+            if not path.endswith("/__pycache__"):
+                yield f"{path}{DIR_LISTING_SUFFIX}"
+
+    def outputs(self) -> Iterator[str]:
+        """Yield the files in the build folder that the tests have written and that are still there."""
+        for path in self._changed:
+            is_state = _is_in({f"{folder}{name}" for folder in self._own for name in _RUNNER_STATE}, path)
+            if path.startswith(self._own) and not is_state and os.path.isfile(path):
+                yield path
+
+    def created(self) -> Iterator[str]:
+        """Yield the files and folders in the build folder that are to be removed before the next run."""
+        for path in self._changed:
+            is_own = path.startswith(self._own) and not self._is_reset(path)
+            if is_own and os.path.lexists(path) and _is_in(self._created, path):
+                yield f"{path}/" if os.path.isdir(path) and not os.path.islink(path) else path
+
+    def obstacles(self, inputs: Mapping[str, str]) -> Iterator[str]:
+        """Yield why another run could end in another way although nothing seems to have changed."""
+        yield from (text for text in self._asked["B"] if text not in _STATIC)
+        if self._asked["J"]:
+            yield "they keep files for their next run"
+        allowed = (*_STATELESS, *self._own, *self._temporary)
+        for channel in sorted(self._asked["K"]):
+            if channel not in _STATELESS_DEVICES and not channel.startswith(allowed):
+                yield f"they use {channel}"
+        for path in sorted(self._changed):
+            if not path.startswith(self._own):
+                yield f"they change '{path}', outside of the build folder"
+            elif not self._is_reset(path) and not _is_in(self._created, path):
+                if self._first[path] != "W":
+                    yield f"they change '{path}', which was there before"
+                elif os.path.dirname(path) in self._asked["L"] and os.path.lexists(path):
+                    yield f"they write '{path}' and list its folder"
+        for path, content in inputs.items():
+            plain = path.removesuffix(DIR_LISTING_SUFFIX).rstrip("/")
+            is_listing = path.endswith(DIR_LISTING_SUFFIX)
+            if content == "missing":
+                if self._first.get(plain, "N") != "N":
+                    yield f"'{plain}' was removed meanwhile"
+            elif self._first.get(plain) == "N":
+                yield f"'{plain}' appeared meanwhile"
+            elif not (path.endswith("/") or (is_listing and f"{plain}/".startswith(self._own))):
+                with contextlib.suppress(OSError):
+                    status = os.stat(path)
+                    if is_written_since(self._run.began, status):
+                        yield f"'{plain}' was changed meanwhile"
+                    if plain in self._asked["R"] and not is_listing and not stat.S_ISREG(status.st_mode):
+                        yield f"they read '{plain}', which is no regular file"
+
+
+def _is_in(paths: set[str], path: str) -> bool:
+    """Return True if a path, or a folder of it, is one of `paths`."""
+    while len(path) > 1:
+        if path in paths:
+            return True
+        path = os.path.dirname(path)
+    return False
+
+
+def _record_file(task: Task) -> Path:
+    return task.build_dir / task.scratch_dir / PASSED_TESTS_FILE
+
+
+def _log_file(task: Task) -> Path:
+    return task.build_dir / task.scratch_dir / "observed" / "log"
+
+
+def _mark(path: Path) -> bool:
+    """Mark a JUnit file as cached, unless it is; tell if it was written."""
+    try:
+        content = read_file(path)
+        root = parse_xml(content, path) if as_utf8(content, path) == content else None
+    except (OSError, WorkspaceError):
+        return False
+    places: list[tuple[int, bool]] = []
+    waiting: list[Element] = [root] if root else []
+    for suite in waiting:
+        waiting += suite.all("testsuite")
+        if suite.tag == "testsuite":
+            properties = next(suite.all("properties"), None)
+            names = properties.all("property") if properties else ()
+            place = (properties or suite).inner_start
+            if place is not None and all(each.attributes.get("name") != CACHED for each in names):
+                places.append((place, properties is None))
+    mark = f'<property name="{CACHED}" value="true"/>'.encode()
+    for place, is_whole in sorted(places, reverse=True):
+        text = b"<properties>%s</properties>" % mark if is_whole else mark
+        content = content[:place] + text + content[place:]
+    if places:
+        replace_file(path, content)
+    return bool(places)

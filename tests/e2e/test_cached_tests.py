@@ -1,0 +1,404 @@
+"""`forge test --cached` replays a pass only if a run could not end in another way; docs/how-to/testing.md."""
+
+import json
+import os
+import shutil
+import subprocess
+import time
+from collections.abc import Callable
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import pytest
+
+from tests.conftest import Forge, Ran, Tree
+from tests.packages import manifest_text
+from tests.testable import cmake_package, python_package
+
+pytestmark = pytest.mark.needs("cmake", "ctest", "ninja", "gcc")
+
+PLAIN: dict[str, str | None] = {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1", "PYTEST_CURRENT_TEST": None}
+"""Without plugins of the machine's pytest, and without what the pytest around these tests sets."""
+
+FAILURES = "with test failures"
+CODE = """import os
+import pathlib
+import p
+
+HERE = pathlib.Path(__file__).parent
+
+
+def test_data(tmp_path):
+    (tmp_path / "scratch").write_text("x")
+    assert (HERE / "data/number.txt").read_text() == "1\\n"
+    assert p.VALUE == 1
+
+
+def test_optional():
+    assert not (HERE / "broken").exists()
+
+
+def test_all_cases():
+    assert len(os.listdir(HERE / "cases")) == 1
+
+
+def test_variables():
+    assert dict(os.environ).get("MY_" + "MODE", "good") == "good"
+"""
+
+
+def python(name: str, test: str = CODE) -> dict[str, str]:
+    """Return a Python package with tests that look at files and folders."""
+    return {
+        **python_package(name, test.replace("import p\n", f"import {name} as p\n"), pytest=True),
+        f"src/{name}/tests/data/number.txt": "1\n",
+        f"src/{name}/tests/cases/one": "",
+        "src/.gitignore": "data\n",
+    }
+
+
+def run(forge: Forge, root: Path, *words: str, env: dict[str, str | None] | None = None) -> Ran:
+    """Run the tests; results must be those that `forge test-result` finds."""
+    ran = forge("test", "--cached", *words, cwd=root, env={**PLAIN, **(env or {})})
+    counts = forge("test-result", cwd=root).out.rpartition("Summary: ")[2].strip()
+    assert f"  {counts}\n" in ran.out
+    return ran
+
+
+def remarks(ran: Ran) -> dict[str, str]:
+    """Return the remarks on the packages that were tested."""
+    lines = [line for line in ran.out.splitlines() if line.startswith("Finished <<< ") and "\t[ " in line]
+    return {line.split()[2]: line.partition("\t[ ")[2].removesuffix(" ]") for line in lines}
+
+
+def why(ran: Ran) -> str:
+    """Return the remark on the only package that was tested."""
+    (remark,) = remarks(ran).values()
+    return remark
+
+
+def passed(forge: Forge, root: Path, **env: str | None) -> None:
+    """Let a pass be recorded, and check that it is replayed."""
+    assert forge("build", cwd=root).code == 0
+    run(forge, root, env={**env})
+    ran = run(forge, root, env={**env})
+    assert {*remarks(ran).values()} == {"cached"}, ran.out
+    assert " cached\n" in ran.out
+
+
+@pytest.fixture
+def root(forge: Forge, tree: Tree) -> Path:
+    """Return a workspace with a recorded pass."""
+    found = tree(python("p"))
+    passed(forge, found)
+    return found
+
+
+CHANGES: dict[str, tuple[str, Callable[[Path], object], str]] = {
+    "source": ("src/source/source/__init__.py", lambda path: path.write_text("VALUE = 2\n"), FAILURES),
+    "case": (
+        "src/case/tests/test_case.py",
+        lambda path: path.write_text(f"{path.read_text()}\n"),
+        "has changed",
+    ),
+    "new_test": (
+        "src/new_test/tests/test_q.py",
+        lambda path: path.write_text("def test_q(): pass"),
+        "/tests'",
+    ),
+    "data": ("src/data/tests/data/number.txt", lambda path: path.write_text("2\n"), FAILURES),
+    "mode": ("src/mode/tests/data/number.txt", lambda path: path.chmod(0o600), "has changed"),
+    "removed": ("src/removed/tests/data/number.txt", lambda path: path.unlink(), FAILURES),
+    "missed": ("src/missed/tests/broken", lambda path: path.touch(), FAILURES),
+    "listed": ("src/listed/tests/cases/two", lambda path: path.touch(), FAILURES),
+    "result": ("build/result/pytest.xml", lambda path: path.unlink(), "has disappeared"),
+    "edited": ("build/edited/pytest.xml", lambda path: path.write_text("<testsuite/>"), "has changed"),
+    "touched": ("src/touched/tests/data/number.txt", os.utime, "cached"),
+    "other": ("src/other/resource/other", os.utime, "cached"),
+}
+"""By packages, of which one file each is changed, with the remark on the next test."""
+
+
+def test_packages_are_tested_again_if_what_their_tests_read_changes(forge: Forge, tree: Tree) -> None:
+    root = tree({path: text for name in CHANGES for path, text in python(name).items()})
+    passed(forge, root)
+    for path, apply, _ in CHANGES.values():
+        apply(root / path)
+    found = remarks(forge("test", "--cached", cwd=root, env=PLAIN))
+    assert {name: CHANGES[name][2] in found[name] for name in CHANGES} == dict.fromkeys(CHANGES, True), found
+    # Failures are never cached.
+    again = remarks(run(forge, root))
+    failed = {name for name, (_, _, remark) in CHANGES.items() if remark == FAILURES}
+    assert {name for name, remark in again.items() if remark != "cached"} == failed
+
+
+def test_settings_and_fixtures_outside_of_the_package_count(forge: Forge, root: Path) -> None:
+    (root / "pytest.ini").write_text("[pytest]\n")
+    assert why(run(forge, root)).endswith("pytest.ini' has appeared")
+    assert why(run(forge, root)) == "cached"
+    (root / "src/conftest.py").write_text("X = 1\n")
+    assert why(run(forge, root)).endswith("conftest.py' has appeared")
+
+
+@pytest.mark.parametrize("words", [("--pytest-args", "-q"), ("--python-testing", "unittest")])
+def test_other_options_run_the_tests(forge: Forge, root: Path, words: tuple[str, ...]) -> None:
+    assert why(run(forge, root, *words)) == "tests ran: the command of the tests has changed"
+
+
+def test_options_that_are_about_running_tests_run_them(forge: Forge, root: Path) -> None:
+    for option in ("--retest-until-fail", "--retest-until-pass"):
+        ran = forge("test", "--cached", option, "1", cwd=root, env=PLAIN)
+        assert f"all tests run: '--cached' has no effect with '{option}'" in ran.err
+        assert "cached" not in ran.out
+
+
+def test_variables_are_inputs_however_they_are_read(forge: Forge, root: Path) -> None:
+    assert "with test failures" in run(forge, root, env={"MY_MODE": "bad"}).out
+    passed(forge, root, MY_MODE="good")
+    assert why(run(forge, root)) == "tests ran: the environment variable 'MY_MODE' has changed"
+
+
+def test_a_shell_of_its_own_changes_nothing(forge: Forge, root: Path) -> None:
+    env: dict[str, str | None] = {"SHLVL": "7", "SSH_TTY": "/dev/pts/9", "WINDOWID": "1", "OLDPWD": "/"}
+    assert why(run(forge, root, env=env)) == "cached"
+
+
+def test_times_and_unrelated_files_change_nothing(forge: Forge, root: Path) -> None:
+    os.utime(root / "src/p/tests/data/number.txt")
+    (root / "src/README.md").write_text("new")
+    for cache in (root / "src/p/p/__pycache__", root / "src/p/tests/__pycache__"):
+        shutil.rmtree(cache, ignore_errors=True)
+    assert why(run(forge, root)) == "cached"
+
+
+def test_a_run_without_the_option_is_no_pass_to_replay(forge: Forge, root: Path) -> None:
+    assert forge("test", cwd=root, env=PLAIN).code == 0
+    assert "pytest.xml' has changed" in why(run(forge, root))
+
+
+def test_a_replay_is_marked_everywhere(forge: Forge, root: Path) -> None:
+    suites = ET.parse(root / "build/p/pytest.xml").iter("testsuite")
+    marks = [suite.findall("properties/property[@name='cached']") for suite in suites]
+    assert [len(found) for found in marks] == [1]
+    ran = forge("test", "--cached", "--json", cwd=root, env=PLAIN)
+    events = [json.loads(line) for line in ran.out.splitlines()]
+    (finished,) = (event for event in events if event["event"] == "Finished")
+    assert finished["cache"] == "cached"
+    assert events[-1]["cached"] == ["p"]
+    assert events[-1]["tests"] == {"tests": 4, "errors": 0, "failures": 0, "skipped": 0}
+    assert not [event for event in events if event["event"] == "StepStarted"]
+    assert (root / "build/p/colcon_test.rc").read_text() == "0\n"
+
+
+def test_a_configuration_may_ask_for_it(forge: Forge, root: Path) -> None:
+    (root / "forge.toml").write_text("[test]\ncached = true\n")
+    assert "  1 package cached\n" in forge("test", cwd=root, env=PLAIN).out
+    assert "cached" not in forge("test", "--no-cached", cwd=root, env=PLAIN).out
+
+
+NOT_RECORDED = {
+    "the network": ("import socket; socket.socket().close()", "they use the network"),
+    "a host": ("import socket; socket.getaddrinfo('localhost', 1)", "they use the network"),
+    "a device": ("open('/dev/zero').close(); open('/dev/kmsg', 'w').close()", "they use /dev/kmsg"),
+    "a server": (
+        "import contextlib, socket\n"
+        "    with contextlib.suppress(OSError): socket.socket(socket.AF_UNIX).connect('/run/none')",
+        "they use /run/none",
+    ),
+    "a file elsewhere": ("(HERE.parent / 'out.txt').write_text('x')", "outside of the build folder"),
+    "a temporary file of its own": (
+        "(HERE.parent / 'out.txt').write_text('x'); (HERE.parent / 'out.txt').unlink()",
+        "outside of the build folder",
+    ),
+    "what was built": ("(BUILD / 'install.log').open('a').close()", "install.log', which was there before"),
+    "names beside what it left": (
+        "os.listdir(BUILD / '.'); (BUILD / 'o').touch()",
+        "and list its folder",
+    ),
+    "a program that stays": (
+        "import subprocess; quiet = subprocess.DEVNULL\n"
+        "    subprocess.Popen(['sleep', '20'], start_new_session=True, stdout=quiet, stderr=quiet)",
+        "is still running",
+    ),
+    "a static program": ("import subprocess; subprocess.run([HERE / 'static'], check=True)", "be observed"),
+    "a file that changes": ("os.utime(HERE / 'cases/one'); (HERE / 'cases/one').read_text()", "meanwhile"),
+}
+
+
+def test_what_may_end_otherwise_is_not_recorded(forge: Forge, tree: Tree) -> None:
+    names = {kind.replace(" ", "_").replace(",", ""): kind for kind in NOT_RECORDED}
+    files: dict[str, str] = {"static.c": "int main(void) { return 0; }\n"}
+    for name, kind in names.items():
+        head = "import os, pathlib\nHERE = pathlib.Path(__file__).parent\n"
+        head += f"BUILD = HERE.parents[2] / 'build/{name}'\n"
+        files |= python(name, f"{head}def test_a():\n    {NOT_RECORDED[kind][0]}\n")
+    root = tree(files)
+    for name in names:
+        program = root / "src" / name / "tests/static"
+        subprocess.run(["gcc", "-static", "-o", program, root / "static.c"], check=True)
+    assert forge("build", cwd=root).code == 0
+    assert {*remarks(run(forge, root)).values()} == {"tests ran: no run is recorded"}
+    found = remarks(run(forge, root))
+    for name, kind in names.items():
+        assert found[name].startswith("tests ran: the last run cannot be replayed: ")
+        assert NOT_RECORDED[kind][1] in found[name]
+
+
+def test_failures_and_skipped_tests_are_never_cached(forge: Forge, tree: Tree) -> None:
+    root = tree(python("p", "import pytest\n@pytest.mark.skip\ndef test_a(): pass\n"))
+    assert forge("build", cwd=root).code == 0
+    run(forge, root)
+    assert why(run(forge, root)) == "tests ran: the last run cannot be replayed: no test ran"
+    test = root / "src/p/tests/test_p.py"
+    test.write_text("def test_a(): assert 0\n")
+    for _ in range(2):
+        ran = run(forge, root, "--return-code-on-test-failure")
+        assert ran.code == 1
+        assert why(ran) == "with test failures"
+    test.write_text("def test_a(): pass\n")
+    passed(forge, root)
+
+
+def test_what_tests_leave_is_removed_before_the_next_run(forge: Forge, tree: Tree) -> None:
+    """So that this run begins as the one before it, also if that failed."""
+    test = """import os, pathlib
+BUILD = pathlib.Path(__file__).parents[3] / "build/p"
+def test_a():
+    assert not (BUILD / "count").exists()
+    (BUILD / "count").write_text("1")
+    (BUILD / "out").mkdir()
+    (BUILD / "out/more").write_text("1")
+    assert os.environ.get("MODE") != "bad"
+"""
+    root = tree(python("p", test))
+    passed(forge, root)
+    passed(forge, root, MODE="good")
+    assert "with test failures" in run(forge, root, env={"MODE": "bad"}).out
+    passed(forge, root)
+    (root / "build/p/out/more").unlink()
+    assert why(run(forge, root)).endswith("out/more' has disappeared")
+    assert why(run(forge, root)) == "cached"
+
+
+def test_a_pass_does_not_depend_on_runs_before(forge: Forge, tree: Tree) -> None:
+    """With '--lf', pytest would otherwise run the test that failed last, and this would count as all."""
+    root = tree(python("p", "def test_a(): pass\ndef test_b(): assert 0\n"))
+    (root / "src/p/setup.cfg").write_text("[tool:pytest]\naddopts = --lf\n")
+    assert forge("build", cwd=root).code == 0
+    run(forge, root)
+    (root / "src/p/tests/test_p.py").write_text("def test_a(): pass\ndef test_b(): pass\n")
+    assert "  2 tests, 0 errors, 0 failures" in run(forge, root).out
+    assert "  2 tests, 0 errors, 0 failures" in run(forge, root).out
+
+
+def test_unittest_and_its_dependencies(forge: Forge, tree: Tree) -> None:
+    test = "import unittest\nimport q\nclass A(unittest.TestCase):\n    def test_a(self): assert q.VALUE\n"
+    files = {**python_package("p", test, pytest=False), **python_package("q", "", pytest=False)}
+    depends = manifest_text("p", "<depend>q</depend>", build_type="ament_python")
+    root = tree({**files, "src/p/package.xml": depends})
+    assert forge("build", cwd=root).code == 0
+    select = ("--packages-select", "p")
+    run(forge, root, *select)
+    assert why(run(forge, root, *select)) == "cached"
+    (root / "src/q/q/__init__.py").write_text("VALUE = 2\n")
+    assert why(run(forge, root, *select)) == "cached"  # as long as it is not built
+    assert forge("build", cwd=root).code == 0
+    assert why(run(forge, root, *select)) == "tests ran: the package 'q' has changed"
+    installed = next(root.glob("install/q/lib/python*/site-packages/q/__init__.py"))
+    assert why(run(forge, root, *select)) == "cached"
+    installed.write_text("VALUE = 0\n")
+    assert "with test failures" in run(forge, root, *select).out
+
+
+LISTS = """cmake_minimum_required(VERSION 3.18)
+project(c CXX)
+find_package(ament_cmake REQUIRED)
+find_package(ament_cmake_gtest REQUIRED)
+find_package(ament_cmake_pytest REQUIRED)
+ament_add_gtest(unit unit.cpp)
+ament_add_pytest_test(more more.py)
+add_test(NAME plain COMMAND ${CMAKE_COMMAND} -E compare_files a b WORKING_DIRECTORY ${CMAKE_SOURCE_DIR})
+ament_package()
+"""
+UNIT = """#include <gtest/gtest.h>
+#include <fstream>
+TEST(Unit, reads) {
+  std::ifstream file("%s/number.txt");
+  int number = 0;
+  file >> number;
+  EXPECT_EQ(number, 1);
+}
+"""
+
+
+@pytest.mark.needs("g++")
+@pytest.mark.parametrize("base", [(), ("--test-result-base", "results")])
+def test_packages_of_ament_cmake(forge: Forge, tree: Tree, tmp_path: Path, base: tuple[str, ...]) -> None:
+    folder = tmp_path / "src/c"
+    depends = [f"<depend>ament_cmake{each}</depend>" for each in ("", "_gtest", "_pytest")]
+    files = {"CMakeLists.txt": LISTS, "unit.cpp": UNIT % folder, "more.py": "def test_more(): pass\n"}
+    files |= {"package.xml": manifest_text("c", *depends), "a": "", "b": "", "number.txt": "1\n"}
+    root = tree({f"src/c/{name}": text for name, text in files.items()})
+    assert forge("build", *base, cwd=root).code == 0
+
+    def tested(*words: str) -> tuple[str, str]:
+        ran = forge("test", "--cached", *base, *words, cwd=root, env=PLAIN)
+        found = forge("test-result", *base, cwd=root).out.rpartition("Summary: ")[2]
+        assert words or f"  {found.strip()}\n" in ran.out
+        return why(ran), found
+
+    assert tested()[0] == "tests ran: no run is recorded"
+    assert tested() == ("cached", "3 tests, 0 errors, 0 failures, 0 skipped\n")
+    results = root / (base[-1] if base else "build")
+    (junit,) = results.rglob("unit.gtest.xml")
+    assert len(ET.parse(junit).findall(".//property[@name='cached']")) == 1
+    assert tested() == ("cached", "3 tests, 0 errors, 0 failures, 0 skipped\n")
+    for name in ("a", "b"):
+        (folder / name).write_text("same")
+    assert tested()[0].endswith(("a' has changed", "b' has changed"))
+    assert tested()[0] == "cached"
+    assert tested("--ctest-args", "-R", "plain")[0] == "tests ran: the command of the tests has changed"
+    assert tested("--ctest-args", "-R", "plain")[0] == "cached"
+    assert tested()[0] == "tests ran: the command of the tests has changed"
+    (folder / "number.txt").write_text("2\n")
+    assert tested()[0] == "with test failures"
+    (folder / "number.txt").write_text("1\n")
+    (folder / "unit.cpp").write_text((UNIT % folder) + "TEST(Unit, fails) { FAIL(); }\n")
+    assert forge("build", *base, cwd=root).code == 0
+    assert tested()[0] == "with test failures"
+
+
+def test_a_timeout_is_no_pass(forge: Forge, tree: Tree) -> None:
+    slow = (
+        "add_test(NAME a COMMAND ${CMAKE_COMMAND} -E sleep 5)\nset_tests_properties(a PROPERTIES TIMEOUT 0.2)"
+    )
+    root = tree(cmake_package("c", slow, "add_test(NAME b COMMAND ${CMAKE_COMMAND} -E true)"))
+    assert forge("build", cwd=root).code == 0
+    for _ in range(2):
+        assert why(run(forge, root)) == "with test failures"
+
+
+def test_an_edit_while_tests_run_is_not_taken_for_what_they_read(forge: Forge, tree: Tree) -> None:
+    root = tree(python("p", CODE + "\n\ndef test_wait():\n    import time; time.sleep(1)\n"))
+    assert forge("build", cwd=root).code == 0
+    data = root / "src/p/tests/data/number.txt"
+    late = subprocess.Popen(["sh", "-c", f"sleep 0.9; echo 2 > '{data}'"])
+    began = time.monotonic()
+    run(forge, root)
+    late.wait()
+    assert time.monotonic() - began > 1
+    assert "with test failures" in run(forge, root).out
+
+
+def test_the_observer_is_only_there_when_asked_for(forge: Forge, tree: Tree) -> None:
+    root = tree(python("p", "import os\ndef test_a(): assert 'FORGE_OBSERVER_LOG' not in os.environ\n"))
+    assert forge("build", cwd=root).code == 0
+    assert "0 failures" in forge("test", cwd=root, env=PLAIN).out
+
+
+def test_temporary_files_are_removed(forge: Forge, root: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "temporary"
+    folder.mkdir()
+    run(forge, root, "--pytest-args", "-v", env={"TMPDIR": str(folder)})
+    assert list(folder.iterdir()) == []
+    assert list((root / "build/p/.forge_test").glob("observed/*")) == []
