@@ -14,7 +14,7 @@ from forge.build.build_notes import EXTERNALS, SOURCES
 from forge.build.inputs.fingerprints import DIR_LISTING_SUFFIX, contents_of, tree_manifest
 from forge.build.inputs.input_manifest import Changes, compare, read_manifest
 from forge.build.up_to_date import UNKNOWN_INSTALLED, UNKNOWN_SOURCES, InputChange, InputKind
-from forge.engine.world import PACKAGE_FOUND, PROGRAM, VARIABLE
+from forge.engine.world import PACKAGE_FOUND, PROCESSOR, PROGRAM, VARIABLE
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Mapping
@@ -29,6 +29,7 @@ _QUESTIONS = (
     (InputKind.VARIABLE, "environment variable", VARIABLE),
     (InputKind.TOOL, "tool", PROGRAM),
     (InputKind.OTHER, "place of the package", PACKAGE_FOUND),
+    (InputKind.OTHER, "processor", PROCESSOR),
 )
 UNKNOWN_EXTERNAL = "a file outside of the package that its last build read has changed"
 
@@ -106,7 +107,8 @@ def _changed_answers(questions: Collection[str], before: Mapping[str, str]) -> I
     )
     names = {each.removeprefix(start): each for each in sorted(questions) if each.startswith(start)}
     added = frozenset(name for name, question in names.items() if before.get(question) == "")
-    return InputChange(kind, f"the {what} '{next(iter(names))}' changed", tuple(names), added)
+    first = "".join(f" '{name}'" for name in [*names][:1] if name)
+    return InputChange(kind, f"the {what}{first} changed", tuple(names), added)
 
 
 def described(changes: Changes, shown: Callable[[str], str]) -> str:

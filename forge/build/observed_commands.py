@@ -45,8 +45,14 @@ def record_commands(
     own = (f"{folder}/" for folder in own_folders())
     caches = (*_CACHES, *filter(None, map(world.value, _CACHE_VARIABLES)))
     tracked = (*own, cmake_root(build), *(f"{os.path.expanduser(cache)}/" for cache in caches))
+    sources = {path for edge in graph.edges if edge.compiles for path in graph.inputs_of(edge)}
     folders = Folders(
-        build, (source, layout.install, layout.build), filter(None, tracked), world, own_cache(os.environ)
+        build,
+        (source, layout.install, layout.build),
+        filter(None, tracked),
+        world,
+        own_cache(os.environ),
+        frozenset(sources),
     )
     found = commands_of(steps.observed, steps.kinds, EdgeFinder(graph), folders)
     outputs = frozenset(edge.outputs[0] for edge in graph.edges)

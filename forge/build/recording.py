@@ -34,7 +34,8 @@ from forge.build.observed_commands import record_commands
 from forge.build.observed_writes import read_steps
 from forge.build.prefix import written_log
 from forge.build.up_to_date import UNKNOWN
-from forge.engine.commands import NOT_OBSERVED
+from forge.engine.commands import NOT_OBSERVED, is_for_this_processor
+from forge.engine.world import PROCESSOR, VARIABLE
 from forge.toolchain.programs import CMAKE_TYPES
 
 if TYPE_CHECKING:
@@ -122,9 +123,10 @@ class PackageRecorder:
         graph = read_native_graph(build)
         reported = reported_inputs(build, graph, declared)
         observed = self._observed.pop(task.name, NOT_OBSERVED)
-        asked = (question for question, _ in observed.answers)
+        asked = [question for question, _ in observed.answers]
         # Plugins whose builds forge stages, such as cargo's, report their files themselves.
         every = () if build_type_of(task.package).staged else observed.all
+        asked += self._about_processor(task, observed)
         found = tuple(sorted(reported.union(asked, *(each.external for each in every))))
         read = graph.known().union(*(each.read for each in observed.all))
         found = (*found, *self._undeclared(task, read, declared))
@@ -144,6 +146,14 @@ class PackageRecorder:
             from_empty=build_notes.started_empty(build),
             read_from=self._owners_of(task, externals),
         )
+
+    def _about_processor(self, task: Task, observed: ObservedCommands) -> Iterator[str]:
+        """Yield the question about the processor if options or variables name it, or not all is known."""
+        asked = {question.removeprefix(VARIABLE) for question, _ in observed.answers}
+        values = map(self._state.world.value, {*dict(task.inputs.environment), *asked})
+        is_named = any(map(is_for_this_processor, (*task.inputs.options, *values)))
+        if is_named or not observed.all or any(each.blind for each in observed.all):
+            yield PROCESSOR
 
     def _undeclared(self, task: Task, read: Iterable[str], declared: Iterable[Path]) -> Iterator[str]:
         """Yield what a build read of packages of this workspace that it does not depend on."""

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
 from forge.build.inputs.fingerprints import contents_of, digest_of
-from forge.cache import processor
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -23,7 +22,7 @@ if TYPE_CHECKING:
 
 @frozen
 class FileSnapshot:
-    """External files at one moment: path and content by relocatable path, and the processor."""
+    """External files and answers at one moment: path and content by relocatable path."""
 
     files: Mapping[str, tuple[str, str]]
 
@@ -35,7 +34,7 @@ class FileSnapshot:
     @property
     def record(self) -> tuple[tuple[str, ...], str]:
         """The paths, and the digest of their contents."""
-        found = dict(seen for word, seen in self.files.items() if word != processor.WORD)
+        found = dict(self.files.values())
         return tuple(found), digest_of(found, found)
 
 
@@ -67,9 +66,7 @@ class ExternalInputs:
         return FileSnapshot(found)
 
     def _look(self, word: str) -> tuple[str, str]:
-        if word == processor.WORD:
-            return word, processor.processor()
-        path = self._relocator.absolutize_word(word)
+        path = self._relocator.absolutize_input(word)
         if not os.access(path, os.X_OK) or os.path.isdir(path):  # noqa: PTH112
             return path, contents_of((path,), self._table)[path]
         # Compilers and CMake have tens of megabytes: clean builds should not read them again.

@@ -3,7 +3,8 @@
 The files that a build reads outside the workspace are known only after it ran. Therefore a package has two
 keys. The first covers all inputs known before the build; its entry contains lists of external files recorded
 by earlier builds. The second covers the first key and the current contents of the files in one list; its
-entry is the result.
+entry is a result, and where it was built. A further key covers the path of the workspace, too: its entry is a
+result for that path only.
 """
 
 from __future__ import annotations
@@ -14,6 +15,8 @@ import json
 import os
 import platform
 import re
+from dataclasses import asdict
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from forge import __version__
@@ -21,7 +24,6 @@ from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
 from forge.base.layout import NO_CODE, PACKAGE, own_folders
 from forge.build.inputs.fingerprints import contents_of, digest_of, source_files
-from forge.cache.relocation import QuotingClass
 from forge.toolchain.programs import program_of
 
 if TYPE_CHECKING:
@@ -32,30 +34,27 @@ if TYPE_CHECKING:
     from forge.build.tasks import Task
     from forge.cache.relocation import Relocator
 
-_VERSION = 1
+_VERSION = 2
 _MAX_LISTS = 4
 """The number of file lists stored for one key."""
 
 
 @frozen
-class ExternalFileList:
-    """The files outside the workspace that a build read, and the paths at which its result is valid.
+class Origin:
+    """The workspace in which a result was built, and what builds in other ones have shown.
 
-    `absolute_path_reason` tells why it is valid at one path only, '' if it is relocatable; `quoting` is that
-    of the paths where it was built.
+    `shown` is True if one whose path differs enough had the same result, `different` is a file that was not
+    the same.
     """
 
-    paths: tuple[str, ...]
-    absolute_path_reason: str = ""
-    quoting: QuotingClass = QuotingClass.PLAIN
+    root: str
+    shown: bool = False
+    different: str = ""
 
-    def valid_for(self, relocator: Relocator) -> bool:
-        """Return True if the result can be relocated to these paths: extra quotes are harmless."""
-        return (
-            bool(self.absolute_path_reason)
-            or relocator.quoting == self.quoting
-            or (relocator.quoting == QuotingClass.PLAIN and self.quoting == QuotingClass.SPACED)
-        )
+    def is_unlike(self, root: str) -> bool:
+        """Return True if what depends on the path would differ in `root`: length, depth and name differ."""
+        here, there = Path(self.root), Path(root)
+        return len(self.root) != len(root) and len(here.parts) != len(there.parts) and here.name != there.name
 
 
 def shared_inputs(tools: Pairs, table: FileTable) -> tuple[str, ...]:
@@ -97,48 +96,50 @@ def input_key(
         shared,
         [relocator.relativize_word(word) for word in inputs.options],
         [[name, relocator.relativize_word(values.get(name, value))] for name, value in inputs.environment],
+        inputs.underlays,
+        relocator.arrangement,
         inputs.sources,
         needs,
     )
 
 
-def result_key(
-    first: str, inputs: ExternalFileList, contents: Mapping[str, str], relocator: Relocator
-) -> str:
+def result_key(first: str, words: Sequence[str], contents: Mapping[str, str], root: str = "") -> str:
     """Return the key of a result from the first key and the contents of external files.
 
-    `contents` maps `inputs.paths` to content digests.
+    `contents` maps `words` to content digests. With `root`, it is the key for this path only.
     """
-    data = digest_of(inputs.paths, contents)
-    locations = (
-        [[name, path.decode(errors="replace")] for name, path in relocator.paths]
-        if inputs.absolute_path_reason
-        else []
-    )
-    return _key(first, data, inputs.quoting, locations)
+    return _key(first, digest_of(words, contents), root)
 
 
-def encode_lists(lists: Iterable[ExternalFileList]) -> bytes:
+def encode_lists(lists: Iterable[tuple[str, ...]]) -> bytes:
     """Return the first _MAX_LISTS lists of inputs as JSON."""
-    found = list(dict.fromkeys(lists))[:_MAX_LISTS]
-    data = [[*one.paths, one.quoting, one.absolute_path_reason] for one in found]
-    return json.dumps({"forge_inputs": _VERSION, "lists": data}).encode()
+    return json.dumps({"forge_inputs": _VERSION, "lists": [*dict.fromkeys(lists)][:_MAX_LISTS]}).encode()
 
 
-def decode_lists(data: bytes) -> tuple[ExternalFileList, ...]:
+def decode_lists(data: bytes) -> tuple[tuple[str, ...], ...]:
     """Return the lists that `encode_lists` wrote; nothing for what it did not."""
     try:
         found: Mapping[str, Any] = json.loads(data)
-        if found["forge_inputs"] != _VERSION:
-            return ()
-        lists = found["lists"][:_MAX_LISTS]
-        if not all(isinstance(word, str) for one in lists for word in one):
-            return ()
-        return tuple(
-            ExternalFileList(tuple(words), reason, QuotingClass(quoting)) for *words, quoting, reason in lists
-        )
+        lists = found["lists"][:_MAX_LISTS] if found["forge_inputs"] == _VERSION else ()
+        return tuple(map(tuple, lists)) if all(isinstance(word, str) for one in lists for word in one) else ()
     except (ValueError, LookupError, TypeError, RecursionError):
         return ()
+
+
+def encode_origin(origin: Origin) -> bytes:
+    """Return where a result was built as JSON."""
+    return json.dumps(asdict(origin)).encode()
+
+
+def decode_origin(data: bytes) -> Origin:
+    """Return what `encode_origin` wrote; raises ValueError for what it did not."""
+    try:
+        found = Origin(**json.loads(data))
+    except (TypeError, RecursionError) as error:
+        raise ValueError("invalid origin of a result") from error
+    if (type(found.root), type(found.shown), type(found.different)) != (str, bool, str):
+        raise ValueError("invalid origin of a result")
+    return found
 
 
 def _key(*data: object) -> str:

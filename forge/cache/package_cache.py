@@ -1,5 +1,8 @@
 """The package cache of a build: look up packages before they are built, and store them afterwards.
 
+A result is for the workspace where it was built, until a build in a workspace with a sufficiently different
+path has the same result: then it is for any workspace.
+
 Called by the workers; each package is looked up or stored by one of them at a time.
 """
 
@@ -9,7 +12,7 @@ import hashlib
 import os
 import threading
 import time
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import field, replace
 from typing import TYPE_CHECKING
 
@@ -19,8 +22,6 @@ from forge.build.tests.detection import has_ctests
 from forge.cache import keys
 from forge.cache.external_inputs import ExternalInputs
 from forge.cache.model import RESTORED, ActionResult, Digest, OutputFile, StoreError
-from forge.cache.processor import WORD, processor_inputs
-from forge.cache.relocation import QuotingClass
 from forge.cache.restoring import CachedTree, Contents, TreeWriter
 from forge.cache.trees import TICK, Uncacheable, decode_index, encode_index, scan_tree, unrecorded_files
 from forge.toolchain.programs import CMAKE_TYPES, condensed, program_of
@@ -71,8 +72,9 @@ class PendingResult:
 
     package: str
     first: str
-    inputs: keys.ExternalFileList
-    result: ActionResult
+    words: tuple[str, ...]
+    tree: Tree
+    blobs: Mapping[str, Digest]
     began: float
     ended: float
 
@@ -101,7 +103,10 @@ class PackageCache:
         """The keys of installed packages, computed on demand for the first keys of their dependents."""
         self.computed_trees: dict[str, str] = {}
         """Tree digests computed for packages whose records had none."""
-        self._lists: dict[str, tuple[keys.ExternalFileList, ...]] = {}
+        self._lists: dict[str, tuple[tuple[str, ...], ...]] = {}
+        """The lists of external files by first keys."""
+        self._elsewhere: dict[str, keys.Origin] = {}
+        """The origin of a result that may be another one at this path, by first keys."""
         self._warned = False
         self._pending: list[PendingResult] = []
         self.notes: dict[str, str] = {}
@@ -158,8 +163,6 @@ class PackageCache:
             self.notes[task.name] = f"not cached: {fault}"
             self._warn_once(fault)
             return record
-        bound = tree.absolute_path_reason
-        self.notes[task.name] = f"cached for this path only: {bound}" if bound else "cached"
         return replace(record, tree=tree.digest)
 
     def finish(self) -> None:
@@ -263,20 +266,36 @@ class PackageCache:
             known = store.result(first)
             lists = keys.decode_lists(known.stdout) if known else ()
             self._lists[first] = tuple(dict.fromkeys((*self._lists.get(first, ()), *lists)))
-            for inputs in lists:
-                if not inputs.valid_for(self._context.relocator):
-                    continue
-                seen = self._external_inputs.look(inputs.paths)
-                second = keys.result_key(first, inputs, seen.contents, self._context.relocator)
-                result = store.result(second)
-                found = result and self._fetch_result(remote, result, seen)
-                if result and found:
-                    if remote:
-                        self._remember(first, second, inputs, result)
-                    return found
+            for words in lists:
+                seen = self._external_inputs.look(words)
+                for root in self._roots:
+                    second = keys.result_key(first, words, seen.contents, root)
+                    result = store.result(second)
+                    if result is None or not self._is_valid_here(first, result, root):
+                        continue
+                    if found := self._fetch_result(remote, result, seen):
+                        if remote:
+                            self._remember(first, second, words, result)
+                        return found
         except (StoreError, OSError, ValueError) as fault:
             self._warn_once(fault)
         return None
+
+    @property
+    def _roots(self) -> tuple[str, ...]:
+        """What keys of results contain, in order: nothing, or the path of this workspace.
+
+        Scripts that are written for a path without blanks may lack the quotes that another one needs.
+        """
+        relocator = self._context.relocator
+        return ("", relocator.root) if relocator.is_plain else (relocator.root,)
+
+    def _is_valid_here(self, first: str, result: ActionResult, root: str) -> bool:
+        origin = keys.decode_origin(result.stdout)
+        if root or origin.shown or origin.root == self._context.relocator.root:
+            return True
+        self._elsewhere[first] = origin
+        return False
 
     def _fetch_result(
         self, remote: RemoteStore | None, result: ActionResult, seen: FileSnapshot
@@ -324,23 +343,13 @@ class PackageCache:
         try:
             with draft.open("xb") as pack:
                 tree = scan_tree(task.name, self._context.layout, record, self._context.relocator, pack.write)
-            if self._context.relocator.quoting == QuotingClass.ODD and not tree.absolute_path_reason:
-                tree = replace(
-                    tree, absolute_path_reason="the path of the workspace contains special characters"
-                )
             has_tests = task.package.build_type not in CMAKE_TYPES or has_ctests(task.build_dir)
             tree = replace(tree, seconds=round(time.time() - record.began, 3), has_tests=has_tests)
             blobs = self._put_blobs(task.prefix, tree, draft)
         finally:
             draft.unlink(missing_ok=True)
-        relocator = self._context.relocator
-        read = (
-            *map(relocator.relativize_word, record.externals),
-            *processor_inputs(task, relocator.root / task.package.path, self._context.values),
-        )
-        inputs = keys.ExternalFileList(read, tree.absolute_path_reason, relocator.quoting)
-        result = ActionResult(tuple(OutputFile(name, digest) for name, digest in blobs.items()))
-        pending = PendingResult(task.name, first, inputs, result, record.began, time.time())
+        words = tuple(map(self._context.relocator.relativize_input, record.externals))
+        pending = PendingResult(task.name, first, words, tree, blobs, record.began, time.time())
         if self._context.layout.merged:
             self._pending.append(pending)
         else:
@@ -348,13 +357,60 @@ class PackageCache:
         return tree
 
     def _publish(self, pending: PendingResult) -> None:
-        """Store a result under both keys, locally and in the remote store."""
-        contents = self._external_inputs.look(pending.inputs.paths).contents
-        second = keys.result_key(pending.first, pending.inputs, contents, self._context.relocator)
-        self._remember(pending.first, second, pending.inputs, pending.result)
+        """Store a result locally and in the remote store: for any path if that was shown, or for this one.
+
+        If a build elsewhere had another result, its own is marked, so that no further build shows anything.
+        """
+        root = self._context.relocator.root
+        contents = self._external_inputs.look(pending.words).contents
+        second, own = (keys.result_key(pending.first, pending.words, contents, path) for path in ("", root))
+        result = ActionResult(tuple(OutputFile(name, digest) for name, digest in pending.blobs.items()))
+        before, tree = self._published(second)
+        origin = keys.decode_origin(before.stdout) if before else keys.Origin(root)
+        is_here = origin.root == root and not origin.shown
+        different = "" if is_here or tree is None else pending.tree.difference(tree)
+        if not self._context.relocator.is_plain:
+            note = "cached for this path only: it contains blanks or special characters"
+            second, origin = own, keys.Origin(root)
+        elif before and different and different != origin.different:
+            note = f"cached for this path only: '{different}' is another in '{origin.root}'"
+            doubted = replace(origin, shown=False, different=different)
+            self._store(pending, second, replace(before, stdout=keys.encode_origin(doubted)))
+            second, origin = own, keys.Origin(root)
+        elif is_here:
+            note = "cached for this path"
+        elif origin.different:
+            note = f"cached for this path only: '{origin.different}' depends on it"
+            second, origin = own, keys.Origin(root)
+        elif origin.shown or origin.is_unlike(root):
+            note = f"cached for any path: the result is the same as in '{origin.root}'"
+            origin = replace(origin, shown=True)
+        else:
+            note = f"cached for this path: '{origin.root}' is too similar to show that it does not matter"
+            second, origin = own, keys.Origin(root)
+        self._store(pending, second, replace(result, stdout=keys.encode_origin(origin)))
+        self.notes[pending.package] = note
+
+    def _published(self, key: str) -> tuple[ActionResult | None, Tree | None]:
+        """Return what is known of a result, also by others, with its tree; nothing for an invalid one."""
+        for read in (self._remote and self._remote.result, self._local.result):
+            with ExitStack() as opened, suppress(StoreError, OSError, ValueError):
+                result = read(key) if read else None
+                blobs = {file.path: file.digest for file in result.files} if result else {}
+                index = self._open(self._remote, blobs[INDEX], opened) if INDEX in blobs else None
+                if result and index is not None:
+                    keys.decode_origin(result.stdout)
+                    return result, decode_index(os.pread(index, os.fstat(index).st_size, 0))
+        return None, None
+
+    def _store(self, pending: PendingResult, key: str, result: ActionResult) -> None:
+        """Store a result and its list of inputs."""
+        self._remember(pending.first, key, pending.words, result)
         if self._remote is not None:
-            paths = {file.digest: self._local.blob_path(file.digest.hash) for file in pending.result.files}
-            self._remote.upload(second, pending.result, paths)
+            paths = {file.digest: self._local.blob_path(file.digest.hash) for file in result.files}
+            # Blobs that are not here are where the result came from.
+            here = {digest: path for digest, path in paths.items() if path.is_file()}
+            self._remote.upload(key, result, here)
             lists = ActionResult(stdout=keys.encode_lists(self._lists[pending.first]))
             self._remote.upload(pending.first, lists, {})
 
@@ -374,23 +430,19 @@ class PackageCache:
                 self._local.put(blobs[leaf.path], prefix / leaf.path)
         return blobs
 
-    def _remember(self, first: str, second: str, inputs: keys.ExternalFileList, result: ActionResult) -> None:
+    def _remember(self, first: str, second: str, words: tuple[str, ...], result: ActionResult) -> None:
         """Store a result under both keys in the local folder; its list of inputs moves to the front."""
         self.has_grown = True
-        self._lists[first] = tuple(dict.fromkeys((inputs, *self._lists.get(first, ()))))
+        self._lists[first] = tuple(dict.fromkeys((words, *self._lists.get(first, ()))))
         self._local.put_result(second, result)
         self._local.put_result(first, ActionResult(stdout=keys.encode_lists(self._lists[first])))
 
     def _miss_reason(self, first: str) -> str:
-        lists = self._lists.get(first, ())
-        reason = next((inputs.absolute_path_reason for inputs in lists if inputs.absolute_path_reason), "")
-        if reason:
-            return f"not in the cache for this path: {reason}"
-        if lists and not any(inputs.valid_for(self._context.relocator) for inputs in lists):
-            return "not in the cache for this path: cached results do not quote paths with blanks"
-        if lists and all(WORD in inputs.paths for inputs in lists):
-            return "not in the cache: a file outside the workspace or the processor differs"
-        return f"not in the cache{': a file outside the workspace differs' if lists else ''}"
+        if origin := self._elsewhere.get(first):
+            if origin.different:
+                return f"not in the cache for this path: '{origin.different}' depends on it"
+            return f"not in the cache for this path: only built in '{origin.root}' so far"
+        return f"not in the cache{': a file outside the workspace differs' if self._lists.get(first) else ''}"
 
     def _warn_once(self, fault: Exception) -> None:
         """Warn once that the cache is unusable or contains invalid data."""

@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, Any
 from forge.base.files import BYTECODE
 from forge.base.frozen import frozen
 from forge.base.layout import BACKUP_DIR, INSTALLED_LISTS_DIR
+from forge.build.inputs.elf_abi import linked_parts
 from forge.cache.model import Digest
-from forge.cache.relocation import NonRelocatable
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -38,7 +38,7 @@ _SPECIAL = stat.S_ISUID | stat.S_ISGID | stat.S_ISVTX
 TICK = 0.05
 """The tolerated difference in seconds between file times and process clocks."""
 
-_VERSION = 2
+_VERSION = 3
 _NO_NAMES = frozenset({"", ".", ".."})
 _HEX = re.compile(r"[0-9a-f]{64}\Z")
 _LONGEST = 4096
@@ -51,6 +51,7 @@ class Leaf:
 
     `offset` is its position in the pack; it is -1 for a large file, whose bytes are the blob `hash`.
     `relocatable` is True if the content has placeholders. A symbolic link has a `target` instead.
+    `linked` is a digest of what does not depend on the run path with which a program or library was linked.
     """
 
     path: str
@@ -60,22 +61,26 @@ class Leaf:
     offset: int = -1
     relocatable: bool = False
     target: str | None = None
+    linked: str = ""
+
+    @property
+    def state(self) -> tuple[object, ...]:
+        """What a build in another workspace has in common."""
+        return self.path, self.mode, self.linked or self.hash, self.target
 
 
 @frozen
 class Tree:
     """All files of a package, sorted by path, and its folders that are empty or have unusual permissions.
 
-    The permissions of a folder are 0 for the default. `seconds` is the duration of the build, for estimates;
-    `absolute_path_reason` tells why the tree is valid only at its original path, '' if it is
-    relocatable. With `has_tests`, tests need the build folder, which is not stored.
+    The permissions of a folder are 0 for the default. `seconds` is the duration of the build, for estimates.
+    With `has_tests`, tests need the build folder, which is not stored.
     """
 
     package: str
     leaves: tuple[Leaf, ...]
     folders: tuple[tuple[str, int], ...] = ()
     seconds: float = 0.0
-    absolute_path_reason: str = ""
     pack: Digest | None = None
     has_tests: bool = True
 
@@ -91,12 +96,18 @@ class Tree:
         """A digest of the tree, independent of its path and build time."""
         value = hashlib.sha256()
         for leaf in self.leaves:
-            value.update(
-                f"{leaf.path}\0{leaf.mode:o} {leaf.hash} {leaf.target}\n".encode(errors="surrogateescape")
-            )
+            value.update(repr(leaf.state).encode(errors="surrogateescape"))
         folders = (f"{path}\0{mode:o}\n" for path, mode in self.folders)
         value.update("".join(folders).encode(errors="surrogateescape"))
         return value.hexdigest()
+
+    def difference(self, other: Tree) -> str:
+        """Return a file or folder that is not the same in another tree, '' if there is none."""
+        states = {leaf.state for leaf in self.leaves}.symmetric_difference(
+            leaf.state for leaf in other.leaves
+        )
+        folders = set(self.folders).symmetric_difference(other.folders)
+        return min((str(path) for path, *_ in (*states, *folders)), default="")
 
 
 class Uncacheable(Exception):
@@ -116,19 +127,17 @@ def scan_tree(
     """
     prefix = str(layout.prefix(package))
     names = [_name(prefix, path) for path in record.files]
-    leaves, offset, reason = [], 0, ""
+    leaves, offset = [], 0
     whole = hashlib.sha256()
     for name in sorted(names):
-        leaf, content, why = _leaf(f"{prefix}/{name}", name, relocator, offset)
+        leaf, content = _leaf(f"{prefix}/{name}", name, relocator, offset)
         leaves.append(leaf)
         if content:
             whole.update(content)
             pack(content)
             offset += len(content)
-        if why and not reason:
-            reason = f"'{name}' contains {why}"
     folders = _folders(prefix, names, [_name(prefix, path.rstrip("/")) for path in record.folders])
-    return Tree(package, tuple(leaves), folders, 0.0, reason, Digest(whole.hexdigest(), offset))
+    return Tree(package, tuple(leaves), folders, 0.0, Digest(whole.hexdigest(), offset))
 
 
 def unrecorded_files(install: Path, records: Mapping[str, BuildRecord], since: float) -> dict[str, float]:
@@ -150,7 +159,6 @@ def unrecorded_files(install: Path, records: Mapping[str, BuildRecord], since: f
 def encode_index(tree: Tree) -> bytes:
     """Return the index: the tree as JSON."""
     value = {"forge_tree": _VERSION, **asdict(tree)}
-    value["bound"] = value.pop("absolute_path_reason")
     value["leaves"] = [list(leaf.values()) for leaf in value["leaves"]]
     return json.dumps(value).encode()
 
@@ -170,7 +178,6 @@ def decode_index(index: bytes) -> Tree:
             leaves=tuple(_leaf_of(entry) for entry in value["leaves"]),
             folders=tuple((_safe(path), _number(mode) & 0o777) for path, mode in value["folders"]),
             seconds=_duration(value["seconds"]),
-            absolute_path_reason=_text(value["bound"]),
             pack=Digest(_hash(pack["hash"]), _number(pack["size"])),
             has_tests=bool(value["has_tests"]),
         )
@@ -202,15 +209,15 @@ def _folders(prefix: str, names: Iterable[str], empty: Iterable[str]) -> tuple[t
     return tuple(sorted(found.items()))
 
 
-def _leaf(path: str, name: str, relocator: Relocator, offset: int) -> tuple[Leaf, bytes | None, str]:
-    """Return a file as a leaf, its bytes for the pack, and the reason if it is not relocatable."""
+def _leaf(path: str, name: str, relocator: Relocator, offset: int) -> tuple[Leaf, bytes | None]:
+    """Return a file as a leaf, and its bytes for the pack."""
     status = os.lstat(path)
     if stat.S_ISLNK(status.st_mode):
         target = os.readlink(path)
-        return Leaf(name, 0, 0, "", target=relocator.relativize_word(target)), None, ""
+        return Leaf(name, 0, 0, "", target=relocator.relativize_word(target)), None
     if not stat.S_ISREG(status.st_mode) or status.st_mode & _SPECIAL:
         raise Uncacheable(f"'{name}' is not a regular file")
-    kept, why, rewritten = _content(path, status, relocator)
+    kept, rewritten = _content(path, status, relocator)
     leaf = Leaf(
         name,
         stat.S_IMODE(status.st_mode),
@@ -219,33 +226,28 @@ def _leaf(path: str, name: str, relocator: Relocator, offset: int) -> tuple[Leaf
         # Large files are copied verbatim; files with placeholders go into the pack.
         offset if rewritten or len(kept) < LARGE else -1,
         rewritten,
+        linked=linked_parts(kept),
     )
-    return leaf, bytes(kept) if leaf.offset >= 0 else None, why
+    return leaf, bytes(kept) if leaf.offset >= 0 else None
 
 
-def _content(path: str, status: os.stat_result, relocator: Relocator) -> tuple[bytes | mmap, str, bool]:
-    """Return the content to store, the reason if it is not relocatable, and if it contains placeholders."""
+def _content(path: str, status: os.stat_result, relocator: Relocator) -> tuple[bytes | mmap, bool]:
+    """Return the content to store, and whether it contains placeholders."""
     with open(path, "rb") as stream:
         if status.st_size >= LARGE:
             # Do not read it into memory, since it may be very large.
             whole = mmap(stream.fileno(), 0, access=ACCESS_READ)
-            if not relocator.occur_in(whole):
-                return whole, "", False
-            if whole.find(b"\0") >= 0:
-                return whole, relocator.name_in(whole), False
+            if whole.find(b"\0") >= 0 or not relocator.occur_in(whole):
+                return whole, False
             content = whole[:]
         else:
             content = stream.read()
-    relocatable = relocator.relativize(content)
-    return (
-        (content, relocatable.occurrence, False)
-        if isinstance(relocatable, NonRelocatable)
-        else (relocatable, "", relocatable is not content)
-    )
+    relative = relocator.relativize(content)
+    return relative, relative is not content
 
 
 def _leaf_of(entry: list[Any]) -> Leaf:
-    path, mode, size, digest, offset, relocatable, target = entry
+    path, mode, size, digest, offset, relocatable, target, linked = entry
     return Leaf(
         path=_safe(path),
         mode=_number(mode) & 0o777,
@@ -254,6 +256,7 @@ def _leaf_of(entry: list[Any]) -> Leaf:
         offset=offset if offset == -1 else _number(offset),
         relocatable=relocatable is True,
         target=None if target is None else _text(target),
+        linked=_text(linked),
     )
 
 

@@ -16,12 +16,12 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.base.files import replace_file, text_or_nothing
+from forge.base.files import open_regular, replace_file, text_or_nothing
 from forge.base.frozen import frozen
 from forge.engine.observation import observe
 from forge.engine.observed import is_intact
 from forge.engine.variables import mentioned
-from forge.engine.world import about_programs, about_variables
+from forge.engine.world import CPU_INFO, PROCESSOR, about_programs, about_variables
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
@@ -181,7 +181,11 @@ def commands_of(
             edges[output] = replace(accesses, read=read, found=frozenset(), blind=blind)
             missing |= folders.paths(seen.missing)
     seen = observe(others, step.blind)
-    rest = replace(folders.accesses(seen, others), searched=folders.paths(seen.missing))
+    rest = folders.accesses(seen, others)
+    # What is installed is copied, whatever it says.
+    copying = {each for each in others if each.parent is None and roots.get(each.pid) == "install"}
+    asked = rest.asked - {PROCESSOR} | folders.about_processor(others - copying)
+    rest = replace(rest, asked=asked, searched=folders.paths(seen.missing))
     return ObservedCommands(configure, edges, frozenset(missing | rest.searched), rest)
 
 
@@ -195,16 +199,19 @@ class Folders:
         known: Iterable[str] = (),
         world: World | None = None,
         private: Path | None = None,
+        sources: frozenset[str] = frozenset(),
     ) -> None:
         """Keep what lies below the build folder or `others`; what lies below `known` is tracked otherwise.
 
-        What commands of forge write below `private`, forge's own cache, is no output.
+        What commands of forge write below `private`, forge's own cache, is no output. `sources` are files
+        that compilers take as source code.
         """
         self._private = f"{private}/" if private else "\0"
         self._build = f"{build}/"
         self._known = (*known, *_VOLATILE)
         self._path = world.path if world else frozenset[str]()
         self._unwatched = self._path | {tempfile.gettempdir()}
+        self._sources = sources
         self._searched = world.searched_for_packages if world else lambda _: False
         self.tools: frozenset[str] = frozenset()
         """The programs of the steps themselves, which are tracked as tools wherever they are installed."""
@@ -218,6 +225,7 @@ class Folders:
         # Commands of one package read and miss mostly the same: each path is looked at once.
         self._is_read_file = cache(self._look_at_file)
         self._is_missing = cache(self._look_for)
+        self._is_native = cache(self._look_for_native)
 
     def path(self, path: str) -> str | None:
         """Return a path below one of the folders as its name spells it, None if it is elsewhere."""
@@ -270,7 +278,7 @@ class Folders:
             searched=frozenset(map(os.path.dirname, self.paths(seen.missing))),
             written=written,
             external=frozenset(external),
-            asked=frozenset((*asked, *about_variables(variables))),
+            asked=frozenset((*asked, *about_variables(variables))) | self.about_processor(processes),
             kept=self._kept(processes) if seen.ledgers else frozenset(),
             ledgers=frozenset(f"{digest} {path}" for digest, path in ledgers),
             outside=len(written) < len(kept) or any(not path.startswith(self._build) for path in written),
@@ -317,6 +325,39 @@ class Folders:
                     if is_input and os.path.isdir(path):
                         yield f"{path}/."
 
+    def about_processor(self, processes: Iterable[Process]) -> frozenset[str]:
+        """Return the question about the processor if processes may have compiled for it, or read what it is.
+
+        Compilers ask the processor itself, which cannot be observed. That they are to do so is said by an
+        option in a command or in a file that is read, such as ninja's rules, a response file, or a script.
+        """
+        is_asked = any(
+            is_for_this_processor(process.command)
+            # CMake reads it whenever it starts.
+            or any(
+                kind == "R" and (self._is_native(path) or (path == CPU_INFO and not self._is_tool(process)))
+                for _, kind, path in process.records
+            )
+            for process in processes
+        )
+        return frozenset({PROCESSOR} if is_asked else ())
+
+    def _is_tool(self, process: Process) -> bool:
+        return bool(process.programs) and process.programs[-1] in self.tools
+
+    def _look_for_native(self, path: str) -> bool:
+        if path in self._sources or path.startswith(self._known):
+            return False
+        try:
+            with open(path, "rb", opener=open_regular) as file:
+                text = file.read(4096)
+                text = b"" if b"\0" in text else text + file.read()
+        except OSError:
+            return False
+        if self.path(path) is None:  # such as Python's modules, where the word has many meanings
+            return _NATIVE_FLAG.search(text) is not None
+        return is_for_this_processor(text.decode(errors="replace"))
+
     def _mentioned_by(self, process: Process) -> frozenset[str]:
         """Return the variables that a process may have read from a copy of its environment."""
         found = [mentioned(program, process.command) for program in process.programs if process.command]
@@ -330,8 +371,17 @@ class Folders:
         return frozenset[str]().union(*found)
 
 
+def is_for_this_processor(text: str) -> bool:
+    """Return True if options, or a file that may have some, name the processor at hand; comments do not."""
+    lines = text.splitlines() if _NATIVE.search(text) else ()
+    return any(_NATIVE.search(line) and not line.lstrip().startswith(("#", "//")) for line in lines)
+
+
 _NO_INPUT = re.compile(r"/__pycache__$|\.pyc$|\.egg-info/|\.dist-info/entry_points\.txt$")
 """Caches of Python, and what it reads of every distribution in search of plugins, which it then imports."""
+_NATIVE = re.compile(rf"\bnative\b|-xHost\b|{CPU_INFO}")
+"""How the options of all compilers name the processor at hand, and where scripts read what it is."""
+_NATIVE_FLAG = re.compile(rb"-m(?:arch|tune|cpu)=native|target-cpu=native|-xHost\b|/proc/cpuinfo")
 _VOLATILE = ("/proc/", "/sys/")
 """What the kernel makes up."""
 CACHED_BYTECODE = re.compile(r"^(.*)/__pycache__/([^/.]+)\.[^/]*\.pyc$")

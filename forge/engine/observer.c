@@ -229,10 +229,10 @@ static void forget(char kind, const char *word, size_t length)
         __atomic_store_n(entry, 0, __ATOMIC_RELAXED);
 }
 
-/* What the kernel shows of processes and devices is no input. */
+/* What the kernel shows of processes and devices is no input, but what it says of the processor is. */
 static int is_kernels(const char *path)
 {
-    return !strncmp(path, "/proc/", 6) || !strncmp(path, "/sys/", 5);
+    return (!strncmp(path, "/proc/", 6) && strcmp(path, "/proc/cpuinfo")) || !strncmp(path, "/sys/", 5);
 }
 
 /* Tell if a path below /dev is an input, as a file in /dev/shm is; what is behind links to open files was logged
@@ -313,7 +313,6 @@ static int is_below(const char *path, const char *folder)
 
     return size && !strncmp(path, folder, size) && (!path[size] || path[size] == '/');
 }
-
 
 static void found(char kind, int folder, const char *path)
 {

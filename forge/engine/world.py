@@ -1,6 +1,7 @@
 """What a build asks of its surroundings by name: variables, programs, and packages that CMake finds by PATH.
 
-Questions are texts, so that records can keep them with the answers: '$NAME', 'program NAME', 'package NAME'.
+Questions are texts, so that records can keep them with the answers: '$NAME', 'program NAME', 'package NAME',
+'FORGE_PROCESSOR'.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ import os
 import re
 from typing import TYPE_CHECKING
 
+from forge.base.files import text_or_nothing
 from forge.base.text import digest
 from forge.engine.variables import is_tracked
 from forge.toolchain.config_search import ConfigSearch, prefixes_of_path
@@ -23,6 +25,17 @@ _SYSTEM = ("/usr/local", "/usr", "", "/opt")
 _OF_PACKAGES = re.compile(r"/?|/(lib\w*|share)(/[\w-]+-linux-\w+)?(/cmake|/CMake)?")
 VARIABLE, PROGRAM, PACKAGE_FOUND = "$", "program ", "package "
 """The beginnings of questions."""
+PROCESSOR = "FORGE_PROCESSOR"
+"""The question of builds that compile for the processor at hand, or read what it is."""
+CPU_INFO = "/proc/cpuinfo"
+_TRAITS = frozenset(
+    {
+        *("vendor_id", "cpu family", "model", "model name", "stepping", "cache size", "flags"),
+        *("CPU implementer", "CPU architecture", "CPU variant", "CPU part", "Features"),
+        *("isa", "uarch", "machine", "cpu", "features", "CPU Family", "Model Name"),
+    }
+)
+"""Relevant lines of CPU_INFO on several architectures; other lines vary over time or between cores."""
 
 
 class World:
@@ -64,12 +77,20 @@ class World:
         if question.startswith(VARIABLE):
             value = self._variables.get(question[1:])
             return "" if value is None else digest(value)  # a value may be a secret
+        if question == PROCESSOR:
+            return processor(text_or_nothing(CPU_INFO))
         if question.startswith(PROGRAM):
             name = question.removeprefix(PROGRAM)
             found = self._lookup.identity(name) if name in self._lookup.names else ""
             return found.rsplit(" ", 2)[0]
         name = question.removeprefix(PACKAGE_FOUND)
         return next(filter(None, (self._configs.folder(prefix, name) for prefix in self._prefixes)), "")
+
+
+def processor(cpu_info: str) -> str:
+    """Return a digest of processor model and features."""
+    lines = {line.strip() for line in cpu_info.splitlines() if line.partition(":")[0].strip() in _TRAITS}
+    return digest(*sorted(lines))
 
 
 def about_variables(names: Iterable[str]) -> Iterator[str]:

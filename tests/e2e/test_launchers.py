@@ -117,11 +117,13 @@ def test_debug_information_is_shared_where_it_names_no_folder(
 
 @pytest.mark.needs("ccache")
 def test_the_package_cache_does_not_depend_on_the_launcher(forge: Forge, tree: Tree) -> None:
-    root = tree({f"{place}/{name}": text for place in "ab" for name, text in package("one").items()})
+    root = tree(package("one"))
     env = {"CCACHE_DIR": str(root / "cache"), "FORGE_CACHE_DIR": str(root / "packages")}
-    ran = forge("build", "--cache", "--compiler-launcher", "ccache", cwd=root / "a", env=env)
+    ran = forge("build", "--cache", "--compiler-launcher", "ccache", cwd=root, env=env)
     assert "ccache: 0 of 1 compilation from the cache" in ran.out
-    ran = forge("build", "--cache", cwd=root / "b", env=env)
+    for name in ("build", "install"):
+        shutil.rmtree(root / name)
+    ran = forge("build", "--cache", cwd=root, env=env)
     assert "1 package came from the cache" in ran.out
 
 

@@ -84,32 +84,46 @@ def watched_compilers(folder: Path) -> dict[str, str]:
 
 
 def test_a_clone_at_another_path_is_restored_completely(nginx: Nginx, forge: Forge, tmp_path: Path) -> None:
-    """No compiler is started for it, and nothing is installed but what a clean build there installs."""
+    """No compiler is started for it, and nothing is installed but what a clean build there installs.
+
+    That paths do not matter was shown by builds in two other clones.
+    """
     env = watched_compilers(tmp_path / "compilers")
     some = ("--packages-up-to", "plain_cmake_math", "robot_control_interfaces", "robot_configs")
     words = (*some, "--remote-cache", nginx.url)
-    first, second = (Clone(tmp_path / name, forge) for name in ("first clone", "the other clone"))
-    for each in (first, second):
+    names = ("first", "deeper/second", "and/at/the_third")
+    first, second, third = (Clone(tmp_path / name, forge) for name in names)
+    for each in (first, second, third):
         shutil.copytree(ROOT / "examples_ws/src", each.folder / "src")
-    first.build(*words, env=env)
     started = tmp_path / "compilers/started"
-    assert " -c " in started.read_text("utf-8")
-    started.unlink()
-    ran = second.build(*words, env=env)
+    for each in (first, second):
+        assert restored(each.build(*words, env=env)) == 0
+        assert " -c " in started.read_text("utf-8")
+        started.unlink()
+    ran = third.build(*words, env=env)
     assert ran.out.count("Finished <<<") == ran.out.count("[ from the cache ]") == restored(ran)
     assert restored(ran) > 4
     assert not started.exists()
-    found = second.tree()
-    second.forget()
-    assert restored(second.build(*some, env=env)) == 0
-    assert differences(found, second.tree()) == []
+    found = third.tree()
+    third.forget()
+    assert restored(third.build(*some, env=env)) == 0
+    assert differences(found, third.tree()) == []
 
 
 def test_read_only_clients_upload_nothing(nginx: Nginx, clone: Callable[[str], Clone]) -> None:
     clone("reader").build("--remote-cache", nginx.url, "--cache-read-only")
     assert {request.split()[0] for request in nginx.requests()} == {"GET"}
-    clone("writer").build(env={"FORGE_REMOTE_CACHE": nginx.url})
-    assert restored(clone("another").build("--remote-cache", nginx.url, "--cache-read-only")) == 2
+    for name in ("writer", "deeper/second"):
+        assert restored(clone(name).build(env={"FORGE_REMOTE_CACHE": nginx.url})) == 0
+    assert restored(clone("a/third/clone").build("--remote-cache", nginx.url, "--cache-read-only")) == 2
+
+
+def test_a_clone_at_the_same_path_is_restored_at_once(nginx: Nginx, clone: Callable[[str], Clone]) -> None:
+    """As in containers and on CI servers, whose caches are empty."""
+    one = clone("one")
+    assert restored(one.build("--remote-cache", nginx.url)) == 0
+    one.forget()
+    assert restored(one.build("--remote-cache", nginx.url)) == 2
 
 
 @dataclass(frozen=True, slots=True)

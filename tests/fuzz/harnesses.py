@@ -356,6 +356,9 @@ def cached_tree(data: bytes) -> None:
 def cached_inputs(data: bytes) -> None:
     found = keys.decode_lists(data)
     assert keys.decode_lists(keys.encode_lists(found)) == tuple(dict.fromkeys(found))
+    with contextlib.suppress(ValueError):
+        origin = keys.decode_origin(data)
+        assert keys.decode_origin(keys.encode_origin(origin)) == origin
 
 
 PLAIN = b"""<package format="3"><name>p</name><version>1.0.0</version><description>A</description>

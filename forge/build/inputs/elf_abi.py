@@ -18,6 +18,7 @@ from forge.base.frozen import frozen
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from mmap import mmap
 
 SHARED_LIBRARY = re.compile(r"/lib[^/]+\.so(\.[\d.]+)?$")
 """Paths of shared libraries, by the names that linkers look for."""
@@ -45,6 +46,8 @@ _WHOLE = (
     *(".gnu.attributes", ".ARM.attributes", ".riscv.attributes"),
 )
 _WARNING = ".gnu.warning"
+_DT_STRSZ = 10
+_ZEROS = re.compile(rb"\0+")
 
 
 @frozen
@@ -55,6 +58,8 @@ class _Section:
     body: bytes
     link: int
     alignment: int
+    address: int
+    size: int
 
 
 @frozen
@@ -64,6 +69,8 @@ class _Library:
     sections: tuple[_Section, ...]
     relro: tuple[tuple[int, int], ...]
     """The addresses that are read-only after relocation."""
+    end: int
+    """Where the table of sections ends, usually at the end of the file."""
 
 
 def abi_digest(path: str) -> str:
@@ -82,9 +89,38 @@ def abi_digest(path: str) -> str:
     return digest.hexdigest()
 
 
-def _read(content: bytes) -> _Library | None:
+def linked_parts(content: bytes | mmap) -> str:
+    """Return a digest of what a program or shared library has in common with one linked with other run paths.
+
+    CMake links with the folders of libraries as run path, and overwrites them with zeros when it installs.
+    What remains is how many these are, where the tables behind them begin, and the build ID, which was
+    computed before. Other files have no such digest ('' is returned), nor those with more than sections.
+    """
+    try:
+        library = _read(content)
+    except (ValueError, LookupError, struct.error):
+        return ""
+    if library is None or library.end != len(content):
+        return ""
+    names = {section.address: section.name for section in library.sections if section.address}
+    digest = hashlib.sha256(repr(library.machine).encode())
+    for section in library.sections:
+        body, size = section.body, section.size
+        if section.name == ".dynstr":
+            body, size = _ZEROS.sub(b"\0", body), 0
+        elif section.type == _SHT_DYNAMIC:
+            entries = (entry for entry in _DYNAMIC.iter_unpack(body) if entry[0] != _DT_STRSZ)
+            body = repr([(tag, names.get(value, value)) for tag, value in entries]).encode()
+        elif section.name == ".note.gnu.build-id":
+            body = b""
+        digest.update(repr((section.name, section.type, section.flags, section.alignment, size)).encode())
+        digest.update(body)
+    return digest.hexdigest()
+
+
+def _read(content: bytes | mmap) -> _Library | None:
     """Return the sections of a shared library; None for any other file."""
-    if not content.startswith(_IDENT):
+    if content[: len(_IDENT)] != _IDENT:
         return None
     type_, machine, _, _, segments, start, flags, _, segment_size, segment_count, size, count, names_at = (
         _HEADER.unpack_from(content)
@@ -95,9 +131,11 @@ def _read(content: bytes) -> _Library | None:
     _, _, _, _, names_offset, names_size, *_ = headers[names_at]
     names = content[names_offset : names_offset + names_size]
     sections = []
-    for name, kind, attributes, _, offset, length, link, _, alignment, _ in headers:
+    for name, kind, attributes, address, offset, length, link, _, alignment, _ in headers:
         body = b"" if kind == _SHT_NOBITS else content[offset : offset + length]
-        sections.append(_Section(_text(names, name), kind, attributes, body, link, alignment))
+        sections.append(
+            _Section(_text(names, name), kind, attributes, body, link, alignment, address, length)
+        )
     relro = tuple(
         (address, address + extent)
         for kind, _, _, address, _, _, extent, _ in (
@@ -105,7 +143,7 @@ def _read(content: bytes) -> _Library | None:
         )
         if kind == _PT_GNU_RELRO
     )
-    return _Library((machine, flags, content[7:9]), tuple(sections), relro)
+    return _Library((machine, flags, content[7:9]), tuple(sections), relro, start + count * size)
 
 
 def _lines(library: _Library) -> Iterator[object]:

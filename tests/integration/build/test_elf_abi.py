@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from forge.build.inputs.elf_abi import abi_digest
+from forge.build.inputs.elf_abi import abi_digest, linked_parts
 
 pytestmark = pytest.mark.needs("gcc")
 
@@ -140,3 +140,23 @@ def linked(libd: Path, linker: str) -> bytes | None:
         (*argv, "-Wl,--unresolved-symbols=ignore-all"), cwd=libd.parent, capture_output=True, check=False
     )
     return None if done.returncode else (libd.parent / "x").read_bytes()
+
+
+def with_run_path(folder: Path, run_path: str, code: str = "int v = 1;") -> bytes:
+    """Return a library that was linked with a run path, which then was overwritten as CMake does."""
+    (folder / "v.c").write_text(code)
+    argv = ["gcc", "-shared", "-fPIC", "-o", "libv.so", "v.c", f"-Wl,--build-id=sha1,-rpath,{run_path}"]
+    subprocess.run(argv, cwd=folder, check=True)
+    content = (folder / "libv.so").read_bytes()
+    assert run_path.encode() in content
+    return content.replace(run_path.encode(), b"\0" * len(run_path))
+
+
+def test_what_is_linked_does_not_depend_on_the_length_of_an_overwritten_run_path(tmp_path: Path) -> None:
+    one, two = with_run_path(tmp_path, "/one/lib"), with_run_path(tmp_path, "/the/other/lib:/and/lib")
+    assert one != two
+    assert linked_parts(one) == linked_parts(two) != ""
+    assert linked_parts(one) != linked_parts(with_run_path(tmp_path, "/one/lib", "int v = 2;"))
+    kept = with_run_path(tmp_path, "/one/lib").replace(b"\0" * len("/one/lib"), b"/two/lib", 1)
+    assert linked_parts(one) != linked_parts(kept)
+    assert linked_parts(one + b"more") == linked_parts(b"text") == linked_parts(one[:100]) == ""

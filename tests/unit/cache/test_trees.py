@@ -96,7 +96,6 @@ def test_paths_are_adjusted_on_restore(tmp_path: Path) -> None:
     layout = installed(one, {name: text.encode() for name, text in files.items()})
     (layout.prefix("a") / "link").symlink_to(one / "install" / "a" / "setup.sh")
     tree = surveyed(layout, tmp_path / "pack")
-    assert not tree.absolute_path_reason
     other = planted(tree, tmp_path / "pack", layout.prefix("a"), two).prefix("a")
     assert (other / "setup.sh").read_text() == f"x={two}/install/a\n"
     assert (other / "link").readlink() == two / "install" / "a" / "setup.sh"
@@ -104,12 +103,16 @@ def test_paths_are_adjusted_on_restore(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("size", [10, LARGE])
-def test_a_path_in_a_binary_binds_the_tree_to_its_location(tmp_path: Path, size: int) -> None:
-    layout = installed(tmp_path, {"lib/p": b"\0" * size + bytes(tmp_path / "build") + b"\0"})
-    assert (
-        surveyed(layout, tmp_path / "pack").absolute_path_reason
-        == "'lib/p' contains the path of the build folder"
-    )
+def test_binary_files_and_folders_tell_trees_apart(tmp_path: Path, size: int) -> None:
+    roots = [tmp_path / name for name in ("one", "two")]
+    paths = [b"\0" * size + bytes(root / "build") + b"\0" for root in roots]
+    layouts = [installed(root, {"lib/p": path, "x": b""}) for root, path in zip(roots, paths, strict=True)]
+    one, two = (surveyed(layout, tmp_path / "pack") for layout in layouts)
+    assert one.difference(two) == two.difference(one) == "lib/p"
+    (layouts[1].prefix("a") / "lib/p").write_bytes(paths[0])
+    assert one.difference(surveyed(layouts[1], tmp_path / "pack")) == ""
+    (layouts[1].prefix("a") / "hollow").mkdir()
+    assert one.difference(surveyed(layouts[1], tmp_path / "pack")) == "hollow"
 
 
 def test_results_that_cannot_be_restored_are_not_stored(tmp_path: Path) -> None:
@@ -129,12 +132,11 @@ def test_bytecode_caches_are_not_stored(tmp_path: Path) -> None:
 def index(*leaves: list[Any], **other: object) -> bytes:
     """Return an index as somebody else may write it."""
     said: dict[str, object] = {
-        "forge_tree": 2,
+        "forge_tree": 3,
         "package": "a",
         "leaves": leaves,
         "folders": [],
         "seconds": 0,
-        "bound": "",
         "has_tests": True,
         "pack": {"hash": HASH, "size": 10},
     }
@@ -143,7 +145,7 @@ def index(*leaves: list[Any], **other: object) -> bytes:
 
 def leaf(path: object, offset: int = 0, size: int = 1, target: object = None) -> list[Any]:
     """Return a leaf as it stands in an index."""
-    return [path, 0o644, size, HASH, offset, False, target]
+    return [path, 0o644, size, HASH, offset, False, target, ""]
 
 
 @pytest.mark.parametrize(
@@ -154,7 +156,7 @@ def leaf(path: object, offset: int = 0, size: int = 1, target: object = None) ->
         b"{}",
         b"\xff",
         b"[" * 100_000,
-        index(forge_tree=1),
+        index(forge_tree=2),
         index(leaf("../x")),
         index(leaf("/etc/passwd")),
         index(leaf("a/../../x")),

@@ -1,8 +1,8 @@
-"""Processor names in cache keys."""
+"""What is known of a processor, for packages that are compiled for it."""
 
 from __future__ import annotations
 
-from forge.cache.processor import processor
+from forge.engine.world import processor
 
 ONE = """processor\t: 0
 vendor_id\t: GenuineIntel
@@ -13,12 +13,12 @@ bogomips\t: 1
 """
 
 
-def test_clock_rate_and_number_of_processors_are_not_part_of_the_key() -> None:
+def test_clock_rate_and_number_of_processors_do_not_count() -> None:
     again = ONE.replace("1234.5", "4321.0").replace(": 0", ": 1")
     assert processor(f"{ONE}\n{again}") == processor(ONE)
 
 
-def test_processor_model_and_features_are_part_of_the_key() -> None:
+def test_processor_model_and_features_count() -> None:
     assert processor(ONE.replace("avx2", "avx")) != processor(ONE)
     assert processor(ONE.replace("A processor", "B processor")) != processor(ONE)
 
