@@ -76,7 +76,8 @@ def write_installed_list(
     """
     base = str(layout.install)
     inside = [path for path in contents if path.startswith(f"{base}/") and path not in unclaimed]
-    parents = {parent for path in inside for parent in folders_above(path, base)}
+    folders_of_files = {os.path.dirname(path) for path in inside}
+    parents = {parent for folder in folders_of_files for parent in folders_above(f"{folder}/", base)}
     data = {
         "version": _VERSION,
         "files": {path[len(base) + 1 :]: identity(path, contents[path]) for path in inside},

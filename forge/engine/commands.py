@@ -20,7 +20,7 @@ from forge.base.files import open_regular, replace_file, text_or_nothing
 from forge.base.frozen import frozen
 from forge.engine.observation import observe
 from forge.engine.observed import is_intact
-from forge.engine.variables import mentioned
+from forge.engine.variables import copies_environment, mentioned
 from forge.engine.world import CPU_INFO, PROCESSOR, about_programs, about_variables
 
 if TYPE_CHECKING:
@@ -180,13 +180,11 @@ def commands_of(
             read = accesses.read | accesses.found
             edges[output] = replace(accesses, read=read, found=frozenset(), blind=blind)
             missing |= folders.paths(seen.missing)
-    seen = observe(others, step.blind)
-    rest = folders.accesses(seen, others)
+    rest = folders.accesses(observe(others, step.blind), others)
     # What is installed is copied, whatever it says.
     copying = {each for each in others if each.parent is None and roots.get(each.pid) == "install"}
-    asked = rest.asked - {PROCESSOR} | folders.about_processor(others - copying)
-    rest = replace(rest, asked=asked, searched=folders.paths(seen.missing))
-    return ObservedCommands(configure, edges, frozenset(missing | rest.searched), rest)
+    rest = replace(rest, asked=rest.asked - {PROCESSOR} | folders.about_processor(others - copying))
+    return ObservedCommands(configure, edges, frozenset(missing), rest)
 
 
 class Folders:
@@ -216,10 +214,9 @@ class Folders:
         self.tools: frozenset[str] = frozenset()
         """The programs of the steps themselves, which are tracked as tools wherever they are installed."""
         folders = (str(build), *map(str, others))
-        self._spelled = sorted(
-            {(f"{os.path.realpath(folder)}/", f"{folder}/") for folder in folders},
-            key=lambda pair: -len(pair[0]),
-        )
+        spelled = {f"{os.path.realpath(folder)}/": f"{folder}/" for folder in folders}
+        self._spelled = dict(sorted(spelled.items(), key=lambda pair: -len(pair[0])))
+        self._places: dict[str, str | None] = {}
         self._folders: dict[str, str] = {"": "", "/": "/"}
         self._mentioned: dict[tuple[str, str], frozenset[str]] = {}
         # Commands of one package read and miss mostly the same: each path is looked at once.
@@ -230,13 +227,18 @@ class Folders:
     def path(self, path: str) -> str | None:
         """Return a path below one of the folders as its name spells it, None if it is elsewhere."""
         folder, _, name = path.rpartition("/")
-        real = f"{self._real(folder)}/{name}"
-        for resolved, spelled in self._spelled:
-            if real.startswith(resolved):
-                return spelled + real[len(resolved) :]
-            if f"{real}/" == resolved:
-                return spelled[:-1]
-        return None
+        real = self._real(folder)
+        if f"{real}/{name}/" in self._spelled:
+            return self._spelled[f"{real}/{name}/"][:-1]
+        if folder not in self._places:
+            places = (
+                spelled + f"{real}/"[len(resolved) :]
+                for resolved, spelled in self._spelled.items()
+                if f"{real}/".startswith(resolved)
+            )
+            self._places[folder] = next(places, None)
+        place = self._places[folder]
+        return None if place is None else place + name
 
     def _real(self, folder: str) -> str:
         """Return the real path of a folder, with a look at each of its folders once."""
@@ -275,11 +277,11 @@ class Folders:
             read=self.paths(seen.read | seen.executed | seen.loaded),
             found=self.paths(seen.found),
             listed=self.paths(seen.listed),
-            searched=frozenset(map(os.path.dirname, self.paths(seen.missing))),
+            searched=frozenset(path.rpartition("/")[0] for path in self.paths(seen.missing)),
             written=written,
             external=frozenset(external),
             asked=frozenset((*asked, *about_variables(variables))) | self.about_processor(processes),
-            kept=self._kept(processes) if seen.ledgers else frozenset(),
+            kept=written & self._kept(processes) if seen.ledgers else frozenset(),
             ledgers=frozenset(f"{digest} {path}" for digest, path in ledgers),
             outside=len(written) < len(kept) or any(not path.startswith(self._build) for path in written),
             blind=bool(seen.blind),
@@ -310,8 +312,9 @@ class Folders:
 
     def _look_for(self, path: str) -> bool:
         """Tell if a path is still missing elsewhere; programs are looked for in all of PATH instead."""
-        is_searched = os.path.dirname(path) in self._unwatched or _NO_INPUT.search(path)
-        return not is_searched and self._is_external(path) and not os.path.lexists(path)
+        if not self._is_external(path) or os.path.dirname(path) in self._unwatched:
+            return False
+        return not (_NO_INPUT.search(path) or os.path.lexists(path))
 
     def _listed(self, processes: Iterable[Process]) -> Iterator[str]:
         """Yield the folders elsewhere whose names were read, except for searches that are tracked by name.
@@ -361,7 +364,7 @@ class Folders:
     def _mentioned_by(self, process: Process) -> frozenset[str]:
         """Return the variables that a process may have read from a copy of its environment."""
         found = [mentioned(program, process.command) for program in process.programs if process.command]
-        for program in process.programs[-1:]:
+        for program in filter(copies_environment, process.programs[-1:]):
             for _, kind, path in process.records:
                 if kind == "R" and self.path(path) is not None:
                     if (program, path) not in self._mentioned:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import os
 import struct
+import sys
 from collections import defaultdict
 from dataclasses import dataclass, field
 from heapq import merge
@@ -27,7 +28,7 @@ LOG_BYTES = 1 << 30
 _HEADER, _END = struct.Struct("=QQQQ"), struct.Struct("=Q")
 _HEADER_BYTES = 4096
 _CHUNK = struct.Struct("=II")
-_RECORD = struct.Struct("=IIc")
+_RECORD = struct.Struct("=IIB")
 _NINJA = frozenset({"ninja", "ninja-build", "samu"})
 
 
@@ -119,6 +120,7 @@ def begin_log(log: Path) -> None:
     log.parent.mkdir(parents=True, exist_ok=True)
     # A server that a killed build has left may still map the former log: to truncate that would kill it.
     log.unlink(missing_ok=True)
+    _last_read.pop(log, None)
     with log.open("wb") as file:
         file.write(_HEADER.pack(_HEADER_BYTES, 0, 0, _HEADER_BYTES).ljust(_HEADER_BYTES, b"\0"))
         with contextlib.suppress(OSError):
@@ -127,6 +129,7 @@ def begin_log(log: Path) -> None:
 
 def end_log(log: Path) -> None:
     """Remove a log; processes that outlive the steps write no more to it."""
+    _last_read.pop(log, None)
     with contextlib.suppress(OSError), log.open("r+b") as file:
         file.write(_END.pack(LOG_BYTES))
     log.unlink(missing_ok=True)
@@ -135,6 +138,7 @@ def end_log(log: Path) -> None:
 ALL_KINDS = "RYTLNWDUVEBJ"
 CHANNELS = "K"
 """The kind of records about devices and sockets."""
+_OF_PATHS = frozenset("RYTLNWDUE")
 
 
 def read_log(
@@ -155,6 +159,9 @@ def read_log(
     records, blind = _records(log, f"POCXFS{kinds}")
     for number, pid, kind, word in records:
         process = running.get(pid)
+        if process and kind in _OF_PATHS:
+            process.records.append((number, kind, resolve(word) if "/.." in word else word))
+            continue
         executes = kind == "P" and pending.pop(pid, None) is not None
         if process is None or (kind == "P" and not executes) or (kind == "O" and last_kind[pid] != "P"):
             process = running[pid] = Process(pid)
@@ -178,7 +185,7 @@ def read_log(
                 spawned[int(word)] = process
             case "B" | "V" | "J" | "K" if kind in kinds:
                 process.records.append((number, kind, word))
-            case _ if kind in kinds:
+            case _ if kind in _OF_PATHS:
                 process.records.append((number, kind, resolve(word)))
     unknown = [process for process in processes if process.parent is None and process.pid not in roots]
     if sum(bool(process.programs) for process in unknown) < more_roots:
@@ -197,13 +204,29 @@ def _records(log: Path, kinds: str) -> tuple[list[tuple[int, int, str, str]], li
     """Return the records of some kinds in order, each with its number and its process; and what is lost."""
     try:
         with log.open("rb") as file:
-            end, count, lost, _ = _HEADER.unpack(file.read(_HEADER.size))
-            file.seek(_HEADER_BYTES)
-            content = file.read(max(0, min(end, LOG_BYTES) - _HEADER_BYTES))
+            header = file.read(_HEADER.size)
+            end, count, lost, _ = _HEADER.unpack(header)
+            state = (os.fstat(file.fileno()).st_ino, header)
+            known = _last_read.get(log)
+            if known is None or known[0] != state:
+                file.seek(_HEADER_BYTES)
+                content = file.read(max(0, min(end, LOG_BYTES) - _HEADER_BYTES))
+                known = _last_read[log] = (state, _decoded(content))
     except (OSError, struct.error):
         return [], ["there is no log"]
+    records = known[1]
+    is_whole = len(records) == count and not lost and end <= LOG_BYTES
+    return [record for record in records if record[2] in kinds], [] if is_whole else ["the log is incomplete"]
+
+
+_last_read: dict[Path, tuple[tuple[int, bytes], list[tuple[int, int, str, str]]]] = {}
+"""The records of logs that still exist, with inode and header: several steps of a build read the same log."""
+
+
+def _decoded(content: bytes) -> list[tuple[int, int, str, str]]:
     found: list[tuple[int, int, str, str]] = []
-    at = number = 0
+    encoding, letters = sys.getfilesystemencoding(), [chr(number) for number in range(256)]
+    at = 0
     while at + _CHUNK.size <= len(content):
         length, pid = _CHUNK.unpack_from(content, at)
         if not length:
@@ -215,16 +238,13 @@ def _records(log: Path, kinds: str) -> tuple[list[tuple[int, int, str, str]], li
             size, order, letter = _RECORD.unpack_from(content, at)
             if not _RECORD.size < size <= limit - at:
                 break
-            number += 1
-            kind = letter.decode("latin-1")
-            if kind in kinds:
-                start = at + _RECORD.size
-                found.append((order, pid, kind, os.fsdecode(content[start : content.index(0, start)])))
+            start = at + _RECORD.size
+            word = content[start : content.index(0, start)].decode(encoding, "surrogateescape")
+            found.append((order, pid, letters[letter], word))
             at += size
         at = limit
     found.sort()
-    is_whole = number == count and not lost and end <= LOG_BYTES
-    return found, [] if is_whole else ["the log is incomplete"]
+    return found
 
 
 def observe(processes: Iterable[Process], blind: tuple[str, ...] = ()) -> Observation:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import re
+from functools import cache
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -93,11 +94,21 @@ def mentioned(program: str, text: str) -> frozenset[str]:
 
     `program` is its path. What it asks for cannot be observed, only what its scripts say.
     """
-    name = os.path.basename(program)
-    pattern = next((pattern for programs, pattern in _COPIES_ENVIRONMENT if programs.match(name)), None)
+    pattern = _naming(os.path.basename(program))
     if pattern is None:
         return frozenset()
     return frozenset(match[match.lastindex] for match in pattern.finditer(text) if match.lastindex)
+
+
+def copies_environment(program: str) -> bool:
+    """Tell if a program, given as its path, copies the whole environment."""
+    return _naming(os.path.basename(program)) is not None
+
+
+@cache
+def _naming(program: str) -> re.Pattern[str] | None:
+    """Return how scripts of a program name variables, None if the program asks for each."""
+    return next((pattern for programs, pattern in _COPIES_ENVIRONMENT if programs.match(program)), None)
 
 
 _COPIES_ENVIRONMENT = (

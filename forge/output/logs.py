@@ -20,7 +20,6 @@ from typing import TYPE_CHECKING
 
 from forge.base.env_vars import without_passwords
 from forge.base.errors import HostError, Location, Problem
-from forge.base.files import naming
 from forge.base.layout import IGNORE_MARK
 from forge.base.text import split_lines
 from forge.build.events import Aborted, Finished, Fresh, Output, Skipped, Started, StepFinished, StepStarted
@@ -162,20 +161,24 @@ class LogWriter:
 
     def _append_for(self, name: str, file: str, content: bytes) -> None:
         """Append to a file of a package; the first use creates all of them, as readers expect."""
-        assert self.folder is not None
-        if f"{name}/{file}" not in self._files:
+        path = f"{name}/{file}"
+        if path not in self._files:
+            assert self.folder is not None
             (self.folder / name).mkdir(exist_ok=True)
             for each in _OF_PACKAGE:
                 self._append(f"{name}/{each}", b"")
-        self._append(f"{name}/{file}", content)
+        self._append(path, content)
 
     def _append(self, name: str, content: bytes) -> None:
-        assert self.folder is not None
         stream = self._files.get(name)
         if stream is None:
+            assert self.folder is not None
             stream = self._files[name] = (self.folder / name).open("ab", buffering=0)
-        with naming(self.folder / name):
+        try:
             stream.write(content)
+        except OSError as error:
+            error.filename = error.filename or str(stream.name)
+            raise
 
     def _close(self, *names: str) -> None:
         for stream in filter(None, [self._files.pop(name, None) for name in names]):

@@ -11,7 +11,7 @@ import re
 import struct
 from collections import defaultdict
 from dataclasses import field
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -120,7 +120,7 @@ def _ninja_graph(folder: Path, build: Path, rules: str) -> NativeGraph:
     edges: list[Edge] = []
     read: tuple[str, ...] = ()
     aliases: dict[str, tuple[str, ...]] = {}
-    for edge in _ninja_edges(build, rules):
+    for edge in _ninja_edges(str(build), rules):
         if edge.rule == "RERUN_CMAKE":
             read = edge.inputs
         elif edge.rule == "phony":
@@ -139,22 +139,25 @@ def _ninja_graph(folder: Path, build: Path, rules: str) -> NativeGraph:
 _WITHOUT_FILES = frozenset({"phony", "CLEAN", "HELP", "VERIFY_GLOBS", "RERUN_CMAKE"})
 
 
-def _ninja_edges(build: Path, rules: str) -> Iterator[Edge]:
-    """Yield the build statements of a build.ninja, with their bindings as text."""
+@lru_cache(maxsize=4)  # the steps of a build read the same file
+def _ninja_edges(build: str, rules: str) -> tuple[Edge, ...]:
+    """Return the build statements of a build.ninja, with their bindings as text."""
     head = ""
     text: list[str] = []
+    found: list[Edge] = []
     for line in rules.replace("$\n", "").splitlines():
         if line.startswith("build "):
             if head:
-                yield _edge(build, head, "\n".join(text))
+                found.append(_edge(build, head, "\n".join(text)))
             head, text = line[6:], []
         elif head and line.startswith("  "):
             text.append(line)
     if head:
-        yield _edge(build, head, "\n".join(text))
+        found.append(_edge(build, head, "\n".join(text)))
+    return tuple(found)
 
 
-def _edge(build: Path, head: str, text: str) -> Edge:
+def _edge(build: str | Path, head: str, text: str) -> Edge:
     outputs: list[str] = []
     inputs: list[str] = []
     rule, side, order_only = "", outputs, False
@@ -212,5 +215,5 @@ def _binding(text: str, name: str) -> str:
     return _ESCAPE.sub(r"\1", match.group(1)) if match else ""
 
 
-def _absolute(build: Path, path: str) -> str:
+def _absolute(build: str | Path, path: str) -> str:
     return os.path.normpath(os.path.join(build, path))  # noqa: PTH118  (thousands: no Path for each)
