@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.ament_index import INDEX
 from forge.base.errors import WorkspaceError, raise_if_any
-from forge.base.files import BYTECODE, read_file, replace_file, tree_below, write_if_changed
+from forge.base.files import BYTECODE, has_text, read_file, replace_file, tree_below, write_if_changed
 from forge.base.frozen import frozen
 from forge.base.layout import INSTALL_STATE_FILE
 from forge.build.build_types import build_type_of
@@ -74,7 +74,11 @@ def install_package(
     setups = (f"share/{package.name}/local_setup.{extension}" for extension in _SETUP_EXTENSIONS)
     sources += (path for path in (*setups, *package.hooks) if (prefix / path).is_file())
     # Always write a new file: its stamp indicates that some of the package's hooks may have changed.
-    replace_file(share / "package.dsv", scripts.render_dsv([f"source;{path}" for path in sources]).encode())
+    script, text = share / "package.dsv", scripts.render_dsv([f"source;{path}" for path in sources])
+    before = os.stat(script) if has_text(script, text) else None
+    replace_file(script, text.encode())
+    if before:
+        os.utime(script, ns=(before.st_atime_ns, before.st_mtime_ns))
     edits = own_edits(package.name, prefix, files) if layout.merged else package_edits(package.name, prefix)
     for shell in SHELLS:
         text = scripts.package_setup(shell, prefix, PackageEdits(package.name, "", edits))

@@ -230,6 +230,9 @@ def _task(
         files=_LazyTuple(lambda: recipe().files),
         conditional=True,
         earlier=earlier,
+        intact=record is not None
+        and name in snapshot.present
+        and snapshot.installed[name].digest == record.installed.digest,
         kept=_LazyTuple(lambda: recipe().kept),
         reconfigure=context.force_configure or context.clean_cache,
     )

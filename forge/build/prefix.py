@@ -351,10 +351,10 @@ class PrefixExchange:
                 continue
             with contextlib.suppress(FileNotFoundError, NotADirectoryError, IsADirectoryError):
                 os.unlink(path)
-                _remove_empty(path, self._prefix, others)
+                remove_empty_folders(path, self._prefix, others)
         for path in sorted(writes.folders, reverse=True):
             if path not in others and path.startswith(f"{self._prefix}/"):
-                _remove_empty(f"{path}/x", self._prefix, others)
+                remove_empty_folders(f"{path}/x", self._prefix, others)
         for copy, path, status in self._others.entries():
             if stats_of(path) != status and (
                 path in writes.files or (not os.path.lexists(path) and writes.take_away(path))
@@ -416,7 +416,7 @@ class PrefixExchange:
                     _rename(path, aside)
                 emptied.add(os.path.dirname(path))
         for folder in sorted({*emptied, *folders}, reverse=True):
-            _remove_empty(f"{folder}/x", self._prefix)
+            remove_empty_folders(f"{folder}/x", self._prefix)
         if emptied and not self._layout.merged and not os.path.islink(self._prefix):
             with contextlib.suppress(OSError):  # in use
                 os.rmdir(self._prefix)
@@ -532,7 +532,7 @@ def _rename(path: str, target: str) -> None:
         shutil.move(path, target)
 
 
-def _remove_empty(path: str, root: str, kept: Collection[str] = ()) -> None:
+def remove_empty_folders(path: str, root: str, kept: Collection[str] = ()) -> None:
     """Remove the folder of a file if it is empty except for bytecode, and parents that become empty."""
     folder = os.path.dirname(path)
     while folder.startswith(f"{root}/") and folder not in kept:

@@ -117,7 +117,10 @@ class PackageRecorder:
         `installed` are the files that its steps and forge have installed.
         """
         build = task.build_dir
-        stats = set_file_times(task, installed.files, self._layout, self._table)
+        if task.stage:  # what has not changed was not touched
+            stats: Stats = {path: os.lstat(path) for path in installed.files}
+        else:
+            stats = set_file_times(task, installed.files, self._layout, self._table)
         prefixes = map(self._layout.prefix, (task.name, *task.needs))
         declared = (self._state.source(task), build, self._layout.build / TOOLCHAIN_DIR, *prefixes)
         graph = read_native_graph(build)

@@ -64,6 +64,10 @@ class Step:
     meanings: tuple[tuple[int, str], ...] = ()
     """Nonzero exit codes that do not fail the task, and their meanings."""
     condition: StepCondition = StepCondition.ALWAYS
+    prefix: Path | None = None
+    """The prefix of this package alone into which the step installs by scripts that CMake generates."""
+    stage: Path | None = None
+    """The folder into which it installs instead."""
     target: str = ""
     """The target of a BUILD_TARGET step."""
 
@@ -104,6 +108,10 @@ class Task:
     """Other tasks to run first: undeclared dependencies whose files the last build read."""
     earlier: tuple[str, ...] = ()
     """Files that earlier builds installed, successful or not, as absolute paths."""
+    intact: bool = False
+    """The installed files are those of the last build."""
+    stage: Path | None = None
+    """The folder into which the steps install, if the prefix stays whole until they have succeeded."""
     kept: Sequence[str] = ()
     """Names in the build folder that stay when it is emptied, unless the task is `from_empty`."""
     scratch_dir: str = SCRATCH_DIR

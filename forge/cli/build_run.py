@@ -115,6 +115,7 @@ def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
             cache,
             _toolchain(plan, build, state, observer.library),
             audit,
+            observes=observer.library is not None and not remote and not audit,
         )
         executor: Executor = remote or LocalExecutor(
             job_pool,

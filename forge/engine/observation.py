@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 LOG_VARIABLE = "FORGE_OBSERVER_LOG"
 LINKS_VARIABLE = "FORGE_OBSERVER_LINKS"
+HIDES_VARIABLE = "FORGE_OBSERVER_HIDES"
 LOG_BYTES = 1 << 30
 """The size of a log, which is a sparse file: the library maps all of it."""
 

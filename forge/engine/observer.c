@@ -33,7 +33,8 @@
  * such a call fails with EACCES, so that 'rm -r' of the whole prefix loses nothing.
  *
  * FORGE_OBSERVER_LINKS names a file with links of others below the prefix, each ending with NUL. To write through
- * one would change files that forge can neither know nor give back, so that the call fails with EACCES.
+ * one would change files that forge can neither know nor give back, so that the call fails with EACCES. With
+ * FORGE_OBSERVER_HIDES=1, these are paths of the last build instead, which the step must not find either.
  */
 #define _GNU_SOURCE
 #include <alloca.h>
@@ -73,6 +74,7 @@
     }))
 #define LOG "FORGE_OBSERVER_LOG="
 #define LINKS "FORGE_OBSERVER_LINKS="
+#define HIDES "FORGE_OBSERVER_HIDES="
 #define PRELOAD "LD_PRELOAD="
 
 extern char **environ;
@@ -97,7 +99,7 @@ struct record {
     char kind, path[];
 };
 
-static char log_variable[sizeof LOG + PATH_MAX], links_variable[sizeof LINKS + PATH_MAX];
+static char log_variable[sizeof LOG + PATH_MAX], links_variable[sizeof LINKS + PATH_MAX], hides_variable[sizeof HIDES + 1];
 static char library[PATH_MAX];
 static char backups[2 * PATH_MAX], moved[PATH_MAX]; /* the folder of the log, also without links; a name below */
 static char *map;
@@ -377,23 +379,38 @@ static void missing(int folder, const char *path)
     errno = saved;
 }
 
+static int is_guarded(int folder, const char *path, char *absolute)
+{
+    if (links && locate(folder, path, absolute))
+        for (const char *link = links; link < links_end; link += strlen(link) + 1)
+            if (is_below(absolute, link))
+                return 1;
+    return 0;
+}
+
 /* Return 1 with EACCES if a link of somebody else leads out of the prefix here. */
 static int refused(int folder, const char *path)
 {
     char absolute[PATH_MAX];
     int saved = errno;
 
-    if (!links)
-        return 0;
-    if (locate(folder, path, absolute))
-        for (const char *link = links; link < links_end; link += strlen(link) + 1)
-            if (is_below(absolute, link)) {
-                note('E', absolute);
-                errno = EACCES;
-                return 1;
-            }
+    if (is_guarded(folder, path, absolute)) {
+        note('E', absolute);
+        errno = EACCES;
+        return 1;
+    }
     errno = saved;
     return 0;
+}
+
+/* Return 1 with ENOENT if the step must not find this path. */
+static int hidden(int folder, const char *path)
+{
+    char absolute[PATH_MAX];
+    int saved = errno, result = *hides_variable && is_guarded(folder, path, absolute);
+
+    errno = result ? ENOENT : saved;
+    return result;
 }
 
 /* Return 1 with EACCES if removing or renaming this path would lose the folder of the log, in which copies of
@@ -558,6 +575,7 @@ static void start(long parent)
             size_t size;
             links = map_file(links_variable + strlen(LINKS), 0, &size);
             links_end = links ? links + size : NULL;
+            store_variable(HIDES, hides_variable, sizeof hides_variable);
         }
     }
     errno = saved;
@@ -657,7 +675,7 @@ static void opened(int result, int folder, const char *path, int flags)
         va_start(arguments, flags);                                             \
         mode = mode_of(flags, arguments);                                       \
         va_end(arguments);                                                      \
-        result = flags & WRITES && refused(AT_FDCWD, path) ? -1 : NEXT(name)(path, flags, mode); \
+        result = (flags & WRITES ? refused : hidden)(AT_FDCWD, path) ? -1 : NEXT(name)(path, flags, mode); \
         opened(result, AT_FDCWD, path, flags);                                  \
         return result;                                                          \
     }
@@ -671,7 +689,7 @@ static void opened(int result, int folder, const char *path, int flags)
         va_start(arguments, flags);                                             \
         mode = mode_of(flags, arguments);                                       \
         va_end(arguments);                                                      \
-        result = flags & WRITES && refused(folder, path) ? -1 : NEXT(name)(folder, path, flags, mode); \
+        result = (flags & WRITES ? refused : hidden)(folder, path) ? -1 : NEXT(name)(folder, path, flags, mode); \
         opened(result, folder, path, flags);                                    \
         return result;                                                          \
     }
@@ -695,7 +713,7 @@ static int flags_of(const char *mode)
     EXPORT FILE *name(const char *path, const char *mode)                       \
     {                                                                           \
         int flags = flags_of(mode);                                             \
-        FILE *result = flags & WRITES && refused(AT_FDCWD, path) ? NULL : NEXT(name)(path, mode); \
+        FILE *result = (flags & WRITES ? refused : hidden)(AT_FDCWD, path) ? NULL : NEXT(name)(path, mode); \
         opened(result ? fileno(result) : -1, AT_FDCWD, path, flags);                         \
         return result;                                                          \
     }
@@ -704,7 +722,7 @@ static int flags_of(const char *mode)
     EXPORT FILE *name(const char *path, const char *mode, FILE *stream)         \
     {                                                                           \
         int flags = flags_of(mode);                                             \
-        FILE *result = path && flags & WRITES && refused(AT_FDCWD, path) ? NULL : NEXT(name)(path, mode, stream); \
+        FILE *result = path && (flags & WRITES ? refused : hidden)(AT_FDCWD, path) ? NULL : NEXT(name)(path, mode, stream); \
         if (path)                                                               \
             opened(result ? fileno(result) : -1, AT_FDCWD, path, flags);                     \
         return result;                                                          \
@@ -742,7 +760,7 @@ static void looked(int result, int folder, const char *path)
 #define LOOK(name, folder, parameters, ...)                                     \
     EXPORT int name parameters                                                  \
     {                                                                           \
-        int result = NEXT(name)(__VA_ARGS__);                                   \
+        int result = hidden(folder, path) ? -1 : NEXT(name)(__VA_ARGS__);       \
         looked(result, folder, path);                                           \
         return result;                                                          \
     }
@@ -778,7 +796,7 @@ LOOK(__fxstatat64, folder, (int version, int folder, const char *path, struct st
 #define READ_LINK(name, folder, parameters, ...)                                \
     EXPORT ssize_t name parameters                                              \
     {                                                                           \
-        ssize_t result = NEXT(name)(__VA_ARGS__);                               \
+        ssize_t result = hidden(folder, path) ? -1 : NEXT(name)(__VA_ARGS__);   \
         looked(result < 0 ? -1 : 0, folder, path);                              \
         return result;                                                          \
     }
@@ -788,7 +806,7 @@ READ_LINK(readlinkat, folder, (int folder, const char *path, char *target, size_
 
 EXPORT char *realpath(const char *path, char *resolved)
 {
-    char *result = NEXT(realpath)(path, resolved);
+    char *result = hidden(AT_FDCWD, path) ? NULL : NEXT(realpath)(path, resolved);
     looked(result ? 0 : -1, AT_FDCWD, path);
     return result;
 }
@@ -797,14 +815,14 @@ EXPORT char *realpath(const char *path, char *resolved)
 char *__realpath_chk(const char *, char *, size_t);
 EXPORT char *__realpath_chk(const char *path, char *resolved, size_t size)
 {
-    char *result = NEXT(__realpath_chk)(path, resolved, size);
+    char *result = hidden(AT_FDCWD, path) ? NULL : NEXT(__realpath_chk)(path, resolved, size);
     looked(result ? 0 : -1, AT_FDCWD, path);
     return result;
 }
 
 EXPORT char *canonicalize_file_name(const char *path)
 {
-    char *result = NEXT(canonicalize_file_name)(path);
+    char *result = hidden(AT_FDCWD, path) ? NULL : NEXT(canonicalize_file_name)(path);
     looked(result ? 0 : -1, AT_FDCWD, path);
     return result;
 }
@@ -814,7 +832,7 @@ EXPORT char *canonicalize_file_name(const char *path)
 
 EXPORT DIR *opendir(const char *path)
 {
-    DIR *result = NEXT(opendir)(path);
+    DIR *result = hidden(AT_FDCWD, path) ? NULL : NEXT(opendir)(path);
     if (result)
         found('L', AT_FDCWD, path);
     else
@@ -834,7 +852,7 @@ EXPORT DIR *fdopendir(int descriptor)
     EXPORT int name(const char *path, struct entry ***names, int (*select)(const struct entry *), \
                     int (*compare)(const struct entry **, const struct entry **)) \
     {                                                                           \
-        int result = NEXT(name)(path, names, select, compare);                  \
+        int result = hidden(AT_FDCWD, path) ? -1 : NEXT(name)(path, names, select, compare); \
         if (result < 0)                                                         \
             missing(AT_FDCWD, path);                                            \
         else                                                                    \
@@ -964,7 +982,7 @@ RENAME(renameat2, from, folder, (int from, const char *old, int folder, const ch
 #define CHANGE(name, kind, guard, folder, parameters, ...)                      \
     EXPORT int name parameters                                                  \
     {                                                                           \
-        int keep = (guard) && (refused(folder, path) || (kind == 'U' && holds_copies(folder, path))); \
+        int keep = ((guard) || hidden(folder, path)) && (refused(folder, path) || (kind == 'U' && holds_copies(folder, path))); \
         int result = keep ? -1 : NEXT(name)(__VA_ARGS__);                       \
         if (!result)                                                            \
             changed(kind, folder, path);                                        \
@@ -1112,7 +1130,7 @@ static int has_variable(char *const *variables, const char *variable)
             break;                                                              \
         while (variables && variables[count])                                   \
             count++;                                                            \
-        copy = alloca((count + 4) * sizeof *copy);                              \
+        copy = alloca((count + 5) * sizeof *copy);                              \
         for (size_t each = 0; each < count; each++)                             \
             if (strncmp(variables[each], PRELOAD, sizeof PRELOAD - 1) && strncmp(variables[each], LOG, sizeof LOG - 1)) \
                 copy[at++] = variables[each];                                   \
@@ -1121,6 +1139,8 @@ static int has_variable(char *const *variables, const char *variable)
         copy[at++] = log_variable;                                              \
         if (*links_variable)                                                    \
             copy[at++] = links_variable;                                        \
+        if (*hides_variable)                                                    \
+            copy[at++] = hides_variable;                                        \
         copy[at] = NULL;                                                        \
         variables = copy;                                                       \
     } while (0)
@@ -1172,7 +1192,7 @@ EXPORT int execve(const char *file, char *const argv[], char *const envp[])
 
     WITH_OBSERVER(variables);
     executing('X', file);
-    result = NEXT(execve)(file, argv, (char *const *)variables);
+    result = hidden(AT_FDCWD, file) ? -1 : NEXT(execve)(file, argv, (char *const *)variables);
     executing('F', file);
     missing(AT_FDCWD, file);
     return result;
@@ -1261,7 +1281,8 @@ EXPORT int execle(const char *file, const char *first, ...)
         WITH_OBSERVER(variables);                                                         \
         if (map && searches)                                                              \
             note_search(file);                                                            \
-        result = NEXT(name)(started, file, actions, attributes, argv, (char *const *)variables); \
+        result = strchr(file, '/') && hidden(AT_FDCWD, file)                              \
+            ? ENOENT : NEXT(name)(started, file, actions, attributes, argv, (char *const *)variables); \
         if (!result)                                                                      \
             say('S', word, snprintf(word, sizeof word, "%d", (int)*started));             \
         else if (result == ENOENT) {                                                      \

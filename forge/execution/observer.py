@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Protocol
 from forge.base.frozen import frozen
 from forge.build.observed_writes import append
 from forge.build.prefix import guarded_links, written_log
-from forge.engine.observation import LINKS_VARIABLE, LOG_VARIABLE
+from forge.engine.observation import HIDES_VARIABLE, LINKS_VARIABLE, LOG_VARIABLE
 from forge.engine.observer import compile_library
 
 if TYPE_CHECKING:
@@ -56,8 +56,11 @@ class Observer:
 
     def variables(self, task: Task, variables: Mapping[str, str]) -> Mapping[str, str]:
         """Return the environment of a step with the variables added."""
-        found = observed(variables, self.library, written_log(task.name, self.layout))
-        return {**found, LINKS_VARIABLE: str(guarded_links(task.name, self.layout))}
+        found = {
+            **observed(variables, self.library, written_log(task.name, self.layout)),
+            LINKS_VARIABLE: str(guarded_links(task.name, self.layout)),
+        }
+        return {**found, HIDES_VARIABLE: "1"} if task.stage else found
 
     def note_process(self, variables: Mapping[str, str], process: int, step: Step) -> None:
         """Log the start of a step."""

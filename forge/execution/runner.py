@@ -63,6 +63,14 @@ class TaskLifecycle:
         """Return the environment of the steps."""
         raise NotImplementedError
 
+    def staged(self, task: Task) -> Task:
+        """Return the task with its steps in a stage, if it can be built so; called before the first step."""
+        return task
+
+    def unstaged(self, _task: Task, *, failed: bool) -> Task | None:
+        """Return a staged task without the stage if its steps have to run again in place, else None."""
+        return None
+
     def begin(self, task: Task, environment: Mapping[str, str]) -> None:
         """Prepare the first step."""
 
@@ -104,8 +112,11 @@ class TaskRunner:
                 started = time.monotonic()
                 record = lifecycle.restore(task)
                 if record is None:
-                    environment = self._open(task)
-                    failure = self.executor.run(task, environment, put, lambda: self._restart(task))
+                    task = lifecycle.staged(task)
+                    failure = self._run_steps(task, self._open(task), put)
+                    if again := lifecycle.unstaged(task, failed=failure is not None):
+                        environment, task = self._restart(task, again), again
+                        failure = self._run_steps(task, environment, put)
                     if failure is not None:
                         failure = replace(failure, seconds=time.monotonic() - started)
                         lifecycle.check(task)
@@ -123,6 +134,11 @@ class TaskRunner:
             put(error)
             put(Aborted(task.name, 0.0))
 
+    def _run_steps(
+        self, task: Task, environment: Mapping[str, str], put: Callable[[Event], None]
+    ) -> Finished | Aborted | None:
+        return self.executor.run(task, environment, put, lambda: self._restart(task, task))
+
     def _open(self, task: Task) -> Mapping[str, str]:
         """Prepare the first step; return the environment of the steps."""
         environment = self._lifecycle.environment(task)
@@ -134,12 +150,12 @@ class TaskRunner:
         write_if_changed(environment_file(task), "\n".join(exports) + "\n", mode=0o600)
         return environment
 
-    def _restart(self, task: Task) -> Mapping[str, str]:
-        """Remove the partial results of an earlier attempt; return the environment of the steps."""
+    def _restart(self, task: Task, again: Task) -> Mapping[str, str]:
+        """Remove the partial results of an attempt; return the environment of the next one's steps."""
         self._lifecycle.undo(task)
         with contextlib.suppress(OSError):
             remove_folder(str(task.build_dir), last=SCRATCH_DIR)
-        return self._open(task)
+        return self._open(again)
 
 
 class LocalExecutor:
@@ -215,8 +231,15 @@ class LocalExecutor:
             if has_text(*step.record):
                 return 0
             step.record[0].unlink(missing_ok=True)
-        for path in filter(os.path.islink, step.replaces):
+        for path in filter(os.path.islink, () if step.stage else step.replaces):
             Path(path).unlink()
+        if step.prefix:
+            from forge.build.staging import next_install
+
+            following = next_install(step)
+            if following is None:
+                return 0  # the task will be run again in place
+            step = following
         line = step_line(step, environment_file(task))
         write_if_changed(task.build_dir / task.scratch_dir / LAST_COMMAND, line + "\n")
         variables: Mapping[str, str] = {**environment, **dict(step.env)}
@@ -252,7 +275,9 @@ class LocalExecutor:
                     self._observer.note_process(variables, process.pid, step)
                 try:
                     with process:  # which closes both pipes in the end
-                        _read_lines(process, lambda text, stderr: put(Output(task.name, text, stderr=stderr)))
+                        _read_lines(
+                            process, lambda text, stderr: put(_output(task, step, text, stderr=stderr))
+                        )
                     code = process.returncode
                 finally:
                     with self._lock:
@@ -265,6 +290,13 @@ class LocalExecutor:
             write_if_changed(*step.record)
         put(StepFinished(task.name, step, code))
         return code
+
+
+def _output(task: Task, step: Step, text: bytes, *, stderr: bool) -> Output:
+    """Return output of a step, with the prefix where it names the stage."""
+    if step.stage:
+        text = text.replace(os.fsencode(step.stage), os.fsencode(task.prefix))
+    return Output(task.name, text, stderr=stderr)
 
 
 def _signal_group(group: int, number: signal.Signals) -> None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.errors import WorkspaceError, raise_if_any
 from forge.base.frozen import frozen
-from forge.build import installation
+from forge.build import installation, staging
 from forge.build.deferred import defer_build, tests_need_build
 from forge.build.installed_lists import package_markers
 from forge.build.prefix import PrefixExchange
@@ -57,6 +57,8 @@ class TaskSetup(TaskLifecycle):
     """Lets new build folders skip CMake's compiler checks."""
     audit: Audit | None = None
     """Compares what steps read with what is declared; then each package starts in an empty build folder."""
+    observes: bool = False
+    """Steps run on this machine below the library of forge.engine, so that they can install into a stage."""
     edits: Callable[[str, Path], tuple[Edit | Script, ...]] = field(
         default_factory=lambda: functools.cache(package_edits)
     )
@@ -106,8 +108,19 @@ class TaskSetup(TaskLifecycle):
         if self.toolchain is not None and same_compilers and package.build_type in CMAKE_TYPES:
             self.toolchain.seed(self.state.source(task), task.build_dir, self.variables)
 
+    def staged(self, task: Task) -> Task:
+        return staging.staged(task, self.layout) if self.observes else task
+
+    def unstaged(self, task: Task, *, failed: bool) -> Task | None:
+        if task.stage is None or not staging.needs_prefix(task, self.layout, failed=failed):
+            return None
+        return staging.without_stage(task)
+
     def _back_up(self, task: Task) -> None:
         self.recorder.begin(task)
+        if task.stage:
+            staging.begin(task, self.layout)
+            return
         shared = self.state.merged_prefix.shared_files(task)
         exchange = PrefixExchange(task.name, self.layout)
         self.recorder.kept += exchange.begin(task.earlier, shared)
@@ -134,6 +147,9 @@ class TaskSetup(TaskLifecycle):
         return record
 
     def _commit(self, task: Task) -> None:
+        if task.stage:
+            staging.end(task, self.layout)
+            return
         self.recorder.kept += PrefixExchange(task.name, self.layout).commit()
 
     def remark(self, task: Task) -> str:
@@ -145,12 +161,20 @@ class TaskSetup(TaskLifecycle):
         packages = self.resolution.packages
         needs |= {need for need in self.resolution.needs[task.name] if packages[need].embedded}
         self.recorder.record_commands(task)
-        installed = installation.installed_files(task.package, self.layout, task.earlier)
+        if task.stage:
+            installed, kept = staging.commit(task, self.layout)
+            self.recorder.kept += kept
+        else:
+            installed = installation.installed_files(task.package, self.layout, task.earlier)
+        staging.note_installed(task, installed)
         own = installation.install_package(
             task.package, self.layout, tuple(sorted(needs)), self.interpreter, installed.files
         )
         files = tuple(sorted({*installed.files, *own}))
-        record = self.recorder.make_record(task, replace(installed, files=files))
+        installed = replace(installed, files=files)
+        if task.stage:
+            self.recorder.kept += staging.remove_other_stale(task, self.layout, installed)
+        record = self.recorder.make_record(task, installed)
         if self.audit is not None:
             self.audit.collect(task)
         self._commit(task)
@@ -161,6 +185,9 @@ class TaskSetup(TaskLifecycle):
 
     def undo(self, task: Task) -> None:
         self.recorder.record_commands(task)
+        if task.stage:
+            staging.end(task, self.layout)
+            return
         try:
             self.recorder.kept += PrefixExchange(task.name, self.layout).roll_back()
         except OSError:

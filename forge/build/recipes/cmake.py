@@ -118,7 +118,10 @@ def recipe(package: Package, context: BuildContext) -> Recipe:
     env = (("CMAKE_INSTALL_ALWAYS", "1"),)
     if _links(package, context):
         env += (("CMAKE_INSTALL_MODE", "ABS_SYMLINK_OR_COPY"),)
-    steps.append(Step(StepKind.INSTALL, (cmake, "--install", str(build)), build, env))
+    prefix = (
+        None if context.layout.merged or _links(package, context) else context.layout.prefix(package.name)
+    )
+    steps.append(Step(StepKind.INSTALL, (cmake, "--install", str(build)), build, env, prefix=prefix))
     return Recipe(tuple(steps), files)
 
 

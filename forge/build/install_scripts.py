@@ -1,0 +1,201 @@
+"""Reads the install scripts that CMake generates: which files they copy where.
+
+A build folder has a `cmake_install.cmake` for each of its source folders, with a block for each call of
+install(). Only what CMake itself generates is understood here: nothing is known of a script with code of a
+package, with a destination outside the prefix, or of another shape.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+from typing import TYPE_CHECKING
+
+from forge.base.files import text_or_nothing
+from forge.base.frozen import frozen
+from forge.workspace.cmake_text import calls
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping
+    from pathlib import Path
+
+    from forge.workspace.cmake_text import Call
+
+SCRIPT = "cmake_install.cmake"
+_PREFIX = "${CMAKE_INSTALL_PREFIX}"
+_BLOCK = re.compile(
+    r"^if\([^\n]*CMAKE_INSTALL_COMPONENT[^\n]* OR NOT CMAKE_INSTALL_COMPONENT\)\n(.*?)^endif\(\)\n",
+    re.M | re.S,
+)
+_AROUND = frozenset({"else", "endif", "if", "include", "message", "set", "string"})
+"""The commands outside of blocks, beside the one that writes the manifest."""
+_IN_BLOCKS = frozenset({"else", "endforeach", "endif", "foreach", "if", "message", "string", "unset"})
+_FILE = frozenset({"DIFFERENT", "GLOB", "REMOVE", "RPATH_CHANGE", "RPATH_CHECK", "RPATH_REMOVE", "RPATH_SET"})
+"""What file() does in blocks to installed files, beside INSTALL."""
+_STRIP = "CMAKE_INSTALL_DO_STRIP"
+_CONDITION = re.compile(
+    r'(NOT )?(EXISTS|IS_SYMLINK) "?\$ENV\{DESTDIR\}\$\{CMAKE_INSTALL_PREFIX\}/'
+    r'|(\$\{|")?(CMAKE_INSTALL_(CONFIG_NAME|DO_STRIP|LOCAL_ONLY|COMPONENT)|_cmake_|EXPORT_FILE_CHANGED|OLD_CONFIG_FILES)'
+)
+
+
+@frozen
+class InstallRule:
+    """A call of file(INSTALL): the folder below the prefix, what is installed there, and the whole block.
+
+    `sources` are absolute paths; the content of one that ends with '/' is installed. `name` renames a single
+    file. `options` are the other arguments; `is_copy` tells that nothing else happens to the files.
+    """
+
+    folder: str
+    kind: str
+    sources: tuple[str, ...]
+    name: str
+    options: tuple[str, ...]
+    is_copy: bool
+    block: str
+
+
+@frozen
+class InstallScripts:
+    """All rules of a build folder, the digest of its scripts, and the beginning of the first one."""
+
+    rules: tuple[InstallRule, ...]
+    digest: str
+    prologue: str
+
+
+def read_install_scripts(build: Path) -> InstallScripts | None:
+    """Return what the scripts of a build folder install; None if it is not known."""
+    rules: list[InstallRule] = []
+    digest, prologue = hashlib.blake2b(digest_size=16), None
+    waiting = [f"{build}/{SCRIPT}"]
+    for path in waiting:
+        text = text_or_nothing(path, errors="surrogateescape")
+        digest.update(text.encode(errors="surrogateescape"))
+        around, blocks = _BLOCK.sub("", text), _BLOCK.finditer(text)
+        prologue = text[: first.start()] if prologue is None and (first := _BLOCK.search(text)) else prologue
+        included = _included(around, build)
+        found = [_rules(block[0], block[1]) for block in blocks]
+        if included is None or None in found:
+            return None
+        waiting += included
+        rules += (rule for each in found for rule in each or ())
+    return InstallScripts(tuple(rules), digest.hexdigest(), prologue or "")
+
+
+def _included(text: str, build: Path) -> list[str] | None:
+    """Return the scripts that a script includes; None if something in it is not known."""
+    included, written = [], 0
+    for call in _all_calls(text):
+        if call is None:
+            return None
+        if call.command == "include":
+            if not (
+                len(call.words) == 1
+                and call.words[0].startswith(f"{build}/")
+                and call.words[0].endswith(f"/{SCRIPT}")
+            ):
+                return None
+            included.append(call.words[0])
+        elif call.command == "file":
+            written += 1
+            if call.words[0] != "WRITE" or "CMAKE_INSTALL_MANIFEST" not in call.words[1]:
+                return None
+        elif call.command not in _AROUND:
+            return None
+    return included
+
+
+def _rules(block: str, body: str) -> list[InstallRule] | None:
+    found: list[InstallRule] = []
+    every = [*_all_calls(body)]
+    for call in every:
+        if call is None:
+            return None
+        match call.command, call.words:
+            case "file", ("INSTALL", *words):
+                rule = _rule(words, block, is_copy=len(every) == 1)
+                if rule is None:
+                    return None
+                found.append(rule)
+            case "file", (action, *_) if action in _FILE:
+                pass
+            case "execute_process", _ if _STRIP in call.conditions:
+                pass
+            case "if", words if not _CONDITION.match(" ".join(words)):
+                return None
+            case command, _ if command not in _IN_BLOCKS:
+                return None
+    return found
+
+
+def _rule(words: list[str], block: str, *, is_copy: bool) -> InstallRule | None:
+    match words:
+        case ("DESTINATION", folder, "TYPE", kind, *rest) if folder.startswith(_PREFIX) and "FILES" in rest:
+            at = rest.index("FILES")
+            options, files = rest[:at], rest[at + 1 :]
+        case _:
+            return None
+    count = next((number for number, word in enumerate(files) if not word.startswith("/")), len(files))
+    sources, patterns = files[:count], files[count:]
+    name = options[options.index("RENAME") + 1] if "RENAME" in options else ""
+    below = folder.removeprefix(_PREFIX).strip("/")
+    if any("$" in word or "\\" in word for word in (below, name, *sources)) or (name and len(sources) != 1):
+        return None
+    options = [word for word in options if word not in {"RENAME", name}]
+    return InstallRule(below, kind, tuple(sources), name, tuple(options), is_copy and not patterns, block)
+
+
+def _all_calls(text: str) -> Iterator[Call | None]:
+    """Yield the calls, and None in the end if some text is no call."""
+    ended = 0
+    for call in calls(f"{text}\nend()"):
+        ended = call.command == "end"
+        if not ended:
+            yield call
+    if not ended:
+        yield None
+
+
+def installed_entries(rules: Iterable[InstallRule]) -> Mapping[str, tuple[InstallRule, str]] | None:
+    """Return the rule and the source of each path below the prefix; folders are looked into.
+
+    None if a source is missing, or if two rules install to the same path: then their order decides.
+    """
+    found: dict[str, tuple[InstallRule, str]] = {}
+    for rule in rules:
+        for source in rule.sources:
+            name = rule.name or os.path.basename(source)
+            top = "/".join(filter(None, (rule.folder, name)))
+            if not os.path.lexists(source):
+                return None
+            entries = [(top, source)]
+            if rule.kind == "DIRECTORY" and os.path.isdir(source):
+                entries = [
+                    (f"{top}/{path}" if top else path, f"{source.rstrip('/')}/{path}")
+                    for path in _below(source)
+                ]
+            for path, each in entries:
+                if path in found:
+                    return None
+                found[path] = rule, each
+    return found
+
+
+def _below(folder: str) -> Iterator[str]:
+    """Yield the files and links in a folder, as relative paths, and the folders that are empty."""
+    waiting = [""]
+    while waiting:
+        place = waiting.pop()
+        with os.scandir(f"{folder.rstrip('/')}/{place}") as entries:
+            is_empty = True
+            for entry in entries:
+                is_empty = False
+                if entry.is_dir(follow_symlinks=False):
+                    waiting.append(f"{place}{entry.name}/")
+                else:
+                    yield f"{place}{entry.name}"
+        if is_empty and place:
+            yield place.rstrip("/")

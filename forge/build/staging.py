@@ -1,0 +1,339 @@
+"""Install a package again: into a stage, from where changed files are renamed into the prefix.
+
+Until its steps have succeeded, the prefix stays as it is and can be used. The steps neither see it nor write
+to it, as if the package was built for the first time: the library of forge.engine hides it from them. Then
+each changed file is renamed into place; what has not changed is not touched. After a kill, every file is of
+the last build or of the new one, and the next build finishes.
+
+A step that uses the prefix nevertheless needs the new files in place. Then all files are exchanged by
+forge.build.prefix, as they are without the library, or if code of the package takes part in its installation.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import filecmp
+import json
+import os
+import stat
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from forge.base.errors import Problem
+from forge.base.files import listed_paths, remove_tree, replace_file, tree_below
+from forge.base.layout import INSTALLED_STATES_DIR, SCRATCH_DIR
+from forge.build.copies import status_of
+from forge.build.inputs.fingerprints import content_digest
+from forge.build.install_manifests import MANIFESTS
+from forge.build.install_scripts import installed_entries, read_install_scripts
+from forge.build.installation import InstalledFiles
+from forge.build.installed_lists import InstalledList, identity, list_file, read_installed_list
+from forge.build.observed_writes import begin_log, read_steps, remove_log
+from forge.build.prefix import guarded_links, leftover_backups, remove_empty_folders, tidy, written_log
+from forge.build.tasks import StepKind
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterable, Iterator, Mapping
+
+    from forge.base.layout import Layout
+    from forge.build.install_scripts import InstallRule
+    from forge.build.tasks import Step, Task
+
+_STAGE = "stage"
+_NEXT = "install_next.json"
+"""The notes of the install step that runs."""
+_CHANGED = "install_changed.cmake"
+
+
+# Around the steps
+
+
+def staged(task: Task, layout: Layout) -> Task:
+    """Return the task with its install step in a stage if CMake's own scripts install the package again."""
+    notes = _notes_file(task.build_dir)
+    known = _read(notes)
+    if (
+        not known.keys() >= {"scripts", "files", "folders"}
+        or not task.prefix.is_dir()
+        or read_installed_list(task.name, layout) is None
+    ):
+        return task
+    if task.prefix.stat().st_dev != layout.build.stat().st_dev:
+        return task  # nothing can be renamed from the stage
+    if not task.intact:
+        replace_file(notes, json.dumps({**known, "sources": None}).encode())
+    if any(path.suffix not in {".written", ".links"} for path in leftover_backups(task.name, layout)):
+        return task
+    stage = task.build_dir / SCRATCH_DIR / _STAGE
+    steps = tuple(replace(step, stage=stage) if step.prefix else step for step in task.steps)
+    return replace(task, stage=stage, steps=steps)
+
+
+def without_stage(task: Task) -> Task:
+    """Return a staged task as it is to be run in place."""
+    return replace(task, stage=None, steps=tuple(replace(step, stage=None) for step in task.steps))
+
+
+def begin(task: Task, layout: Layout) -> None:
+    """Hide the prefix from the steps."""
+    remove_tree(str(task.stage))
+    begin_log(written_log(task.name, layout))
+    hidden = sorted({str(task.prefix), os.path.realpath(task.prefix)})
+    guarded_links(task.name, layout).write_bytes(b"".join(b"%s\0" % os.fsencode(path) for path in hidden))
+
+
+def end(task: Task, layout: Layout) -> None:
+    """Remove the stage; the prefix stays as it is."""
+    remove_tree(str(task.stage))
+    remove_log(written_log(task.name, layout))
+    guarded_links(task.name, layout).unlink(missing_ok=True)
+    tidy(layout)
+
+
+def needs_prefix(task: Task, layout: Layout, *, failed: bool) -> bool:
+    """Tell whether the steps may have used the prefix, or whether what they installed does not fit in there.
+
+    The next builds with the same install scripts run in place then.
+    """
+    steps = read_steps(written_log(task.name, layout))
+    own = tuple(f"{path}/" for path in {str(task.prefix), os.path.realpath(task.prefix)})
+    roots = [each for each in steps.observed.processes if steps.kinds.get(each.pid) == StepKind.INSTALL.value]
+    installing = {process.pid for root in roots for process in root.family()}
+    uses = any(
+        kind == "E" or (process.pid in installing and f"{path}/".startswith(own))
+        for process in steps.observed.processes
+        for _, kind, path in process.records
+    )
+    if uses or not (failed or (steps.complete and _fits(task, layout))):
+        scripts = _read(task.build_dir / SCRATCH_DIR / _NEXT).get("scripts")
+        replace_file(_notes_file(task.build_dir), json.dumps({"in place": scripts}).encode())
+        return True
+    return False
+
+
+def _fits(task: Task, layout: Layout) -> bool:
+    """Tell whether the staged files can replace those of the last build, and none names the stage."""
+    listed = read_installed_list(task.name, layout)
+    files, folders = tree_below(str(task.stage))
+    if not (task.build_dir / SCRATCH_DIR / _NEXT).is_file():
+        return False  # the scripts contain code of the package now
+    for path, status in files:
+        target = _target(task, path)
+        is_foreign = os.path.lexists(target) and (listed is None or target not in listed.files)
+        if is_foreign or (os.path.isdir(target) and not os.path.islink(target)):
+            return False
+        is_new = stat.S_ISREG(status.st_mode) and not _is_same(path, target)
+        if is_new and os.fsencode(str(task.stage)) in Path(path).read_bytes():
+            return False
+    return all(_is_folder(target) or not os.path.lexists(target) for target in _folders(task, files, folders))
+
+
+# The install step
+
+
+def next_install(step: Step) -> Step | None:
+    """Return an install step as it is to be run, and note what it will have installed from.
+
+    In a stage, it installs what has changed since the last build, if CMake's scripts tell what that is, or
+    else everything; None if they do not allow a stage.
+    """
+    build = step.cwd
+    notes, following = _notes_file(build), build / SCRATCH_DIR / _NEXT
+    following.unlink(missing_ok=True)
+    scripts = read_install_scripts(build)
+    if scripts is None:
+        return None if step.stage else step
+    entries = installed_entries(scripts.rules)
+    now: dict[str, Any] = {"scripts": scripts.digest}
+    if entries is not None:
+        now["sources"] = {path: _state(source) for path, (_, source) in entries.items()}
+    changed = _changed(_read(notes), now) if step.stage else None
+    replace_file(following, json.dumps({**now, "partial": changed is not None}).encode())
+    if step.stage is None:
+        return step
+    step.stage.mkdir(parents=True, exist_ok=True)
+    if changed is None or entries is None:
+        return replace(step, argv=(*step.argv, "--prefix", str(step.stage)))
+    script = build / SCRATCH_DIR / _CHANGED
+    text = "".join((scripts.prologue, *_calls_for(changed, entries)))
+    replace_file(script, text.encode(errors="surrogateescape"))
+    return replace(step, argv=(step.argv[0], f"-DCMAKE_INSTALL_PREFIX={step.stage}", "-P", str(script)))
+
+
+def _changed(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str] | None:
+    """Return the installed paths whose sources have changed; None if anything else may be different."""
+    then, current = before.get("sources"), now.get("sources")
+    if not (then and current) or before["scripts"] != now["scripts"] or then.keys() != current.keys():
+        return None
+    return [path for path, state in current.items() if then[path] != state]
+
+
+def _calls_for(changed: Iterable[str], entries: Mapping[str, tuple[InstallRule, str]]) -> Iterator[str]:
+    """Yield the CMake code that installs some files; what CMake also does with them is not taken apart."""
+    blocks = dict[str, None]()
+    for path in changed:
+        rule, source = entries[path]
+        if not rule.is_copy or rule.options or rule.kind not in {"FILE", "DIRECTORY"}:
+            blocks[rule.block] = None
+            continue
+        folder, _, name = path.rpartition("/")
+        renamed = f' RENAME "{name}"' if rule.name else ""
+        where = f'"${{CMAKE_INSTALL_PREFIX}}/{folder}"'
+        kind = "DIRECTORY" if os.path.isdir(source) and not os.path.islink(source) else "FILE"
+        yield f'file(INSTALL DESTINATION {where} TYPE {kind}{renamed} FILES "{source}")\n'
+    yield from blocks
+
+
+def _state(path: str) -> list[int]:
+    status = os.lstat(path)
+    if stat.S_ISDIR(status.st_mode):
+        return [status.st_mode]
+    return [status.st_mode, status.st_size, status.st_mtime_ns, status.st_ctime_ns, status.st_ino]
+
+
+# After the steps
+
+
+def commit(task: Task, layout: Layout) -> tuple[InstalledFiles, tuple[Problem, ...]]:
+    """Rename the changed files of the stage into the prefix, and remove what is no longer installed.
+
+    Return all files that the steps have installed, and a problem for each edited file that stays.
+    """
+    files, empty = tree_below(str(task.stage))
+    notes = _read(_notes_file(task.build_dir))
+    before, folders_before = (
+        frozenset(f"{task.prefix}/{path}" for path in notes[key]) for key in ("files", "folders")
+    )
+    kept: tuple[Problem, ...] = ()
+    if _read(task.build_dir / SCRATCH_DIR / _NEXT)["partial"]:
+        installed = InstalledFiles(tuple(sorted(before)), tuple(sorted(folders_before)))
+    else:
+        now = frozenset(_target(task, path) for path, _ in files)
+        folders = frozenset(f"{_target(task, path)}/" for path in empty)
+        kept = remove_stale(task, layout, (before | folders_before) - now - folders)
+        installed = InstalledFiles(tuple(sorted(now)), tuple(sorted(folders)))
+    _announce(task, layout, (path for path, _ in files))
+    for folder in _folders(task, files, empty):
+        source = f"{task.stage}{folder[len(str(task.prefix)) :]}"
+        mode = stat.S_IMODE(os.lstat(source).st_mode)
+        os.makedirs(folder, exist_ok=True)
+        if stat.S_IMODE(os.lstat(folder).st_mode) != mode:
+            os.chmod(folder, mode)
+    for path, status in files:
+        target = _target(task, path)
+        if not _is_same(path, target):
+            if stat.S_ISREG(status.st_mode):
+                os.utime(path)
+            os.replace(path, target)
+    for name in MANIFESTS:
+        manifest = task.build_dir / name
+        if manifest.is_file():
+            lines = "\n".join(_target(task, path) for path in listed_paths(manifest))
+            replace_file(manifest, lines.encode(errors="surrogateescape"))
+    return installed, kept
+
+
+def _announce(task: Task, layout: Layout, staged_files: Iterable[str]) -> None:
+    """Add new files to the list of the package before they appear: after a kill they are known as its own."""
+    file = list_file(task.name, layout)
+    data = json.loads(file.read_bytes())
+    skip = len(str(layout.install)) + 1
+    new = {_target(task, path)[skip:]: path for path in staged_files}
+    added = {target: _identity(path) for target, path in new.items() if target not in data["files"]}
+    if added:
+        replace_file(file, json.dumps({**data, "files": {**data["files"], **added}}).encode())
+
+
+def remove_stale(
+    task: Task, layout: Layout, stale: Iterable[str], folders: Collection[str] = ()
+) -> tuple[Problem, ...]:
+    """Remove files of the package, and its empty folders, which end with '/', but not `folders`.
+
+    Return a problem for each file that was edited and stays.
+    """
+    listed = read_installed_list(task.name, layout) or InstalledList({})
+    own = {folder.rstrip("/") for folder in folders}
+    kept = []
+    for path in sorted(stale, reverse=True):
+        if path.endswith("/"):
+            remove_empty_folders(f"{path}x", str(task.prefix), own)
+        elif path not in listed.files or not os.path.lexists(path):
+            continue
+        elif _identity(path) == listed.files[path]:
+            os.unlink(path)
+            remove_empty_folders(path, str(task.prefix), own)
+        else:
+            message = f"kept '{path}', which '{task.name}' no longer installs, because it was edited"
+            kept.append(Problem(message, hint="remove it if you do not need it"))
+    return tuple(kept)
+
+
+def remove_other_stale(task: Task, layout: Layout, installed: InstalledFiles) -> tuple[Problem, ...]:
+    """Remove what neither the steps nor forge install any more."""
+    listed = read_installed_list(task.name, layout) or InstalledList({})
+    stale = listed.files.keys() - listed.unclaimed - {*installed.files}
+    return remove_stale(task, layout, stale, installed.folders)
+
+
+def note_installed(task: Task, installed: InstalledFiles) -> None:
+    """Note what the install step has installed, and from what, for the next build."""
+    following, notes = task.build_dir / SCRATCH_DIR / _NEXT, _notes_file(task.build_dir)
+    data, below = _read(following), f"{task.prefix}/"
+    if data and data["scripts"] == _read(notes).get("in place"):
+        return
+    if not data or installed.unclaimed or not all(path.startswith(below) for path in installed.files):
+        notes.unlink(missing_ok=True)
+        return
+    paths = {"files": installed.files, "folders": installed.folders}
+    relative = {key: [path.removeprefix(below) for path in found] for key, found in paths.items()}
+    notes.parent.mkdir(parents=True, exist_ok=True)
+    replace_file(notes, json.dumps({**data, **relative}).encode())
+    following.unlink()
+
+
+def _notes_file(build: Path) -> Path:
+    """Return the file that says what the install step has installed, and from what."""
+    return build.parent / INSTALLED_STATES_DIR / build.name / "install_step"
+
+
+def _target(task: Task, path: str) -> str:
+    """Return where a staged file belongs; other paths stay as they are."""
+    below = f"{task.stage}/"
+    return f"{task.prefix}/{path[len(below) :]}" if path.startswith(below) else path
+
+
+def _folders(task: Task, files: Iterable[tuple[str, os.stat_result]], empty: Iterable[str]) -> list[str]:
+    """Return the folders of the prefix with staged entries, parents first."""
+    stage = str(task.stage)
+    found = {stage, *empty}
+    for path in (*(path for path, _ in files), *empty):
+        while (path := os.path.dirname(path)) not in found:
+            found.add(path)
+    return sorted(_target(task, f"{path}/").rstrip("/") for path in found)
+
+
+def _is_folder(path: str) -> bool:
+    return os.path.isdir(path) and not os.path.islink(path)
+
+
+def _is_same(path: str, other: str) -> bool:
+    """Tell whether two files have the same content and mode, or two links the same target."""
+    one, two = os.lstat(path), status_of(other)
+    if two is None or one.st_mode != two.st_mode:
+        return False
+    if stat.S_ISLNK(one.st_mode):
+        return os.readlink(path) == os.readlink(other)
+    return stat.S_ISREG(one.st_mode) and filecmp.cmp(path, other, shallow=False)
+
+
+def _identity(path: str) -> str:
+    return identity(path, "link " if os.path.islink(path) else content_digest(path))
+
+
+def _read(file: Path) -> dict[str, Any]:
+    with contextlib.suppress(OSError, ValueError, RecursionError):
+        data = json.loads(file.read_bytes())
+        if isinstance(data, dict):
+            return data
+    return {}

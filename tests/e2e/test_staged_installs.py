@@ -1,0 +1,282 @@
+"""While a package is built again, the installed one stays whole and can be used."""
+
+import os
+import random
+import shutil
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.conftest import Forge, Tree
+from tests.e2e.test_exact_installs import build, cmake, hold_against_clean, look
+
+pytestmark = [pytest.mark.needs("cmake")]
+
+PROGRAM = """
+add_library(greet SHARED greet.c)
+add_executable(hello hello.c)
+target_link_libraries(hello greet)
+install(TARGETS greet hello)
+install(FILES words.txt DESTINATION share/a)
+"""
+HELLO = "void greet(void); int main(void) { greet(); return 0; }\n"
+GREET = '#include <stdio.h>\nvoid greet(void) { puts("%s"); }\n'
+
+
+def inodes(prefix: Path) -> dict[str, tuple[int, int]]:
+    """Return inode and time of each installed file."""
+    files = (path for path in prefix.rglob("*") if path.is_file() and not path.is_symlink())
+    return {str(path.relative_to(prefix)): (path.stat().st_ino, path.stat().st_mtime_ns) for path in files}
+
+
+def hello(root: Path) -> subprocess.CompletedProcess[str]:
+    variables = {**os.environ, "LD_LIBRARY_PATH": str(root / "install/a/lib")}
+    return subprocess.run(
+        [root / "install/a/bin/hello"], env=variables, capture_output=True, text=True, check=False
+    )
+
+
+@pytest.mark.needs("g++")
+def test_an_installed_program_can_be_started_during_each_moment_of_its_rebuild(
+    forge: Forge, tree: Tree
+) -> None:
+    root = tree(
+        cmake("a", PROGRAM, languages="C", **{"hello.c": HELLO, "greet.c": GREET % "0", "words.txt": ""})
+    )
+    build(forge, root)
+    said, ended = [], threading.Event()
+
+    def run_often() -> None:
+        while not ended.is_set():
+            said.append(hello(root))
+
+    starter = threading.Thread(target=run_often)
+    starter.start()
+    try:
+        for number in range(1, 4):
+            tree({"src/a/greet.c": GREET % number, "src/a/hello.c": f"{HELLO}int more{number};\n"})
+            build(forge, root)
+        tree({"src/a/greet.c": "broken"})
+        assert forge("build", cwd=root).code == 1
+    finally:
+        ended.set()
+        starter.join()
+    assert {ran.returncode for ran in said} == {0}, [ran.stderr for ran in said if ran.returncode]
+    assert hello(root).stdout == "3\n"
+
+
+@pytest.mark.needs("g++")
+def test_what_comes_out_equal_keeps_its_inode_and_time(forge: Forge, tree: Tree) -> None:
+    root = tree(
+        cmake("a", PROGRAM, languages="C", **{"hello.c": HELLO, "greet.c": GREET % "0", "words.txt": ""})
+    )
+    build(forge, root)
+    before = inodes(root / "install/a")
+    for files, changed in (
+        ({"src/a/words.txt": "new"}, {"share/a/words.txt"}),
+        ({"src/a/greet.c": GREET % "1"}, {"lib/libgreet.so"}),
+        ({"src/a/CMakeLists.txt": (root / "src/a/CMakeLists.txt").read_text() + "# a comment\n"}, set()),
+    ):
+        tree(files)
+        build(forge, root)
+        after = inodes(root / "install/a")
+        differing = {path for path in before | after if before.get(path) != after.get(path)}
+        # forge writes this file anew, with the same time.
+        assert differing - {"share/a/package.dsv"} == changed
+        assert before["share/a/package.dsv"][1] == after["share/a/package.dsv"][1]
+        before = after
+
+
+def test_the_steps_do_not_find_the_installed_package(forge: Forge, tree: Tree) -> None:
+    """As in a clean build: neither CMake nor a shell, by no spelling of the path."""
+    body = (
+        "find_file(OLD words.txt PATHS ${CMAKE_INSTALL_PREFIX}/share/a NO_CACHE)\n"
+        "file(GLOB there ${CMAKE_INSTALL_PREFIX}/*)\n"
+        'execute_process(COMMAND sh -c "cd ${CMAKE_INSTALL_PREFIX}/..; ls a; cat ./a/share/a/words.txt; '
+        'test -e a/share && echo there; mkdir -p made" OUTPUT_VARIABLE said ERROR_QUIET)\n'
+        'file(WRITE ${CMAKE_BINARY_DIR}/said.txt "${OLD} ${there} ${said}")\n'
+        "install(FILES words.txt ${CMAKE_BINARY_DIR}/said.txt DESTINATION share/a)\n"
+    )
+    root = tree(cmake("a", body, **{"words.txt": "1"}))
+    build(forge, root)
+    tree({"src/a/CMakeLists.txt": (root / "src/a/CMakeLists.txt").read_text() + "# a comment\n"})
+    hold_against_clean(forge, root)
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        "install(CODE [[file(WRITE ${CMAKE_INSTALL_PREFIX}/share/made.txt ${CMAKE_INSTALL_PREFIX})]])",
+        'install(CODE "file(WRITE ${CMAKE_INSTALL_PREFIX}/share/made.txt 1)")',
+        "install(FILES words.txt DESTINATION ${CMAKE_INSTALL_PREFIX}/other)",
+        "file(COPY words.txt DESTINATION ${CMAKE_INSTALL_PREFIX}/x)",
+        "add_custom_target(copy ALL cmake -E copy_directory ../d ${CMAKE_INSTALL_PREFIX}/x)",
+    ],
+)
+def test_steps_that_use_the_prefix_itself_install_what_a_clean_build_does(
+    forge: Forge, tree: Tree, code: str
+) -> None:
+    plain = "install(FILES words.txt DESTINATION share)\nfile(MAKE_DIRECTORY ${CMAKE_BINARY_DIR}/../d/e)\n"
+    root = tree(cmake("a", plain, **{"words.txt": "1"}))
+    build(forge, root)
+    tree({**cmake("a", plain + code), "src/a/words.txt": "2"})
+    (root / "install/a").mkdir(exist_ok=True)
+    build(forge, root)
+    tree({"src/a/words.txt": "3"})
+    again = build(forge, root)
+    assert again.out.count("Starting") == 1
+    hold_against_clean(forge, root)
+
+
+def test_an_edited_file_that_is_no_longer_installed_stays(forge: Forge, tree: Tree) -> None:
+    root = tree(cmake("a", "install(DIRECTORY d/ DESTINATION share)", **{"d/x": "1", "d/y": "1"}))
+    build(forge, root)
+    (root / "src/a/d/x").unlink()
+    (root / "install/a/share/x").write_text("mine")
+    tree({"src/a/d/y": "2"})
+    ran = build(forge, root)
+    assert "kept" in ran.err
+    assert "edited" in ran.err
+    assert (root / "install/a/share/x").read_text() == "mine"
+    assert (root / "install/a/share/y").read_text() == "2"
+
+
+def test_a_removed_build_folder_is_made_again(forge: Forge, tree: Tree) -> None:
+    root = tree(cmake("a", "install(DIRECTORY d/ DESTINATION share)", **{"d/x": "1", "d/y": "1"}))
+    build(forge, root)
+    shutil.rmtree(root / "build/a")
+    (root / "src/a/d/x").unlink()
+    hold_against_clean(forge, root)
+
+
+def test_what_somebody_removed_or_edited_is_installed_again(forge: Forge, tree: Tree) -> None:
+    root = tree(cmake("a", "install(DIRECTORY d/ DESTINATION share)", **{"d/x": "1", "d/y": "1"}))
+    build(forge, root)
+    (root / "install/a/share/x").unlink()
+    (root / "install/a/share/y").write_text("other")
+    hold_against_clean(forge, root)
+
+
+# --- any change of install rules
+
+
+class Rules:
+    """A package whose files and install rules change at random."""
+
+    def __init__(self, chance: random.Random, home: Path) -> None:
+        self.chance = chance
+        self.home = home
+        self.rules: list[str] = [self.rule() for _ in range(4)]
+
+    def rule(self) -> str:
+        where = f"DESTINATION share/{self.chance.choice('pqr')}"
+        rights = self.chance.choice(("", "", " PERMISSIONS OWNER_READ OWNER_WRITE OWNER_EXECUTE"))
+        match self.chance.randrange(8):
+            case 0:
+                return f"install(FILES f1 f2 {where}{rights})"
+            case 1:
+                return f"install(FILES f3 {where}{rights} RENAME n{self.chance.randrange(3)})"
+            case 2:
+                return f"install(PROGRAMS f4 {where})"
+            case 3:
+                source = self.chance.choice((" USE_SOURCE_PERMISSIONS", "", " FILES_MATCHING PATTERN *1*"))
+                return f"install(DIRECTORY d {where}{source})"
+            case 4:
+                more = self.chance.choice(("", " PATTERN g2 EXCLUDE", " PATTERN g1 PERMISSIONS OWNER_READ"))
+                return f"install(DIRECTORY d/ e {where}{more})"
+            case 5:
+                return f"install(FILES missing f5 {where} OPTIONAL)"
+            case 6:
+                return f"configure_file(f6 made @ONLY)\ninstall(FILES ${{CMAKE_BINARY_DIR}}/made {where})"
+            case _:
+                return f"install(DIRECTORY {where}/empty)"
+
+    def change(self) -> None:
+        match self.chance.randrange(6):
+            case 0:
+                self.rules[self.chance.randrange(len(self.rules))] = self.rule()
+            case 1:
+                path = self.home / f"f{self.chance.randrange(1, 7)}"
+                path.chmod(self.chance.choice((0o644, 0o755)))
+            case 2:
+                path = self.home / self.chance.choice(("d/g3", "d/s/g1", "e/g1", "e/l", "d/new/g1"))
+                if path.is_symlink() or path.exists():
+                    path.unlink()
+                elif path.name == "l":
+                    path.symlink_to(self.chance.choice(("g1", "..", "nothing")))
+                else:
+                    path.parent.mkdir(exist_ok=True)
+                    path.write_text("x")
+            case 3:
+                path = self.home / self.chance.choice(("d", "e")) / f"empty{self.chance.randrange(2)}"
+                if path.exists():
+                    path.rmdir()
+                else:
+                    path.mkdir(parents=True)
+            case _:
+                names = [f"f{number}" for number in range(1, 7)] + ["d/g1", "d/g2", "d/s/g1", "e/g1"]
+                path = self.home / self.chance.choice(names)
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_text(str(self.chance.randrange(3)))
+
+    def write(self) -> None:
+        text = "cmake_minimum_required(VERSION 3.18)\nproject(a NONE)\n" + "\n".join(self.rules)
+        path = self.home / "CMakeLists.txt"
+        if not path.exists() or path.read_text() != text:
+            path.write_text(text)
+
+
+@pytest.mark.parametrize("seed", range(int(os.environ.get("FORGE_TEST_EXAMPLES", "3"))))
+def test_any_change_of_files_and_rules_installs_what_a_clean_build_does(
+    forge: Forge, tree: Tree, seed: int
+) -> None:
+    names = [*(f"f{number}" for number in range(1, 7)), "d/g1", "d/g2", "d/s/g1", "e/g1"]
+    root = tree(cmake("a", "", **dict.fromkeys(names, "0")))
+    rules = Rules(random.Random(seed), root / "src/a")
+    rules.write()
+    build(forge, root)
+    for _ in range(8):
+        for _ in range(rules.chance.choice((1, 1, 2))):
+            rules.change()
+        rules.write()
+        build(forge, root)
+        clean = root.parent / "clean"
+        shutil.rmtree(clean, ignore_errors=True)
+        shutil.copytree(root / "src", clean / "src", symlinks=True)
+        build(forge, clean)
+        found, expected = (
+            {path: look(place / "install/a/share" / path) for path in "pqr"} for place in (root, clean)
+        )
+        assert found == expected, rules.rules
+
+
+def test_a_kill_between_two_files_loses_none(forge: Forge, tree: Tree) -> None:
+    """The next build finishes what the killed one began."""
+    files = {f"d/{number}": "1" for number in range(3000)}
+    root = tree(cmake("a", "install(DIRECTORY d/ DESTINATION share)", **files))
+    build(forge, root)
+    chance = random.Random(1)
+    for turn in range(6):
+        tree({f"src/a/d/{number}": str(turn + 2) for number in range(3000)})
+        (root / "src/a/d" / f"more{turn}").write_text("1")
+        running = subprocess.Popen(
+            [sys.executable, "-m", "forge", "build"],
+            cwd=root,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+        newest = root / "install/a/share/0"
+        while newest.read_text() == str(turn + 1) and running.poll() is None:
+            pass
+        time.sleep(chance.random() * 0.05)
+        running.kill()
+        running.wait()
+        texts = {(root / f"install/a/share/{number}").read_text() for number in range(3000)}
+        assert texts <= {str(turn + 1), str(turn + 2)}
+        build(forge, root)
+        assert {(root / f"install/a/share/{number}").read_text() for number in range(3000)} == {str(turn + 2)}
+    hold_against_clean(forge, root)
