@@ -180,10 +180,8 @@ def commands_of(
             read = accesses.read | accesses.found
             edges[output] = replace(accesses, read=read, found=frozenset(), blind=blind)
             missing |= folders.paths(seen.missing)
-    rest = folders.accesses(observe(others, step.blind), others)
-    # What is installed is copied, whatever it says.
     copying = {each for each in others if each.parent is None and roots.get(each.pid) == "install"}
-    rest = replace(rest, asked=rest.asked - {PROCESSOR} | folders.about_processor(others - copying))
+    rest = folders.accesses(observe(others, step.blind), others, copying)
     return ObservedCommands(configure, edges, frozenset(missing), rest)
 
 
@@ -252,8 +250,10 @@ class Folders:
         """Return those below one of the folders."""
         return frozenset(found for path in paths if (found := self.path(path)) is not None)
 
-    def accesses(self, seen: Observation, processes: Iterable[Process] = ()) -> Accesses:
-        """Return what matters of an observation of some processes."""
+    def accesses(
+        self, seen: Observation, processes: Iterable[Process] = (), copying: Collection[Process] = ()
+    ) -> Accesses:
+        """Return what matters of an observation of some processes; some only copy what they read."""
         processes = tuple(processes)
         kept = [path for path in seen.written if os.path.lexists(path) and not CACHED_BYTECODE.match(path)]
         kept += [
@@ -270,6 +270,8 @@ class Folders:
         used = (path.rpartition("/") for path in chain(seen.missing, seen.found, seen.executed, read))
         asked = about_programs({name for folder, _, name in used if folder in self._path})
         variables = seen.variables.union(*map(self._mentioned_by, processes))
+        # What is installed is copied, whatever it says.
+        compiling = [process for process in processes if process not in copying]
         ledgers = [
             (digest, self.path(path)) for digest, _, path in (each.partition(" ") for each in seen.ledgers)
         ]
@@ -280,7 +282,7 @@ class Folders:
             searched=frozenset(path.rpartition("/")[0] for path in self.paths(seen.missing)),
             written=written,
             external=frozenset(external),
-            asked=frozenset((*asked, *about_variables(variables))) | self.about_processor(processes),
+            asked=frozenset((*asked, *about_variables(variables))) | self.about_processor(compiling),
             kept=written & self._kept(processes) if seen.ledgers else frozenset(),
             ledgers=frozenset(f"{digest} {path}" for digest, path in ledgers),
             outside=len(written) < len(kept) or any(not path.startswith(self._build) for path in written),
