@@ -125,8 +125,8 @@ def prepare_build_dir(
         # The configure step after which its products should have been restored did not finish.
         _discard(build)
         before.rename(build)
-    decision = _decision(build, inputs, checks, reconfigure=reconfigure) if can_reuse else _NOTHING
     seen = read_commands(build / SCRATCH_DIR / COMMANDS)
+    decision = _decision(build, inputs, checks, seen, reconfigure=reconfigure) if can_reuse else _NOTHING
     if decision.reuse is Reuse.EVERYTHING:
         # The first output of a command goes in any case, or the native tool would not run it.
         remaining = (
@@ -137,12 +137,15 @@ def prepare_build_dir(
     else:
         _begin_empty(build, decision, inputs.kept)
     folder = build / SCRATCH_DIR
-    for name in (ENDED, DEFERRED_BUILD_FILE, COMMANDS):
+    for name in (ENDED, DEFERRED_BUILD_FILE):
         (folder / name).unlink(missing_ok=True)
     # If this build is killed, nothing is known of the commands that it has run.
-    write_commands(
-        folder / COMMANDS_BEFORE, seen if decision.reuse is not Reuse.NOTHING or inputs.kept else NOT_OBSERVED
-    )
+    if decision.reuse is Reuse.EVERYTHING and (folder / COMMANDS).is_file():
+        (folder / COMMANDS).replace(folder / COMMANDS_BEFORE)
+    else:
+        (folder / COMMANDS).unlink(missing_ok=True)
+        is_known = decision.reuse is not Reuse.NOTHING or inputs.kept
+        write_commands(folder / COMMANDS_BEFORE, seen if is_known else NOT_OBSERVED)
     write_manifest(folder / SOURCES, inputs.sources)
     note = {
         "began": time.time_ns(),
@@ -233,7 +236,9 @@ def empty_build_dir(build: Path) -> None:
 _NOTHING = Decision(Reuse.NOTHING)
 
 
-def _decision(build: Path, inputs: BuildDirInputs, checks: FileChecks, *, reconfigure: bool) -> Decision:
+def _decision(
+    build: Path, inputs: BuildDirInputs, checks: FileChecks, seen: ObservedCommands, *, reconfigure: bool
+) -> Decision:
     note, ended = read_json(build / SCRATCH_DIR / BEGUN), read_json(build / SCRATCH_DIR / ENDED)
     then = read_manifest(build / SCRATCH_DIR / SOURCES)
     known = then is not None and isinstance(note.get("began"), int) and note.get("base") == inputs.base
@@ -252,7 +257,6 @@ def _decision(build: Path, inputs: BuildDirInputs, checks: FileChecks, *, reconf
     external_paths = (path for path in graph.known() - then.keys() if not path.startswith(f"{build}/"))
     if needed_changes is None or not graph.tool or _externals_changed(build, external_paths, note, checks):
         return _NOTHING
-    seen = read_commands(build / SCRATCH_DIR / COMMANDS)
     if seen.answers != checks.answers(question for question, _ in seen.answers):
         return _NOTHING
     if {*note["needs"]} != {*inputs.needs}:

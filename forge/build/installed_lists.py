@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from forge.base.ament_index import INDEX
@@ -14,7 +15,7 @@ from forge.environment.prefixes import PACKAGES
 from forge.environment.shells import SHELLS
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Iterator, Mapping
+    from collections.abc import Collection, Iterable, Mapping
     from pathlib import Path
 
     from forge.base.layout import Layout
@@ -76,8 +77,7 @@ def write_installed_list(
     """
     base = str(layout.install)
     inside = [path for path in contents if path.startswith(f"{base}/") and path not in unclaimed]
-    folders_of_files = {os.path.dirname(path) for path in inside}
-    parents = {parent for folder in folders_of_files for parent in folders_above(f"{folder}/", base)}
+    parents = {parent for path in inside for parent in folders_above(path, base)}
     data = {
         "version": _VERSION,
         "files": {path[len(base) + 1 :]: identity(path, contents[path]) for path in inside},
@@ -113,7 +113,12 @@ def list_file(name: str, layout: Layout) -> Path:
     return layout.install / INSTALLED_LISTS_DIR / f"{name}.json"
 
 
-def folders_above(path: str, root: str) -> Iterator[str]:
-    """Yield the folders between a file and a folder that contains it."""
-    while (path := os.path.dirname(path)).startswith(f"{root}/"):
-        yield path
+def folders_above(path: str, root: str) -> tuple[str, ...]:
+    """Return the folders between a file and a folder that contains it, the innermost first."""
+    return _with_folders_above(path.rpartition("/")[0], root)
+
+
+@lru_cache(maxsize=4096)  # many files lie in one folder
+def _with_folders_above(folder: str, root: str) -> tuple[str, ...]:
+    inside = folder.startswith(f"{root}/")
+    return (folder, *_with_folders_above(folder.rpartition("/")[0], root)) if inside else ()

@@ -228,7 +228,9 @@ def _fingerprint(data: Mapping[str, object]) -> Fingerprint:
 def _texts(data: object) -> tuple[str, ...]:
     if not isinstance(data, list):
         raise TypeError("expected a list")
-    return tuple(map(_text, data))
+    if {*map(type, data)} - {str}:
+        raise TypeError("expected strings")
+    return tuple(data)
 
 
 def _text(data: object) -> str:

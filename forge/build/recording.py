@@ -216,8 +216,8 @@ class PackageRecorder:
         self._state.scripts.end(task.name, files, stats)
         if self._layout.merged:
             record_contents(task.build_dir, files, self._table)
-        installed = fingerprint_files((*files, *folders), self._table, stats=stats)
         contents = contents_of((*files, *folders), self._table, stats)
+        installed = fingerprint_files((*files, *folders), self._table, stats=stats, contents=contents)
         self._state.installed_states.keep(task.name, installed.digest, contents)
         own = {path: contents[path] for path in files}
         root = str(self._state.root)

@@ -378,12 +378,17 @@ class Folders:
 
 def is_for_this_processor(text: str) -> bool:
     """Return True if options, or a file that may have some, name the processor at hand; comments do not."""
-    lines = text.splitlines() if _NATIVE.search(text) else ()
-    return any(_NATIVE.search(line) and not line.lstrip().startswith(("#", "//")) for line in lines)
+    if not any(word in text for word in _NATIVE_WORDS):
+        return False
+    beginnings = (
+        text[text.rfind("\n", 0, found.start()) + 1 : found.start()] for found in _NATIVE.finditer(text)
+    )
+    return not all(beginning.lstrip().startswith(("#", "//")) for beginning in beginnings)
 
 
 _NO_INPUT = re.compile(r"/__pycache__$|\.pyc$|\.egg-info/|\.dist-info/entry_points\.txt$")
 """Caches of Python, and what it reads of every distribution in search of plugins, which it then imports."""
+_NATIVE_WORDS = ("native", "-xHost", CPU_INFO)
 _NATIVE = re.compile(rf"\bnative\b|-xHost\b|{CPU_INFO}")
 """How the options of all compilers name the processor at hand, and where scripts read what it is."""
 _NATIVE_FLAG = re.compile(rb"-m(?:arch|tune|cpu)=native|target-cpu=native|-xHost\b|/proc/cpuinfo")

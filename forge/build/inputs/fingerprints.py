@@ -43,6 +43,7 @@ _BLOCK = 1 << 20
 """Bytes to read at a time; a file may be larger than the memory."""
 
 _NO_STATS: Stats = {}
+_NO_CONTENTS: Mapping[str, str] = {}
 
 _RESULTS = frozenset({".built_by", LAYOUT_MARKER, "latest_build"})
 """Beside COLCON_IGNORE, these mark build, install and log folders, which may lie within a package."""
@@ -124,14 +125,19 @@ def fingerprint_tree(root: str, table: FileTable, known: Fingerprint | None = No
 
 
 def fingerprint_files(
-    paths: Iterable[str], table: FileTable, known: Fingerprint | None = None, stats: Stats = _NO_STATS
+    paths: Iterable[str],
+    table: FileTable,
+    known: Fingerprint | None = None,
+    stats: Stats = _NO_STATS,
+    contents: Mapping[str, str] | None = None,
 ) -> Fingerprint:
     """Return the fingerprint of `paths` in this order; missing files are part of it.
 
-    `stats` may provide stats of some files that were just taken.
+    `stats` may provide stats of some files that were just taken, and `contents` what `contents_of` has just
+    returned for all.
     """
     entries = [(path, stats.get(path) or _status(path), False) for path in paths]
-    return _fingerprint_of(entries, 0, table, known, trusting=True)
+    return _fingerprint_of(entries, 0, table, known, contents or {}, trusting=True)
 
 
 def tree_manifest(root: str, table: FileTable) -> InputManifest:
@@ -326,6 +332,7 @@ def _fingerprint_of(
     cut: int,
     table: FileTable,
     known: Fingerprint | None,
+    contents: Mapping[str, str] = _NO_CONTENTS,
     *,
     trusting: bool,
 ) -> Fingerprint:
@@ -341,7 +348,8 @@ def _fingerprint_of(
     digest = hashlib.blake2b(digest_size=16)
     linked = b""
     for path, status, via_link in entries:
-        line = f"{path[cut:]}\0{_content(path, status, table)}\n".encode(errors="surrogateescape")
+        content = contents.get(path) or _content(path, status, table)
+        line = f"{path[cut:]}\0{content}\n".encode(errors="surrogateescape")
         digest.update(line)
         if via_link or (status is not None and stat.S_ISLNK(status.st_mode)):
             linked += line

@@ -171,7 +171,7 @@ def _edge(build: str | Path, head: str, text: str) -> Edge:
         elif side is inputs and not rule:
             rule = word
         elif not order_only and not word.startswith(_WORKDIR):
-            side.append(_absolute(build, _ESCAPE.sub(r"\1", word)))
+            side.append(_absolute(build, _ESCAPE.sub(r"\1", word) if "$" in word else word))
     return Edge(rule, tuple(outputs), tuple(inputs), text)
 
 
