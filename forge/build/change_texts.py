@@ -14,7 +14,7 @@ from forge.build.build_notes import EXTERNALS, SOURCES
 from forge.build.inputs.fingerprints import DIR_LISTING_SUFFIX, contents_of, tree_manifest
 from forge.build.inputs.input_manifest import Changes, compare, read_manifest
 from forge.build.up_to_date import UNKNOWN_INSTALLED, UNKNOWN_SOURCES, InputChange, InputKind
-from forge.engine.world import PACKAGE_FOUND, PROCESSOR, PROGRAM, VARIABLE
+from forge.engine.world import KIND, MODULES, PACKAGE_FOUND, PROCESSOR, PROGRAM, VARIABLE
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Mapping
@@ -30,6 +30,8 @@ _QUESTIONS = (
     (InputKind.TOOL, "tool", PROGRAM),
     (InputKind.OTHER, "place of the package", PACKAGE_FOUND),
     (InputKind.OTHER, "processor", PROCESSOR),
+    (InputKind.OUTSIDE, "kind, mode or size of", KIND),
+    (InputKind.OTHER, "place of one of Python's modules", MODULES),
 )
 UNKNOWN_EXTERNAL = "a file outside of the package that its last build read has changed"
 
@@ -105,6 +107,8 @@ def _changed_answers(questions: Collection[str], before: Mapping[str, str]) -> I
     kind, what, start = next(
         row for row in _QUESTIONS if any(question.startswith(row[-1]) for question in questions)
     )
+    if start == MODULES:
+        return InputChange(kind, "Python finds other modules than in its last build")
     names = {each.removeprefix(start): each for each in sorted(questions) if each.startswith(start)}
     added = frozenset(name for name, question in names.items() if before.get(question) == "")
     first = "".join(f" '{name}'" for name in [*names][:1] if name)

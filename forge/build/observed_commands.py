@@ -53,6 +53,7 @@ def record_commands(
         world,
         own_cache(os.environ),
         frozenset(sources),
+        source,
     )
     found = commands_of(steps.observed, steps.kinds, EdgeFinder(graph), folders)
     outputs = frozenset(edge.outputs[0] for edge in graph.edges)

@@ -6,6 +6,7 @@ rest of the machine, only what later builds compare is kept.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import re
@@ -21,7 +22,16 @@ from forge.base.frozen import frozen
 from forge.engine.observation import observe
 from forge.engine.observed import is_intact
 from forge.engine.variables import copies_environment, mentioned
-from forge.engine.world import CPU_INFO, PROCESSOR, about_programs, about_variables
+from forge.engine.world import (
+    CPU_INFO,
+    PROCESSOR,
+    ModuleSearch,
+    about_kinds,
+    about_modules,
+    about_programs,
+    about_variables,
+)
+from forge.workspace.source_names import is_source, is_source_folder
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
@@ -120,6 +130,11 @@ class ObservedCommands:
     def merged(self, after: ObservedCommands, outputs: Collection[str]) -> ObservedCommands:
         """Return these accesses updated by those of a later build, of the commands with `outputs`."""
         edges = {name: each for name, each in {**self.edges, **after.edges}.items() if name in outputs}
+        for name in self.edges.keys() & after.edges.keys() & edges.keys():
+            # What an earlier run wrote and a later one left alone is made from what the earlier one read.
+            left = self.edges[name].written - after.edges[name].written
+            if any(not path.endswith("/") and os.path.lexists(path) for path in left):
+                edges[name] = self.edges[name] | after.edges[name]
         rest = self.rest | after.rest if self.rest and after.rest else after.rest or self.rest
         return ObservedCommands(after.configure or self.configure, edges, self.missing | after.missing, rest)
 
@@ -148,6 +163,11 @@ def commands_of(
     starters = (process for process in step.processes if process.parent is None or process.is_ninja)
     folders.tools = frozenset(program for process in starters for program in process.programs)
     others = {*step.processes}
+
+    def look(processes: Iterable[Process], blind: tuple[str, ...] = ()) -> Observation:
+        seen = observe(processes, blind)
+        return replace(seen, missing=seen.missing.union(folders.missing_modules(seen)))
+
     for process in step.processes:
         kind = roots.get(process.pid) if process.parent is None else None
         if kind == "cmake":
@@ -155,9 +175,9 @@ def commands_of(
             others.difference_update(family)
             # CMake looks whether files exist; the programs that it starts may also look how old they are.
             own = [each for each in family if each.programs and Path(each.programs[-1]).name == "cmake"]
-            seen = observe(family, step.blind)
+            seen = look(family, step.blind)
             accesses = folders.accesses(seen, family)
-            children = folders.accesses(observe(each for each in family if each not in own))
+            children = folders.accesses(look(each for each in family if each not in own))
             configure = replace(
                 accesses,
                 read=accesses.read | children.found,
@@ -167,7 +187,7 @@ def commands_of(
             missing |= configure.searched
     for process in step.edges():
         family = process.family()
-        seen = observe(family, step.blind)
+        seen = look(family, step.blind)
         accesses = folders.accesses(seen, family)
         edge = edge_of(process, accesses.written)
         if edge is not None:
@@ -181,7 +201,7 @@ def commands_of(
             edges[output] = replace(accesses, read=read, found=frozenset(), blind=blind)
             missing |= folders.paths(seen.missing)
     copying = {each for each in others if each.parent is None and roots.get(each.pid) == "install"}
-    rest = folders.accesses(observe(others, step.blind), others, copying)
+    rest = folders.accesses(look(others, step.blind), others, copying)
     return ObservedCommands(configure, edges, frozenset(missing), rest)
 
 
@@ -196,14 +216,17 @@ class Folders:
         world: World | None = None,
         private: Path | None = None,
         sources: frozenset[str] = frozenset(),
+        source: Path | None = None,
     ) -> None:
         """Keep what lies below the build folder or `others`; what lies below `known` is tracked otherwise.
 
         What commands of forge write below `private`, forge's own cache, is no output. `sources` are files
-        that compilers take as source code.
+        that compilers take as source code. Of `source`, one of the `others`, files that do not count as
+        sources are like files elsewhere.
         """
         self._private = f"{private}/" if private else "\0"
         self._build = f"{build}/"
+        self._source = f"{source}/" if source else ""
         self._known = (*known, *_VOLATILE)
         self._path = world.path if world else frozenset[str]()
         self._unwatched = self._path | {tempfile.gettempdir()}
@@ -214,29 +237,38 @@ class Folders:
         folders = (str(build), *map(str, others))
         spelled = {f"{os.path.realpath(folder)}/": f"{folder}/" for folder in folders}
         self._spelled = dict(sorted(spelled.items(), key=lambda pair: -len(pair[0])))
-        self._places: dict[str, str | None] = {}
+        self._places: dict[str, tuple[str, str]] = {}
         self._folders: dict[str, str] = {"": "", "/": "/"}
+        self._modules = ModuleSearch()
+        self._metadata: dict[str, tuple[str, ...]] = {}
         self._mentioned: dict[tuple[str, str], frozenset[str]] = {}
         # Commands of one package read and miss mostly the same: each path is looked at once.
         self._is_read_file = cache(self._look_at_file)
         self._is_missing = cache(self._look_for)
         self._is_native = cache(self._look_for_native)
+        self._is_found = cache(self._look_at_kind)
+        self._is_no_source = cache(self._look_beside)
 
     def path(self, path: str) -> str | None:
         """Return a path below one of the folders as its name spells it, None if it is elsewhere."""
+        root, below = self._place(path)
+        return f"{root}{below}" if below else root[:-1] or None
+
+    def _place(self, path: str) -> tuple[str, str]:
+        """Return the folder that a path is below, ending with '/', and the path in it; '' for neither."""
         folder, _, name = path.rpartition("/")
         real = self._real(folder)
         if f"{real}/{name}/" in self._spelled:
-            return self._spelled[f"{real}/{name}/"][:-1]
+            return self._spelled[f"{real}/{name}/"], ""
         if folder not in self._places:
             places = (
-                spelled + f"{real}/"[len(resolved) :]
+                (spelled, f"{real}/"[len(resolved) :])
                 for resolved, spelled in self._spelled.items()
                 if f"{real}/".startswith(resolved)
             )
-            self._places[folder] = next(places, None)
-        place = self._places[folder]
-        return None if place is None else place + name
+            self._places[folder] = next(places, ("", ""))
+        root, below = self._places[folder]
+        return (root, below + name) if root else ("", "")
 
     def _real(self, folder: str) -> str:
         """Return the real path of a folder, with a look at each of its folders once."""
@@ -261,12 +293,15 @@ class Folders:
         ]
         kept = [path for path in kept if not path.startswith(self._private)]
         written = self.paths(kept)
+        scanned = frozenset(path for process in processes for path in self._scanned(process))
         read = seen.read - seen.written
         external = {
-            *self._external_files(read),
+            *self._external_files(read - scanned),
+            *self._external_files(path for path in seen.loaded if not path.startswith(_SYSTEM_LIBRARIES)),
             *filter(self._is_missing, seen.missing),
             *self._listed(processes),
         }
+        kinds = about_kinds(path for path in seen.found if path not in external and self._is_found(path))
         used = (path.rpartition("/") for path in chain(seen.missing, seen.found, seen.executed, read))
         asked = about_programs({name for folder, _, name in used if folder in self._path})
         variables = seen.variables.union(*map(self._mentioned_by, processes))
@@ -282,7 +317,8 @@ class Folders:
             searched=frozenset(path.rpartition("/")[0] for path in self.paths(seen.missing)),
             written=written,
             external=frozenset(external),
-            asked=frozenset((*asked, *about_variables(variables))) | self.about_processor(compiling),
+            asked=frozenset((*asked, *about_variables(variables), *self._about_modules(seen), *kinds))
+            | self.about_processor(compiling),
             kept=written & self._kept(processes) if seen.ledgers else frozenset(),
             ledgers=frozenset(f"{digest} {path}" for digest, path in ledgers),
             outside=len(written) < len(kept) or any(not path.startswith(self._build) for path in written),
@@ -297,8 +333,47 @@ class Folders:
             written[keeps].update(path for _, kind, path in process.records if kind == "W")
         return self.paths(written[True] - written[False])
 
+    def missing_modules(self, seen: Observation) -> Iterator[str]:
+        """Yield the files that Python would have read first as modules, in the folders that matter."""
+        for entries, name in seen.modules:
+            places = self._modules.places(entries, name)
+            for entry in entries:
+                if places and entry == places[0]:
+                    break
+                if self.path(f"{entry}/") is not None:
+                    path = f"{entry}/{name.replace('.', '/')}"
+                    yield from (path, f"{path}.py")
+
+    def _about_modules(self, seen: Observation) -> Iterator[str]:
+        """Yield the questions about modules elsewhere: which of them Python finds is compared."""
+        return about_modules(
+            {
+                (tuple(entry for entry in entries if self._is_external(f"{entry}/")), name)
+                for entries, name in seen.modules
+            }
+        )
+
     def _is_external(self, path: str) -> bool:
-        return not path.startswith(self._known) and self.path(path) is None
+        if path.startswith(self._known):
+            return False
+        root, below = self._place(path)
+        return not root or (root == self._source and self._is_no_source(below.rstrip("/")))
+
+    def _look_beside(self, path: str) -> bool:
+        """Tell if a path below the sources belongs to no source, as those of git do not."""
+        parent, _, name = path.rpartition("/")
+        if not name or (parent and self._is_no_source(parent)):
+            return bool(name)
+        folder = f"{self._source}{parent}"
+
+        def is_beside(other: str) -> bool:
+            return os.path.lexists(f"{folder}/{other}")
+
+        may_be_folder = os.path.isdir(f"{folder}/{name}") or not is_beside(name)
+        may_be_file = not os.path.isdir(f"{folder}/{name}")
+        return (may_be_folder and not is_source_folder(name, is_beside)) or (
+            may_be_file and not is_source(name, is_beside)
+        )
 
     def _external_files(self, paths: Iterable[str]) -> Iterator[str]:
         """Yield the files that lie elsewhere; Python's caches stand for their sources."""
@@ -306,6 +381,32 @@ class Folders:
             path = CACHED_BYTECODE.sub(r"\1/\2.py", path)
             if self._is_read_file(path):
                 yield path
+
+    def _scanned(self, process: Process) -> Iterator[str]:
+        """Yield the metadata of Python's distributions that a process read of all of them alike.
+
+        It looks for plugins, which it then imports; whoever asks for one distribution reads only of that.
+        """
+        read: dict[str, dict[str, set[str]]] = {}
+        for _, kind, path in process.records:
+            if kind == "R" and (match := _METADATA.match(path)):
+                folders = read.setdefault(match["file"], {})
+                folders.setdefault(match["folder"], set()).add(path)
+        for file, folders in read.items():
+            names = {_distribution(path) for paths in folders.values() for path in paths}
+            for folder, paths in folders.items():
+                others = self._distributions(folder, file)
+                if len(others) > 1 and others <= names:
+                    yield from paths
+
+    def _distributions(self, folder: str, file: str) -> frozenset[str]:
+        """Return the names of the distributions in a folder whose metadata has a file."""
+        if folder not in self._metadata:
+            with contextlib.suppress(OSError):
+                found = (f"{folder}/{name}" for name in os.listdir(folder))
+                self._metadata[folder] = tuple(path for path in found if _METADATA.match(path))
+        paths = self._metadata.get(folder, ())
+        return frozenset(_distribution(path) for path in paths if os.path.isfile(f"{path}{file}"))
 
     def _look_at_file(self, path: str) -> bool:
         if _NO_INPUT.search(path) or not self._is_external(path) or not os.path.isfile(path):
@@ -316,19 +417,22 @@ class Folders:
         """Tell if a path is still missing elsewhere; programs are looked for in all of PATH instead."""
         if not self._is_external(path) or os.path.dirname(path) in self._unwatched:
             return False
-        return not (_NO_INPUT.search(path) or os.path.lexists(path))
+        return not (_NO_INPUT.search(path) or _METADATA.match(path) or os.path.lexists(path))
+
+    def _look_at_kind(self, path: str) -> bool:
+        """Tell if a path is there elsewhere, and its kind may matter; programs are asked for by name."""
+        if os.path.dirname(path) in self._path or _NO_INPUT.search(path) or _METADATA.match(path):
+            return False
+        is_above = any(root.startswith(f"{path}/") for pair in self._spelled.items() for root in pair)
+        return not is_above and self._is_external(path) and os.path.lexists(path)
 
     def _listed(self, processes: Iterable[Process]) -> Iterator[str]:
-        """Yield the folders elsewhere whose names were read, except for searches that are tracked by name.
-
-        Python lists the folders in which it looks for modules, CMake those in which it looks for packages.
-        """
+        """Yield the folders elsewhere whose names were read, except by CMake in search of packages."""
         for process in processes:
-            if process.programs and not os.path.basename(process.programs[-1]).startswith("python"):
-                for _, kind, path in process.records:
-                    is_input = kind == "L" and self._is_external(f"{path}/") and not self._searched(path)
-                    if is_input and os.path.isdir(path):
-                        yield f"{path}/."
+            for _, kind, path in process.records:
+                is_input = kind == "L" and self._is_external(f"{path}/") and not self._searched(path)
+                if is_input and not _NO_INPUT.search(path) and os.path.isdir(path):
+                    yield f"{path}/."
 
     def about_processor(self, processes: Iterable[Process]) -> frozenset[str]:
         """Return the question about the processor if processes may have compiled for it, or read what it is.
@@ -386,8 +490,16 @@ def is_for_this_processor(text: str) -> bool:
     return not all(beginning.lstrip().startswith(("#", "//")) for beginning in beginnings)
 
 
-_NO_INPUT = re.compile(r"/__pycache__$|\.pyc$|\.egg-info/|\.dist-info/entry_points\.txt$")
-"""Caches of Python, and what it reads of every distribution in search of plugins, which it then imports."""
+def _distribution(path: str) -> str:
+    """Return the name of the distribution that metadata belongs to, as Python compares it."""
+    match = _METADATA.match(path)
+    return re.sub("[-_.]+", "-", match["name"].lower()) if match else ""
+
+
+_NO_INPUT = re.compile(r"/__pycache__$|\.pyc$")
+_METADATA = re.compile(r"(?P<folder>.*)/(?P<name>[^/-]+)(-[^/]*)?\.(dist|egg)-info(?P<file>/.*)?$")
+_SYSTEM_LIBRARIES = ("/lib", "/usr/lib")
+"""Where the dynamic linker finds libraries by itself; they are updated with the tools of the system."""
 _NATIVE_WORDS = ("native", "-xHost", CPU_INFO)
 _NATIVE = re.compile(rf"\bnative\b|-xHost\b|{CPU_INFO}")
 """How the options of all compilers name the processor at hand, and where scripts read what it is."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import struct
 import sys
 from collections import defaultdict
@@ -42,8 +43,8 @@ class Observation:
     that is in it. `folders` were created, `removed` were removed or renamed, `loaded` are shared
     libraries, `refused` are changes that were not allowed. `variables` were asked for by name. `channels` are
     devices and sockets that were used. `ledgers` are the digest and the path of each, see
-    `forge.engine.observed`. `blind` says what was not observed; if it is empty, nothing else was read or
-    written.
+    `forge.engine.observed`. `modules` are names that Python looked for, each with its folders. `blind` says
+    what was not observed; if it is empty, nothing else was read or written.
     """
 
     read: frozenset[str] = frozenset()
@@ -59,6 +60,7 @@ class Observation:
     variables: frozenset[str] = frozenset()
     ledgers: frozenset[str] = frozenset()
     channels: frozenset[str] = frozenset()
+    modules: frozenset[tuple[tuple[str, ...], str]] = frozenset()
     blind: tuple[str, ...] = ()
 
 
@@ -136,7 +138,7 @@ def end_log(log: Path) -> None:
     log.unlink(missing_ok=True)
 
 
-ALL_KINDS = "RYTLNWDUVEBJ"
+ALL_KINDS = "RYTLNWDUVIMEBJ"
 CHANNELS = "K"
 """The kind of records about devices and sockets."""
 _OF_PATHS = frozenset("RYTLNWDUE")
@@ -184,7 +186,7 @@ def read_log(
                 pending.pop(pid, None)
             case "S" if int(word) not in running:
                 spawned[int(word)] = process
-            case "B" | "V" | "J" | "K" if kind in kinds:
+            case "B" | "V" | "I" | "M" | "J" | "K" if kind in kinds:
                 process.records.append((number, kind, word))
             case _ if kind in _OF_PATHS:
                 process.records.append((number, kind, resolve(word)))
@@ -275,8 +277,22 @@ def observe(processes: Iterable[Process], blind: tuple[str, ...] = ()) -> Observ
         variables=frozenset(words["V"]),
         ledgers=frozenset(ledgers.values()),
         channels=frozenset(words["K"]),
+        modules=frozenset(module for process in processes for module in _modules(process)),
         blind=tuple(unknown),
     )
+
+
+def _modules(process: Process) -> Iterator[tuple[tuple[str, ...], str]]:
+    """Yield the modules that a process of Python has looked for, each with the folders in which it did."""
+    folders: tuple[str, ...] = ()
+    for _, kind, word in process.records:
+        if kind == "I":
+            folders = tuple(word.split("\n")[:-1])
+        elif kind == "M":
+            yield folders, word
+
+
+_ABOVE = re.compile(r".*/\.\.(?=/|$)")
 
 
 def _resolver() -> Callable[[str], str]:
@@ -284,13 +300,13 @@ def _resolver() -> Callable[[str], str]:
     folders: dict[str, str] = {}
 
     def resolve(path: str) -> str:
-        if "/.." not in path:
+        above = _ABOVE.match(path) if "/.." in path else None
+        if above is None:
             return path
-        folder, _, name = path.rpartition("/")
-        if name == "..":
-            folder, name = path, ""
+        # What follows may be a link that leads elsewhere later.
+        folder, rest = above[0], path[above.end() :]
         if folder not in folders:
             folders[folder] = os.path.realpath(folder)
-        return f"{folders[folder].rstrip('/')}/{name}" if name else folders[folder]
+        return f"{folders[folder].rstrip('/')}{rest}" or "/"
 
     return resolve

@@ -23,6 +23,8 @@
  *   V name   an environment variable was asked for
  *   J word   the digest and the path of a ledger by which this program knows its own files, see observed.py
  *   K what   a device was opened, or a socket that somebody else may answer
+ *   I paths  the folders in which Python looks for modules from now on, each in a line
+ *   M name   Python looks for a module
  *   B what   something that cannot be observed
  *   E path   this call was refused, since a link of somebody else leads out of the prefix there
  *
@@ -42,6 +44,9 @@
 #include <dlfcn.h>
 #include <errno.h>
 #include <fcntl.h>
+#ifdef __GLIBC__
+#include <fts.h>
+#endif
 #include <ftw.h>
 #include <glob.h>
 #include <limits.h>
@@ -58,6 +63,8 @@
 #include <sys/mman.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
+#include <sys/statvfs.h>
+#include <sys/vfs.h>
 #include <sys/syscall.h>
 #include <sys/types.h>
 #include <sys/un.h>
@@ -72,6 +79,16 @@
             found_##name = (__typeof__(&name))dlsym(RTLD_NEXT, #name);          \
         found_##name;                                                           \
     }))
+/* The C library's function, which this library hides. */
+static __typeof__(&syscall) kernel(void)
+{
+    static __typeof__(&syscall) found;
+
+    if (!found)
+        found = (__typeof__(&syscall))dlsym(RTLD_NEXT, "syscall");
+    return found;
+}
+
 #define LOG "FORGE_OBSERVER_LOG="
 #define LINKS "FORGE_OBSERVER_LINKS="
 #define HIDES "FORGE_OBSERVER_HIDES="
@@ -122,10 +139,10 @@ static int allocate(struct header *header, uint64_t end)
     if (end <= allocated)
         return 1;
     end = (end + ALLOCATED_AT_ONCE) / ALLOCATED_AT_ONCE * ALLOCATED_AT_ONCE;
-    descriptor = syscall(SYS_openat, AT_FDCWD, log_variable + strlen(LOG), O_WRONLY | O_CLOEXEC);
-    done = descriptor >= 0 && !syscall(SYS_fallocate, descriptor, 0, allocated, end - allocated);
+    descriptor = kernel()(SYS_openat, AT_FDCWD, log_variable + strlen(LOG), O_WRONLY | O_CLOEXEC);
+    done = descriptor >= 0 && !kernel()(SYS_fallocate, descriptor, 0, allocated, end - allocated);
     if (descriptor >= 0)
-        syscall(SYS_close, descriptor);
+        kernel()(SYS_close, descriptor);
     while (done && allocated < end)
         if (__atomic_compare_exchange_n(&header->allocated, &allocated, end, 0, __ATOMIC_RELEASE, __ATOMIC_ACQUIRE))
             break;
@@ -187,7 +204,7 @@ static void say(char kind, const char *word, size_t length)
 
     if (!map)
         return;
-    record = (struct record *)reserve(size, (uint32_t)syscall(SYS_getpid));
+    record = (struct record *)reserve(size, (uint32_t)kernel()(SYS_getpid));
     if (record) {
         record->order = (uint32_t)__atomic_fetch_add(&((struct header *)map)->records, 1, __ATOMIC_RELAXED);
         record->kind = kind;
@@ -213,14 +230,19 @@ static uint64_t hash(char kind, const char *word, size_t length)
     return value | 1;
 }
 
-static int remember(char kind, const char *word, size_t length)
+static int remember_value(uint64_t value)
 {
-    uint64_t value = hash(kind, word, length), *entry = &entries[(value >> 1) % ENTRIES];
+    uint64_t *entry = &entries[(value >> 1) % ENTRIES];
 
     if (__atomic_load_n(entry, __ATOMIC_RELAXED) == value)
         return 0;
     __atomic_store_n(entry, value, __ATOMIC_RELAXED);
     return 1;
+}
+
+static int remember(char kind, const char *word, size_t length)
+{
+    return remember_value(hash(kind, word, length));
 }
 
 static void forget(char kind, const char *word, size_t length)
@@ -247,16 +269,16 @@ static int is_no_device(const char *path)
 
     if (!NEXT(fstatat)(AT_FDCWD, path, &status, 0) && !S_ISREG(status.st_mode) && !S_ISDIR(status.st_mode))
         return 0;
-    descriptor = syscall(SYS_openat, AT_FDCWD, path, O_PATH | O_NOFOLLOW | O_CLOEXEC);
+    descriptor = kernel()(SYS_openat, AT_FDCWD, path, O_PATH | O_NOFOLLOW | O_CLOEXEC);
     if (descriptor < 0)
         return 1;
     snprintf(link, sizeof link, "/proc/self/fd/%d", descriptor);
-    syscall(SYS_readlinkat, AT_FDCWD, link, place, sizeof place - 1);
+    kernel()(SYS_readlinkat, AT_FDCWD, link, place, sizeof place - 1);
     if (!is_kernels(place)) {
         memset(place, 0, sizeof place);
-        syscall(SYS_readlinkat, descriptor, "", place, sizeof place - 1);
+        kernel()(SYS_readlinkat, descriptor, "", place, sizeof place - 1);
     }
-    syscall(SYS_close, descriptor);
+    kernel()(SYS_close, descriptor);
     return !is_kernels(place);
 }
 
@@ -279,11 +301,11 @@ static size_t locate(int folder, const char *path, char *absolute)
         return 0;
     if (*path != '/') {
         if (folder == AT_FDCWD)
-            size = syscall(SYS_getcwd, absolute, PATH_MAX) > 0 ? (ssize_t)strlen(absolute) : -1;
+            size = kernel()(SYS_getcwd, absolute, PATH_MAX) > 0 ? (ssize_t)strlen(absolute) : -1;
         else {
             char link[40];
             snprintf(link, sizeof link, "/proc/self/fd/%d", folder);
-            size = syscall(SYS_readlinkat, AT_FDCWD, link, absolute, PATH_MAX - 1);
+            size = kernel()(SYS_readlinkat, AT_FDCWD, link, absolute, PATH_MAX - 1);
         }
         if (size <= 0 || *absolute != '/')
             return 0;
@@ -343,7 +365,7 @@ static void changed(char kind, int folder, const char *path)
 
 static int is_there(const char *path)
 {
-    return syscall(SYS_faccessat, AT_FDCWD, path, F_OK) == 0;
+    return kernel()(SYS_faccessat, AT_FDCWD, path, F_OK) == 0;
 }
 
 /* Note the first name of a path that is missing: as long as it is, the others cannot appear. */
@@ -353,6 +375,8 @@ static void missing(int folder, const char *path)
     size_t length;
     int saved = errno;
 
+    if (map && saved == EACCES)
+        found('T', folder, path); /* its mode forbids it */
     if (!map || (saved != ENOENT && saved != ENOTDIR))
         return;
     length = locate(folder, path, absolute);
@@ -468,7 +492,7 @@ static int store_variable(const char *name, char *variable, size_t size)
 
 static char *map_file(const char *path, int writes, size_t *size)
 {
-    int descriptor = syscall(SYS_openat, AT_FDCWD, path, (writes ? O_RDWR : O_RDONLY) | O_CLOEXEC);
+    int descriptor = kernel()(SYS_openat, AT_FDCWD, path, (writes ? O_RDWR : O_RDONLY) | O_CLOEXEC);
     struct stat status;
     void *result = MAP_FAILED;
 
@@ -479,21 +503,124 @@ static char *map_file(const char *path, int writes, size_t *size)
         result = mmap(NULL, *size, writes ? PROT_READ | PROT_WRITE : PROT_READ,
                       writes ? MAP_SHARED | MAP_NORESERVE : MAP_PRIVATE, descriptor, 0);
     }
-    syscall(SYS_close, descriptor);
+    kernel()(SYS_close, descriptor);
     return result == MAP_FAILED ? NULL : result;
+}
+
+/* Python lists a folder to find modules or distributions in it, and looks at the names later: its audit hooks tell
+ * which modules it looks for, and who lists a folder. The symbols are those of the program or its libpython. */
+
+typedef struct object PyObject;
+
+static struct {
+    PyObject *(*item)(PyObject *, ssize_t), *(*list_item)(PyObject *, ssize_t), *(*attribute)(PyObject *, const char *);
+    PyObject *(*frame)(void), *none;
+    ssize_t (*list_size)(PyObject *);
+    const char *(*text)(PyObject *);
+    void (*release)(PyObject *), (*clear)(void);
+} python;
+static uint64_t search_path;
+static __thread char is_search;
+
+static const char *python_text(PyObject *object)
+{
+    const char *text = object ? python.text(object) : NULL;
+
+    if (!text)
+        python.clear();
+    return text;
+}
+
+static void note_import(PyObject *arguments)
+{
+    const char *name = python_text(python.item(arguments, 0));
+    PyObject *list = python.item(arguments, 2);
+    char path[1 << 14];
+    size_t at = 0;
+
+    if (!name || python.item(arguments, 1) != python.none || list == python.none)
+        return;
+    for (ssize_t each = 0, count = python.list_size(list); each < count; each++) {
+        const char *entry = python_text(python.list_item(list, each));
+        if (entry && at + PATH_MAX + 1 < sizeof path && locate(AT_FDCWD, *entry ? entry : ".", path + at)) {
+            at += strlen(path + at);
+            path[at++] = '\n';
+        }
+    }
+    python.clear();
+    if (search_path != hash('I', path, at)) {
+        search_path = hash('I', path, at);
+        say('I', path, at);
+    }
+    if (remember_value(hash('M', name, strlen(name)) ^ (search_path & ~1ULL)))
+        say('M', name, strlen(name));
+}
+
+/* Tell if Python itself looks for modules or distributions. */
+static int is_finder(void)
+{
+    static const char *const finders[] = {
+        "<frozen importlib", "<frozen site>", "/site.py", "importlib/metadata", "importlib_metadata/", "/pkg_resources/",
+    };
+    PyObject *frame = python.frame(), *code = frame ? python.attribute(frame, "f_code") : NULL;
+    PyObject *file = code ? python.attribute(code, "co_filename") : NULL;
+    const char *name = file ? python_text(file) : NULL;
+    int result = 0;
+
+    for (size_t each = 0; name && each < sizeof finders / sizeof *finders; each++)
+        result = result || strstr(name, finders[each]);
+    if (file)
+        python.release(file);
+    if (code)
+        python.release(code);
+    python.clear();
+    return result;
+}
+
+static int audit(const char *event, PyObject *arguments, void *data)
+{
+    int saved = errno;
+
+    (void)data;
+    if (!strcmp(event, "import"))
+        note_import(arguments);
+    else if (!strcmp(event, "os.listdir") || !strcmp(event, "os.scandir"))
+        is_search = is_finder();
+    errno = saved;
+    return 0;
+}
+
+static void listed(int folder, const char *path)
+{
+    found(is_search ? 'T' : 'L', folder, path);
+    is_search = 0;
+}
+
+#define PYTHON(member, name) (*(void **)&python.member = dlsym(RTLD_DEFAULT, name))
+
+static void observe_python(void)
+{
+    int (*add)(int (*)(const char *, PyObject *, void *), void *);
+
+    *(void **)&add = dlsym(RTLD_DEFAULT, "PySys_AddAuditHook");
+    if (add && PYTHON(item, "PyTuple_GetItem") && PYTHON(list_item, "PyList_GetItem") && PYTHON(none, "_Py_NoneStruct")
+        && PYTHON(list_size, "PyList_Size") && PYTHON(attribute, "PyObject_GetAttrString")
+        && PYTHON(frame, "PyEval_GetFrame") && PYTHON(text, "PyUnicode_AsUTF8") && PYTHON(release, "Py_DecRef")
+        && PYTHON(clear, "PyErr_Clear"))
+        add(audit, NULL);
 }
 
 /* Note the text that a shell or interpreter runs, or the variable that printenv prints. */
 static void note_command(int prints_variables)
 {
     char words[1 << 16];
-    int descriptor = syscall(SYS_openat, AT_FDCWD, "/proc/self/cmdline", O_RDONLY | O_CLOEXEC);
+    int descriptor = kernel()(SYS_openat, AT_FDCWD, "/proc/self/cmdline", O_RDONLY | O_CLOEXEC);
     ssize_t size, flag;
 
     if (descriptor < 0)
         return;
-    size = syscall(SYS_read, descriptor, words, sizeof words);
-    syscall(SYS_close, descriptor);
+    size = kernel()(SYS_read, descriptor, words, sizeof words);
+    kernel()(SYS_close, descriptor);
     if (size <= 0 || words[size - 1])
         return;
     flag = strlen(words) + 1;
@@ -511,16 +638,22 @@ static void note_child_of(long process)
 {
     char parent[24];
 
-    own_process = syscall(SYS_getpid);
+    own_process = kernel()(SYS_getpid);
     say('O', parent, snprintf(parent, sizeof parent, "%ld", process));
 }
 
-static void note_parent(void) { note_child_of(syscall(SYS_getppid)); }
+static void note_parent(void) { note_child_of(kernel()(SYS_getppid)); }
+
+static void forked(void)
+{
+    note_parent();
+    search_path = 0;
+}
 
 static void note_process(long parent)
 {
     char program[PATH_MAX];
-    ssize_t size = syscall(SYS_readlinkat, AT_FDCWD, "/proc/self/exe", program, sizeof program - 1);
+    ssize_t size = kernel()(SYS_readlinkat, AT_FDCWD, "/proc/self/exe", program, sizeof program - 1);
     const char *name;
 
     program[size > 0 ? size : 0] = 0;
@@ -546,11 +679,11 @@ static void guard_copies(void)
     if (strrchr(moved, '.'))
         *strrchr(moved, '.') = 0;
     *strrchr(backups, '/') = 0;
-    descriptor = syscall(SYS_openat, AT_FDCWD, backups, O_PATH | O_CLOEXEC);
+    descriptor = kernel()(SYS_openat, AT_FDCWD, backups, O_PATH | O_CLOEXEC);
     if (descriptor >= 0) {
         snprintf(link, sizeof link, "/proc/self/fd/%d", descriptor);
-        size = syscall(SYS_readlinkat, AT_FDCWD, link, backups + PATH_MAX, PATH_MAX - 1);
-        syscall(SYS_close, descriptor);
+        size = kernel()(SYS_readlinkat, AT_FDCWD, link, backups + PATH_MAX, PATH_MAX - 1);
+        kernel()(SYS_close, descriptor);
     }
     if (size <= 0)
         strcpy(backups + PATH_MAX, backups);
@@ -569,7 +702,7 @@ static void start(long parent)
         if (map) {
             guard_copies();
             note_process(parent);
-            pthread_atfork(NULL, NULL, note_parent);
+            pthread_atfork(NULL, NULL, forked);
         }
         if (store_variable(LINKS, links_variable, sizeof links_variable)) {
             size_t size;
@@ -581,7 +714,12 @@ static void start(long parent)
     errno = saved;
 }
 
-__attribute__((constructor)) static void load(void) { start(syscall(SYS_getppid)); }
+__attribute__((constructor)) static void load(void)
+{
+    start(kernel()(SYS_getppid));
+    if (map)
+        observe_python();
+}
 
 /* For observed.py. A server that was started without a log serves a process that has one; return 0 if it cannot
  * say now what that process asks. */
@@ -612,18 +750,18 @@ static mode_t mode_of(int flags, va_list arguments)
     return flags & O_CREAT || (flags & O_TMPFILE) == O_TMPFILE ? va_arg(arguments, mode_t) : 0;
 }
 
-/* An open file may have a path of its own: links lead there. */
-static void note_place(int descriptor)
+/* An open file may have a path of its own: links lead there, also those below /proc. */
+static void note_place(char kind, int descriptor)
 {
     char link[40], path[PATH_MAX];
     int saved = errno;
     ssize_t size;
 
     snprintf(link, sizeof link, "/proc/self/fd/%d", descriptor);
-    size = syscall(SYS_readlinkat, AT_FDCWD, link, path, sizeof path - 1);
+    size = kernel()(SYS_readlinkat, AT_FDCWD, link, path, sizeof path - 1);
     path[size > 0 ? size : 0] = 0;
     if (*path == '/')
-        changed('W', AT_FDCWD, path);
+        (kind == 'W' ? changed : found)(kind, AT_FDCWD, path);
     errno = saved;
 }
 
@@ -655,14 +793,16 @@ static void opened(int result, int folder, const char *path, int flags)
         missing(folder, path);
     else if (flags & O_DIRECTORY)
         found('T', folder, path);
-    else if (!(flags & WRITES))
+    else if (!(flags & WRITES)) {
         found('R', folder, path);
-    else {
+        if (map && !strncmp(path, "/proc/", 6))
+            note_place('R', result);
+    } else {
         if ((flags & (O_ACCMODE | O_TRUNC)) == O_RDWR || (flags & (O_APPEND | O_TRUNC)) == O_APPEND)
             found('R', folder, path);
         changed('W', folder, path);
         if (map)
-            note_place(result);
+            note_place('W', result);
     }
 }
 
@@ -768,12 +908,16 @@ static void looked(int result, int folder, const char *path)
 LOOK(stat, AT_FDCWD, (const char *path, struct stat *status), path, status)
 LOOK(lstat, AT_FDCWD, (const char *path, struct stat *status), path, status)
 LOOK(fstatat, folder, (int folder, const char *path, struct stat *status, int flags), folder, path, status, flags)
+LOOK(statvfs, AT_FDCWD, (const char *path, struct statvfs *status), path, status)
 LOOK(access, AT_FDCWD, (const char *path, int mode), path, mode)
 LOOK(faccessat, folder, (int folder, const char *path, int mode, int flags), folder, path, mode, flags)
 #ifdef __GLIBC__
 LOOK(stat64, AT_FDCWD, (const char *path, struct stat64 *status), path, status)
 LOOK(lstat64, AT_FDCWD, (const char *path, struct stat64 *status), path, status)
 LOOK(fstatat64, folder, (int folder, const char *path, struct stat64 *status, int flags), folder, path, status, flags)
+LOOK(statfs, AT_FDCWD, (const char *path, struct statfs *status), path, status)
+LOOK(statfs64, AT_FDCWD, (const char *path, struct statfs64 *status), path, status)
+LOOK(statvfs64, AT_FDCWD, (const char *path, struct statvfs64 *status), path, status)
 LOOK(euidaccess, AT_FDCWD, (const char *path, int mode), path, mode)
 LOOK(eaccess, AT_FDCWD, (const char *path, int mode), path, mode)
 LOOK(statx, folder, (int folder, const char *path, int flags, unsigned int mask, struct statx *status), folder, path, flags, mask, status)
@@ -804,10 +948,27 @@ LOOK(__fxstatat64, folder, (int version, int folder, const char *path, struct st
 READ_LINK(readlink, AT_FDCWD, (const char *path, char *target, size_t size), path, target, size)
 READ_LINK(readlinkat, folder, (int folder, const char *path, char *target, size_t size), folder, path, target, size)
 
+/* The links on the way may lead elsewhere later. */
+static void resolved_to(const char *result, const char *path)
+{
+    char absolute[PATH_MAX], target[2];
+    int saved = errno;
+
+    looked(result ? 0 : -1, AT_FDCWD, path);
+    if (map && result && locate(AT_FDCWD, path, absolute) && strcmp(result, absolute))
+        for (char *at = absolute + 1; (at = strchr(at, '/')); at++) {
+            *at = 0;
+            if (kernel()(SYS_readlinkat, AT_FDCWD, absolute, target, sizeof target) > 0)
+                found('T', AT_FDCWD, absolute);
+            *at = '/';
+        }
+    errno = saved;
+}
+
 EXPORT char *realpath(const char *path, char *resolved)
 {
     char *result = hidden(AT_FDCWD, path) ? NULL : NEXT(realpath)(path, resolved);
-    looked(result ? 0 : -1, AT_FDCWD, path);
+    resolved_to(result, path);
     return result;
 }
 
@@ -816,14 +977,14 @@ char *__realpath_chk(const char *, char *, size_t);
 EXPORT char *__realpath_chk(const char *path, char *resolved, size_t size)
 {
     char *result = hidden(AT_FDCWD, path) ? NULL : NEXT(__realpath_chk)(path, resolved, size);
-    looked(result ? 0 : -1, AT_FDCWD, path);
+    resolved_to(result, path);
     return result;
 }
 
 EXPORT char *canonicalize_file_name(const char *path)
 {
     char *result = hidden(AT_FDCWD, path) ? NULL : NEXT(canonicalize_file_name)(path);
-    looked(result ? 0 : -1, AT_FDCWD, path);
+    resolved_to(result, path);
     return result;
 }
 #endif
@@ -834,7 +995,7 @@ EXPORT DIR *opendir(const char *path)
 {
     DIR *result = hidden(AT_FDCWD, path) ? NULL : NEXT(opendir)(path);
     if (result)
-        found('L', AT_FDCWD, path);
+        listed(AT_FDCWD, path);
     else
         missing(AT_FDCWD, path);
     return result;
@@ -844,7 +1005,7 @@ EXPORT DIR *fdopendir(int descriptor)
 {
     DIR *result = NEXT(fdopendir)(descriptor);
     if (result)
-        found('L', descriptor, ".");
+        listed(descriptor, ".");
     return result;
 }
 
@@ -865,78 +1026,106 @@ SCAN(scandir, dirent)
 SCAN(scandir64, dirent64)
 #endif
 
-/* The C library lists folders by itself. A pattern is known up to the first folder with a wildcard. */
-static void note_pattern(const char *pattern, int lists_by_hooks)
+/* The C library lists folders by itself, unless it is told how: a pattern is then looked for by the functions above. */
+static void note_pattern(const char *pattern)
 {
-    char folder[PATH_MAX];
-    size_t wildcard = strcspn(pattern, "*?[{~"), end = wildcard;
-
-    if (wildcard >= PATH_MAX)
+    if (pattern[strcspn(pattern, "*?[{~")])
         return;
-    if (!pattern[wildcard]) {
-        if (is_entry(AT_FDCWD, pattern))
-            found('T', AT_FDCWD, pattern);
-        else {
-            errno = ENOENT;
-            missing(AT_FDCWD, pattern);
-        }
-        return;
-    }
-    while (end && pattern[end - 1] != '/')
-        end--;
-    if (lists_by_hooks)
-        return;
-    memcpy(folder, pattern, end);
-    folder[end] = 0;
-    if (is_entry(AT_FDCWD, end ? folder : "."))
-        found('L', AT_FDCWD, end ? folder : ".");
+    if (is_entry(AT_FDCWD, pattern))
+        found('T', AT_FDCWD, pattern);
     else {
         errno = ENOENT;
-        missing(AT_FDCWD, folder);
+        missing(AT_FDCWD, pattern);
     }
-    if (strchr(pattern + wildcard, '/'))
-        note('B', "glob");
 }
 
-#define GLOB_CALL(name, type)                                                   \
+#define GLOB_CALL(name, type, look, look_at_link, next)                         \
     EXPORT int name(const char *pattern, int flags, int (*failed)(const char *, int), type *paths) \
     {                                                                           \
-        note_pattern(pattern, flags & GLOB_ALTDIRFUNC);                         \
-        return NEXT(name)(pattern, flags, failed, paths);                       \
+        note_pattern(pattern);                                                  \
+        if (!(flags & GLOB_ALTDIRFUNC)) {                                       \
+            paths->gl_opendir = (void *(*)(const char *))opendir;               \
+            paths->gl_closedir = (void (*)(void *))(void *)closedir;            \
+            paths->gl_readdir = (__typeof__(paths->gl_readdir))(void *)next;    \
+            paths->gl_stat = look;                                              \
+            paths->gl_lstat = look_at_link;                                     \
+        }                                                                       \
+        return NEXT(name)(pattern, flags | GLOB_ALTDIRFUNC, failed, paths);     \
     }
 
-#define WALK(name, call, parameters, ...)                                       \
+static int note_visit(const char *path, const struct stat *status, int kind, struct FTW *place)
+{
+    (void)status, (void)place;
+    found(kind == FTW_D ? 'L' : 'T', AT_FDCWD, path);
+    return 0;
+}
+
+/* What is walked is walked before, to note it. */
+#define WALK(name, flags, parameters, ...)                                      \
     EXPORT int name parameters                                                  \
     {                                                                           \
-        note('B', #name);                                                       \
+        if (hidden(AT_FDCWD, path))                                             \
+            return -1;                                                          \
+        if (map && NEXT(nftw)(path, note_visit, 16, flags))                     \
+            missing(AT_FDCWD, path);                                            \
         return NEXT(name)(__VA_ARGS__);                                         \
     }
 
-GLOB_CALL(glob, glob_t)
-WALK(ftw, ftw, (const char *path, __ftw_func_t visit, int descriptors), path, visit, descriptors)
-WALK(nftw, nftw, (const char *path, __nftw_func_t visit, int descriptors, int flags), path, visit, descriptors, flags)
+#define OF_WALK (flags & (FTW_PHYS | FTW_MOUNT))
+WALK(ftw, 0, (const char *path, __ftw_func_t visit, int descriptors), path, visit, descriptors)
+WALK(nftw, OF_WALK, (const char *path, __nftw_func_t visit, int descriptors, int flags), path, visit, descriptors, flags)
 #ifdef __GLIBC__
-GLOB_CALL(glob64, glob64_t)
-WALK(ftw64, ftw64, (const char *path, __ftw64_func_t visit, int descriptors), path, visit, descriptors)
-WALK(nftw64, nftw64, (const char *path, __nftw64_func_t visit, int descriptors, int flags), path, visit, descriptors, flags)
+GLOB_CALL(glob, glob_t, stat, lstat, readdir)
+GLOB_CALL(glob64, glob64_t, stat64, lstat64, readdir64)
+WALK(ftw64, 0, (const char *path, __ftw64_func_t visit, int descriptors), path, visit, descriptors)
+WALK(nftw64, OF_WALK, (const char *path, __nftw64_func_t visit, int descriptors, int flags), path, visit, descriptors, flags)
 
-struct _ftsent;
-typedef struct fts_object FTS_OBJECT;
-FTS_OBJECT *fts_open(char *const *, int, int (*)(const struct _ftsent **, const struct _ftsent **));
-EXPORT FTS_OBJECT *fts_open(char *const *paths, int options, int (*compare)(const struct _ftsent **, const struct _ftsent **))
+static void note_visited(const FTSENT *entry)
 {
-    note('B', "fts_open");
-    return NEXT(fts_open)(paths, options, compare);
+    if (entry && entry->fts_info == FTS_NS) {
+        errno = entry->fts_errno;
+        missing(AT_FDCWD, entry->fts_path);
+    } else if (entry && entry->fts_info != FTS_DP)
+        found(entry->fts_info == FTS_D ? 'L' : 'T', AT_FDCWD, entry->fts_accpath);
+}
+
+EXPORT FTSENT *fts_read(FTS *walk)
+{
+    FTSENT *result = NEXT(fts_read)(walk);
+    int saved = errno;
+
+    note_visited(result);
+    errno = saved;
+    return result;
+}
+
+EXPORT FTSENT *fts_children(FTS *walk, int options)
+{
+    note('B', "fts_children");
+    return NEXT(fts_children)(walk, options);
+}
+#else
+EXPORT int glob(const char *pattern, int flags, int (*failed)(const char *, int), glob_t *paths)
+{
+    note_pattern(pattern);
+    if (pattern[strcspn(pattern, "*?[{~")])
+        note('B', "glob");
+    return NEXT(glob)(pattern, flags, failed, paths);
 }
 #endif
 
 EXPORT void *dlopen(const char *path, int flags)
 {
     void *result = NEXT(dlopen)(path, flags);
+    struct link_map *library;
     int saved = errno;
 
-    if (result && path)
+    if (result && path) {
+        /* What a program loads by itself, as Python does modules, it reads like any other file. */
+        if (!dlinfo(result, RTLD_DI_LINKMAP, &library) && strchr(library->l_name, '/'))
+            found('R', AT_FDCWD, library->l_name);
         dl_iterate_phdr(note_library, NULL);
+    }
     errno = saved;
     return result;
 }
@@ -1173,7 +1362,7 @@ static void executing(char kind, const char *file)
 
     if (map) {
         const char *path = strchr(file, '/') && locate(AT_FDCWD, file, absolute) ? absolute : file;
-        if (kind == 'X' && own_process != syscall(SYS_getpid)) { /* after vfork(), in the parent's memory */
+        if (kind == 'X' && own_process != kernel()(SYS_getpid)) { /* after vfork(), in the parent's memory */
             pid_t parent = own_process;
             note_parent();
             own_process = parent;
@@ -1294,3 +1483,62 @@ EXPORT int execle(const char *file, const char *first, ...)
 
 SPAWN(posix_spawn, 0)
 SPAWN(posix_spawnp, 1)
+
+/* The C library opens these files in the new process. */
+EXPORT int posix_spawn_file_actions_addopen(posix_spawn_file_actions_t *actions, int descriptor, const char *path,
+                                            int flags, mode_t mode)
+{
+    int result = NEXT(posix_spawn_file_actions_addopen)(actions, descriptor, path, flags, mode);
+
+    if (!result && flags & WRITES)
+        changed('W', AT_FDCWD, path);
+    else if (!result && is_there(path))
+        found('R', AT_FDCWD, path);
+    return result;
+}
+
+/* System calls */
+
+EXPORT long syscall(long number, ...)
+{
+    long a, b, c, d, e, f, result;
+    va_list arguments;
+
+    va_start(arguments, number);
+    a = va_arg(arguments, long), b = va_arg(arguments, long), c = va_arg(arguments, long);
+    d = va_arg(arguments, long), e = va_arg(arguments, long), f = va_arg(arguments, long);
+    va_end(arguments);
+    switch (map ? number : 0) {
+    case SYS_openat: case SYS_faccessat: case SYS_statx: case SYS_readlinkat:
+        if (hidden(a, (char *)b))
+            return -1;
+    }
+    result = kernel()(number, a, b, c, d, e, f);
+    if (!map)
+        return result;
+    switch (number) {
+#ifdef SYS_open
+    case SYS_open: opened(result, AT_FDCWD, (char *)a, b); break;
+    case SYS_stat: case SYS_lstat: case SYS_access: looked(result, AT_FDCWD, (char *)a); break;
+    case SYS_readlink: looked(result < 0 ? -1 : 0, AT_FDCWD, (char *)a); break;
+    case SYS_getdents: found('L', a, "."); break;
+    case SYS_rename: case SYS_link: case SYS_symlink: case SYS_unlink: case SYS_rmdir: case SYS_mkdir: case SYS_creat:
+    case SYS_fork: case SYS_vfork:
+#endif
+    case SYS_renameat2: case SYS_linkat: case SYS_symlinkat: case SYS_unlinkat: case SYS_mkdirat: case SYS_clone:
+    case SYS_execve: case SYS_execveat: case SYS_truncate:
+        note('B', "a system call");
+        break;
+    case SYS_openat: opened(result, a, (char *)b, c); break;
+#ifdef SYS_newfstatat
+    case SYS_newfstatat:
+#endif
+    case SYS_faccessat: case SYS_statx: looked(result, a, (char *)b); break;
+    case SYS_readlinkat: looked(result < 0 ? -1 : 0, a, (char *)b); break;
+    case SYS_getdents64: found('L', a, "."); break;
+#ifdef SYS_openat2
+    case SYS_openat2: opened(result, a, (char *)b, *(uint64_t *)c); break;
+#endif
+    }
+    return result;
+}

@@ -1,13 +1,15 @@
-"""What a build asks of its surroundings by name: variables, programs, and packages that CMake finds by PATH.
+"""What a build asks of its surroundings by name: variables, programs, packages, modules, kinds of files.
 
 Questions are texts, so that records can keep them with the answers: '$NAME', 'program NAME', 'package NAME',
-'FORGE_PROCESSOR'.
+'FORGE_PROCESSOR', 'modules FOLDER:FOLDER NAME,NAME' and 'kind PATH'.
 """
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
+import stat
 from typing import TYPE_CHECKING
 
 from forge.base.files import text_or_nothing
@@ -23,7 +25,8 @@ if TYPE_CHECKING:
 
 _SYSTEM = ("/usr/local", "/usr", "", "/opt")
 _OF_PACKAGES = re.compile(r"/?|/(lib\w*|share)(/[\w-]+-linux-\w+)?(/cmake|/CMake)?")
-VARIABLE, PROGRAM, PACKAGE_FOUND = "$", "program ", "package "
+VARIABLE, PROGRAM, PACKAGE_FOUND, MODULES = "$", "program ", "package ", "modules "
+KIND = "kind "
 """The beginnings of questions."""
 PROCESSOR = "FORGE_PROCESSOR"
 """The question of builds that compile for the processor at hand, or read what it is."""
@@ -46,6 +49,7 @@ class World:
         self._variables = variables
         self._lookup = ProgramLookup(variables)
         self._configs = ConfigSearch()
+        self._modules = ModuleSearch()
         paths = (variables.get(name, "") for name in ("CMAKE_PREFIX_PATH", "AMENT_PREFIX_PATH"))
         underlays = filter(None, os.pathsep.join(paths).split(os.pathsep))
         self._prefixes = tuple(dict.fromkeys((*underlays, *prefixes_of_path(self._lookup.folders), *_SYSTEM)))
@@ -83,6 +87,13 @@ class World:
             name = question.removeprefix(PROGRAM)
             found = self._lookup.identity(name) if name in self._lookup.names else ""
             return found.rsplit(" ", 2)[0]
+        if question.startswith(MODULES):
+            path, _, names = question.removeprefix(MODULES).rpartition(" ")
+            folders = path.split(os.pathsep)
+            places = [self._modules.places(folders, name) for name in names.split(",")]
+            return digest("\n".join(map(os.pathsep.join, (*places, *map(self._modules.more, folders)))))
+        if question.startswith(KIND):
+            return _kind(question.removeprefix(KIND))
         name = question.removeprefix(PACKAGE_FOUND)
         return next(filter(None, (self._configs.folder(prefix, name) for prefix in self._prefixes)), "")
 
@@ -91,6 +102,80 @@ def processor(cpu_info: str) -> str:
     """Return a digest of processor model and features."""
     lines = {line.strip() for line in cpu_info.splitlines() if line.partition(":")[0].strip() in _TRAITS}
     return digest(*sorted(lines))
+
+
+class ModuleSearch:
+    """Looks for modules as Python does; what is in a folder is remembered."""
+
+    def __init__(self) -> None:
+        """Begin without any folder."""
+        self._names: dict[str, dict[str, bool]] = {}
+
+    def places(self, folders: Iterable[str], name: str) -> tuple[str, ...]:
+        """Return the folders that have a module: several, if it is a namespace without code."""
+        parent, _, name = name.rpartition(".")
+        if parent:
+            folders = (f"{place}/{parent.rpartition('.')[2]}" for place in self.places(folders, parent))
+        found = []
+        for folder in folders:
+            is_code = self._listed(folder).get(name)
+            if is_code is not None:
+                found.append(folder)
+            if is_code:
+                break
+        return tuple(found)
+
+    def more(self, folder: str) -> tuple[str, ...]:
+        """Return the names of the files in a folder that lead Python to other folders."""
+        return tuple(sorted(name for name in self._listed(folder) if name.endswith(".pth")))
+
+    def _listed(self, folder: str) -> dict[str, bool]:
+        """Return the modules in a folder, and whether they are code; other folders may be namespaces.
+
+        The names of files ending with '.pth' are no names of modules.
+        """
+        if folder not in self._names:
+            names: dict[str, bool] = {}
+            with contextlib.suppress(OSError), os.scandir(folder) as entries:
+                for entry in entries:
+                    stem, _, suffix = entry.name.partition(".")
+                    if entry.name.endswith(".pth"):
+                        names[entry.name] = False
+                    elif suffix.endswith(("py", "pyc", "so")):
+                        names[stem] = True
+                    elif not suffix and stem not in names and entry.is_dir():
+                        names[stem] = os.path.exists(f"{entry.path}/__init__.py")
+            self._names[folder] = names
+        return self._names[folder]
+
+
+def _kind(path: str) -> str:
+    """Return what a look at a file tells without its times: the kind, the size, the target of a link."""
+    target = ""
+    try:
+        if os.path.islink(path):
+            target = f"link {os.readlink(path)} "
+        status = os.stat(path)
+    except OSError:
+        return target
+    if stat.S_ISREG(status.st_mode):
+        return f"{target}file {stat.S_IMODE(status.st_mode):o} {status.st_size}"
+    return f"{target}{'folder' if stat.S_ISDIR(status.st_mode) else 'special'}"
+
+
+def about_kinds(paths: Iterable[str]) -> Iterator[str]:
+    """Yield the questions about files that were found, but not opened."""
+    return (f"{KIND}{path}" for path in paths)
+
+
+def about_modules(found: Iterable[tuple[tuple[str, ...], str]]) -> Iterator[str]:
+    """Yield the questions about modules that Python looked for in some folders."""
+    names: dict[tuple[str, ...], list[str]] = {}
+    for folders, name in sorted(found):
+        names.setdefault(folders, []).append(name)
+    return (
+        f"{MODULES}{os.pathsep.join(folders)} {','.join(each)}" for folders, each in names.items() if folders
+    )
 
 
 def about_variables(names: Iterable[str]) -> Iterator[str]:

@@ -1,6 +1,8 @@
 """Commands run again if something changed that they were observed to read, and only then."""
 
 import shutil
+import subprocess
+from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -210,3 +212,253 @@ def test_a_workspace_below_dev_is_observed(forge: Forge, tree: Tree) -> None:
         built(forge, root)
         assert (root / "install/a/share/gen.h").read_text() == "#define X 3\n"
         assert "0 packages finished" in forge("build", cwd=root).out
+
+
+ASKS = """import ctypes, importlib.metadata, os, sys
+from importlib.metadata import entry_points, version
+home = os.path.dirname(__file__)
+entry_points()
+with open("gen.h", "w") as file:
+    print("// helper", version("helper"), "value", ctypes.CDLL(home + "/libv.so").v(), file=file)
+"""
+
+
+def distribution(name: str, version: str, entry: str = "") -> dict[str, str]:
+    metadata = f"Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n"
+    info = f"lib/{name}-1.dist-info"
+    return {f"{info}/METADATA": metadata, f"{info}/entry_points.txt": f"[x]\n{entry or name} = {name}\n"}
+
+
+def test_python_builds_depend_on_the_metadata_and_libraries_that_they_ask_for(
+    forge: Forge, tree: Tree
+) -> None:
+    cmake = (
+        f"{HEAD}add_custom_command(OUTPUT gen.h COMMAND python3 ${{CMAKE_SOURCE_DIR}}/../../tools/gen.py)\n"
+    )
+    cmake += "add_custom_target(g ALL DEPENDS gen.h)\n"
+    cmake += "install(FILES ${CMAKE_BINARY_DIR}/gen.h DESTINATION share)\n"
+    files = {**FILES, "src/a/CMakeLists.txt": cmake, "tools/gen.py": ASKS}
+    root = tree({**files, **distribution("helper", "1"), **distribution("other", "1")})
+    env = {"PYTHONPATH": f"{root}/lib"}
+
+    def library(value: int) -> None:
+        (root / "v.c").write_text(f"int v(void) {{ return {value}; }}\n")
+        draft = root / "tools/draft.so"
+        subprocess.run(("gcc", "-shared", "-o", draft, root / "v.c"), check=True)
+        draft.rename(root / "tools/libv.so")
+
+    def said() -> str:
+        assert forge("build", "--base-paths", "src", cwd=root, env=env).code == 0
+        return (root / "install/a/share/gen.h").read_text()
+
+    library(1)
+    assert said() == "// helper 1 value 1\n"
+    tree(distribution("helper", "2"))
+    assert said() == "// helper 2 value 1\n"
+    library(2)
+    assert said() == "// helper 2 value 2\n"
+    for scanned in (distribution("other", "2", "y"), distribution("third", "1")):
+        tree(scanned)
+        assert "0 packages finished" in forge("build", "--base-paths", "src", cwd=root, env=env).out
+
+
+PYTHON = """import os, sys
+found = sorted(os.listdir(os.path.join(os.path.dirname(__file__), "data")))
+for name in ("extra", "helper.late", "shadowed", "json"):
+    try:
+        found.append(__import__(name, fromlist=["VALUE"]).__file__)
+    except ImportError:
+        found.append("no " + name)
+with open("gen.h", "w") as file:
+    file.write("#define X 1\\n// " + " ".join(found))
+"""
+BY_PYTHON = {
+    "CMake": "execute_process(COMMAND python3 ${S}/../../tools/gen.py)\n",
+    "a command": "add_custom_command(OUTPUT gen.h COMMAND python3 ${S}/../../tools/gen.py VERBATIM)\n",
+}
+LOOKED_FOR = {
+    "lib/extra.py": True,
+    "lib/helper/late/__init__.py": True,
+    "lib/shadowed.py": True,
+    "lib/other/__init__.py": False,
+    "lib/extra.txt": False,
+    "tools/data/new": True,
+    "tools/json.py": True,
+    "tools/new": False,
+}
+"""Names that appear in folders of Python, and whether the script would see them."""
+
+
+@pytest.mark.parametrize("who", BY_PYTHON)
+def test_what_python_looks_for_is_an_input(forge: Forge, tree: Tree, who: str) -> None:
+    cmake = f"{HEAD}set(S ${{CMAKE_SOURCE_DIR}})\n{BY_PYTHON[who]}add_custom_target(g ALL DEPENDS gen.h)\n"
+    cmake += "install(FILES ${CMAKE_BINARY_DIR}/gen.h DESTINATION share)\n"
+    files = {**FILES, "src/a/CMakeLists.txt": cmake, "tools/gen.py": PYTHON, "tools/data/one": ""}
+    files |= {"lib/helper/__init__.py": "", "later/shadowed.py": ""}
+    root = tree(files)
+    env = {"PYTHONPATH": f"{root}/lib:{root}/later", "PYTHONDONTWRITEBYTECODE": "1"}
+    options = ("build", "--base-paths", "src")
+    assert forge(*options, cwd=root, env=env).code == 0
+    for name, is_seen in LOOKED_FOR.items():
+        before = (root / "install/a/share/gen.h").read_text()
+        tree({name: ""})
+        ran = forge(*options, cwd=root, env=env)
+        assert (name, "1 package finished" in ran.out) == (name, is_seen), ran.out
+        assert (name, (root / "install/a/share/gen.h").read_text() != before) == (name, is_seen)
+        assert "0 packages finished" in forge(*options, cwd=root, env=env).out, name
+
+
+WAYS = """#define _GNU_SOURCE
+#include <fcntl.h>
+#include <fts.h>
+#include <ftw.h>
+#include <glob.h>
+#include <spawn.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <sys/syscall.h>
+#include <sys/wait.h>
+#include <unistd.h>
+extern char **environ;
+static int count;
+static int visit(const char *path, const struct stat *status, int kind, struct FTW *place)
+{
+    return count++ < 0;
+}
+int main(int argc, char **argv)
+{
+    char path[4096] = "", buffer[4096] = "", *way = argv[1], *folder = argv[2], *walked[] = {folder, NULL};
+    int descriptor = -1;
+    glob_t found;
+    pid_t child;
+    struct stat status;
+    posix_spawn_file_actions_t actions;
+    FTS *walk;
+    FTSENT *entry;
+    snprintf(path, sizeof path, "%s/file", folder);
+    if (!strcmp(way, "syscall"))
+        descriptor = syscall(SYS_openat, AT_FDCWD, path, O_RDONLY);
+    else if (!strcmp(way, "proc") && !chdir(folder))
+        descriptor = open("/proc/self/cwd/file", O_RDONLY);
+    else if (!strcmp(way, "spawn")) {
+        char *words[] = {"cat", NULL};
+        posix_spawn_file_actions_init(&actions);
+        posix_spawn_file_actions_addopen(&actions, 0, path, O_RDONLY, 0);
+        return posix_spawn(&child, "/bin/cat", &actions, NULL, words, environ)
+            || waitpid(child, NULL, 0) != child;
+    } else if (!strcmp(way, "size") && !stat(path, &status))
+        count = status.st_size;
+    else if (!strcmp(way, "mode"))
+        count = access(path, X_OK);
+    else if (!strcmp(way, "gone"))
+        count = access(path, F_OK);
+    else if (!strcmp(way, "link") || !strcmp(way, "real")) {
+        snprintf(path, sizeof path, "%s/link", folder);
+        if (*way == 'l')
+            count = readlink(path, buffer, sizeof buffer - 1);
+        else
+            strcpy(buffer, strrchr(realpath(path, NULL), '/'));
+    } else if (!strcmp(way, "names")) {
+        descriptor = open(folder, O_RDONLY | O_DIRECTORY);
+        count = syscall(SYS_getdents64, descriptor, buffer, sizeof buffer);
+        return printf("%d\\n", count) < 0;
+    } else if (!strcmp(way, "fts"))
+        for (walk = fts_open(walked, FTS_PHYSICAL, NULL); (entry = fts_read(walk));)
+            count++;
+    else if (!strcmp(way, "nftw"))
+        nftw(folder, visit, 8, FTW_PHYS);
+    else if (!strcmp(way, "glob")) {
+        snprintf(path, sizeof path, "%s/*/*.txt", folder);
+        glob(path, 0, NULL, &found);
+        count = found.gl_pathc;
+    }
+    if (descriptor >= 0 && read(descriptor, buffer, sizeof buffer - 1) < 0)
+        return 1;
+    printf("%d %s\\n", count, buffer);
+    return 0;
+}
+"""
+
+
+def _turn_link(folder: Path) -> None:
+    (folder / "link").unlink()
+    (folder / "link").symlink_to("two")
+
+
+CHANGES: dict[str, Callable[[Path], object]] = {
+    **dict.fromkeys(("syscall", "proc", "spawn", "size"), lambda folder: (folder / "file").write_text("two")),
+    "mode": lambda folder: (folder / "file").chmod(0o755),
+    "gone": lambda folder: (folder / "file").unlink(),
+    **dict.fromkeys(("link", "real"), _turn_link),
+    "names": lambda folder: (folder / "new").touch(),
+    **dict.fromkeys(("fts", "nftw", "glob"), lambda folder: (folder / "two/new.txt").touch()),
+}
+"""Ways of a program to learn of a folder, and how each is changed."""
+
+
+def test_programs_are_observed_in_whatever_way_they_look_at_files(forge: Forge, tree: Tree) -> None:
+    commands = "".join(
+        f"add_custom_command(OUTPUT {way} COMMAND ${{S}}/tools/ways {way} ${{S}}/elsewhere/{way} > {way})\n"
+        f"install(FILES ${{CMAKE_BINARY_DIR}}/{way} DESTINATION share)\n"
+        for way in CHANGES
+    )
+    cmake = f"{HEAD}set(S ${{CMAKE_SOURCE_DIR}}/../..)\n{commands}"
+    cmake += f"add_custom_target(g ALL DEPENDS {' '.join(CHANGES)})\n"
+    root = tree({**FILES, "src/a/CMakeLists.txt": cmake, "tools/ways.c": WAYS})
+    subprocess.run(("gcc", "-w", "-o", root / "tools/ways", root / "tools/ways.c"), check=True)
+    for way in CHANGES:
+        folder = tree({f"elsewhere/{way}/{name}": "1" for name in ("file", "one/a", "two/a")})
+        (folder / "elsewhere" / way / "link").symlink_to("one")
+    assert forge("build", "--base-paths", "src", cwd=root).code == 0
+    for way, change in CHANGES.items():
+        before = (root / "install/a/share" / way).read_text()
+        change(root / "elsewhere" / way)
+        assert forge("build", "--base-paths", "src", cwd=root).code == 0
+        assert (root / "install/a/share" / way).read_text() != before, way
+    assert "0 packages finished" in forge("build", "--base-paths", "src", cwd=root).out
+
+
+@pytest.mark.needs("git")
+def test_what_git_says_is_an_input_of_who_asks(forge: Forge, tree: Tree) -> None:
+    cmake = f"{HEAD}execute_process(COMMAND git describe --tags WORKING_DIRECTORY ${{CMAKE_SOURCE_DIR}}\n"
+    cmake += "  OUTPUT_FILE ${CMAKE_BINARY_DIR}/version)\n"
+    cmake += "install(FILES ${CMAKE_BINARY_DIR}/version DESTINATION share)\n"
+    root = tree({**FILES, "src/a/CMakeLists.txt": cmake})
+    other = {path.replace("/a/", "/b/"): text.replace("git", "echo") for path, text in FILES.items()}
+    other["src/b/package.xml"] = manifest_text("b", build_type="cmake")
+    tree({**other, "src/b/CMakeLists.txt": "project(b NONE)\ninstall(FILES value.txt DESTINATION share)\n"})
+
+    def git(*words: str) -> None:
+        for package in ("a", "b"):
+            argv = ("git", "-c", "user.name=a", "-c", "user.email=a@b.c", *words)
+            subprocess.run(argv, cwd=root / "src" / package, check=True, capture_output=True)
+
+    git("init")
+    git("commit", "--allow-empty", "-m", "1")
+    git("tag", "one")
+    assert forge("build", cwd=root).code == 0
+    git("commit", "--allow-empty", "-m", "2")
+    git("tag", "two")
+    ran = forge("build", cwd=root)
+    assert "1 package finished, 1 package unchanged" in ran.out
+    assert (root / "install/a/share/version").read_text() == "two\n"
+    git("gc")
+    assert forge("build", cwd=root).code == 0
+    assert "0 packages finished" in forge("build", cwd=root).out
+
+
+def test_a_file_that_is_written_only_if_missing_depends_on_what_it_was_made_from(
+    forge: Forge, tree: Tree
+) -> None:
+    script = '[ -e made ] || cp "$1/value.txt" made\n'
+    cmake = f"{HEAD}add_custom_target(t ALL COMMAND sh ${{CMAKE_SOURCE_DIR}}/gen.sh ${{CMAKE_SOURCE_DIR}})\n"
+    cmake += "install(FILES ${CMAKE_BINARY_DIR}/made other.txt DESTINATION share)\n"
+    root = tree({**FILES, "src/a/CMakeLists.txt": cmake, "src/a/gen.sh": script})
+    built(forge, root)
+    edit(root, "other.txt", "changed\n")
+    built(forge, root)
+    edit(root, "value.txt", "4\n")
+    built(forge, root)
+    assert is_as_clean(forge, root)
