@@ -6,6 +6,7 @@ depend on one without containing it. Builds at different paths show that, see `f
 
 from __future__ import annotations
 
+import os
 import re
 from typing import TYPE_CHECKING
 
@@ -68,9 +69,13 @@ class Relocator:
         return self.absolutize(text.encode(errors="surrogateescape")).decode(errors="surrogateescape")
 
     def relativize_input(self, path: str) -> str:
-        """Return a file that a build read, as it is named for other users, or a question unchanged."""
+        """Return a file that a build read or looked for as other users name it, or a question unchanged.
+
+        In the home folder only for what is missing: a result may contain the path of what is there.
+        """
         word = self.relativize_word(path)
-        return f"~/{word.removeprefix(self._home)}" if word.startswith(self._home) else word
+        is_others = word.startswith(self._home) and not os.path.lexists(word)
+        return f"~/{word.removeprefix(self._home)}" if is_others else word
 
     def absolutize_input(self, word: str) -> str:
         """Return the path of this user for the result of `relativize_input`."""

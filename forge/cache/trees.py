@@ -243,7 +243,7 @@ def _content(path: str, status: os.stat_result, relocator: Relocator) -> tuple[b
         else:
             content = stream.read()
     relative = relocator.relativize(content)
-    return relative, relative is not content
+    return relative, relative != content
 
 
 def _leaf_of(entry: list[Any]) -> Leaf:

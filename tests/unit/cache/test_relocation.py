@@ -86,14 +86,19 @@ def test_some_paths_must_be_quoted(root: str) -> None:
     assert places("/ärger/ws-1.0+x").is_plain
 
 
-def test_files_below_the_home_folder_are_named_as_for_others(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("HOME", "/home/ann")
-    here = places("/home/ann/ws")
+def test_files_that_are_missing_in_the_home_folder_are_named_as_for_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HOME", f"{tmp_path}/ann")
+    here = places(f"{tmp_path}/ann/ws")
     monkeypatch.setenv("HOME", "/root")
     there = places("/srv/ws")
+    (tmp_path / "ann").mkdir()
+    (tmp_path / "ann/header.h").write_text("")
     for path, word, other in (
-        ("/home/ann/.cmake", "~/.cmake", "/root/.cmake"),
-        ("/home/ann/ws/x", "@FORGE_ROOT@/x", "/srv/ws/x"),
+        (f"{tmp_path}/ann/.cmake", "~/.cmake", "/root/.cmake"),
+        (f"{tmp_path}/ann/header.h", f"{tmp_path}/ann/header.h", f"{tmp_path}/ann/header.h"),
+        (f"{tmp_path}/ann/ws/x", "@FORGE_ROOT@/x", "/srv/ws/x"),
         ("/home/anna/x", "/home/anna/x", "/home/anna/x"),
         ("$HOME", "$HOME", "$HOME"),
     ):
