@@ -44,12 +44,13 @@ class Origin:
     """The workspace in which a result was built, and what builds in other ones have shown.
 
     `shown` is True if one whose path differs enough had the same result, `different` is a file that was not
-    the same.
+    the same. `scripts` is the key for results of other source code that the same build scripts make, if any.
     """
 
     root: str
     shown: bool = False
     different: str = ""
+    scripts: str = ""
 
     def is_unlike(self, root: str) -> bool:
         """Return True if what depends on the path would differ in `root`: length, depth and name differ."""
@@ -79,14 +80,8 @@ def shared_inputs(tools: Pairs, table: FileTable) -> tuple[str, ...]:
     )
 
 
-def input_key(
-    task: Task,
-    needs: Sequence[tuple[str, str]],
-    shared: tuple[str, ...],
-    relocator: Relocator,
-    values: Mapping[str, str],
-) -> str:
-    """Return the key of all inputs of a task that are known before it runs, including dependencies.
+def settings_key(task: Task, shared: tuple[str, ...], relocator: Relocator, values: Mapping[str, str]) -> str:
+    """Return the key of the inputs of a task that are known before it runs, without sources and dependencies.
 
     `values` are those of variables that may contain paths of the workspace; tasks have only digests of them.
     """
@@ -98,9 +93,17 @@ def input_key(
         [[name, relocator.relativize_word(values.get(name, value))] for name, value in inputs.environment],
         inputs.underlays,
         relocator.arrangement,
-        inputs.sources,
-        needs,
     )
+
+
+def input_key(settings: str, task: Task, needs: Sequence[tuple[str, str]]) -> str:
+    """Return the key of all inputs of a task that are known before it runs, including dependencies."""
+    return _key(settings, task.inputs.sources, needs)
+
+
+def scripts_key(settings: str, words: Sequence[str], contents: Mapping[str, str], scripts: str) -> str:
+    """Return the key for what was shown of build scripts, by their digest; '' without one."""
+    return _key(settings, digest_of(words, contents), "scripts", scripts) if scripts else ""
 
 
 def result_key(first: str, words: Sequence[str], contents: Mapping[str, str], root: str = "") -> str:
@@ -137,9 +140,13 @@ def decode_origin(data: bytes) -> Origin:
         found = Origin(**json.loads(data))
     except (TypeError, RecursionError) as error:
         raise ValueError("invalid origin of a result") from error
-    if (type(found.root), type(found.shown), type(found.different)) != (str, bool, str):
+    if not (type(found.shown) is bool and all(map(_is_text, (found.root, found.different, found.scripts)))):
         raise ValueError("invalid origin of a result")
     return found
+
+
+def _is_text(value: object) -> bool:
+    return isinstance(value, str)
 
 
 def _key(*data: object) -> str:

@@ -14,6 +14,7 @@ import threading
 import time
 from contextlib import ExitStack, suppress
 from dataclasses import field, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem
@@ -23,12 +24,12 @@ from forge.cache import keys
 from forge.cache.external_inputs import ExternalInputs
 from forge.cache.model import RESTORED, ActionResult, Digest, OutputFile, StoreError
 from forge.cache.restoring import CachedTree, Contents, TreeWriter
+from forge.cache.scripts import scripts_digest
 from forge.cache.trees import TICK, Uncacheable, decode_index, encode_index, scan_tree, unrecorded_files
 from forge.toolchain.programs import CMAKE_TYPES, condensed, program_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Mapping
-    from pathlib import Path
 
     from forge.base.frozen import Pairs
     from forge.base.layout import Layout
@@ -75,6 +76,7 @@ class PendingResult:
     words: tuple[str, ...]
     tree: Tree
     blobs: Mapping[str, Digest]
+    scripts: str
     began: float
     ended: float
 
@@ -99,6 +101,8 @@ class PackageCache:
         self._shared_inputs: tuple[str, ...] | None = None
         self._keys: dict[str, str] = {}
         """The first keys of packages that were looked up."""
+        self._settings: dict[str, str] = {}
+        """The parts of these keys without sources and dependencies."""
         self._installed_keys: dict[str, str] = {}
         """The keys of installed packages, computed on demand for the first keys of their dependents."""
         self.computed_trees: dict[str, str] = {}
@@ -221,7 +225,9 @@ class PackageCache:
                 self._shared_inputs = keys.shared_inputs(self._context.tools, self._context.own)
         needs = self._dependencies(task)
         shared = (*self._shared_inputs, *self._package_programs(task))
-        return keys.input_key(task, needs, shared, self._context.relocator, self._context.values)
+        settings = keys.settings_key(task, shared, self._context.relocator, self._context.values)
+        self._settings[task.name] = settings
+        return keys.input_key(settings, task, needs)
 
     def _dependencies(self, task: Task) -> tuple[tuple[str, str], ...]:
         """Return the direct dependencies of a task with the keys of their installed files.
@@ -275,7 +281,7 @@ class PackageCache:
                         continue
                     if found := self._fetch_result(remote, result, seen):
                         if remote:
-                            self._remember(first, second, words, result)
+                            self._store(first, second, words, result, upload=False)
                         return found
         except (StoreError, OSError, ValueError) as fault:
             self._warn_once(fault)
@@ -349,7 +355,9 @@ class PackageCache:
         finally:
             draft.unlink(missing_ok=True)
         words = tuple(map(self._context.relocator.relativize_input, record.externals))
-        pending = PendingResult(task.name, first, words, tree, blobs, record.began, time.time())
+        source = Path(self._context.relocator.root, task.package.path)
+        scripts = scripts_digest(task.build_dir, source, tree, self._context.relocator)
+        pending = PendingResult(task.name, first, words, tree, blobs, scripts, record.began, time.time())
         if self._context.layout.merged:
             self._pending.append(pending)
         else:
@@ -361,35 +369,49 @@ class PackageCache:
 
         If a build elsewhere had another result, its own is marked, so that no further build shows anything.
         """
-        root = self._context.relocator.root
-        contents = self._external_inputs.look(pending.words).contents
-        second, own = (keys.result_key(pending.first, pending.words, contents, path) for path in ("", root))
-        result = ActionResult(tuple(OutputFile(name, digest) for name, digest in pending.blobs.items()))
+        root, first, words = self._context.relocator.root, pending.first, pending.words
+        contents = self._external_inputs.look(words).contents
+        second, own = (keys.result_key(first, words, contents, path) for path in ("", root))
+        scripts = keys.scripts_key(self._settings[pending.package], words, contents, pending.scripts)
         before, tree = self._published(second)
         origin = keys.decode_origin(before.stdout) if before else keys.Origin(root)
         is_here = origin.root == root and not origin.shown
         different = "" if is_here or tree is None else pending.tree.difference(tree)
+        key, here = second if is_here else own, keys.Origin(root, scripts=scripts)
         if not self._context.relocator.is_plain:
-            note = "cached for this path only: it contains blanks or special characters"
-            second, origin = own, keys.Origin(root)
+            key, note = own, "cached for this path only: it contains blanks or special characters"
         elif before and different and different != origin.different:
             note = f"cached for this path only: '{different}' is another in '{origin.root}'"
-            doubted = replace(origin, shown=False, different=different)
-            self._store(pending, second, replace(before, stdout=keys.encode_origin(doubted)))
-            second, origin = own, keys.Origin(root)
+            doubted = keys.encode_origin(replace(origin, shown=False, different=different))
+            self._store(first, second, words, replace(before, stdout=doubted))
+            for each in {origin.scripts, scripts} - {""}:
+                self._put_result(each, ActionResult(stdout=doubted))
+        elif is_here and not origin.different and (known := self._known_scripts(scripts)) and known.shown:
+            here = replace(here, shown=True)
+            note = f"cached for any path, which did not matter to the same build scripts in '{known.root}'"
         elif is_here:
+            here = replace(here, different=origin.different)
             note = "cached for this path"
         elif origin.different:
             note = f"cached for this path only: '{origin.different}' depends on it"
-            second, origin = own, keys.Origin(root)
         elif origin.shown or origin.is_unlike(root):
+            key, here = second, replace(origin, shown=True)
             note = f"cached for any path: the result is the same as in '{origin.root}'"
-            origin = replace(origin, shown=True)
+            if scripts and scripts == origin.scripts and self._known_scripts(scripts) is None:
+                self._put_result(scripts, ActionResult(stdout=keys.encode_origin(here)))
         else:
             note = f"cached for this path: '{origin.root}' is too similar to show that it does not matter"
-            second, origin = own, keys.Origin(root)
-        self._store(pending, second, replace(result, stdout=keys.encode_origin(origin)))
+        files = tuple(OutputFile(name, digest) for name, digest in pending.blobs.items())
+        self._store(first, key, words, ActionResult(files, keys.encode_origin(here)))
         self.notes[pending.package] = note
+
+    def _known_scripts(self, key: str) -> keys.Origin | None:
+        """Return what was shown of build scripts."""
+        for read in (self._remote and self._remote.result, self._local.result):
+            with suppress(StoreError, ValueError):
+                if key and read and (result := read(key)):
+                    return keys.decode_origin(result.stdout)
+        return None
 
     def _published(self, key: str) -> tuple[ActionResult | None, Tree | None]:
         """Return what is known of a result, also by others, with its tree; nothing for an invalid one."""
@@ -403,16 +425,22 @@ class PackageCache:
                     return result, decode_index(os.pread(index, os.fstat(index).st_size, 0))
         return None, None
 
-    def _store(self, pending: PendingResult, key: str, result: ActionResult) -> None:
-        """Store a result and its list of inputs."""
-        self._remember(pending.first, key, pending.words, result)
-        if self._remote is not None:
+    def _store(
+        self, first: str, key: str, words: tuple[str, ...], result: ActionResult, *, upload: bool = True
+    ) -> None:
+        """Store a result, and its list of inputs as the first one for the first key."""
+        self._lists[first] = tuple(dict.fromkeys((words, *self._lists.get(first, ()))))
+        self._put_result(key, result, upload=upload)
+        self._put_result(first, ActionResult(stdout=keys.encode_lists(self._lists[first])), upload=upload)
+
+    def _put_result(self, key: str, result: ActionResult, *, upload: bool = True) -> None:
+        self.has_grown = True
+        self._local.put_result(key, result)
+        if self._remote is not None and upload:
             paths = {file.digest: self._local.blob_path(file.digest.hash) for file in result.files}
             # Blobs that are not here are where the result came from.
             here = {digest: path for digest, path in paths.items() if path.is_file()}
             self._remote.upload(key, result, here)
-            lists = ActionResult(stdout=keys.encode_lists(self._lists[pending.first]))
-            self._remote.upload(pending.first, lists, {})
 
     def _put_blobs(self, prefix: Path, tree: Tree, pack: Path) -> dict[str, Digest]:
         """Store index, pack and large files of a tree in the local folder; return their digests by name."""
@@ -429,13 +457,6 @@ class PackageCache:
                 blobs[leaf.path] = Digest(leaf.hash, leaf.size)
                 self._local.put(blobs[leaf.path], prefix / leaf.path)
         return blobs
-
-    def _remember(self, first: str, second: str, words: tuple[str, ...], result: ActionResult) -> None:
-        """Store a result under both keys in the local folder; its list of inputs moves to the front."""
-        self.has_grown = True
-        self._lists[first] = tuple(dict.fromkeys((words, *self._lists.get(first, ()))))
-        self._local.put_result(second, result)
-        self._local.put_result(first, ActionResult(stdout=keys.encode_lists(self._lists[first])))
 
     def _miss_reason(self, first: str) -> str:
         if origin := self._elsewhere.get(first):

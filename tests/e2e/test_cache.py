@@ -197,6 +197,81 @@ def test_results_that_depend_on_the_path_are_bound_to_it(users: Users, tmp_path:
     assert restored(users.build(one)) == 1
 
 
+SEEN = {
+    "nothing": ("", True),
+    "a definition": ('add_definitions("-DPLACE=\\"${CMAKE_SOURCE_DIR}\\"")', False),
+    "an option": ('add_compile_options("-DPLACE=\\"${CMAKE_SOURCE_DIR}\\"")', False),
+    "a generated file": (
+        'file(WRITE ${CMAKE_BINARY_DIR}/place.h "#define PLACE \\"${CMAKE_SOURCE_DIR}\\"\\n")\n'
+        "include_directories(${CMAKE_BINARY_DIR})",
+        False,
+    ),
+    "a generated digest": (
+        "string(MD5 place ${CMAKE_SOURCE_DIR})\n"
+        'file(WRITE ${CMAKE_BINARY_DIR}/place.h "#define PLACE \\"${place}\\"\\n")\n'
+        "include_directories(${CMAKE_BINARY_DIR})",
+        False,
+    ),
+}
+"""What of the path compilers can see, though the code does not use it yet."""
+NUMBER = "#if __has_include(<place.h>)\n#include <place.h>\n#endif\nint main() { return %s; }\n"
+
+
+@pytest.mark.parametrize("what", SEEN)
+def test_other_code_of_the_same_build_scripts_is_shared_at_once(
+    users: Users, tmp_path: Path, what: str
+) -> None:
+    """If the paths did not matter to them, and compilers cannot see any."""
+    code, is_shared = SEEN[what]
+    lists = SPEAKING.replace(
+        'target_compile_definitions(speak PRIVATE HOME="${CMAKE_CURRENT_BINARY_DIR}")', ""
+    )
+    lists = lists.replace("add_executable", f"{code}\nadd_executable")
+    files = {**BOUND, "src/speaking/CMakeLists.txt": lists, "src/speaking/main.cpp": NUMBER % "1"}
+    names = ("one", "deeper/second", "x/y/third")
+    one, two, three = (write_files(tmp_path / name, files) for name in names)
+    users.build(one)
+    assert "cached for any path" in users.build(two, "--explain").out
+    assert restored(users.build(three)) == 1
+    for root in (one, three):
+        use = "1" if what == "nothing" else "sizeof(PLACE)"
+        (root / "src/speaking/main.cpp").write_text(NUMBER % f"{use} + 1")
+    users.begin_anew(one)
+    ran = users.build(one, "--explain")
+    assert restored(ran) == 0
+    assert ("cached for any path, which did not matter to the same build scripts" in ran.out) == is_shared
+    assert restored(users.build(three)) == is_shared
+    for root in (one, three):
+        path = root / "src/speaking/CMakeLists.txt"
+        path.write_text(path.read_text() + "# another\n")
+    users.begin_anew(one)
+    assert "speaking: not in the cache; cached for this path\n" in users.build(one, "--explain").out
+    assert restored(users.build(three)) == 0
+
+
+def test_a_path_in_a_header_of_a_dependency_may_matter_to_other_code(users: Users, tmp_path: Path) -> None:
+    generating = (
+        'file(WRITE ${CMAKE_BINARY_DIR}/library.h "#define PLACE \\"${CMAKE_INSTALL_PREFIX}\\"\\n")\n'
+        "install(FILES ${CMAKE_BINARY_DIR}/library.h DESTINATION include)"
+    )
+    lists = LIBRARY.replace("install(FILES library.h DESTINATION include)", generating)
+    main = "#include <library.h>\nint main() { return 0; }\n"
+    files = {**PLAIN, "src/library/CMakeLists.txt": lists, "src/using/main.cpp": main}
+    names = ("one", "deeper/second", "x/y/third")
+    one, two, three = (write_files(tmp_path / name, files) for name in names)
+    users.build(one)
+    assert users.build(two, "--explain").out.count("cached for any path") == 2
+    assert restored(users.build(three)) == 2
+    for root in (one, three):
+        (root / "src/using/main.cpp").write_text(main.replace("0", "sizeof(PLACE)"))
+        (root / "src/library/library.cpp").write_text("int answer() { return 43; }\n")
+    users.begin_anew(one)
+    ran = users.build(one, "--explain")
+    assert "library: not in the cache; cached for any path, which did not matter to" in ran.out
+    assert "using: not in the cache; cached for this path\n" in ran.out
+    assert restored(users.build(three)) == 1
+
+
 def test_a_further_build_may_show_that_the_path_matters_after_all(users: Users, tmp_path: Path) -> None:
     files = {**BOUND, "src/speaking/CMakeLists.txt": EXPECTING}
     names = ("one", "deeper/second", "x/y/z/expected", "fourth/of/these/paths/here")

@@ -29,10 +29,11 @@ _HEADER = struct.Struct("<16xHHIQQQIHHHHHH")
 _SECTION = struct.Struct("<IIQQQQIIQQ")
 _SYMBOL = struct.Struct("<IBBHQQ")
 _DYNAMIC = struct.Struct("<qQ")
+_VERNEED, _VERNAUX = struct.Struct("<HHIII"), struct.Struct("<IHHII")
 _SEGMENT = struct.Struct("<IIQQQQQQ")
 
 _ET_DYN = 3
-_SHT_DYNAMIC, _SHT_NOBITS, _SHT_DYNSYM = 6, 8, 11
+_SHT_DYNAMIC, _SHT_NOBITS, _SHT_DYNSYM, _SHT_VERNEED = 6, 8, 11, 0x6FFFFFFE
 _PT_GNU_RELRO = 0x6474E552
 _FUNCTIONS = frozenset({2, 10})
 """STT_FUNC and STT_GNU_IFUNC."""
@@ -98,24 +99,48 @@ def linked_parts(content: bytes | mmap) -> str:
     """
     try:
         library = _read(content)
+        if library is None or library.end != len(content):
+            return ""
+        strings = next((section.body for section in library.sections if section.name == ".dynstr"), b"")
+        names = {section.address: section.name for section in library.sections if section.address}
+        digest = hashlib.sha256(repr(library.machine).encode())
+        for section in library.sections:
+            body, size = section.body, section.size
+            known: object = None
+            if section.name == ".dynstr":
+                body, size = _ZEROS.sub(b"\0", body), 0
+            elif section.name == ".note.gnu.build-id":
+                body = b""
+            elif section.type == _SHT_DYNAMIC:
+                known = [
+                    (tag, _text(strings, value) if tag in _NAMES else names.get(value, value))
+                    for tag, value in _DYNAMIC.iter_unpack(body)
+                    if tag != _DT_STRSZ
+                ]
+            elif section.type == _SHT_DYNSYM:
+                known = [(_text(strings, name), *rest) for name, *rest in _SYMBOL.iter_unpack(body)]
+            elif section.type == _SHT_VERNEED:
+                known = [*_needed_versions(body, strings)]
+            description = (section.name, section.type, section.flags, section.alignment, size, known)
+            digest.update(repr(description).encode(errors="surrogateescape"))
+            digest.update(body if known is None else b"")
     except (ValueError, LookupError, struct.error):
         return ""
-    if library is None or library.end != len(content):
-        return ""
-    names = {section.address: section.name for section in library.sections if section.address}
-    digest = hashlib.sha256(repr(library.machine).encode())
-    for section in library.sections:
-        body, size = section.body, section.size
-        if section.name == ".dynstr":
-            body, size = _ZEROS.sub(b"\0", body), 0
-        elif section.type == _SHT_DYNAMIC:
-            entries = (entry for entry in _DYNAMIC.iter_unpack(body) if entry[0] != _DT_STRSZ)
-            body = repr([(tag, names.get(value, value)) for tag, value in entries]).encode()
-        elif section.name == ".note.gnu.build-id":
-            body = b""
-        digest.update(repr((section.name, section.type, section.flags, section.alignment, size)).encode())
-        digest.update(body)
     return digest.hexdigest()
+
+
+def _needed_versions(body: bytes, strings: bytes) -> Iterator[object]:
+    """Yield what a section of needed versions says."""
+    at, following = 0, 1
+    while following:
+        version, count, file, first, following = _VERNEED.unpack_from(body, at)
+        yield version, _text(strings, file)
+        each = at + first
+        for _ in range(count):
+            *needed, name, step = _VERNAUX.unpack_from(body, each)
+            yield *needed, _text(strings, name)
+            each += step
+        at += following
 
 
 def _read(content: bytes | mmap) -> _Library | None:
