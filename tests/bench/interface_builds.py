@@ -13,7 +13,9 @@ from tests.bench.sitting import Sitting
 from tests.bench.starting import COLCON_COMMON
 from tests.bench.timing import Variant
 
+FROM_NOTHING = "forge from nothing"
 _CHANGE = "for f in src/bench_0000/msg/*.msg; do echo int32 changed_$(date +%s%N) >> $f; break; done"
+_COMMENT = 'for f in src/bench_0000/msg/*.msg; do sed -i "1i # $(date +%s%N)" $f; break; done'
 _NEEDS = ("rosidl_default_generators", "ament_cmake", "std_msgs", "geometry_msgs", "builtin_interfaces")
 
 
@@ -27,6 +29,22 @@ def one_interface(sitting: Sitting) -> Iterator[Case]:
     if sitting.wants(ROSIDL) and sitting.wants(COLCON_COMMON):
         built = _beside_rosidl(sitting, built=True)
         yield sitting.turns_of("one .msg of 20, rosidl's", _changing(built), 5)
+
+
+def large_interfaces(sitting: Sitting) -> Iterator[Case]:
+    """Measure builds of one large package after a change of one message, and from nothing."""
+    variables = underlay(sitting, *_NEEDS)
+    for messages in sitting.sizes(300, 600, 1200):
+
+        def write(root: Path, packages: int, messages: int = messages) -> Path:
+            return workspaces.write_interface_workspace(root, packages, messages)
+
+        kind = Kind(f"{messages}_interfaces", write, variables)
+        again = kind.built(sitting, "forge", forge_build(), 1)
+        anew = replace(kind.tool(sitting, FROM_NOTHING, forge_build(), 1), before=ANEW)
+        for name, change in (("one comment", _COMMENT), ("one field", _CHANGE)):
+            changing = replace(again, before=("sh", "-c", change))
+            yield sitting.turns_of(name, [changing, anew], 3, size=messages)
 
 
 def cold_interfaces(sitting: Sitting) -> Iterator[Case]:

@@ -100,6 +100,7 @@ _MAIN: Mapping[str, tuple[str, ...]] = {
     "cache-restore": ("compiled packages",),
     "cold-ccache": ("ament_cmake, warm ccache",),
     "one-interface": ("one .msg, forge's generators",),
+    "large-interfaces": ("one field",),
     "cold-interfaces": ("packages of 5 messages",),
     "generation": ("Python and C++, from nothing", "Python and C++, one file changed"),
     "sourcing": ("bash",),

@@ -107,6 +107,14 @@ SCENARIOS: Mapping[str, Scenario] = {
         "and C++ and compiles introspection type support; forge also generates Python, and only "
         "headers for C and C++.",
     ),
+    "large-interfaces": Scenario(
+        "One message of a large interface package",
+        interface_builds.large_interfaces,
+        6.0,
+        "A package with many messages, which refer to each other and to standard packages. CMake does not "
+        "run again, and only the files of the changed message and of its users are generated and installed.",
+        per="messages",
+    ),
     "cold-interfaces": Scenario(
         "Interface packages from nothing",
         interface_builds.cold_interfaces,

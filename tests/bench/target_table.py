@@ -5,6 +5,7 @@ from tests.bench.builds import COMPILERS
 from tests.bench.cdr_cpp import FAST_CDR
 from tests.bench.commands import COLCON
 from tests.bench.generation import ROSIDL
+from tests.bench.interface_builds import FROM_NOTHING
 from tests.bench.messages import NUMPY, PLAIN
 from tests.bench.reading import (
     Question,
@@ -243,6 +244,23 @@ ROWS: dict[int, tuple[tuple[str, str, Question | ByHand], ...]] = {
             "20,000 files from the local cache, start-up excluded, beside `cp -r`",
             "<= 2.00 times",
             times_without("cache-restore", "files of one package", COPYING, START, 20_000),
+        ),
+    ),
+    36: (
+        (
+            "a comment in one of 1,200 messages, beside a build from nothing",
+            "<= 0.15 of its time",
+            part_of("large-interfaces", "one comment", FROM_NOTHING, 1200),
+        ),
+        (
+            "a field in one of 1,200 messages",
+            "<= 0.35 of its time",
+            part_of("large-interfaces", "one field", FROM_NOTHING, 1200),
+        ),
+        (
+            "linear up to 1,200 messages: exponent of growth from 300",
+            "<= 1.10",
+            exponent("large-interfaces", "one field", 300),
         ),
     ),
 }
