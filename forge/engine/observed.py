@@ -60,9 +60,13 @@ def _library() -> CDLL | None:
     import ctypes
 
     library = ctypes.CDLL(None)
-    return library if hasattr(library, "forge_observed") else None
+    if not hasattr(library, "forge_observed"):
+        return None
+    library.forge_observe_for.argtypes = (ctypes.c_long,)
+    library.forge_observed.argtypes = (ctypes.c_char, ctypes.c_char_p, ctypes.c_size_t)
+    return library
 
 
 def _say(library: CDLL, kind: str, words: Iterable[str | Path]) -> None:
     text = b"".join(b"%s\0" % os.fsencode(word) for word in words)
-    library.forge_observed(ord(kind), text, len(text))
+    library.forge_observed(kind.encode(), text, len(text))
