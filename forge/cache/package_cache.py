@@ -388,7 +388,7 @@ class PackageCache:
                 self._put_result(each, ActionResult(stdout=doubted))
         elif is_here and not origin.different and (known := self._known_scripts(scripts)) and known.shown:
             here = replace(here, shown=True)
-            note = f"cached for any path, which did not matter to the same build scripts in '{known.root}'"
+            note = "cached for any path, which did not matter to the same build scripts"
         elif is_here:
             here = replace(here, different=origin.different)
             note = "cached for this path"

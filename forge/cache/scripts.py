@@ -42,18 +42,19 @@ def scripts_digest(build: Path, source: Path, tree: Tree, relocator: Relocator) 
     others = (each.read for edge, each in edges if not edge.compiles and not edge.links_dynamically)
     scripts = seen.configure.read.union(*others, *(read - code for read, code in compiling))
     made = seen.rest.written.union(*(each.written for _, each in edges))
+    generated = seen.configure.written | made
     compiled = frozenset[str]().union(*(read | code for read, code in compiling))
     copied = {leaf.hash for leaf in tree.leaves}
     lines = []
     for path in sorted(scripts | seen.rest.read | compiled):
-        is_generated = path in compiled and path.startswith(f"{build}/")
+        is_generated = path in compiled and path in generated
         is_script = (path in scripts or path in seen.rest.read) and path not in made
         word = relocator.relativize_word(path)
         is_foreign = path in compiled and word != path and not path.startswith(f"{source}/")
         if not (is_generated or is_script or is_foreign) or not os.path.isfile(path):  # noqa: PTH113
             continue
         content = Path(path).read_bytes()
-        if is_foreign and relocator.occur_in(content):
+        if (is_generated or is_foreign) and relocator.occur_in(content):
             return ""
         digest = hashlib.sha256(relocator.relativize(content)).hexdigest()
         if is_generated or (is_script and (path in scripts or digest not in copied)):

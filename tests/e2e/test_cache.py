@@ -206,6 +206,11 @@ SEEN = {
         "include_directories(${CMAKE_BINARY_DIR})",
         False,
     ),
+    "a file that is generated beside the code": (
+        'file(WRITE ${CMAKE_SOURCE_DIR}/place.h "#define PLACE \\"${CMAKE_SOURCE_DIR}\\"\\n")\n'
+        "include_directories(${CMAKE_SOURCE_DIR})",
+        False,
+    ),
     "a generated digest": (
         "string(MD5 place ${CMAKE_SOURCE_DIR})\n"
         'file(WRITE ${CMAKE_BINARY_DIR}/place.h "#define PLACE \\"${place}\\"\\n")\n'
@@ -236,6 +241,7 @@ def test_other_code_of_the_same_build_scripts_is_shared_at_once(
     for root in (one, three):
         use = "1" if what == "nothing" else "sizeof(PLACE)"
         (root / "src/speaking/main.cpp").write_text(NUMBER % f"{use} + 1")
+        (root / "src/speaking/place.h").unlink(missing_ok=True)
     users.begin_anew(one)
     ran = users.build(one, "--explain")
     assert restored(ran) == 0
