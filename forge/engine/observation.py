@@ -139,9 +139,9 @@ def end_log(log: Path) -> None:
 
 
 ALL_KINDS = "RYTLNWDUVIMEBJ"
-CHANNELS = "K"
-"""The kind of records about devices and sockets."""
-_OF_PATHS = frozenset("RYTLNWDUE")
+KINDS_FOR_TESTS = f"{ALL_KINDS}Kntl"
+"""Also devices, sockets, calls that fail, and folders that Python lists to find modules."""
+_OF_PATHS = frozenset("RYTLNWDUEntl")
 
 
 def read_log(

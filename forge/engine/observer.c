@@ -22,7 +22,8 @@
  *   U path   a file, link or folder was removed, or renamed to another path
  *   V name   an environment variable was asked for
  *   J word   the digest and the path of a ledger by which this program knows its own files, see observed.py
- *   K what   a device was opened, or a socket that somebody else may answer
+ *   K what   a device was opened, or a socket or shared memory that somebody else may answer
+ *   n path   a call failed, and nothing was there; t path: something was there
  *   I paths  the folders in which Python looks for modules from now on, each in a line
  *   M name   Python looks for a module
  *   B what   something that cannot be observed
@@ -368,6 +369,27 @@ static int is_there(const char *path)
     return kernel()(SYS_faccessat, AT_FDCWD, path, F_OK) == 0;
 }
 
+static int is_entry(int folder, const char *path)
+{
+    int saved = errno;
+    struct stat status;
+    int result = !NEXT(fstatat)(folder, path, &status, AT_SYMLINK_NOFOLLOW);
+
+    errno = saved;
+    return result;
+}
+
+/* Note whether there is what a call failed for, which matters to tests only. */
+static void attempted(int folder, const char *path)
+{
+    char absolute[PATH_MAX];
+    int saved = errno;
+
+    if (map && locate(folder, path, absolute) && !is_kernels(absolute))
+        note(is_entry(AT_FDCWD, absolute) ? 't' : 'n', absolute);
+    errno = saved;
+}
+
 /* Note the first name of a path that is missing: as long as it is, the others cannot appear. */
 static void missing(int folder, const char *path)
 {
@@ -377,8 +399,12 @@ static void missing(int folder, const char *path)
 
     if (map && saved == EACCES)
         found('T', folder, path); /* its mode forbids it */
-    if (!map || (saved != ENOENT && saved != ENOTDIR))
+    if (!map)
         return;
+    if (saved != ENOENT && (saved != ENOTDIR || is_entry(folder, path))) {
+        attempted(folder, path);
+        return;
+    }
     length = locate(folder, path, absolute);
     if (length && !is_kernels(absolute)) {
         for (;;) {
@@ -456,16 +482,6 @@ static int holds_copies(int folder, const char *path)
         }
     errno = saved;
     return 0;
-}
-
-static int is_entry(int folder, const char *path)
-{
-    int saved = errno;
-    struct stat status;
-    int result = !NEXT(fstatat)(folder, path, &status, AT_SYMLINK_NOFOLLOW);
-
-    errno = saved;
-    return result;
 }
 
 /* Start */
@@ -593,6 +609,8 @@ static int audit(const char *event, PyObject *arguments, void *data)
 static void listed(int folder, const char *path)
 {
     found(is_search ? 'T' : 'L', folder, path);
+    if (is_search)
+        found('l', folder, path); /* of which tests may depend on every name */
     is_search = 0;
 }
 
@@ -701,6 +719,7 @@ static void start(long parent)
         map = map_file(log_variable + strlen(LOG), 1, &map_size);
         if (map) {
             guard_copies();
+            is_entry(AT_FDCWD, "/"); /* dlsym() now rather than between dlopen() and dlerror() */
             note_process(parent);
             pthread_atfork(NULL, NULL, forked);
         }
@@ -1125,9 +1144,16 @@ EXPORT void *dlopen(const char *path, int flags)
         if (!dlinfo(result, RTLD_DI_LINKMAP, &library) && strchr(library->l_name, '/'))
             found('R', AT_FDCWD, library->l_name);
         dl_iterate_phdr(note_library, NULL);
-    }
+    } else if (path && strchr(path, '/'))
+        attempted(AT_FDCWD, path);
     errno = saved;
     return result;
+}
+
+EXPORT int chdir(const char *path)
+{
+    attempted(AT_FDCWD, path);
+    return NEXT(chdir)(path);
 }
 
 /* Change */
@@ -1158,6 +1184,9 @@ static void renamed(int folder, const char *path)
         if (!result) {                                                          \
             changed('U', from, old);                                            \
             renamed(folder, path);                                              \
+        } else {                                                                \
+            attempted(from, old);                                               \
+            attempted(folder, path);                                            \
         }                                                                       \
         return result;                                                          \
     }
@@ -1175,6 +1204,8 @@ RENAME(renameat2, from, folder, (int from, const char *old, int folder, const ch
         int result = keep ? -1 : NEXT(name)(__VA_ARGS__);                       \
         if (!result)                                                            \
             changed(kind, folder, path);                                        \
+        else                                                                    \
+            attempted(folder, path);                                            \
         return result;                                                          \
     }
 
@@ -1200,6 +1231,9 @@ EXPORT int link(const char *old, const char *path)
     if (!result) {
         found('R', AT_FDCWD, old);
         changed('W', AT_FDCWD, path);
+    } else {
+        attempted(AT_FDCWD, old);
+        attempted(AT_FDCWD, path);
     }
     return result;
 }
@@ -1210,6 +1244,9 @@ EXPORT int linkat(int from, const char *old, int folder, const char *path, int f
     if (!result) {
         found('R', from, old);
         changed('W', folder, path);
+    } else {
+        attempted(from, old);
+        attempted(folder, path);
     }
     return result;
 }
@@ -1246,6 +1283,13 @@ EXPORT int getaddrinfo(const char *host, const char *service, const struct addri
 {
     note_channel("the network");
     return NEXT(getaddrinfo)(host, service, hints, found);
+}
+
+EXPORT int shm_open(const char *name, int flags, mode_t mode)
+{
+    if (!(flags & O_EXCL))
+        note_channel("shared memory");
+    return NEXT(shm_open)(name, flags, mode);
 }
 
 /* The server of a local socket may be no process of the step. */

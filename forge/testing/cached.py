@@ -28,7 +28,7 @@ from forge.build.inputs.fingerprints import DIR_LISTING_SUFFIX, contents_of, dig
 from forge.build.observed_writes import begin_log, read_steps, remove_log
 from forge.build.tasks import CACHED, NOT_CACHED
 from forge.engine.commands import CACHED_BYTECODE
-from forge.engine.observation import ALL_KINDS, CHANNELS
+from forge.engine.observation import KINDS_FOR_TESTS
 from forge.execution.job_pool import without_job_variables
 from forge.execution.observer import note_step, observed
 from forge.execution.started import is_running
@@ -57,7 +57,7 @@ so that it cannot be observed which ones a test asks for."""
 
 _OF_C_LIBRARY = (
     *("/etc/group", "/etc/hosts", "/etc/ld.so.cache", "/etc/ld.so.preload", "/etc/localtime"),
-    *("/etc/nsswitch.conf", "/etc/passwd", "/usr/lib/locale/locale-archive"),
+    *("/etc/nsswitch.conf", "/etc/passwd", "/usr/lib/locale/locale-archive", "/usr/share/zoneinfo/tzdata.zi"),
 )
 """Files that the C library reads by itself, where it cannot be observed."""
 _STATIC = frozenset({"'/sbin/ldconfig' cannot be observed"})
@@ -179,7 +179,9 @@ class CachedTests:
         for name in _RUNNER_STATE:
             remove_tree(f"{task.build_dir}/{name}")
         created, outputs = (last.created, last.outputs) if last else ((), {})
-        for path in sorted(created, reverse=True):
+        own = (f"{task.build_dir}/", f"{self._results_of(task.name)}/")
+        # A copy of a workspace has the records of another one.
+        for path in filter(lambda one: one.startswith(own), sorted(created, reverse=True)):
             if path in outputs and contents_of([path], self._table)[path] == outputs[path]:
                 Path(path).unlink()
             elif path.endswith("/"):
@@ -207,7 +209,7 @@ class CachedTests:
         run = self._running.pop(task.name, None)
         if run is None:
             return
-        steps = read_steps(_log_file(task), f"{ALL_KINDS}{CHANNELS}").observed
+        steps = read_steps(_log_file(task), KINDS_FOR_TESTS).observed
         if any(is_running(process.pid) for process in steps.processes):
             steps = replace(steps, blind=(*steps.blind, "a program that they have started is still running"))
         remove_log(_log_file(task))
@@ -277,7 +279,7 @@ class _ObservedRun:
         self._reset = {f"{folder}{name}" for folder in self._own for name in _RESULTS}
         self._reset |= temporary | {str(path) for path, _ in task.files}
         self._reset |= own - {str(task.build_dir), os.path.realpath(task.build_dir)}
-        self._asked: dict[str, set[str]] = {kind: set() for kind in f"{ALL_KINDS}{CHANNELS}"}
+        self._asked: dict[str, set[str]] = {kind: set() for kind in KINDS_FOR_TESTS}
         self._asked["B"].update(steps.blind)
         self._first: dict[str, str] = {}
         """What was done first with each path."""
@@ -285,6 +287,7 @@ class _ObservedRun:
         self._created: set[str] = set()
         """What was missing before the tests wrote it; nothing in it is an input."""
         for _, kind, path in merge(*(process.records for process in steps.processes)):
+            kind = kind.upper()  # whether a call failed for it, a file was there or not
             if kind in "WDU" and "/__pycache__" not in path and not path.startswith(self._temporary):
                 self._changed.add(path)
             if kind in "BJKV" or not (self._is_reset(path) or _is_in(self._created, path)):
@@ -354,7 +357,7 @@ class _ObservedRun:
             elif not (path.endswith("/") or (is_listing and f"{plain}/".startswith(self._own))):
                 with contextlib.suppress(OSError):
                     status = os.stat(path)
-                    if is_written_since(self._run.began, status):
+                    if any(is_written_since(self._run.began, each) for each in (status, os.lstat(path))):
                         yield f"'{plain}' was changed meanwhile"
                     if plain in self._asked["R"] and not is_listing and not stat.S_ISREG(status.st_mode):
                         yield f"they read '{plain}', which is no regular file"

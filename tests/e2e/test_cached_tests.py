@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import time
@@ -92,6 +93,39 @@ def root(forge: Forge, tree: Tree) -> Path:
     found = tree(python("p"))
     passed(forge, found)
     return found
+
+
+ATTEMPTS = """import contextlib, ctypes, os, pathlib
+HERE = str(pathlib.Path(__file__).parents[3] / "away" / pathlib.Path(__file__).parents[1].name)
+
+
+def test_attempts():
+    with contextlib.suppress(OSError): os.chdir(HERE + "/no_chdir")
+    with contextlib.suppress(OSError): os.remove(HERE + "/no_remove")
+    with contextlib.suppress(OSError): os.rename(HERE + "/no_rename", HERE + "/to")
+    with contextlib.suppress(OSError): os.rmdir(HERE + "/no_rmdir")
+    with contextlib.suppress(OSError): os.link(HERE + "/no_link", HERE + "/to")
+    with contextlib.suppress(OSError): os.truncate(HERE + "/no_truncate", 0)
+    with contextlib.suppress(OSError): ctypes.CDLL(HERE + "/no_CDLL")
+    with contextlib.suppress(OSError): os.mkdir(HERE + "/yes_mkdir")
+    with contextlib.suppress(OSError): os.close(os.open(HERE + "/yes_open", os.O_CREAT | os.O_EXCL))
+    with contextlib.suppress(OSError): os.symlink("x", HERE + "/yes_symlink")
+    with contextlib.suppress(OSError): os.readlink(HERE + "/yes_readlink")
+"""
+"""Calls that fail, with names of what is not there, or is there."""
+
+
+def test_what_made_a_call_fail_is_an_input(forge: Forge, tree: Tree) -> None:
+    names = re.findall(r"(?:no|yes)_\w+", ATTEMPTS)
+    files = {path: text for name in names for path, text in python(name.lower(), ATTEMPTS).items()}
+    files |= {f"away/{name.lower()}/{each}": "" for name in names for each in names if each.startswith("yes")}
+    root = tree(files)
+    passed(forge, root)
+    for name in names:
+        path = root / "away" / name.lower() / name
+        path.unlink() if path.exists() else path.touch()
+    found = remarks(run(forge, root))
+    assert {name for name in names if f"/{name}' has" not in found[name.lower()]} == set()
 
 
 CHANGES: dict[str, tuple[str, Callable[[Path], object], str]] = {
