@@ -23,7 +23,8 @@
  *   V name   an environment variable was asked for
  *   J word   the digest and the path of a ledger by which this program knows its own files, see observed.py
  *   K what   a device was opened, or a socket or shared memory that somebody else may answer
- *   n path   a call failed, and nothing was there; t path: something was there
+ *   n path   a call failed or created a file, and nothing was there; t path: something was there
+ *   l path   the same as L where Python looks for modules or distributions
  *   I paths  the folders in which Python looks for modules from now on, each in a line
  *   M name   Python looks for a module
  *   B what   something that cannot be observed
@@ -817,6 +818,8 @@ static void opened(int result, int folder, const char *path, int flags)
         if (map && !strncmp(path, "/proc/", 6))
             note_place('R', result);
     } else {
+        if ((flags & (O_CREAT | O_EXCL)) == (O_CREAT | O_EXCL))
+            found('n', folder, path);
         if ((flags & (O_ACCMODE | O_TRUNC)) == O_RDWR || (flags & (O_APPEND | O_TRUNC)) == O_APPEND)
             found('R', folder, path);
         changed('W', folder, path);
@@ -1213,9 +1216,6 @@ CHANGE(unlink, 'U', is_entry(AT_FDCWD, path), AT_FDCWD, (const char *path), path
 CHANGE(rmdir, 'U', is_entry(AT_FDCWD, path), AT_FDCWD, (const char *path), path)
 CHANGE(remove, 'U', is_entry(AT_FDCWD, path), AT_FDCWD, (const char *path), path)
 CHANGE(unlinkat, 'U', is_entry(folder, path), folder, (int folder, const char *path, int flags), folder, path, flags)
-CHANGE(symlink, 'W', 1, AT_FDCWD, (const char *target, const char *path), target, path)
-CHANGE(symlinkat, 'W', 1, folder, (const char *target, int folder, const char *path), target, folder, path)
-CHANGE(mkfifo, 'W', 1, AT_FDCWD, (const char *path, mode_t mode), path, mode)
 CHANGE(mkdir, 'D', !is_entry(AT_FDCWD, path), AT_FDCWD, (const char *path, mode_t mode), path, mode)
 CHANGE(mkdirat, 'D', !is_entry(folder, path), folder, (int folder, const char *path, mode_t mode), folder, path, mode)
 CHANGE(truncate, 'W', 1, AT_FDCWD, (const char *path, off_t size), path, size)
@@ -1230,6 +1230,7 @@ EXPORT int link(const char *old, const char *path)
     int result = refused(AT_FDCWD, path) ? -1 : NEXT(link)(old, path);
     if (!result) {
         found('R', AT_FDCWD, old);
+        found('n', AT_FDCWD, path);
         changed('W', AT_FDCWD, path);
     } else {
         attempted(AT_FDCWD, old);
@@ -1243,6 +1244,7 @@ EXPORT int linkat(int from, const char *old, int folder, const char *path, int f
     int result = refused(folder, path) ? -1 : NEXT(linkat)(from, old, folder, path, flags);
     if (!result) {
         found('R', from, old);
+        found('n', folder, path);
         changed('W', folder, path);
     } else {
         attempted(from, old);
@@ -1250,6 +1252,22 @@ EXPORT int linkat(int from, const char *old, int folder, const char *path, int f
     }
     return result;
 }
+
+#define CREATE(name, folder, parameters, ...)                                   \
+    EXPORT int name parameters                                                  \
+    {                                                                           \
+        int result = refused(folder, path) ? -1 : NEXT(name)(__VA_ARGS__);      \
+        if (!result) {                                                          \
+            found('n', folder, path);                                           \
+            changed('W', folder, path);                                         \
+        } else                                                                  \
+            attempted(folder, path);                                            \
+        return result;                                                          \
+    }
+
+CREATE(symlink, AT_FDCWD, (const char *target, const char *path), target, path)
+CREATE(symlinkat, folder, (const char *target, int folder, const char *path), target, folder, path)
+CREATE(mkfifo, AT_FDCWD, (const char *path, mode_t mode), path, mode)
 
 #define TEMPORARY(name, kind, type, failed, parameters, ...)                    \
     EXPORT type name parameters                                                 \

@@ -68,7 +68,7 @@ _STATELESS_DEVICES = frozenset(
 )
 _RUNNER_STATE = (".pytest_cache", "Testing/Temporary")
 """What pytest and CTest know of earlier runs. forge removes it, so that a pass does not depend on them."""
-_RESULTS = (*_RUNNER_STATE, "Testing", "test_results", "pytest.xml", "unittest.xml", TEST_SCRATCH_DIR)
+_OWN_NAMES = frozenset({".pytest_cache", "Testing", "pytest.xml", "unittest.xml", TEST_SCRATCH_DIR})
 
 
 @frozen
@@ -275,10 +275,11 @@ class _ObservedRun:
         temporary = {run.temporary, os.path.realpath(run.temporary)}
         self._own = tuple(f"{folder}/" for folder in own)
         self._temporary = tuple(f"{folder}/" for folder in temporary)
-        # These are as forge has left them before each run: neither inputs nor of interest when they change.
-        self._reset = {f"{folder}{name}" for folder in self._own for name in _RESULTS}
-        self._reset |= temporary | {str(path) for path, _ in task.files}
-        self._reset |= own - {str(task.build_dir), os.path.realpath(task.build_dir)}
+        self._state = {f"{folder}{name}" for folder in self._own for name in _RUNNER_STATE}
+        built = {str(task.build_dir), os.path.realpath(task.build_dir)}
+        self._results = tuple(f"{folder}/" for folder in own - built)
+        self._results += tuple(f"{folder}/test_results/" for folder in own)
+        self._files = {str(path) for path, _ in task.files}
         self._asked: dict[str, set[str]] = {kind: set() for kind in KINDS_FOR_TESTS}
         self._asked["B"].update(steps.blind)
         self._first: dict[str, str] = {}
@@ -293,14 +294,20 @@ class _ObservedRun:
             if kind in "BJKV" or not (self._is_reset(path) or _is_in(self._created, path)):
                 self._asked[kind].add(path)
                 first = self._first.setdefault(path, kind)
-                if kind == "D" or (kind == "W" and first == "N"):
+                if kind in "DW" and first in "ND":
                     self._created.add(path)
         programs = {program for process in steps.processes for program in process.programs}
         self._asked["R"] |= {each for each in programs if not _is_in(self._created, each)}
         self._asked["R"] |= {step.argv[0] for step in task.steps}
 
     def _is_reset(self, path: str) -> bool:
-        return f"{path}/".startswith((*self._own, *self._temporary)) and _is_in(self._reset, path)
+        """Tell if a path is as forge has left it before each run: no input, and free to be changed."""
+        if f"{path}/".startswith(self._temporary) or path in self._files:
+            return True
+        if f"{path}/".startswith(self._results) and (path.endswith(".xml") or os.path.isdir(path)):
+            return True
+        names = (path[len(folder) :].partition("/")[0] for folder in self._own if path.startswith(folder))
+        return not _OWN_NAMES.isdisjoint(names)
 
     def inputs(self) -> Iterator[str]:
         """Yield the paths of all inputs; those of folders end with '/', those of their names with '/.'."""
@@ -318,8 +325,8 @@ class _ObservedRun:
     def outputs(self) -> Iterator[str]:
         """Yield the files in the build folder that the tests have written and that are still there."""
         for path in self._changed:
-            is_state = _is_in({f"{folder}{name}" for folder in self._own for name in _RUNNER_STATE}, path)
-            if path.startswith(self._own) and not is_state and os.path.isfile(path):
+            is_file = os.path.isfile(path) or os.path.islink(path)
+            if is_file and path.startswith(self._own) and not _is_in(self._state, path):
                 yield path
 
     def created(self) -> Iterator[str]:
@@ -341,6 +348,8 @@ class _ObservedRun:
         for path in sorted(self._changed):
             if not path.startswith(self._own):
                 yield f"they change '{path}', outside of the build folder"
+            elif stat.S_IFMT(_mode(path)) in {stat.S_IFIFO, stat.S_IFSOCK}:
+                yield f"they leave '{path}', which is no file"
             elif not self._is_reset(path) and not _is_in(self._created, path):
                 if self._first[path] != "W":
                     yield f"they change '{path}', which was there before"
@@ -370,6 +379,13 @@ def _is_in(paths: set[str], path: str) -> bool:
             return True
         path = os.path.dirname(path)
     return False
+
+
+def _mode(path: str) -> int:
+    try:
+        return os.lstat(path).st_mode
+    except OSError:
+        return 0
 
 
 def _record_file(task: Task) -> Path:

@@ -244,6 +244,11 @@ NOT_RECORDED = {
         "(HERE.parent / 'out.txt').write_text('x'); (HERE.parent / 'out.txt').unlink()",
         "outside of the build folder",
     ),
+    "what was replaced": (
+        "import shutil; folder = BUILD / f'{BUILD.name}.egg-info'; shutil.rmtree(folder); folder.mkdir()",
+        "which was there before",
+    ),
+    "a pipe": ("(BUILD / 'pipe').unlink(missing_ok=True); os.mkfifo(BUILD / 'pipe')", "they leave"),
     "what was built": ("(BUILD / 'install.log').open('a').close()", "install.log', which was there before"),
     "names beside what it left": (
         "os.listdir(BUILD / '.'); (BUILD / 'o').touch()",
@@ -302,6 +307,9 @@ def test_a():
     (BUILD / "count").write_text("1")
     (BUILD / "out").mkdir()
     (BUILD / "out/more").write_text("1")
+    (BUILD / "link").symlink_to("nowhere")
+    os.link(BUILD / "count", BUILD / "hard")
+    open(BUILD / "new", "x").close()
     assert os.environ.get("MODE") != "bad"
 """
     root = tree(python("p", test))
