@@ -209,7 +209,8 @@ def _records(log: Path, kinds: str) -> tuple[list[tuple[int, int, str, str]], li
         with log.open("rb") as file:
             header = file.read(_HEADER.size)
             end, count, lost, _ = _HEADER.unpack(header)
-            state = (os.fstat(file.fileno()).st_ino, header)
+            status = os.fstat(file.fileno())
+            state = (status.st_ino, status.st_size, header)
             known = _last_read.get(log)
             if known is None or known[0] != state:
                 file.seek(_HEADER_BYTES)
@@ -222,7 +223,7 @@ def _records(log: Path, kinds: str) -> tuple[list[tuple[int, int, str, str]], li
     return [record for record in records if record[2] in kinds], [] if is_whole else ["the log is incomplete"]
 
 
-_last_read: dict[Path, tuple[tuple[int, bytes], list[tuple[int, int, str, str]]]] = {}
+_last_read: dict[Path, tuple[tuple[int, int, bytes], list[tuple[int, int, str, str]]]] = {}
 """The records of logs that still exist, with inode and header: several steps of a build read the same log."""
 
 
