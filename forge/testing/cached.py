@@ -24,7 +24,13 @@ from forge.base.files import read_file, remove_tree, replace_file
 from forge.base.frozen import frozen
 from forge.base.layout import PASSED_TESTS_FILE, TEST_SCRATCH_DIR
 from forge.base.xml import as_utf8, parse_xml
-from forge.build.inputs.fingerprints import DIR_LISTING_SUFFIX, contents_of, digest_strings, is_written_since
+from forge.build.inputs.fingerprints import (
+    DIR_LISTING_SUFFIX,
+    RACY_NANOSECONDS,
+    contents_of,
+    digest_strings,
+    is_written_since,
+)
 from forge.build.observed_writes import begin_log, read_steps, remove_log
 from forge.build.tasks import CACHED, NOT_CACHED
 from forge.engine.commands import CACHED_BYTECODE
@@ -191,6 +197,8 @@ class CachedTests:
         temporary = tempfile.mkdtemp(prefix="forge-")
         libraries = tuple(filter(None, environment.get("LD_LIBRARY_PATH", "").split(os.pathsep)))
         declared = self._declared(task, environment)
+        # So that what was written until now is not taken for changed meanwhile.
+        time.sleep(RACY_NANOSECONDS / 1e9)
         self._running[task.name] = _Run(time.time_ns(), temporary, declared, libraries)
 
     def variables(self, task: Task, variables: Mapping[str, str]) -> Mapping[str, str]:

@@ -103,9 +103,6 @@ def run(given: Options) -> int:
     needs = needs_of_tests(names, loaded)
     absent = absent_problems(needs, layout, variables)
     create_output_folders(layout)
-    if options.test_result_base:
-        # Not in the middle of tests, which may list the folder above.
-        options.test_result_base.mkdir(parents=True, exist_ok=True)
     built = [name for name in names if name not in absent]
     warn(changed_since_build({name: needs[name] for name in built}, loaded, layout))
     context, lacking = prepare_context(options, loaded, layout, variables, built)
