@@ -299,7 +299,7 @@ class _ObservedRun:
             kind = kind.upper()  # whether a call failed for it, a file was there or not
             if kind in "WDU" and "/__pycache__" not in path and not path.startswith(self._temporary):
                 self._changed.add(path)
-            if kind in "BJKV" or not (self._is_reset(path) or _is_in(self._created, path)):
+            if kind in "BIJKMV" or not (self._is_reset(path) or _is_in(self._created, path)):
                 self._asked[kind].add(path)
                 first = self._first.setdefault(path, kind)
                 if kind in "DW" and first in "ND":
