@@ -10,7 +10,15 @@ from pathlib import Path
 
 import pytest
 
-from forge.engine.observation import LOG_VARIABLE, ObservedStep, begin_log, end_log, observe, read_log
+from forge.engine.observation import (
+    KINDS_FOR_TESTS,
+    LOG_VARIABLE,
+    ObservedStep,
+    begin_log,
+    end_log,
+    observe,
+    read_log,
+)
 from forge.engine.observer import compile_library
 from tests.conftest import Tree
 
@@ -48,7 +56,8 @@ def traced(argv: list[str], folder: Path, library: Path) -> tuple[ObservedStep, 
     ran = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     assert ran.returncode == 0, ran.stdout + ran.stderr
     lines = trace.read_text(errors="surrogateescape").splitlines()
-    return read_log(log, frozenset({int(lines[0].split()[0])})), _seen_by_strace(
+    roots = frozenset({int(lines[0].split()[0])})
+    return read_log(log, roots, kinds=KINDS_FOR_TESTS), _seen_by_strace(
         lines, str(folder), str(log), str(library)
     )
 
@@ -186,6 +195,8 @@ def test_what_strace_sees_is_observed(name: str, tree: Tree, library: Path) -> N
         kind: {_real(path) for path in getattr(seen, kind)}
         for kind in ("read", "written", "listed", "missing", "executed", "loaded")
     }
+    searched = (each for process in step.processes for each in process.records if each[1] == "l")
+    real["listed"] |= {_real(path) for _, _, path in searched}
     inputs = real["read"] | real["written"] | real["executed"] | real["loaded"]
     unseen = {path for path in strace["read"] if _real(path) not in inputs and not LIBRARY.search(path)}
     assert not unseen
