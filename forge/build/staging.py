@@ -63,7 +63,9 @@ def staged(task: Task, layout: Layout) -> Task:
         return task  # nothing can be renamed from the stage
     if not task.intact:
         replace_file(notes, json.dumps({**known, "sources": None}).encode())
-    if any(path.suffix not in {".links", ".notes", ".written"} for path in leftover_backups(task.name, layout)):
+    if any(
+        path.suffix not in {".links", ".notes", ".written"} for path in leftover_backups(task.name, layout)
+    ):
         return task
     stage = task.build_dir / SCRATCH_DIR / _STAGE
     steps = tuple(replace(step, stage=stage) if step.prefix else step for step in task.steps)

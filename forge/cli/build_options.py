@@ -142,6 +142,11 @@ class BuildOptions:
         default=False,
         group=_OUTPUT,
     )
+    no_observer: bool = option(
+        "run the steps without the library that observes what they read and write: after any change of a "
+        "package or its dependencies, it is built from an empty folder",
+        default=False,
+    )
     dry_run: bool = option(
         "print the build plan and all commands without running them", default=False, group=_OUTPUT
     )
@@ -192,10 +197,11 @@ class BuildOptions:
             "a package cache (--cache, --remote-cache)": self.cache.wanted,
             "--compiler-launcher": selected_launcher(self.cmake.compiler_launcher),
             "--target": self.folders.target,
+            "--no-observer": self.no_observer,
         }
         if self.audit and any(without_audit.values()):
             words = ", ".join(word for word, given in without_audit.items() if given)
-            message = f"--audit cannot be combined with {words}: all steps must run on this machine"
+            message = f"--audit cannot be combined with {words}: all steps must run on this machine, observed"
             hint = "remove these options, also from forge.toml and the environment"
             raise SelectionError(Problem(message, hint=hint))
         for word, value in (("--dry-run", self.dry_run), ("--print-command", self.print_command)):

@@ -76,7 +76,7 @@ def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
         {name: program_of(identity) for name, identity in context.tools},
         mode.warn,
     )
-    observer = open_observer(context.layout, own, build.variables)
+    observer = open_observer(context.layout, own, build.variables, unobserved=options.no_observer)
     with (
         options.execution.connected(executor_context) as remote,
         _workers(plan, build, observer.library, compiles=compiles) as worker_variables,

@@ -68,9 +68,11 @@ class Observer:
             note_step(variables, process, step)
 
 
-def open_observer(layout: Layout, folder: Path, variables: Mapping[str, str]) -> Observer:
-    """Return the observer of a build; compile its library into `folder`.
+def open_observer(
+    layout: Layout, folder: Path, variables: Mapping[str, str], *, unobserved: bool = False
+) -> Observer:
+    """Return the observer of a build, with its library in `folder`; without one if `unobserved`.
 
     Programs for another machine cannot load it.
     """
-    return Observer(layout, None if layout.target else compile_library(folder, variables))
+    return Observer(layout, None if layout.target or unobserved else compile_library(folder, variables))

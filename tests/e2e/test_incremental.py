@@ -37,16 +37,18 @@ STEPS = st.lists(
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """How a workspace is built, and if it has a package of Python."""
+    """How a workspace is built, and if it has a package of Python; `observed` with the observing library."""
 
     merged: bool
     symlink: bool
     python: bool
+    observed: bool
     cached: bool = False
 
 
-WAYS = st.builds(Way, st.booleans(), st.booleans(), st.booleans())
-CACHED = st.builds(Way, st.booleans(), st.booleans(), st.booleans(), st.just(value=True))
+OBSERVED = st.sampled_from((True, True, True, False))
+WAYS = st.builds(Way, st.booleans(), st.booleans(), st.booleans(), OBSERVED)
+CACHED = st.builds(Way, st.booleans(), st.booleans(), st.booleans(), OBSERVED, st.just(value=True))
 SETTINGS = settings(
     max_examples=EXAMPLES,
     deadline=None,
@@ -135,12 +137,12 @@ def play(
     stage: Stage,
     workspace: Evolving,
     steps: Steps,
-    *,
-    cached: bool,
+    way: Way,
 ) -> None:
     """Build after each step and hold what is installed against a clean build."""
-    cache = stage.cache if cached else ()
-    clean = stage.cached if cached else stage.clean
+    cache = stage.cache if way.cached else ()
+    clean = stage.cached if way.cached else stage.clean
+    unobserved = () if way.observed else ("--no-observer",)
 
     def build(workspace: Evolving, *cache: str) -> Ran:
         return forge(
@@ -148,6 +150,7 @@ def play(
             "/dev/null",
             "build",
             *cache,
+            *unobserved,
             *workspace.options(),
             cwd=workspace.home,
             env=workspace.variables,
@@ -240,11 +243,11 @@ def play_plain(forge: Forge, stage: Stage, way: Way, steps: Steps) -> None:
     """Play with packages that know nothing of ROS, and perhaps one of Python."""
     workspace = stage.plain.evolving(stage.root, merged=way.merged, symlink=way.symlink)
     workspace.write({**PLAIN, **(PYTHON if way.python else {})})
-    play(forge, stage, workspace, steps, cached=way.cached)
+    play(forge, stage, workspace, steps, way)
 
 
 def play_interfaces(forge: Forge, stage: Stage, way: Way, steps: Steps) -> None:
     """Play with packages of interfaces, and one that uses them."""
     workspace = stage.interfaces.evolving(stage.root, merged=way.merged, symlink=way.symlink)
     workspace.write(MESSAGES)
-    play(forge, stage, workspace, steps, cached=way.cached)
+    play(forge, stage, workspace, steps, way)
