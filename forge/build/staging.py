@@ -50,7 +50,7 @@ _CHANGED = "install_changed.cmake"
 
 
 def staged(task: Task, layout: Layout) -> Task:
-    """Return the task with its install step in a stage if CMake's own scripts install the package again."""
+    """Return the task with its install step in a stage, if forge knows what installs the package again."""
     notes = _notes_file(task.build_dir)
     known = _read(notes)
     if (
@@ -143,6 +143,10 @@ def next_install(step: Step) -> Step | None:
     build = step.cwd
     notes, following = _notes_file(build), build / SCRATCH_DIR / _NEXT
     following.unlink(missing_ok=True)
+    if step.argv[1] != "--install":  # forge's own installer of wheels
+        replace_file(following, json.dumps({"scripts": "wheel", "partial": False}).encode())
+        words = (str(step.stage) if word == str(step.prefix) else word for word in step.argv)
+        return replace(step, argv=tuple(words)) if step.stage else step
     scripts = read_install_scripts(build)
     if scripts is None:
         return None if step.stage else step

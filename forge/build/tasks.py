@@ -65,7 +65,7 @@ class Step:
     """Nonzero exit codes that do not fail the task, and their meanings."""
     condition: StepCondition = StepCondition.ALWAYS
     prefix: Path | None = None
-    """The prefix of this package alone into which the step installs by scripts that CMake generates."""
+    """The prefix of this package alone into which forge or scripts of CMake's install."""
     stage: Path | None = None
     """The folder into which it installs instead."""
     target: str = ""

@@ -13,6 +13,7 @@ import pytest
 
 from tests.conftest import Forge, Tree
 from tests.e2e.test_exact_installs import build, cmake, hold_against_clean, look
+from tests.packages import manifest_text
 
 pytestmark = [pytest.mark.needs("cmake")]
 
@@ -279,4 +280,65 @@ def test_a_kill_between_two_files_loses_none(forge: Forge, tree: Tree) -> None:
         assert texts <= {str(turn + 1), str(turn + 2)}
         build(forge, root)
         assert {(root / f"install/a/share/{number}").read_text() for number in range(3000)} == {str(turn + 2)}
+    hold_against_clean(forge, root)
+
+
+SETUP = """import {imported}
+from setuptools import setup
+
+setup(
+    name="p",
+    version="0.1.0",
+    packages=["p"],
+    data_files=[("share/p", ["package.xml", "words.txt"])],
+    entry_points={{"console_scripts": ["hello = p:main"]}},
+)
+"""
+
+
+def python(imported: str = "os") -> dict[str, str]:
+    return {
+        "src/p/package.xml": manifest_text("p", build_type="ament_python"),
+        "src/p/setup.py": SETUP.format(imported=imported),
+        "src/p/setup.cfg": "[install]\ninstall_scripts=$base/lib/p\n",
+        "src/p/p/__init__.py": "def main():\n    print(1)\n",
+        "src/p/p/other.py": "",
+        "src/p/words.txt": "1",
+    }
+
+
+def test_a_python_package_stays_usable_while_it_is_built_again(forge: Forge, tree: Tree) -> None:
+    root = tree(python())
+    build(forge, root)
+    prefix = root / "install/p"
+    before, program = inodes(prefix), prefix / "lib/p/hello"
+    said, ended = [], threading.Event()
+
+    def look_often() -> None:
+        while not ended.is_set():
+            said.append((program.is_file(), len([*prefix.rglob("__init__.py")])))
+
+    watcher = threading.Thread(target=look_often)
+    watcher.start()
+    try:
+        tree({"src/p/p/__init__.py": "def main():\n    print(2)\n"})
+        build(forge, root)
+    finally:
+        ended.set()
+        watcher.join()
+    assert {*said} == {(True, 1)}
+    after = inodes(prefix)
+    changed = {path for path in before | after if before.get(path) != after.get(path)}
+    assert {Path(path).name for path in changed} - {"package.dsv", "RECORD"} == {"__init__.py"}
+    (root / "src/p/p/other.py").unlink()
+    tree({"src/p/setup.py": SETUP.format(imported="sys").replace("words.txt", "setup.cfg")})
+    hold_against_clean(forge, root)
+
+
+def test_a_setup_py_that_writes_its_prefix_installs_what_a_clean_build_does(forge: Forge, tree: Tree) -> None:
+    root = tree(python())
+    build(forge, root)
+    tree(python("sys; open('words.txt', 'w').write(sys.prefix); import os"))
+    build(forge, root)
+    assert (root / "install/p/share/p/words.txt").read_text() == str(root / "install/p")
     hold_against_clean(forge, root)

@@ -19,6 +19,7 @@ def recipe(package: Package, context: BuildContext, *more: str) -> Recipe:
     Without a setup.py, scripts go to lib/<package>, where `ros2 run` finds them.
     """
     layout, build = context.layout, context.layout.build_dir(package.name)
+    links = layout.symlink and not package.embedded
     argv = (
         *context.wheels,
         str(context.source(package)),
@@ -26,9 +27,10 @@ def recipe(package: Package, context: BuildContext, *more: str) -> Recipe:
         *("--python", str(context.python), "--site-packages", context.site_packages),
         *more,
         *(("--target", layout.target) if layout.target else ()),
-        *(("--link",) if layout.symlink and not package.embedded else ()),
+        *(("--link",) if links else ()),
     )
-    return Recipe((Step(StepKind.INSTALL, argv, build),))
+    prefix = None if layout.merged or links or layout.target else layout.prefix(package.name)
+    return Recipe((Step(StepKind.INSTALL, argv, build, prefix=prefix),))
 
 
 def plain_recipe(package: Package, context: BuildContext) -> Recipe:
