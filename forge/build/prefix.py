@@ -565,8 +565,9 @@ def blocking_paths(task: Task, layout: Layout) -> Iterator[Problem]:
     files = {path for path in (listed.files if listed else task.earlier) if not path.endswith("/")}
     for path in sorted(files & {*mount_points()}):
         yield Problem(f"something is mounted on '{path}', which '{name}' installed", hint="unmount it")
-    parents = {parent for path in files for parent in folders_above(path, str(task.prefix))}
-    for path in sorted(files - parents):
+    folders = {os.path.dirname(path) for path in files}
+    parents = {parent for folder in folders for parent in folders_above(f"{folder}/", str(task.prefix))}
+    for path in () if task.intact else sorted(files - parents):
         if os.path.isdir(path) and not os.path.islink(path):
             hint = "move or remove it"
             yield Problem(f"'{path}', installed as a file by '{name}', is now a folder", hint=hint)

@@ -21,6 +21,8 @@ from typing import TYPE_CHECKING
 from forge.base.frozen import frozen
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from forge.build.inputs.input_manifest import Changes
     from forge.build.inputs.native_graph import Edge, NativeGraph
     from forge.engine.commands import Accesses, ObservedCommands
@@ -47,7 +49,12 @@ class Decision:
     dropped: frozenset[str] = frozenset()
 
 
-def decide(graph: NativeGraph, changes: Changes, seen: ObservedCommands) -> Decision:
+def decide(
+    graph: NativeGraph,
+    changes: Changes,
+    seen: ObservedCommands,
+    exists: Callable[[str], bool] = os.path.lexists,
+) -> Decision:
     """Return how much of a build folder can be reused after its sources or dependencies changed."""
     if not changes:
         return Decision(Reuse.EVERYTHING)
@@ -58,7 +65,7 @@ def decide(graph: NativeGraph, changes: Changes, seen: ObservedCommands) -> Deci
         bool(changes.all & {*graph.read_by_cmake})
         or is_affected(seen.configure, seen, changes)
         # What else they wrote is unknown, and would remain.
-        or any(not is_known(edge, seen) and any(map(os.path.lexists, edge.outputs)) for edge in graph.edges)
+        or any(not is_known(edge, seen) and any(map(exists, edge.outputs)) for edge in graph.edges)
     )
     return Decision(Reuse.PRODUCTS if must_configure else Reuse.EVERYTHING, dropped)
 
