@@ -28,15 +28,15 @@ _BLOCK = re.compile(
     r"^if\([^\n]*CMAKE_INSTALL_COMPONENT[^\n]* OR NOT CMAKE_INSTALL_COMPONENT\)\n(.*?)^endif\(\)\n",
     re.M | re.S,
 )
-_AROUND = frozenset({"else", "endif", "if", "include", "message", "set", "string"})
-"""The commands outside of blocks, beside the one that writes the manifest."""
+_AROUND = frozenset({"else", "endif", "if", "include", "message", "set", "string", "unset"})
+"""The commands outside of blocks, beside those that write a manifest."""
 _IN_BLOCKS = frozenset({"else", "endforeach", "endif", "foreach", "if", "message", "string", "unset"})
 _FILE = frozenset({"DIFFERENT", "GLOB", "REMOVE", "RPATH_CHANGE", "RPATH_CHECK", "RPATH_REMOVE", "RPATH_SET"})
 """What file() does in blocks to installed files, beside INSTALL."""
 _STRIP = "CMAKE_INSTALL_DO_STRIP"
-_CONDITION = re.compile(
-    r'(NOT )?(EXISTS|IS_SYMLINK) "?\$ENV\{DESTDIR\}\$\{CMAKE_INSTALL_PREFIX\}/'
-    r'|(\$\{|")?(CMAKE_INSTALL_(CONFIG_NAME|DO_STRIP|LOCAL_ONLY|COMPONENT)|_cmake_|EXPORT_FILE_CHANGED|OLD_CONFIG_FILES)'
+_INSTALLED = "$ENV{DESTDIR}${CMAKE_INSTALL_PREFIX}/"
+_STATE = re.compile(
+    r"\$?\{?(CMAKE_INSTALL_DO_STRIP|CMAKE_INSTALL_CONFIG_NAME|_cmake_\w+|EXPORT_FILE_CHANGED)\b.*"
 )
 
 
@@ -45,7 +45,8 @@ class InstallRule:
     """A call of file(INSTALL): the folder below the prefix, what is installed there, and the whole block.
 
     `sources` are absolute paths; the content of one that ends with '/' is installed. `name` renames a single
-    file. `options` are the other arguments; `is_copy` tells that nothing else happens to the files.
+    file. `options` are the other arguments; `is_copy` tells that nothing else happens to the files, of which
+    some may be excluded.
     """
 
     folder: str
@@ -87,24 +88,17 @@ def read_install_scripts(build: Path) -> InstallScripts | None:
 
 def _included(text: str, build: Path) -> list[str] | None:
     """Return the scripts that a script includes; None if something in it is not known."""
-    included, written = [], 0
+    included = []
     for call in _all_calls(text):
-        if call is None:
-            return None
-        if call.command == "include":
-            if not (
-                len(call.words) == 1
-                and call.words[0].startswith(f"{build}/")
-                and call.words[0].endswith(f"/{SCRIPT}")
-            ):
+        match call and (call.command, *call.words):
+            case ("include", path) if path.startswith(f"{build}/") and path.endswith(f"/{SCRIPT}"):
+                included.append(path)
+            case ("file", "WRITE", path, "${CMAKE_INSTALL_MANIFEST_CONTENT}") if path.startswith(f"{build}/"):
+                pass
+            case (command, *_) if command in _AROUND - {"include"}:
+                pass
+            case _:
                 return None
-            included.append(call.words[0])
-        elif call.command == "file":
-            written += 1
-            if call.words[0] != "WRITE" or "CMAKE_INSTALL_MANIFEST" not in call.words[1]:
-                return None
-        elif call.command not in _AROUND:
-            return None
     return included
 
 
@@ -124,11 +118,30 @@ def _rules(block: str, body: str) -> list[InstallRule] | None:
                 pass
             case "execute_process", _ if _STRIP in call.conditions:
                 pass
-            case "if", words if not _CONDITION.match(" ".join(words)):
+            case "if", words if not _is_generated(words):
                 return None
             case command, _ if command not in _IN_BLOCKS:
                 return None
     return found
+
+
+def _is_generated(condition: tuple[str, ...]) -> bool:
+    """Tell whether a condition is one of CMake's own, about installed files or its state."""
+    terms: list[list[str]] = [[]]
+    for word in condition:
+        if word == "AND":
+            terms.append([])
+        elif word != "NOT":
+            terms[-1].append(word)
+    for term in terms:
+        match term:
+            case ("EXISTS" | "IS_SYMLINK", path) if path.startswith(_INSTALLED) or path == "${file}":
+                pass
+            case (word, *_) if _STATE.fullmatch(word):
+                pass
+            case _:
+                return False
+    return True
 
 
 def _rule(words: list[str], block: str, *, is_copy: bool) -> InstallRule | None:
@@ -145,7 +158,9 @@ def _rule(words: list[str], block: str, *, is_copy: bool) -> InstallRule | None:
     if any("$" in word or "\\" in word for word in (below, name, *sources)) or (name and len(sources) != 1):
         return None
     options = [word for word in options if word not in {"RENAME", name}]
-    return InstallRule(below, kind, tuple(sources), name, tuple(options), is_copy and not patterns, block)
+    excludes = all(word in {"REGEX", "EXCLUDE"} for word in (*patterns[::3], *patterns[2::3]))
+    is_copy &= excludes and len(patterns) % 3 == 0
+    return InstallRule(below, kind, tuple(sources), name, tuple(options), is_copy, block)
 
 
 def _all_calls(text: str) -> Iterator[Call | None]:

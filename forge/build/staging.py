@@ -172,7 +172,9 @@ def _changed(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str] | N
     then, current = before.get("sources"), now.get("sources")
     if not (then and current) or before["scripts"] != now["scripts"] or then.keys() != current.keys():
         return None
-    return [path for path, state in current.items() if then[path] != state]
+    # What a rule excludes was not installed then.
+    installed = {*before["files"], *(folder.rstrip("/") for folder in before["folders"])}
+    return [path for path, state in current.items() if then[path] != state and path in installed]
 
 
 def _calls_for(changed: Iterable[str], entries: Mapping[str, tuple[InstallRule, str]]) -> Iterator[str]:

@@ -109,7 +109,9 @@ class TaskSetup(TaskLifecycle):
             self.toolchain.seed(self.state.source(task), task.build_dir, self.variables)
 
     def staged(self, task: Task) -> Task:
-        return staging.staged(task, self.layout) if self.observes else task
+        # With DESTDIR, nothing is installed into the prefix.
+        observes = self.observes and "DESTDIR" not in self.variables
+        return staging.staged(task, self.layout) if observes else task
 
     def unstaged(self, task: Task, *, failed: bool) -> Task | None:
         if task.stage is None or not staging.needs_prefix(task, self.layout, failed=failed):
