@@ -335,8 +335,8 @@ class Evolving:
     @property
     def gates(self) -> Path:
         """Where the folders are that builds wait for."""
-        # Nobody observes what lies in /dev.
-        return Path(f"/dev/shm/forge{self.root}/gates")
+        # Nobody observes what is looked for in /proc.
+        return Path(f"/proc/self/root/dev/shm/forge{self.root}/gates")
 
     @property
     def packages(self) -> tuple[str, ...]:
