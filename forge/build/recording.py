@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     from forge.build.inputs.fingerprints import FileTable, Stats
     from forge.build.installed_states import InstalledStates
     from forge.build.model import CachedBuild
+    from forge.build.observed_writes import ObservedSteps
     from forge.build.state import BuildState
     from forge.build.tasks import Task
     from forge.engine.commands import ObservedCommands
@@ -66,6 +67,7 @@ class PackageRecorder:
         self._layout = state.layout
         self._table = state.table
         self._begun_builds: dict[str, BegunBuild] = {}
+        self._steps: dict[str, ObservedSteps] = {}
         self._observed: dict[str, ObservedCommands] = {}
         self.kept: tuple[Problem, ...] = ()
         """Files that packages no longer install, but that stay because somebody has edited them."""
@@ -105,9 +107,16 @@ class PackageRecorder:
             reconfigure=task.reconfigure,
         )
 
+    def read_steps(self, task: Task) -> ObservedSteps:
+        """Return what the steps of a package did; they have ended."""
+        if task.name not in self._steps:
+            self._steps[task.name] = read_steps(written_log(task.name, self._layout))
+        return self._steps[task.name]
+
     def record_commands(self, task: Task) -> None:
         """Record what the steps of a package have read and written, successful or not."""
-        steps = read_steps(written_log(task.name, self._layout))
+        steps = self.read_steps(task)
+        del self._steps[task.name]
         source, world = self._state.source(task), self._state.world
         self._observed[task.name] = record_commands(steps, task.build_dir, source, self._layout, world)
 

@@ -29,7 +29,7 @@ from forge.build.install_manifests import MANIFESTS
 from forge.build.install_scripts import installed_entries, read_install_scripts
 from forge.build.installation import InstalledFiles
 from forge.build.installed_lists import InstalledList, identity, list_file, read_installed_list
-from forge.build.observed_writes import begin_log, read_steps, remove_log
+from forge.build.observed_writes import begin_log, remove_log
 from forge.build.prefix import guarded_links, leftover_backups, remove_empty_folders, tidy, written_log
 from forge.build.tasks import StepKind
 
@@ -38,12 +38,15 @@ if TYPE_CHECKING:
 
     from forge.base.layout import Layout
     from forge.build.install_scripts import InstallRule
+    from forge.build.observed_writes import ObservedSteps
     from forge.build.tasks import Step, Task
 
 _STAGE = "stage"
 _NEXT = "install_next.json"
 """The notes of the install step that runs."""
 _CHANGED = "install_changed.cmake"
+_FOUND = frozenset("RYTLWDUX")
+"""The kinds of records of what exists."""
 
 
 # Around the steps
@@ -93,17 +96,17 @@ def end(task: Task, layout: Layout) -> None:
     tidy(layout)
 
 
-def needs_prefix(task: Task, layout: Layout, *, failed: bool) -> bool:
+def needs_prefix(task: Task, layout: Layout, steps: ObservedSteps, *, failed: bool) -> bool:
     """Tell whether the steps may have used the prefix, or whether what they installed does not fit in there.
 
     The next builds with the same install scripts run in place then.
     """
-    steps = read_steps(written_log(task.name, layout))
     own = tuple(f"{path}/" for path in {str(task.prefix), os.path.realpath(task.prefix)})
     roots = [each for each in steps.observed.processes if steps.kinds.get(each.pid) == StepKind.INSTALL.value]
     installing = {process.pid for root in roots for process in root.family()}
+    # Whatever was not hidden was found; an install step needs the prefix even if it looks there in vain.
     uses = any(
-        kind == "E" or (process.pid in installing and f"{path}/".startswith(own))
+        kind == "E" or ((kind in _FOUND or process.pid in installing) and f"{path}/".startswith(own))
         for process in steps.observed.processes
         for _, kind, path in process.records
     )

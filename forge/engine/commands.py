@@ -421,10 +421,12 @@ class Folders:
 
     def _look_at_kind(self, path: str) -> bool:
         """Tell if a path is there elsewhere, and its kind may matter; programs are asked for by name."""
-        if os.path.dirname(path) in self._path or _NO_INPUT.search(path) or _METADATA.match(path):
+        if not self._is_external(path) or os.path.dirname(path) in self._path:
+            return False
+        if _NO_INPUT.search(path) or _METADATA.match(path):
             return False
         is_above = any(root.startswith(f"{path}/") for pair in self._spelled.items() for root in pair)
-        return not is_above and self._is_external(path) and os.path.lexists(path)
+        return not is_above and os.path.lexists(path)
 
     def _listed(self, processes: Iterable[Process]) -> Iterator[str]:
         """Yield the folders elsewhere whose names were read, except by CMake in search of packages."""

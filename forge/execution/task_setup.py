@@ -114,9 +114,11 @@ class TaskSetup(TaskLifecycle):
         return staging.staged(task, self.layout) if observes else task
 
     def unstaged(self, task: Task, *, failed: bool) -> Task | None:
-        if task.stage is None or not staging.needs_prefix(task, self.layout, failed=failed):
+        if task.stage is None:
             return None
-        return staging.without_stage(task)
+        steps = self.recorder.read_steps(task)
+        uses_prefix = staging.needs_prefix(task, self.layout, steps, failed=failed)
+        return staging.without_stage(task) if uses_prefix else None
 
     def _back_up(self, task: Task) -> None:
         self.recorder.begin(task)
