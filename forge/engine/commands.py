@@ -17,7 +17,7 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.base.files import open_regular, replace_file, text_or_nothing
+from forge.base.files import open_regular, replace_file
 from forge.base.frozen import frozen
 from forge.engine.observation import observe
 from forge.engine.observed import is_intact
@@ -459,12 +459,7 @@ class Folders:
     def _look_for_native(self, path: str) -> bool:
         if path in self._sources or path.startswith(self._known):
             return False
-        try:
-            with open(path, "rb", opener=open_regular) as file:
-                text = file.read(4096)
-                text = b"" if b"\0" in text else text + file.read()
-        except OSError:
-            return False
+        text = _script(path)
         if self.path(path) is None:  # such as Python's modules, where the word has many meanings
             return _NATIVE_FLAG.search(text) is not None
         return is_for_this_processor(text.decode(errors="replace"))
@@ -476,10 +471,20 @@ class Folders:
             for _, kind, path in process.records:
                 if kind == "R" and self.path(path) is not None:
                     if (program, path) not in self._mentioned:
-                        text = text_or_nothing(Path(path), errors="replace")
+                        text = _script(path).decode(errors="replace")
                         self._mentioned[program, path] = mentioned(program, text)
                     found.append(self._mentioned[program, path])
         return frozenset[str]().union(*found)
+
+
+def _script(path: str) -> bytes:
+    """Return the text of a file, nothing of other data, which may be large."""
+    try:
+        with open(path, "rb", opener=open_regular) as file:
+            text = file.read(4096)
+            return b"" if b"\0" in text else text + file.read()
+    except OSError:
+        return b""
 
 
 def is_for_this_processor(text: str) -> bool:

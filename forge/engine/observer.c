@@ -345,7 +345,7 @@ static void found(char kind, int folder, const char *path)
     char absolute[PATH_MAX];
     int saved = errno;
 
-    if (map && locate(folder, path, absolute) && !is_kernels(absolute))
+    if (map && locate(folder, path, absolute) && !is_kernels(absolute) && strcmp(absolute, log_variable + strlen(LOG)))
         note(kind, absolute);
     errno = saved;
 }
