@@ -7,6 +7,7 @@ package, with a destination outside the prefix, or of another shape.
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import os
 import re
@@ -204,8 +205,8 @@ def _below(folder: str) -> Iterator[str]:
     waiting = [""]
     while waiting:
         place = waiting.pop()
-        with os.scandir(f"{folder.rstrip('/')}/{place}") as entries:
-            is_empty = True
+        is_empty = True
+        with contextlib.suppress(OSError), os.scandir(f"{folder.rstrip('/')}/{place}") as entries:
             for entry in entries:
                 is_empty = False
                 if entry.is_dir(follow_symlinks=False):

@@ -14,6 +14,7 @@ from forge.base.layout import TOOLCHAIN_DIR
 from forge.build import build_notes
 from forge.build.build_dir import BuildDirInputs, FileChecks, prepare_build_dir
 from forge.build.build_types import build_type_of
+from forge.build.copies import status_of
 from forge.build.file_conflicts import record_contents
 from forge.build.inputs.depfiles import reported_inputs
 from forge.build.inputs.fingerprints import (
@@ -127,7 +128,8 @@ class PackageRecorder:
         """
         build = task.build_dir
         if task.stage:  # what has not changed was not touched
-            stats: Stats = {path: os.lstat(path) for path in installed.files}
+            found = ((path, status_of(path)) for path in installed.files)
+            stats: Stats = {path: status for path, status in found if status}
         else:
             stats = set_file_times(task, installed.files, self._layout, self._table)
         prefixes = map(self._layout.prefix, (task.name, *task.needs))

@@ -197,7 +197,9 @@ def _calls_for(changed: Iterable[str], entries: Mapping[str, tuple[InstallRule, 
 
 
 def _state(path: str) -> list[int]:
-    status = os.lstat(path)
+    status = status_of(path)
+    if status is None:  # somebody else's temporary file
+        return []
     if stat.S_ISDIR(status.st_mode):
         return [status.st_mode]
     return [status.st_mode, status.st_size, status.st_mtime_ns, status.st_ctime_ns, status.st_ino]
