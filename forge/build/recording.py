@@ -128,8 +128,7 @@ class PackageRecorder:
         """
         build = task.build_dir
         if task.stage:  # what has not changed was not touched
-            found = ((path, status_of(path)) for path in installed.files)
-            stats: Stats = {path: status for path, status in found if status}
+            stats: Stats = {path: status for path in installed.files if (status := status_of(path))}
         else:
             stats = set_file_times(task, installed.files, self._layout, self._table)
         prefixes = map(self._layout.prefix, (task.name, *task.needs))

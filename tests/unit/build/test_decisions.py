@@ -8,7 +8,9 @@ each file may be as old as it likes. What is in the build folder must be what a 
 import itertools
 import random
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import pytest
 
@@ -212,7 +214,7 @@ def test_a_command_of_which_not_all_is_known_runs_again_in_a_new_folder(seed: in
     if unknown == "no record":
         del seen[one]
     else:
-        seen[one] = replace(seen[one], **{unknown: True})
+        seen[one] = replace(seen[one], blind=unknown == "blind", outside=unknown == "outside")
     graph = NativeGraph(tuple(command.edge for command in package.commands), tool="ninja")
     commands = ObservedCommands(Accesses(), seen, frozenset(), Accesses())
     if changes := package.change():
@@ -243,11 +245,12 @@ OUTSIDE = InputChange(InputKind.OUTSIDE, "'/etc/x' changed")
 State = tuple[BuildInputs, BuildRecord | None, Snapshot]
 
 
-def of_options(number: int) -> tuple[str, ...]:
-    return tuple("other" if at == number else word for at, word in enumerate(NOW.options))
+def with_other_option(number: int, now: BuildInputs, record: BuildRecord | None, world: Snapshot) -> State:
+    options = (f"other {word}" if at == number else word for at, word in enumerate(now.options))
+    return replace(now, options=tuple(options)), record, world
 
 
-REASONS = {
+REASONS: dict[str, Callable[[BuildInputs, BuildRecord | None, Snapshot], State]] = {
     # The most significant comes first: what explains the others.
     "not built yet": lambda now, record, world: (now, None, world),
     "the last build did not finish": lambda now, record, world: (
@@ -256,16 +259,7 @@ REASONS = {
         world,
     ),
     **{
-        f"the {name} changed": lambda now, record, world, number=number: (
-            replace(
-                now,
-                options=tuple(
-                    f"other {word}" if at == number else word for at, word in enumerate(now.options)
-                ),
-            ),
-            record,
-            world,
-        )
+        f"the {name} changed": partial(with_other_option, number)
         for number, name in enumerate(COMMON_OPTIONS)
     },
     "an installed file": lambda now, record, world: (
