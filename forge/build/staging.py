@@ -62,6 +62,8 @@ def staged(task: Task, layout: Layout) -> Task:
         or read_installed_list(task.name, layout) is None
     ):
         return task
+    if not any(step.prefix for step in task.steps):
+        return task
     if task.prefix.stat().st_dev != layout.build.stat().st_dev:
         return task  # nothing can be renamed from the stage
     if not task.intact:
@@ -76,8 +78,9 @@ def staged(task: Task, layout: Layout) -> Task:
 
 
 def without_stage(task: Task) -> Task:
-    """Return a staged task as it is to be run in place."""
-    return replace(task, stage=None, steps=tuple(replace(step, stage=None) for step in task.steps))
+    """Return a staged task as it is to be run in place, from an empty build folder."""
+    steps = tuple(replace(step, stage=None) for step in task.steps)
+    return replace(task, stage=None, from_empty=True, steps=steps)
 
 
 def begin(task: Task, layout: Layout) -> None:

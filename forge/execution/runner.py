@@ -115,8 +115,9 @@ class TaskRunner:
                     task = lifecycle.staged(task)
                     failure = self._run_steps(task, self._open(task), put)
                     if again := lifecycle.unstaged(task, failed=failure is not None):
-                        environment, task = self._restart(task, again), again
-                        failure = self._run_steps(task, environment, put)
+                        lifecycle.undo(task)
+                        task = again
+                        failure = self._run_steps(task, self._open(task), put)
                     if failure is not None:
                         failure = replace(failure, seconds=time.monotonic() - started)
                         lifecycle.check(task)
@@ -137,7 +138,7 @@ class TaskRunner:
     def _run_steps(
         self, task: Task, environment: Mapping[str, str], put: Callable[[Event], None]
     ) -> Finished | Aborted | None:
-        return self.executor.run(task, environment, put, lambda: self._restart(task, task))
+        return self.executor.run(task, environment, put, lambda: self._restart(task))
 
     def _open(self, task: Task) -> Mapping[str, str]:
         """Prepare the first step; return the environment of the steps."""
@@ -150,12 +151,12 @@ class TaskRunner:
         write_if_changed(environment_file(task), "\n".join(exports) + "\n", mode=0o600)
         return environment
 
-    def _restart(self, task: Task, again: Task) -> Mapping[str, str]:
-        """Remove the partial results of an attempt; return the environment of the next one's steps."""
+    def _restart(self, task: Task) -> Mapping[str, str]:
+        """Remove the partial results of an earlier attempt; return the environment of the steps."""
         self._lifecycle.undo(task)
         with contextlib.suppress(OSError):
             remove_folder(str(task.build_dir), last=SCRATCH_DIR)
-        return self._open(again)
+        return self._open(task)
 
 
 class LocalExecutor:
