@@ -104,6 +104,10 @@ def _included(text: str, build: Path) -> list[str] | None:
 
 
 def _rules(block: str, body: str) -> list[InstallRule] | None:
+    """Return the rules of a block; None if it may contain code of the package.
+
+    A block that changes files without installing any would change those of other blocks.
+    """
     found: list[InstallRule] = []
     every = [*_all_calls(body)]
     for call in every:
@@ -123,7 +127,7 @@ def _rules(block: str, body: str) -> list[InstallRule] | None:
                 return None
             case command, _ if command not in _IN_BLOCKS:
                 return None
-    return found
+    return found if found or all(call and call.command in _IN_BLOCKS for call in every) else None
 
 
 def _is_generated(condition: tuple[str, ...]) -> bool:
@@ -138,7 +142,7 @@ def _is_generated(condition: tuple[str, ...]) -> bool:
         match term:
             case ("EXISTS" | "IS_SYMLINK", path) if path.startswith(_INSTALLED) or path == "${file}":
                 pass
-            case (word, *_) if _STATE.fullmatch(word):
+            case (word,) | (word, "MATCHES", _) if _STATE.fullmatch(word):
                 pass
             case _:
                 return False

@@ -11,7 +11,6 @@ forge.build.prefix, as they are without the library, or if code of the package t
 
 from __future__ import annotations
 
-import contextlib
 import filecmp
 import json
 import os
@@ -23,6 +22,7 @@ from typing import TYPE_CHECKING, Any
 from forge.base.errors import Problem
 from forge.base.files import listed_paths, remove_tree, replace_file, tree_below
 from forge.base.layout import INSTALLED_STATES_DIR, SCRATCH_DIR
+from forge.build.build_notes import read_json
 from forge.build.copies import status_of
 from forge.build.inputs.fingerprints import content_digest
 from forge.build.install_manifests import MANIFESTS
@@ -55,7 +55,7 @@ _FOUND = frozenset("RYTLWDUX")
 def staged(task: Task, layout: Layout) -> Task:
     """Return the task with its install step in a stage, if forge knows what installs the package again."""
     notes = _notes_file(task.build_dir)
-    known = _read(notes)
+    known = read_json(notes)
     if (
         not known.keys() >= {"scripts", "files", "folders"}
         or not task.prefix.is_dir()
@@ -67,7 +67,7 @@ def staged(task: Task, layout: Layout) -> Task:
     if task.prefix.stat().st_dev != layout.build.stat().st_dev:
         return task  # nothing can be renamed from the stage
     if not task.intact:
-        replace_file(notes, json.dumps({**known, "sources": None}).encode())
+        forget_sources(task)
     if any(
         path.suffix not in {".links", ".notes", ".written"} for path in leftover_backups(task.name, layout)
     ):
@@ -75,6 +75,13 @@ def staged(task: Task, layout: Layout) -> Task:
     stage = task.build_dir / SCRATCH_DIR / _STAGE
     steps = tuple(replace(step, stage=stage) if step.prefix else step for step in task.steps)
     return replace(task, stage=stage, steps=steps)
+
+
+def forget_sources(task: Task) -> None:
+    """Let the next build install everything: what is installed comes from elsewhere."""
+    notes = _notes_file(task.build_dir)
+    if known := read_json(notes):
+        replace_file(notes, json.dumps({**known, "sources": None}).encode())
 
 
 def without_stage(task: Task) -> Task:
@@ -114,7 +121,7 @@ def needs_prefix(task: Task, layout: Layout, steps: ObservedSteps, *, failed: bo
         for _, kind, path in process.records
     )
     if uses or not (failed or (steps.complete and _fits(task, layout))):
-        scripts = _read(task.build_dir / SCRATCH_DIR / _NEXT).get("scripts")
+        scripts = read_json(task.build_dir / SCRATCH_DIR / _NEXT).get("scripts")
         replace_file(_notes_file(task.build_dir), json.dumps({"in place": scripts}).encode())
         return True
     return False
@@ -160,7 +167,7 @@ def next_install(step: Step) -> Step | None:
     now: dict[str, Any] = {"scripts": scripts.digest}
     if entries is not None:
         now["sources"] = {path: _state(source) for path, (_, source) in entries.items()}
-    changed = _changed(_read(notes), now) if step.stage else None
+    changed = _changed(read_json(notes), now) if step.stage else None
     replace_file(following, json.dumps({**now, "partial": changed is not None}).encode())
     if step.stage is None:
         return step
@@ -180,6 +187,8 @@ def _changed(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str] | N
         return None
     # What a rule excludes was not installed then.
     installed = {*before["files"], *(folder.rstrip("/") for folder in before["folders"])}
+    if not installed <= current.keys():  # such as a link to a folder, which is installed as a link
+        return None
     return [path for path, state in current.items() if then[path] != state and path in installed]
 
 
@@ -217,12 +226,12 @@ def commit(task: Task, layout: Layout) -> tuple[InstalledFiles, tuple[Problem, .
     Return all files that the steps have installed, and a problem for each edited file that stays.
     """
     files, empty = tree_below(str(task.stage))
-    notes = _read(_notes_file(task.build_dir))
+    notes = read_json(_notes_file(task.build_dir))
     before, folders_before = (
         frozenset(f"{task.prefix}/{path}" for path in notes[key]) for key in ("files", "folders")
     )
     kept: tuple[Problem, ...] = ()
-    if _read(task.build_dir / SCRATCH_DIR / _NEXT)["partial"]:
+    if read_json(task.build_dir / SCRATCH_DIR / _NEXT)["partial"]:
         installed = InstalledFiles(tuple(sorted(before)), tuple(sorted(folders_before)))
     else:
         now = frozenset(_target(task, path) for path, _ in files)
@@ -295,8 +304,9 @@ def remove_other_stale(task: Task, layout: Layout, installed: InstalledFiles) ->
 def note_installed(task: Task, installed: InstalledFiles) -> None:
     """Note what the install step has installed, and from what, for the next build."""
     following, notes = task.build_dir / SCRATCH_DIR / _NEXT, _notes_file(task.build_dir)
-    data, below = _read(following), f"{task.prefix}/"
-    if data and data["scripts"] == _read(notes).get("in place"):
+    data = read_json(following) if any(step.prefix for step in task.steps) else {}
+    below = f"{task.prefix}/"
+    if data and data["scripts"] == read_json(notes).get("in place"):
         return
     if not data or installed.unclaimed or not all(path.startswith(below) for path in installed.files):
         notes.unlink(missing_ok=True)
@@ -345,11 +355,3 @@ def _is_same(path: str, other: str) -> bool:
 
 def _identity(path: str) -> str:
     return identity(path, "link " if os.path.islink(path) else content_digest(path))
-
-
-def _read(file: Path) -> dict[str, Any]:
-    with contextlib.suppress(OSError, ValueError, RecursionError):
-        data = json.loads(file.read_bytes())
-        if isinstance(data, dict):
-            return data
-    return {}

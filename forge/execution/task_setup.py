@@ -142,6 +142,7 @@ class TaskSetup(TaskLifecycle):
             raise_if_any(exchange.in_the_way(paths), WorkspaceError)
             exchange.announce(paths)
             files, empty = self.cache.restore(task, found)
+            staging.forget_sources(task)
             record = self.recorder.restored_record(task, found.build, files, empty)
             if tests_need_build(task.package):
                 has_tests = found.build.has_tests

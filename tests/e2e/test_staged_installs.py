@@ -146,6 +146,27 @@ def test_an_edited_file_that_is_no_longer_installed_stays(forge: Forge, tree: Tr
     assert (root / "install/a/share/y").read_text() == "2"
 
 
+def test_a_link_to_another_folder_is_installed_again(forge: Forge, tree: Tree) -> None:
+    root = tree(cmake("a", "install(DIRECTORY d DESTINATION share)", **{"one/x": "1", "two/x": "2"}))
+    link = root / "src/a/d"
+    link.symlink_to("one")
+    build(forge, root)
+    link.unlink()
+    link.symlink_to("two")
+    hold_against_clean(forge, root)
+
+
+def test_what_came_from_the_cache_is_replaced_as_in_a_clean_build(forge: Forge, tree: Tree) -> None:
+    root = tree(cmake("a", "install(DIRECTORY d/ DESTINATION share)", **{"d/x": "1", "d/y": "1"}))
+    options = ("--cache", str(root / "cache"))
+    build(forge, root, *options)
+    for path, text in (("d/x", "2"), ("d/x", "1"), ("d/y", "3")):
+        tree({f"src/a/{path}": text})
+        build(forge, root, *options)
+    assert (root / "install/a/share/x").read_text() == "1"
+    assert (root / "install/a/share/y").read_text() == "3"
+
+
 def test_a_removed_build_folder_is_made_again(forge: Forge, tree: Tree) -> None:
     root = tree(cmake("a", "install(DIRECTORY d/ DESTINATION share)", **{"d/x": "1", "d/y": "1"}))
     build(forge, root)

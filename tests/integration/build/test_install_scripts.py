@@ -91,6 +91,8 @@ def test_the_installed_files_are_those_that_the_scripts_name(tree: Tree, *, newe
         "install(FILES a.txt DESTINATION ${CMAKE_INSTALL_PREFIX}/share)",
         'install(CODE "if(EXISTS /etc/x)\\nendif()")',
         'install(CODE "execute_process(COMMAND true)")',
+        'install(CODE "file(REMOVE \\${CMAKE_INSTALL_PREFIX}/x)")',
+        'install(CODE "if(CMAKE_INSTALL_DO_STRIP OR EXISTS /x)\\nendif()")',
         'install(CODE "endif()\\nfile(REMOVE /x)\\nif(1)")',
     ],
 )
