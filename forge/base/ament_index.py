@@ -6,11 +6,8 @@ Prefixes are ordered by decreasing priority, as in AMENT_PREFIX_PATH.
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
 
 INDEX = Path("share/ament_index/resource_index")
 

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable, Iterator
 from itertools import islice
-from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
 
 _SHORT = frozenset({"-A", "-C", "-D", "-G", "-P", "-T", "-U"})
 _LONG = frozenset({"--preset", "--toolchain"})

@@ -6,13 +6,10 @@ NO_COLOR disables colours only. CLICOLOR_FORCE and FORCE_COLOR enable them for f
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING, Literal
+from collections.abc import Mapping
+from typing import Literal, TextIO
 
 from forge.base.frozen import frozen
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-    from typing import TextIO
 
 Meaning = Literal["success", "failure", "error", "warning", "note", "hint", "name", "detail"]
 

@@ -6,16 +6,13 @@ that a later one added or changed are in since/DISTRIBUTION; its file `removed` 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from pathlib import Path
 
 from forge.base.errors import Problem, SelectionError
 from forge.base.layout import PACKAGE
 from forge.base.names import did_you_mean
 from forge.base.options import option
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-    from pathlib import Path
 
 DISTRIBUTIONS = ("humble", "jazzy", "kilted", "rolling")
 """From the oldest to the newest, which is also their alphabetical order, as conditions compare them."""

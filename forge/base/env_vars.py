@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base.files import writable_by_others
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 _SECRET = frozenset({"FORGE_CACHE_TOKEN", "FORGE_REMOTE_CACHE"})
 """Variables that may contain credentials, which only forge needs."""

@@ -14,16 +14,14 @@ from __future__ import annotations
 
 import errno
 import sys
+from collections.abc import Iterable
 from dataclasses import replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Literal
+from pathlib import Path
+from typing import Literal
 
 from forge.base.colours import Palette, palette_of
 from forge.base.frozen import frozen
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-    from pathlib import Path
 
 Severity = Literal["error", "warning", "note"]
 

@@ -8,15 +8,11 @@ import os
 import re
 import shutil
 import stat
+from collections.abc import Iterator
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from forge.base.errors import NotRegularFileError
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
 
 BYTECODE = "__pycache__"
 _DRAFT = ".forge-draft"

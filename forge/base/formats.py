@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import sys
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 from forge.base.errors import Location, Problem, WorkspaceError
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 _INVALID_VALUES = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError)
 """Exceptions of PyYAML's constructors for values such as '2001-99-99' or '!!bool x'."""

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Set
+from collections.abc import Iterable, Iterator, Mapping, Set
 from itertools import compress
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from forge.base.errors import Problem, WorkspaceError
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
-
 
 _BITS = bytes.maketrans(b"01", b"\0\1")
 

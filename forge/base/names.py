@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import keyword
 import re
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
+from collections.abc import Iterable
 
 _PACKAGE = re.compile(r"[a-zA-Z0-9][a-zA-Z0-9_-]*")
 _WORD = re.compile(r"\w[\w.+-]{0,199}")

@@ -11,14 +11,11 @@ title of the options in the help, USAGE and EPILOG replace argparse's.
 
 from __future__ import annotations
 
-from dataclasses import MISSING, field
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Sequence
+from dataclasses import MISSING, Field, field
+from typing import Any
 
 from forge.base.frozen import frozen
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-    from dataclasses import Field
 
 _KEY, _NESTED = "option", "options"
 

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import shlex
 import sys
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from forge.base.files import text_or_nothing
 from forge.base.formats import read_toml
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
 
 _NAME = "ros-forge"
 _UV_RECEIPT = "uv-receipt.toml"

@@ -5,10 +5,7 @@ from __future__ import annotations
 import hashlib
 import re
 from collections import deque
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
+from collections.abc import Sequence
 
 _MOST = 1_000_000
 """Bytes kept of the beginning, with the first error, and of the end of output."""

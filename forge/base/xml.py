@@ -8,16 +8,12 @@ from __future__ import annotations
 
 import codecs
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 from xml.parsers import expat
 
 from forge.base.errors import Location, Problem, WorkspaceError
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
 
 DEEPEST = 100
 """Maximum nesting depth of elements."""

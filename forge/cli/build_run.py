@@ -3,23 +3,29 @@
 from __future__ import annotations
 
 import sys
-from contextlib import ExitStack, closing, contextmanager, nullcontext
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, nullcontext
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from forge.base.env_vars import SEQUENTIAL, own_cache, without_secrets
 from forge.base.errors import WorkspaceError, print_problem, raise_if_any
+from forge.base.frozen import Pairs
 from forge.base.layout import OWN_CACHE_DIR, PROGRAMS_DIR
 from forge.build.compile_commands import merge_compile_commands
 from forge.build.compiler_probe import Surroundings, Toolchain
 from forge.build.recipes.cmake import common_arguments
 from forge.build.recipes.extensions import active_extensions
 from forge.build.recording import PackageRecorder
-from forge.cli.session import open_session
+from forge.build.state import BuildState
+from forge.build.tasks import BuildPlan
+from forge.cache.package_cache import PackageCache
+from forge.cli.preparation import PreparedBuild
+from forge.cli.session import Session, open_session
 from forge.engine.variables import relevant_environment
 from forge.environment.prefixes import find_underlays, provider
 from forge.environment.underlays import overridden
-from forge.execution.executor import ExecutorContext
+from forge.execution.executor import Executor, ExecutorContext
 from forge.execution.job_pool import open_job_pool, without_job_variables
 from forge.execution.observer import open_observer
 from forge.execution.runner import LocalExecutor, TaskRunner
@@ -33,19 +39,6 @@ from forge.toolchain.resources import LIBRARY_PATH_BELOW, gcc_heap, memory
 from forge.workspace.cmake_text import announced_downloads
 from forge.workspace.missing import Whereabouts, missing_dependencies
 from forge.workspace.resolve import GENERATORS
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from contextlib import AbstractContextManager
-    from pathlib import Path
-
-    from forge.base.frozen import Pairs
-    from forge.build.state import BuildState
-    from forge.build.tasks import BuildPlan
-    from forge.cache.package_cache import PackageCache
-    from forge.cli.preparation import PreparedBuild
-    from forge.cli.session import Session
-    from forge.execution.executor import Executor
 
 
 def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:

@@ -6,10 +6,7 @@ forge has more options than colcon, and other programs have options of the same 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator
 
 PASSED_ON = frozenset(
     {"--ament-cmake-args", "--cargo-args", "--catkin-cmake-args", "--cmake-args", "--ctest-args"}

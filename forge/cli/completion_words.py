@@ -20,14 +20,12 @@ if __name__ == "__main__":
     # Import from the parent folder of the package: its modules would shadow others.
     sys.path[0] = os.path.abspath(f"{__file__}/../../..")
 
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from forge.workspace.root import find_install, find_root, is_root
 from forge.workspace.source_names import folders_to_search
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 _IGNORED = frozenset({"COLCON_IGNORE", "AMENT_IGNORE", "CATKIN_IGNORE"})
 _KINDS = ("package.xml", "CMakeLists.txt", "pyproject.toml", "setup.py")

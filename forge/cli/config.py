@@ -8,9 +8,10 @@ mixins are prepended to those of the command line.
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from forge.base.distributions import VARIABLE
 from forge.base.env_vars import home, setting
@@ -20,9 +21,6 @@ from forge.base.formats import read_yaml
 from forge.base.frozen import frozen
 from forge.base.names import did_you_mean
 from forge.workspace.forge_toml import FORGE_TOML, read_forge_toml, table_of
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
 
 _LOCAL_DEFAULTS = "colcon_defaults.yaml"
 GENERAL = ("log_base", "log_level")

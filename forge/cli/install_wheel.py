@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import argparse
 import sys
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 from forge.base.errors import ForgeError, print_problem, print_warnings, problem_from_oserror
 from forge.base.files import naming
 from forge.build.wheels.install_wheel import WheelInstall, install_wheel
 from forge.cli.options import add_options, read_options
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -10,10 +10,11 @@ import argparse
 import errno
 import os
 import sys
+from collections.abc import Sequence
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn, Protocol
+from typing import Any, NoReturn, Protocol
 
 from forge import __version__
 from forge.base.errors import (
@@ -31,9 +32,6 @@ from forge.base.signals import handle_signals, interrupt, is_writable
 from forge.cli.colcon_options import classified
 from forge.cli.config import GENERAL, configured
 from forge.workspace.root import find_root, rebase_paths, working_directory
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 COMMANDS = {
     "build": "build the packages of a workspace",

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from forge.base.cmake_syntax import definitions
 from forge.base.env_vars import home, setting
@@ -13,9 +14,6 @@ from forge.base.files import read_file
 from forge.base.formats import read_yaml
 from forge.base.frozen import frozen
 from forge.base.names import did_you_mean
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
 
 MIXIN_FOLDER = "mixin"
 """The folder of the user's mixins in their settings."""

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
+from collections.abc import Iterable
 
 from forge.base.names import did_you_mean, nearest
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
 
 _COMMAND = re.compile(r"argument COMMAND: invalid choice: '([^']*)'")
 _CHOICE = re.compile(r"argument .*?: invalid choice: '([^']*)' \(choose from (.*)\)$")

@@ -11,20 +11,15 @@ import contextlib
 import importlib
 import os
 import sys
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from pathlib import Path
 
 from forge.cli.main import main as run_command
 from forge.engine.observation import LINKS_VARIABLE, LOG_VARIABLE
 from forge.engine.observed import observe_for
-from forge.execution.fork_server import serve, started_server
+from forge.execution.fork_server import Call, serve, started_server
 from forge.execution.worker_client import WORKER_VARIABLE
 from forge.toolchain.interpreter import own_command
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from forge.execution.fork_server import Call
 
 INTERFACE_MODULES = (
     "forge.cli.commands.interface",

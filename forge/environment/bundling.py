@@ -6,15 +6,12 @@ import gzip
 import os
 import tarfile
 import zlib
+from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
-from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem, WorkspaceError
 from forge.base.files import text_or_nothing
 from forge.base.layout import LAYOUT_MARKER
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 _LEFT_OUT = frozenset({"__pycache__", ".git"})
 _TIME = 315532800

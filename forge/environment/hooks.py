@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
+from collections.abc import Iterable
 from pathlib import PurePosixPath
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from forge.base.frozen import Pairs
+from forge.base.frozen import Pairs
 
 _CONFIG = re.compile(r"(?P<folder>.*)/(?P<name>[^/]+?)(?P<end>Config|-config)\.cmake")
 _USUAL = re.compile(r".*/(?:share/(\w+)/cmake|lib/cmake/(\w+))")

@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 import re
 import shlex
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base import ament_index
 from forge.base.errors import ForgeError, HostError, Problem
@@ -14,9 +14,6 @@ from forge.base.files import text_or_nothing
 from forge.base.names import did_you_mean, is_package_name
 from forge.environment.install_state import recorded_underlays
 from forge.environment.prefixes import PACKAGES, package_prefixes
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
 
 _AMENT = "ament_"
 """The prefix of the build types whose packages are in ament's index."""

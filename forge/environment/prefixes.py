@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base.ament_index import INDEX
 from forge.base.files import text_if_exists
@@ -13,9 +13,6 @@ from forge.base.frozen import frozen
 from forge.base.layout import LAYOUT_MARKER
 from forge.base.names import is_safe_name
 from forge.environment.install_state import is_built_on
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
 
 PACKAGES = Path("share/colcon-core/packages")
 SYSTEM = (Path("/usr/local"), Path("/usr"))

@@ -5,23 +5,18 @@ from __future__ import annotations
 import os
 import subprocess
 import tempfile
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache, lru_cache
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from forge.base.env_vars import without_secrets
 from forge.base.errors import HostError, Problem, WorkspaceError
 from forge.base.files import text_if_exists
 from forge.base.layout import LAYOUT_MARKER
 from forge.environment import scripts
-from forge.environment.dsv import Edit, PackageEdits, Script, apply, order, read_hooks, resolve_hooks
+from forge.environment.dsv import Edit, Hook, PackageEdits, Script, apply, order, read_hooks, resolve_hooks
 from forge.environment.install_state import recorded_underlays
 from forge.environment.prefixes import has_packages, installed_packages
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
-    from pathlib import Path
-
-    from forge.environment.dsv import Hook
 
 _SET_BY_SHELL = frozenset({"_", "SHLVL", "PWD", "OLDPWD", "COLCON_CURRENT_PREFIX", "AMENT_CURRENT_PREFIX"})
 

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base.errors import WorkspaceError
 from forge.base.layout import LAYOUT_MARKER
 from forge.environment.install_state import recorded_python
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
 
 Version = tuple[int, int]
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from forge.base.distributions import VARIABLE
 from forge.base.errors import Problem, WorkspaceError
@@ -13,10 +14,6 @@ from forge.base.files import text_or_nothing
 from forge.base.text import listed
 from forge.environment.install_state import recorded_overlays, recorded_rosdistro, recorded_underlays
 from forge.environment.prefixes import find_underlays, installed_packages
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator, Mapping, Sequence
-    from pathlib import Path
 
 _SETS_ROSDISTRO = re.compile(rf"^(?:set;{VARIABLE};|export {VARIABLE}=)(\w+)$", re.MULTILINE)
 _ROSDISTRO_HOOK = "share/ros_environment/environment/1.ros_distro"

@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Mapping
 
 from forge.base.errors import Problem, SelectionError
-from forge.base.layout import LAST_COMMAND, SCRATCH_DIR
+from forge.base.layout import LAST_COMMAND, SCRATCH_DIR, Layout
 from forge.base.text import counted
-from forge.build.tasks import step_line
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
-    from forge.base.layout import Layout
-    from forge.build.tasks import BuildPlan
-    from forge.workspace.model import Package
+from forge.build.tasks import BuildPlan, step_line
+from forge.workspace.model import Package
 
 
 def explain(

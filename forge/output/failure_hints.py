@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Callable, Mapping
 from pathlib import Path, PurePosixPath
-from typing import TYPE_CHECKING
 
 from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
@@ -23,7 +23,7 @@ from forge.toolchain.python_modules import install_command
 from forge.workspace.cmake_text import calls, cmake_dependencies, linked_packages, targets, used_by_tests_only
 from forge.workspace.discovery import discover_embedded
 from forge.workspace.missing import submodule_remedy, unchecked_submodules
-from forge.workspace.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS
+from forge.workspace.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS, Package
 from forge.workspace.resolve import (
     INTERFACE_GROUP,
     is_ros_name,
@@ -31,11 +31,6 @@ from forge.workspace.resolve import (
     resembles_ros_name,
     similar_package,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
-    from forge.workspace.model import Package
 
 _SURE = 0.8
 """Required similarity for suggestions among many similar names."""

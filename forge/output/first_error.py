@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 from forge.base.frozen import frozen
 from forge.execution.worker_client import DECLINED_PREFIX
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 _INTERFACE = re.compile(r"^(?!\s).+\.(msg|srv|action|idl)(:\d+)*: error: ")
 _COMPILER = re.compile(r"^(?!\s).+:\d+(:\d+)?: (fatal )?error: ")

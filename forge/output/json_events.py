@@ -8,24 +8,28 @@ from __future__ import annotations
 import json
 import sys
 import time
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict
-from typing import TYPE_CHECKING
 
-from forge.base.errors import EXIT_INTERRUPTED
+from forge.base.errors import EXIT_INTERRUPTED, Problem
 from forge.base.graph import reduced
 from forge.base.signals import ignore_closed_output
 from forge.base.text import split_lines
-from forge.build.events import Aborted, Finished, Fresh, Output, Skipped, Started, StepFinished, StepStarted
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping
-
-    from forge.base.errors import Problem
-    from forge.build.events import Event
-    from forge.build.tasks import BuildPlan, Step
-    from forge.output.console import ConsoleReporter
-    from forge.testing.failures import Failure
-    from forge.workspace.model import Package
+from forge.build.events import (
+    Aborted,
+    Event,
+    Finished,
+    Fresh,
+    Output,
+    Skipped,
+    Started,
+    StepFinished,
+    StepStarted,
+)
+from forge.build.tasks import BuildPlan, Step
+from forge.output.console import ConsoleReporter
+from forge.testing.failures import Failure
+from forge.workspace.model import Package
 
 
 class JsonEvents:

@@ -15,22 +15,27 @@ import os
 import shlex
 import threading
 import time
+from collections.abc import Iterable, Mapping
 from datetime import datetime
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import BinaryIO
 
 from forge.base.env_vars import without_passwords
 from forge.base.errors import HostError, Location, Problem
 from forge.base.layout import IGNORE_MARK
 from forge.base.text import split_lines
-from forge.build.events import Aborted, Finished, Fresh, Output, Skipped, Started, StepFinished, StepStarted
+from forge.build.events import (
+    Aborted,
+    Event,
+    Finished,
+    Fresh,
+    Output,
+    Skipped,
+    Started,
+    StepFinished,
+    StepStarted,
+)
 from forge.build.folder_marks import is_own_log_link
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-    from pathlib import Path
-    from typing import BinaryIO
-
-    from forge.build.events import Event
 
 _OF_PACKAGE = ("command.log", "stderr.log", "stdout.log", "stdout_stderr.log", "streams.log")
 _HEARTBEAT = 1.0

@@ -11,10 +11,7 @@ package.
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
+from collections.abc import Iterator
 
 _COMMAND = re.compile(rb"\[\d+/\d+\] ")
 _WARNING = re.compile(rb":[ ]?(?:\x1b\[[\d;]*[mK])*warning: ")

@@ -3,17 +3,12 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable, Mapping
 from dataclasses import field, replace
 from statistics import mean
-from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
-from forge.build.events import Aborted, Finished, Fresh, Output, Skipped, Started, StepStarted
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-
-    from forge.build.events import Event
+from forge.build.events import Aborted, Event, Finished, Fresh, Output, Skipped, Started, StepStarted
 
 _EARLY = 2.0
 """Seconds before the first estimate."""

@@ -14,39 +14,32 @@ import os
 import stat
 import tempfile
 import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict, replace
 from heapq import merge
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base.errors import WorkspaceError
 from forge.base.files import read_file, remove_tree, replace_file
 from forge.base.frozen import frozen
 from forge.base.layout import PASSED_TESTS_FILE, TEST_SCRATCH_DIR
-from forge.base.xml import as_utf8, parse_xml
+from forge.base.xml import Element, as_utf8, parse_xml
 from forge.build.inputs.fingerprints import (
     DIR_LISTING_SUFFIX,
     RACY_NANOSECONDS,
+    FileTable,
     contents_of,
     digest_strings,
     is_written_since,
 )
 from forge.build.observed_writes import begin_log, read_steps, remove_log
-from forge.build.tasks import CACHED, NOT_CACHED
+from forge.build.tasks import CACHED, NOT_CACHED, Step, Task
 from forge.engine.commands import CACHED_BYTECODE
-from forge.engine.observation import KINDS_FOR_TESTS
+from forge.engine.observation import KINDS_FOR_TESTS, ObservedStep
 from forge.execution.job_pool import without_job_variables
 from forge.execution.observer import note_step, observed
 from forge.execution.started import is_running
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping
-
-    from forge.base.xml import Element
-    from forge.build.inputs.fingerprints import FileTable
-    from forge.build.tasks import Step, Task
-    from forge.engine.observation import ObservedStep
-    from forge.testing.outcomes import Outcome
+from forge.testing.outcomes import Outcome
 
 _VERSION = 1
 

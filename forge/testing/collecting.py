@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base.errors import Location, Problem, WorkspaceError
 from forge.base.files import read_file, text_or_nothing
@@ -21,9 +21,6 @@ from forge.testing.outcomes import (
     read_junit,
     unreadable,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
 
 
 @frozen

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict
-from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
 from forge.base.text import counted
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
-
-    from forge.testing.outcomes import Case, Outcome
+from forge.testing.outcomes import Case, Outcome
 
 _SHOWN_LINES = 6
 _SHOWN_FAILURES = 50

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import astuple, replace
 from operator import add
-from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
 from forge.base.text import counted
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
-
-    from forge.base.xml import Element
+from forge.base.xml import Element
 
 
 @frozen

@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING
 
-from forge.base.errors import GroupedProblems, HostError, Location, Problem, WorkspaceError, raise_if_any
+from forge.base.errors import (
+    GroupedProblems,
+    HostError,
+    Location,
+    Problem,
+    WarningReporter,
+    WorkspaceError,
+    raise_if_any,
+)
 from forge.base.graph import closures, ordered_names
-from forge.base.layout import FILE_TABLE, TEST_SCRATCH_DIR
+from forge.base.layout import FILE_TABLE, TEST_SCRATCH_DIR, Layout
 from forge.base.text import listed
 from forge.build.build_types import build_type_of, by_toolchain, unknown_types
 from forge.build.change_texts import changed_sources
@@ -16,6 +24,7 @@ from forge.build.inputs.fingerprints import FileTable, fingerprint_tree
 from forge.build.journal import open_journal
 from forge.build.tasks import BuildPlan, Task
 from forge.build.tests.detection import requirements_of_tests
+from forge.build.tests.options import TestOptions
 from forge.build.tests.recipes import TestContext, framework
 from forge.environment.install_state import recorded_python
 from forge.environment.prefixes import PACKAGES, find_underlays, provider
@@ -23,15 +32,8 @@ from forge.toolchain.cmake_variables import was_built_without_tests
 from forge.toolchain.interpreter import find_interpreter
 from forge.toolchain.programs import CMAKE_TYPES, PYTHON_TYPES, compiled_packages, find_ctest
 from forge.toolchain.python_modules import install_command, missing_modules
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
-
-    from forge.base.errors import WarningReporter
-    from forge.base.layout import Layout
-    from forge.build.tests.options import TestOptions
-    from forge.workspace.load import LoadedWorkspace
-    from forge.workspace.model import Package
+from forge.workspace.load import LoadedWorkspace
+from forge.workspace.model import Package
 
 _TEST_MODULES = ("pytest", "pytest_cov", "pytest_repeat", "pytest_rerunfailures")
 

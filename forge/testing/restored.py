@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from forge.base.errors import GroupedProblems, Problem
 from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
-from forge.base.layout import BUILD_RESULT
+from forge.base.layout import BUILD_RESULT, Layout
 from forge.build.build_dir import empty_build_dir
 from forge.build.deferred import read_deferred, tests_need_build, write_deferred
 from forge.build.journal import open_journal
@@ -17,13 +18,7 @@ from forge.build.tasks import BuildPlan, Task
 from forge.execution.runner import TaskLifecycle
 from forge.toolchain.cmake_variables import was_built_without_tests
 from forge.toolchain.programs import CMAKE_TYPES
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-    from pathlib import Path
-
-    from forge.base.layout import Layout
-    from forge.workspace.load import LoadedWorkspace
+from forge.workspace.load import LoadedWorkspace
 
 
 def has_no_tests(build: Path) -> bool:

@@ -7,19 +7,15 @@ about unused variables are hidden for single packages, and reported once if no p
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 from forge.base.cmake_syntax import cmake_arguments, definitions
 from forge.base.errors import Problem
 from forge.base.files import text_or_nothing
 from forge.base.names import nearest
 from forge.toolchain.programs import CMAKE_TYPES
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-    from pathlib import Path
-
-    from forge.workspace.model import Package
+from forge.workspace.model import Package
 
 _WITHOUT_D = re.compile(r"[A-Za-z_]\w*(?::[A-Z]+)?=")
 _SIMILAR = 0.85

@@ -7,20 +7,15 @@ import json
 import re
 import shutil
 import subprocess
+from collections.abc import Callable, Mapping
 from dataclasses import field
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem, SelectionError
-from forge.base.frozen import frozen
+from forge.base.frozen import Pairs, frozen
 from forge.base.layout import COMPILATIONS_FILE
 from forge.base.text import counted
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
-    from forge.base.frozen import Pairs
 
 NONE = "none"
 """Overrides a launcher set in a file or variable."""

@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import os
 from bisect import bisect_left
+from collections.abc import Iterator, Sequence
 from itertools import islice
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
 
 _INSIDE = ("", "/cmake", "/CMake")
 _LIBRARIES = ("lib64", "lib32", "libx32", "lib", "share")

@@ -12,17 +12,14 @@ import re
 import shlex
 import shutil
 import sys
+from collections.abc import Mapping, Sequence
 from dataclasses import field
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base.errors import HostError, Problem
 from forge.base.frozen import frozen
 from forge.base.layout import PACKAGE
 from forge.environment.underlay_python import python_versions, underlay_python
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
 
 OLDEST = (3, 10)
 

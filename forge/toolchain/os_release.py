@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base.files import text_or_nothing
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
 
 OS_RELEASE = (Path("/etc/os-release"), Path("/usr/lib/os-release"))
 

@@ -6,17 +6,14 @@ import importlib.util
 import os
 import shlex
 import sys
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base.errors import HostError, Problem
 from forge.base.own_environment import has_no_pip
 from forge.toolchain.interpreter import ask_python, is_own
 from forge.toolchain.os_release import DEBIAN, RED_HAT, families, os_release
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
 
 _TRAITS = """import importlib.metadata as m, importlib.util as u, os, sys, sysconfig
 print("version=%d.%d.%d" % sys.version_info[:3])

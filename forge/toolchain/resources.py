@@ -7,15 +7,12 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
 from forge.base.layout import templates_folder
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 ROOT = Path("/")
 _UNITS = {"": 1, "K": 1 << 10, "M": 1 << 20, "G": 1 << 30, "T": 1 << 40}

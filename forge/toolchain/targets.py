@@ -6,22 +6,19 @@ platform. It refers to a module with the functions of `Toolchain`. forge's plugi
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import field, fields, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 from forge.base.env_vars import expand_home
 from forge.base.errors import ForgeError, Problem, SelectionError
 from forge.base.extensions import TOOLCHAINS, call, entry_points, find, is_installed, load
 from forge.base.frozen import frozen
+from forge.base.layout import Layout
 from forge.base.options import option
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping
-
-    from forge.base.layout import Layout
-    from forge.workspace.model import Package
+from forge.workspace.model import Package
 
 _OWN = "cross"
 

@@ -12,10 +12,7 @@ from __future__ import annotations
 
 import operator
 import re
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping
 
 _TOKEN = re.compile(r"""\s*(?:(\()|(\))|(==|!=|<=|>=|<|>)|(\$?[\w-]+)|"([^"]*)"|'([^']*)')""", re.ASCII)
 _COMPARISONS: dict[str, Callable[[str, str], bool]] = {

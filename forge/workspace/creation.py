@@ -4,17 +4,13 @@ from __future__ import annotations
 
 import keyword
 import re
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Iterator
 
 from forge.base.errors import Problem, raise_if_any
 from forge.base.frozen import frozen
 from forge.base.names import is_email, is_package_name
 from forge.base.templating import render
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
-
-    from forge.workspace.model import Person
+from forge.workspace.model import Person
 
 BUILD_TYPES = ("cmake", "ament_cmake", "ament_python")
 LICENSES = {

@@ -5,9 +5,9 @@ from __future__ import annotations
 import glob
 import os
 import stat
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base.distributions import EMBEDDED, OLDEST, SINCE, VARIABLE, definition_folders, has_definitions
 from forge.base.errors import Location, Problem
@@ -18,9 +18,6 @@ from forge.workspace.model import BrokenPackage, Dependency, DependencyKind, Pac
 from forge.workspace.overrides import Overrides
 from forge.workspace.python_metadata import project_name
 from forge.workspace.source_names import is_environment, is_source_folder, may_contain_packages
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 _GROUP_KINDS = frozenset({DependencyKind.BUILD, DependencyKind.BUILD_EXPORT, DependencyKind.EXEC})
 _PYTHON_TYPES = ("python", "ament_python")

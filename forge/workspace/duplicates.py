@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base.errors import Location, Problem
 from forge.base.layout import IGNORE_MARK
 from forge.base.text import listed
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator
-
-    from forge.workspace.model import Workspace
+from forge.workspace.model import Workspace
 
 _FEW = 5
 

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
 
 from forge.base.errors import Location, Problem, WorkspaceError
 from forge.base.files import read_file
 from forge.base.formats import read_toml
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-    from pathlib import Path
 
 FORGE_TOML = "forge.toml"
 

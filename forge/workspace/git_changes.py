@@ -12,16 +12,13 @@ import hashlib
 import os
 import re
 import stat
+from collections.abc import Iterator, Mapping
 from dataclasses import field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base.errors import Location, Problem, SelectionError
 from forge.base.frozen import frozen
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
 
 _LINK, _PROGRAM, _FILE, _SUBMODULE = "120000", "100755", "100644", "160000"
 _INDEX = re.compile(

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from forge.base.errors import ForeignManifestError, Location, Problem, WorkspaceError
 from forge.base.extensions import PACKAGE_FILES
@@ -21,12 +22,7 @@ from forge.base.names import did_you_mean, is_safe_name
 from forge.workspace.identity import IGNORED, NOT_A_PACKAGE, Folder, Identity
 from forge.workspace.manifest import parse_manifest
 from forge.workspace.model import Package
-from forge.workspace.overrides import COLCON_PKG, with_overrides
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping
-
-    from forge.workspace.overrides import Overrides
+from forge.workspace.overrides import COLCON_PKG, Overrides, with_overrides
 
 _NAME = re.compile(r"<name>\s*([\w.-]+)\s*</name>")
 _COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)

@@ -6,19 +6,16 @@ searched only for types in colcon.pkg, *.meta files and forge.toml that forge do
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 from forge.base.errors import Location, Problem, WorkspaceError
 from forge.base.extensions import BUILD_TYPES, OWN, absent, call, find
 from forge.base.files import read_file, read_text
 from forge.base.frozen import frozen
-
-if TYPE_CHECKING:
-    from collections.abc import Collection
-    from pathlib import Path
-
-    from forge.workspace.model import Package
+from forge.workspace.model import Package
 
 
 @frozen

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import replace
 from functools import cache
-from typing import TYPE_CHECKING, Any, TypeVar
+from pathlib import Path
+from typing import Any, TypeVar
 
 from forge.base import ament_index
 from forge.base.distributions import distribution_hint, distribution_in, has_service_events, is_embedded
@@ -17,7 +19,7 @@ from forge.environment.prefixes import find_underlays, provider, system_prefixes
 from forge.workspace.discovery import discover, discover_embedded, projects
 from forge.workspace.duplicates import clashes
 from forge.workspace.filters import apply_filters
-from forge.workspace.model import Manifest, Package, Selection
+from forge.workspace.model import Manifest, Package, Selection, Workspace
 from forge.workspace.overrides import read_overrides
 from forge.workspace.python_metadata import project_name
 from forge.workspace.resolve import (
@@ -28,14 +30,7 @@ from forge.workspace.resolve import (
     resolve_dependencies,
     unmet_versions,
 )
-from forge.workspace.selection import duplicate_node, ignored, select
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterable, Mapping
-    from pathlib import Path
-
-    from forge.workspace.model import Workspace
-    from forge.workspace.selection import Query, SearchPaths
+from forge.workspace.selection import Query, SearchPaths, duplicate_node, ignored, select
 
 Node = TypeVar("Node")
 _NAMING = (

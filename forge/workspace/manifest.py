@@ -6,7 +6,8 @@ All structural errors are reported together; semantic checks run only on a valid
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Mapping
+from pathlib import Path
 
 from forge.base.errors import ForeignManifestError, Location, Problem, WorkspaceError, raise_if_any
 from forge.base.frozen import frozen
@@ -14,10 +15,6 @@ from forge.base.names import did_you_mean, is_email, is_package_name, is_safe_na
 from forge.base.xml import Element, parse_xml
 from forge.workspace.conditions import ConditionError, holds
 from forge.workspace.model import Dependency, DependencyKind, Export, Manifest, Person
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-    from pathlib import Path
 
 DEPENDENCY_KINDS: dict[str, frozenset[DependencyKind]] = {
     "build_depend": frozenset({DependencyKind.BUILD}),

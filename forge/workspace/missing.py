@@ -7,23 +7,23 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from forge.base.errors import Problem
 from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
-from forge.base.layout import docs_url
+from forge.base.layout import Layout, docs_url
 from forge.workspace.manifest import declaration
 from forge.workspace.model import BUILD_KINDS, RUN_KINDS
-from forge.workspace.resolve import is_ros_name, quoted_names, resembles_ros_name, similar_package
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-    from pathlib import Path
-
-    from forge.base.layout import Layout
-    from forge.workspace.resolve import DependencyResolution
+from forge.workspace.resolve import (
+    DependencyResolution,
+    is_ros_name,
+    quoted_names,
+    resembles_ros_name,
+    similar_package,
+)
 
 _FEW = 3
 _SUBMODULE = re.compile(r"^[ \t]*path[ \t]*=[ \t]*(\S.*?)[ \t]*$", re.MULTILINE)

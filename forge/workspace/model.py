@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import field
 from enum import Enum
-from typing import TYPE_CHECKING
+from pathlib import Path
 
+from forge.base.errors import Problem
 from forge.base.frozen import frozen
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-    from pathlib import Path
-
-    from forge.base.errors import Problem
 
 
 class DependencyKind(Enum):

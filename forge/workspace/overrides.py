@@ -6,9 +6,10 @@ Later sources extend lists and mappings of earlier ones and replace other values
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable, Mapping
 from dataclasses import field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from forge.base.errors import Location, Problem, WorkspaceError
 from forge.base.files import read_file
@@ -16,12 +17,7 @@ from forge.base.formats import read_yaml
 from forge.base.frozen import frozen
 from forge.base.names import is_safe_name, is_safe_relative_path
 from forge.workspace.forge_toml import package_options, plugin_types, read_forge_toml
-from forge.workspace.model import Dependency, DependencyKind
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-
-    from forge.workspace.model import Package
+from forge.workspace.model import Dependency, DependencyKind, Package
 
 COLCON_PKG = "colcon.pkg"
 _CATEGORIES = {

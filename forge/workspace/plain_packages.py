@@ -4,20 +4,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base.errors import Location, Problem
 from forge.base.extensions import BUILD_TYPES, PACKAGE_FILES, absent
 from forge.base.files import not_regular_reason, text_or_nothing
 from forge.base.formats import read_toml
 from forge.workspace.cmake_text import cmake_dependencies, cmake_files, is_catkin_toplevel, project_name
-from forge.workspace.identity import Identity, identify_with
+from forge.workspace.identity import Folder, Identity, identify_with
 from forge.workspace.model import Dependency, DependencyKind, Manifest, Package
 from forge.workspace.overrides import COLCON_PKG
 from forge.workspace.python_metadata import PythonMetadata, read_pyproject, read_setup_cfg, read_setup_py
-
-if TYPE_CHECKING:
-    from forge.workspace.identity import Folder
 
 
 def identify_plain(folder: Folder) -> Identity | None:

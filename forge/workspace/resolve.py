@@ -9,17 +9,14 @@ from __future__ import annotations
 
 import operator
 import re
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import field, replace
-from typing import TYPE_CHECKING
 
 from forge.base.errors import Location, Problem
 from forge.base.frozen import frozen
 from forge.base.graph import order, weak_edges_on_cycles
 from forge.base.names import nearest
 from forge.workspace.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS, Package
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 
 GENERATORS = "rosidl_default_generators"
 """The package that generates the code of interface packages."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem, print_warnings
 from forge.base.frozen import frozen
@@ -14,10 +13,8 @@ from forge.cli.options import install_base_option, target_option
 from forge.cli.preparation import check_bases
 from forge.environment.bundling import write_bundle
 from forge.environment.install_state import recorded_underlays
+from forge.toolchain.targets import Target
 from forge.workspace.selection import SearchPaths
-
-if TYPE_CHECKING:
-    from forge.toolchain.targets import Target
 
 _MEGABYTE = 1_000_000
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
 
 from forge.base.errors import HostError, Problem, SelectionError, raise_if_any
 from forge.base.frozen import frozen
@@ -13,12 +13,8 @@ from forge.base.text import counted
 from forge.cache.folder_store import FolderStore
 from forge.cache.maintenance import DEFAULT_SIZE, prune, read_counts, scan_store, verify
 from forge.cache.opening import byte_count, cache_folder, foreign_store
+from forge.cli.main import Parser
 from forge.cli.options import add_verb
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from forge.cli.main import Parser
 
 
 @frozen

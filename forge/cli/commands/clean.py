@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Iterable, Sequence
 from contextlib import closing, nullcontext
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem, SelectionError, WorkspaceError, print_warnings, raise_if_any
 from forge.base.frozen import frozen
+from forge.base.layout import Layout
 from forge.base.names import did_you_mean
 from forge.base.options import option, options_of
 from forge.base.text import counted, listed
 from forge.build.cleaning import (
     BASES,
+    Removable,
     built_packages,
     is_of_workspace,
     is_removed_package,
@@ -30,23 +32,14 @@ from forge.build.cleaning import (
 from forge.build.compile_commands import merge_compile_commands
 from forge.build.folder_marks import bases_of, is_own_build_base, is_own_install_base, recorded_layout
 from forge.build.installation import finish_workspace
-from forge.build.journal import open_journal
+from forge.build.journal import Journal, open_journal
 from forge.cli import options as shared
 from forge.cli.options import FolderOptions, OptionSources
 from forge.cli.preparation import build_variables, check_bases
 from forge.environment.install_state import recorded_path
 from forge.execution.lock import lock_build_dir, lock_install_dir
-from forge.workspace.load import load_workspace
+from forge.workspace.load import LoadedWorkspace, load_workspace
 from forge.workspace.selection import Query
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from forge.base.layout import Layout
-    from forge.build.cleaning import Removable
-    from forge.build.journal import Journal
-    from forge.workspace.load import LoadedWorkspace
-
 
 _MOST = 20
 """The number of remaining entries that are listed."""

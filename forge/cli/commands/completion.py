@@ -10,8 +10,9 @@ import argparse
 import json
 import shlex
 import sys
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from forge.base.extensions import COMMANDS as PLUGINS
 from forge.base.extensions import OWN, is_installed
@@ -21,9 +22,6 @@ from forge.base.templating import render
 from forge.cli import main
 from forge.cli.colcon_options import COLCON_OPTIONS, PASSED_ON
 from forge.output.handlers import HANDLERS
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 _KINDS = {
     "PKG": "packages",

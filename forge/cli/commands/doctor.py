@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base.colours import palette_of
 from forge.base.errors import ForgeError
 from forge.base.frozen import frozen
+from forge.base.layout import Layout
 from forge.base.options import option, options_of
 from forge.base.text import counted
 from forge.cli.config import configured_word
@@ -23,11 +24,6 @@ from forge.environment.prefixes import find_underlays
 from forge.workspace.load import load_workspace
 from forge.workspace.missing import missing_dependencies
 from forge.workspace.selection import Query
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from forge.base.layout import Layout
 
 _ANYWHERE = (
     *(programs.compiler, programs.cmake, programs.builder, programs.python, programs.shells),

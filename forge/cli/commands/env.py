@@ -7,8 +7,8 @@ import os
 import re
 import shlex
 import sys
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem, SelectionError
 from forge.base.frozen import frozen
@@ -16,9 +16,6 @@ from forge.base.names import did_you_mean
 from forge.base.options import option
 from forge.cli.options import install_base_option
 from forge.environment.sourcing import sourced_environment
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 _SPECIAL = re.compile(r'[\\"$`]')
 _ESCAPED = r"\\\g<0>"

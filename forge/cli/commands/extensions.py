@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterable
 
 from forge import __version__
 from forge.base.env_vars import EXECUTORS
@@ -25,9 +25,6 @@ from forge.cli.options import NoOptions
 from forge.environment.shells import SHELLS
 from forge.interfaces.rendering import TARGETS
 from forge.output.handlers import HANDLERS
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
 
 Options = NoOptions
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from forge.base.distributions import OLDEST
 from forge.base.errors import HostError, Problem, SelectionError, print_warnings
@@ -18,11 +18,8 @@ from forge.cli.commands.list import ListingOptions
 from forge.cli.options import FolderOptions
 from forge.cli.preparation import build_variables, known_rosdistro, workspace_interpreter
 from forge.environment.prefixes import find_underlays
-from forge.workspace.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS
-
-if TYPE_CHECKING:
-    from forge.workspace.load import LoadedWorkspace
-    from forge.workspace.model import Package
+from forge.workspace.load import LoadedWorkspace
+from forge.workspace.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS, Package
 
 _CATEGORIES = (("build", BUILD_KINDS), ("run", RUN_KINDS), ("test", TEST_KINDS))
 

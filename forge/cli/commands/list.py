@@ -6,7 +6,7 @@ import json
 import os
 from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from forge.base.errors import Problem, SelectionError, print_warnings
 from forge.base.extensions import COMMANDS, find
@@ -14,11 +14,8 @@ from forge.base.frozen import frozen
 from forge.base.options import option, options_of
 from forge.cli import options as shared
 from forge.cli.options import OptionSources
-from forge.workspace.load import load_workspace
+from forge.workspace.load import LoadedWorkspace, load_workspace
 from forge.workspace.selection import Query
-
-if TYPE_CHECKING:
-    from forge.workspace.load import LoadedWorkspace
 
 
 @frozen

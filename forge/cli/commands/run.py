@@ -8,9 +8,10 @@ import shlex
 import signal
 import subprocess
 import sys
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
+from types import FrameType
 
 from forge.base.errors import ForgeError, HostError, Problem
 from forge.base.frozen import frozen
@@ -28,11 +29,6 @@ from forge.environment.installed import (
     unregistered_prefix,
 )
 from forge.workspace.root import find_install, source_packages
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-    from types import FrameType
-
 
 _SHOWN_NAMES = 10
 _BY_ENV = ([b"#!/usr/bin/env", b"python3"], [b"#!/usr/bin/env", b"python"])

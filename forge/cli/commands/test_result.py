@@ -5,23 +5,17 @@ from __future__ import annotations
 import json
 import os
 import sys
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem, WorkspaceError, print_problem
 from forge.base.frozen import frozen
 from forge.base.options import option
 from forge.cli import options as shared
-from forge.testing.collecting import collect, removable_results
+from forge.testing.collecting import Collection, collect, removable_results
 from forge.testing.failures import as_json, details, skipped_line
-from forge.testing.outcomes import Counts, counted_once
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from forge.testing.collecting import Collection
-    from forge.testing.outcomes import Outcome
+from forge.testing.outcomes import Counts, Outcome, counted_once
 
 
 def _folder(path: str) -> Path:

@@ -7,19 +7,14 @@ import resource
 import shutil
 import tempfile
 import time
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base.errors import Location, Problem
 from forge.base.text import counted, listed
-from forge.doctor.checks.model import CheckResult
+from forge.doctor.checks.model import CheckContext, CheckResult
 from forge.toolchain.resources import memory, processors
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from forge.doctor.checks.model import CheckContext
 
 _GIB = 1 << 30
 _LITTLE, _TOO_LITTLE = _GIB, 50 << 20

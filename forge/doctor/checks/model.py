@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator, Mapping
 from dataclasses import field
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from pathlib import Path
 
+from forge.base.errors import Problem
 from forge.base.files import read_text
 from forge.base.frozen import frozen
+from forge.base.layout import Layout
 from forge.build.inputs.fingerprints import own_files
 from forge.environment.prefixes import Underlays
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-    from pathlib import Path
-
-    from forge.base.errors import Problem
-    from forge.base.layout import Layout
-    from forge.workspace.model import Package
-    from forge.workspace.resolve import DependencyResolution
+from forge.workspace.model import Package
+from forge.workspace.resolve import DependencyResolution
 
 Files = tuple[tuple[str, os.stat_result], ...]
 """Relative paths below a package's folder, with their stats."""

@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 import configparser
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 from forge.base.errors import GroupedProblems, Location, Problem
 from forge.base.text import counted
-from forge.doctor.checks.model import CheckResult
+from forge.doctor.checks.model import CheckContext, CheckResult
 from forge.workspace.cmake_text import may_register_package, project_name
+from forge.workspace.model import Package
 from forge.workspace.python_metadata import read_setup_py
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from forge.doctor.checks.model import CheckContext
-    from forge.workspace.model import Package
 
 
 def names(subject: CheckContext) -> CheckResult:

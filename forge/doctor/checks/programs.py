@@ -6,11 +6,11 @@ import os
 import re
 import shutil
 import subprocess
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Sequence
 
 from forge.base.errors import GroupedProblems, HostError, Location, Problem
 from forge.base.own_environment import extra_command, install_beside_forge
-from forge.doctor.checks.model import CheckResult, graded
+from forge.doctor.checks.model import CheckContext, CheckResult, graded
 from forge.environment.install_state import recorded_python
 from forge.environment.shells import SHELLS
 from forge.toolchain.interpreter import find_interpreter, other_than_recorded
@@ -27,13 +27,8 @@ from forge.toolchain.programs import (
 )
 from forge.toolchain.python_modules import interpreter_properties, missing_modules_problem
 from forge.workspace.cmake_text import calls
+from forge.workspace.model import Package
 from forge.workspace.resolve import INTERFACE_GROUP
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from forge.doctor.checks.model import CheckContext
-    from forge.workspace.model import Package
 
 _OLDEST_CMAKE = (3, 18)
 _POLICIES_GONE, _LEAST_POLICY = (4, 0), (3, 5)

@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Sequence
 
-from forge.base.colours import Palette
-from forge.base.errors import Location, joined
+from forge.base.colours import Meaning, Palette
+from forge.base.errors import Location, Problem, Severity, joined
 from forge.base.text import counted
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from forge.base.colours import Meaning
-    from forge.base.errors import Problem, Severity
-    from forge.doctor.checks.model import CheckResult
+from forge.doctor.checks.model import CheckResult
 
 _WIDTH = 12
 _PLAIN = Palette()

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base.distributions import VARIABLE
 from forge.base.env_vars import expand_home
@@ -15,17 +15,12 @@ from forge.base.files import text_or_nothing
 from forge.base.layout import INSTALL_STATE_FILE, LAYOUT_MARKER
 from forge.base.text import listed
 from forge.build.markers import foreign_build, other_layout
-from forge.doctor.checks.model import CheckResult
+from forge.doctor.checks.model import CheckContext, CheckResult
 from forge.environment.install_state import recorded_underlays, underlays_of
 from forge.environment.prefixes import SYSTEM, installed_packages, provider
 from forge.environment.underlays import lost_underlays, other_distributions, unusable_overlays
 from forge.toolchain.interpreter import find_interpreter
 from forge.workspace.resolve import is_ros_name, resembles_ros_name
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
-    from forge.doctor.checks.model import CheckContext
 
 _PYTHON_FOLDER = re.compile(r"python(\d+)\.(\d+)")
 _MODULES = ("lib", "local/lib")

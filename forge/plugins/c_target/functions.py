@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any
 
 from forge.interfaces.cpp.headers import symbol
 from forge.interfaces.cpp.text import quoted
-from forge.interfaces.model import Array, Primitive, Sequence, String
+from forge.interfaces.model import Array, Field, Message, Primitive, Sequence, String, Value
 from forge.plugins.c_target.text import is_plain, number, numbers, spell, units
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
-
-    from forge.interfaces.model import Field, Message, Value
 
 
 def functions_view(message: Message) -> dict[str, Any]:

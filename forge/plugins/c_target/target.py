@@ -5,8 +5,9 @@ Functions are inline, so there is no library to link. Unlike with rosidl, wstrin
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import PurePosixPath
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from forge.base.templating import render
 from forge.interfaces.cpp.headers import detail_path, guard, handles, main_path, needed, symbol
@@ -15,21 +16,23 @@ from forge.interfaces.hashing import Hasher, described_type, structures_of
 from forge.interfaces.model import (
     Action,
     Array,
+    Catalog,
+    Constant,
+    Field,
     File,
+    Interface,
+    Message,
     Primitive,
     Sequence,
     Service,
+    Source,
     String,
+    TypeName,
     element_of,
     messages_of,
 )
 from forge.plugins.c_target.functions import functions_view
 from forge.plugins.c_target.text import declare, fits_int, needs_math, number, spell, units
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping
-
-    from forge.interfaces.model import Catalog, Constant, Field, Interface, Message, Source, TypeName
 
 _TEMPLATES = "c_target/templates"
 _MAX_LITERAL = 4095

@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 from forge.interfaces.cpp.headers import symbol
 from forge.interfaces.cpp.text import literal, nearest_single
-from forge.interfaces.model import Array, Named, Primitive, Sequence, String
-
-if TYPE_CHECKING:
-    from forge.interfaces.model import Element, Type, Value
+from forge.interfaces.model import Array, Element, Named, Primitive, Sequence, String, Type, Value
 
 _ARITHMETIC = {
     "boolean": "bool",

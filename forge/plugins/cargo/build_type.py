@@ -4,24 +4,18 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base.errors import HostError, Problem
 from forge.base.files import text_or_nothing
 from forge.base.text import listed
-from forge.build.recipes.context import Recipe, common_options, install_tree
+from forge.build.recipes.context import BuildContext, Recipe, common_options, install_tree
 from forge.build.tasks import TEST_FAILURES, Step, StepKind
-from forge.build.tests.recipes import missing_result
+from forge.build.tests.recipes import TestContext, missing_result
 from forge.plugins.cargo.manifest import identify
 from forge.toolchain.programs import find_program
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from forge.build.recipes.context import BuildContext
-    from forge.build.tests.recipes import TestContext
-    from forge.workspace.model import Package
+from forge.workspace.model import Package
 
 __all__ = ["identify", "options", "recipe", "staged", "tests", "tests_build", "toolchain"]
 

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from forge.base.formats import read_toml
-from forge.workspace.identity import Identity
+from forge.workspace.identity import Folder, Identity
 from forge.workspace.model import Dependency, DependencyKind
 from forge.workspace.plain_packages import plain_package
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from forge.workspace.identity import Folder
 
 _KINDS = {
     "dependencies": frozenset({DependencyKind.BUILD, DependencyKind.EXEC}),

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
 from forge.base.options import option, options_of
 from forge.cli.commands.list import ListingOptions
 from forge.plugins.charts import graph_formats
 from forge.plugins.charts.graph_formats import PackageGraph
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
 
 
 @frozen

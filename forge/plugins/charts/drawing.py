@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping, Sequence
 from html import unescape
 from math import sqrt
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from forge.base.text import duration
-from forge.plugins.charts.graph_formats import printable
+from forge.plugins.charts.graph_formats import PackageGraph, printable
 from forge.plugins.charts.layering import lay_out
+from forge.workspace.model import Package
 from forge.workspace.resolve import INTERFACE_GROUP
 from forge.workspace.selection import name_of
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from forge.plugins.charts.graph_formats import PackageGraph
-    from forge.workspace.model import Package
 
 _KINDS = {"ament_cmake": "cmake", "cmake": "cmake", "ament_python": "python", "python": "python"}
 KINDS = {"interfaces": "interfaces", "cmake": "CMake", "python": "Python", "other": "other"}

@@ -4,18 +4,13 @@ from __future__ import annotations
 
 import os
 import re
-from typing import TYPE_CHECKING
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence, Set
+from pathlib import Path
 
 from forge.base.frozen import frozen
 from forge.base.graph import closures, reduced
-from forge.workspace.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS
+from forge.workspace.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS, Package
 from forge.workspace.selection import name_of
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence, Set
-    from pathlib import Path
-
-    from forge.workspace.model import Package
 
 LEGEND = (
     "+ marks the package itself",

@@ -6,21 +6,15 @@ import json
 import os
 import threading
 import time
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Mapping
+from pathlib import Path
 
 from forge.base.files import write_if_changed
 from forge.base.templating import render
-from forge.output.reporters import Report, Reporter
+from forge.output.reporters import Report, Reporter, Run
 from forge.plugins.charts.timing_views import STEP_KINDS, facts, page
-from forge.plugins.charts.timings import at_work, critical_path, read_build, rows
+from forge.plugins.charts.timings import Build, at_work, critical_path, read_build, rows
 from forge.toolchain.resources import ROOT, memory
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-    from pathlib import Path
-
-    from forge.output.reporters import Run
-    from forge.plugins.charts.timings import Build
 
 PAGE, TRACE = "timings.html", "trace.json"
 PERIOD_SECONDS = 0.2

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
 
 from forge.base.text import counted, duration
 from forge.cache.model import RESTORED
@@ -12,15 +13,13 @@ from forge.plugins.charts.timings import (
     FAILED,
     FINISHED,
     RESTORED_FROM_CACHE,
+    Build,
+    MachineUse,
+    PackageRun,
     at_work,
     critical_path,
     waited,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
-
-    from forge.plugins.charts.timings import Build, MachineUse, PackageRun
 
 _KINDS = {"cmake": "configure", "install": "install"}
 STEP_KINDS = {"configure": "configure", "build": "build", "install": "install", "waiting": "begin and end"}

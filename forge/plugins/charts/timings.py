@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import fields
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import networkx as nx
 
@@ -13,9 +14,6 @@ from forge.base.frozen import frozen
 from forge.cache.model import RESTORED
 from forge.plugins.charts.graph_formats import reduced_among
 from forge.toolchain.compiler_launchers import LauncherSummary
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
 
 FINISHED, FAILED, ABORTED, RESTORED_FROM_CACHE = "finished", "failed", "aborted", "taken"
 """Results of packages."""

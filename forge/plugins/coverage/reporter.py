@@ -9,23 +9,18 @@ from __future__ import annotations
 import re
 import shutil
 import subprocess
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base.errors import HostError, Problem, raise_if_any
 from forge.base.files import remove_tree, text_or_nothing
 from forge.base.frozen import frozen
+from forge.build.tasks import Task
 from forge.build.tests.recipes import DATA_FILE, OMITTED
-from forge.output.reporters import Report, Reporter
+from forge.output.reporters import Report, Reporter, Run
 from forge.toolchain.programs import CMAKE_TYPES, PYTHON_TYPES, find_program
 from forge.toolchain.python_modules import install_command, missing_modules
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
-
-    from forge.build.tasks import Task
-    from forge.output.reporters import Run
 
 _XML, _PAGES = "coverage.xml", "coverage.html"
 _ROOT = re.compile(r"<coverage\s[^>]*>")

@@ -5,29 +5,21 @@ from __future__ import annotations
 import os
 import re
 import shutil
+from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base.cmake_syntax import quoted
 from forge.base.errors import HostError, Problem, raise_if_any
 from forge.base.files import text_or_nothing, write_if_changed
-from forge.base.layout import TOOLCHAIN_DIR
+from forge.base.layout import TOOLCHAIN_DIR, Layout
 from forge.base.templating import render
 from forge.environment.prefixes import find_underlays
-from forge.plugins.cross.targets import TRIPLES, parse_target, similar_target
-from forge.plugins.cross.zig import find_zig
+from forge.plugins.cross.targets import TRIPLES, Target, parse_target, similar_target
+from forge.plugins.cross.zig import Zig, find_zig
 from forge.toolchain.programs import any_enables_cxx
-from forge.toolchain.targets import CrossBuild
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
-
-    from forge.base.layout import Layout
-    from forge.plugins.cross.targets import Target
-    from forge.plugins.cross.zig import Zig
-    from forge.toolchain.targets import CrossOptions
-    from forge.workspace.model import Package
+from forge.toolchain.targets import CrossBuild, CrossOptions
+from forge.workspace.model import Package
 
 _FILE = "toolchain.cmake"
 _EMULATOR = "CMAKE_CROSSCOMPILING_EMULATOR"

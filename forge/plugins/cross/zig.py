@@ -10,25 +10,20 @@ import shlex
 import subprocess
 import sys
 import tempfile
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base.env_vars import own_cache
 from forge.base.errors import HostError, Problem
 from forge.base.files import write_if_changed
 from forge.base.frozen import frozen
-from forge.base.layout import OWN_CACHE_DIR
+from forge.base.layout import OWN_CACHE_DIR, Layout
 from forge.base.own_environment import extra_command
 from forge.base.templating import render
+from forge.plugins.cross.targets import Target
 from forge.toolchain.programs import find_program
 from forge.toolchain.resources import processors
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
-
-    from forge.base.layout import Layout
-    from forge.plugins.cross.targets import Target
 
 _TOOLS = {"cc": "cc", "c++": "c++", "ar": "ar", "ranlib": "ranlib"}
 _COMPILERS = frozenset({"cc", "c++"})

@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import contextlib
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 from forge.base.errors import Problem, SelectionError
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from forge.execution.executor import ExecutorContext, ExecutorOptions
-    from forge.plugins.dask.connection import Connection
+from forge.execution.executor import ExecutorContext, ExecutorOptions
+from forge.plugins.dask.connection import Connection
 
 
 def check(options: ExecutorOptions) -> None:

@@ -14,23 +14,18 @@ import pickle
 import sys
 import threading
 import time
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO
+from typing import BinaryIO
 
-from forge.build.events import Aborted, Finished
+from forge.build.events import Aborted, Event, Finished
 from forge.execution.job_pool import JobPool
 from forge.execution.jobserver import join_pool
 from forge.execution.runner import LocalExecutor
 from forge.execution.started import BUILD_FOLDER_VARIABLE, StartedProcesses
-from forge.plugins.dask.messages import FINISH, INTERRUPT
+from forge.plugins.dask.messages import FINISH, INTERRUPT, RemoteTask
 from forge.toolchain.resources import is_overloaded
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from forge.build.events import Event
-    from forge.plugins.dask.messages import RemoteTask
 
 LENGTH = 4
 """The size in bytes of the length in front of each message."""

@@ -4,17 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import threading
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Mapping
 
 from forge.base.frozen import frozen
-from forge.execution.jobserver import TOKEN, common_style, create_pool, supported_styles
+from forge.execution.jobserver import TOKEN, TokenPool, common_style, create_pool, supported_styles
 from forge.toolchain.programs import find_ninja, find_program
 from forge.toolchain.resources import processors
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
-    from forge.execution.jobserver import TokenPool
 
 
 @frozen

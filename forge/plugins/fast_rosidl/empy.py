@@ -17,13 +17,11 @@ import importlib.util
 import marshal
 import os
 import tempfile
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-    from types import CodeType, ModuleType
+from types import CodeType, ModuleType
+from typing import Any
 
 _WRITE = "__forge_write__"
 _SERIALIZE = "__forge_serialize__"

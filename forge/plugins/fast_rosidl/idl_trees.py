@@ -12,14 +12,12 @@ Runs in the workspace's interpreter with its lark.
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 from lark import Lark, Token, Tree
 from lark.exceptions import LarkError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
 
 _BASIC = {
     "float": ("floating_pt_type", "floating_pt_type_float"),

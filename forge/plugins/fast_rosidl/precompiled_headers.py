@@ -11,15 +11,11 @@ from __future__ import annotations
 import hashlib
 import re
 import shutil
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from forge.base.files import text_or_nothing, write_if_changed
+from forge.base.frozen import Pairs
 from forge.base.layout import TOOLCHAIN_DIR
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from forge.base.frozen import Pairs
 
 HEADERS_VARIABLE = "FORGE_PRECOMPILED_HEADERS"
 """The folder, in the environment of builds."""

@@ -11,24 +11,19 @@ from __future__ import annotations
 
 import shlex
 import sys
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base.cmake_syntax import quoted
+from forge.base.frozen import Pairs
 from forge.base.layout import PACKAGE, TEMPLATES_DIR, UNITS_FAILED_FILE
 from forge.build.recipes.cmake import scratch_folder
-from forge.build.recipes.context import Addition
+from forge.build.recipes.context import Addition, BuildContext
 from forge.build.up_to_date import FAST_ROSIDL
+from forge.workspace.model import Package
 from forge.workspace.resolve import GENERATORS, INTERFACE_GROUP
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
-
-    from forge.base.frozen import Pairs
-    from forge.build.recipes.context import BuildContext
-    from forge.workspace.model import Package
 
 WORKER_VARIABLE = "FORGE_ROSIDL_WORKER"
 

@@ -12,7 +12,7 @@ import sys
 import tempfile
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
-from typing import IO, TYPE_CHECKING
+from typing import IO
 
 _PACKAGE = Path(__file__).resolve().parents[2]
 
@@ -25,12 +25,11 @@ if __name__ == "__main__":
     assert spec
     sys.modules["forge"] = module_from_spec(spec)
 
+from collections.abc import Mapping
+
 from forge.execution.fork_server import Call, serve
 from forge.execution.worker_client import DECLINED, DECLINED_PREFIX
 from forge.plugins.fast_rosidl.generators import SCRIPTS, DeclinedError, Generators
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 _PREFIXES = ("PYTHON", "LC_", "LANG")
 """Variables that an interpreter reads when it starts."""

@@ -4,18 +4,13 @@ from __future__ import annotations
 
 import json
 import re
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 from forge.base.templating import render
 from forge.interfaces.hashing import hashes
-from forge.interfaces.model import File, sections_of
+from forge.interfaces.model import Catalog, Constant, Field, File, Type, Value, sections_of
 from forge.interfaces.notation import BIDI_CONTROLS, type_text
 from forge.plugins.interface_pages.pages import TITLES
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from forge.interfaces.model import Catalog, Constant, Field, Type, Value
 
 _MARKUP = re.compile(r"([\\`*_<>\[\]|#])")
 _UNSEEN = re.compile(f"[\0-\x1f\x7f-\x9f\u2028\u2029]|{BIDI_CONTROLS.pattern}")

@@ -3,22 +3,28 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING, Any
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from typing import Any
 
 from forge.base.frozen import frozen
 from forge.interfaces.hashing import Hasher, structures_of
-from forge.interfaces.model import Action, Named, element_of, sections_of
+from forge.interfaces.model import (
+    Action,
+    Catalog,
+    Constant,
+    Field,
+    Interface,
+    Message,
+    Named,
+    Source,
+    TypeName,
+    element_of,
+    sections_of,
+)
 from forge.interfaces.notation import kind_of, type_text, value_text, visible
 from forge.interfaces.resolve.dependencies import ACTION_DEPENDENCIES
-from forge.interfaces.wire.sizes import SizeCalculator
+from forge.interfaces.wire.sizes import MemberSize, MessageSize, SizeCalculator
 from forge.plugins.interface_pages.snippets import snippets
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Iterator, Mapping
-
-    from forge.interfaces.model import Catalog, Constant, Field, Interface, Message, Source, TypeName
-    from forge.interfaces.wire.sizes import MemberSize, MessageSize
-
 
 _PREFORMATTED = re.compile(r"^\s|\S {2,}\S|\t", re.MULTILINE)
 

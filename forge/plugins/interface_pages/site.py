@@ -11,18 +11,14 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
 
 from forge.base.frozen import frozen
 from forge.base.templating import render
-from forge.interfaces.model import Catalog, File, sections_of
+from forge.interfaces.model import Catalog, File, Interface, Message, Source, TypeName, sections_of
 from forge.interfaces.notation import KINDS, visible
 from forge.plugins.interface_pages.pages import pages, paragraphs, path_of
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
-
-    from forge.interfaces.model import Interface, Message, Source, TypeName
 
 _TEMPLATES = "interface_pages/templates"
 _SENTENCE = re.compile(r"(.+?[.!?])(?:\s|$)")

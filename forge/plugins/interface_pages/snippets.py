@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Mapping
 
 from forge.base.frozen import frozen
 from forge.base.names import snake_case
-from forge.interfaces.model import Action, Array, Message, Named, Primitive, Sequence, Service, String
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
-    from forge.interfaces.model import Interface, Type, TypeName
+from forge.interfaces.model import (
+    Action,
+    Array,
+    Interface,
+    Message,
+    Named,
+    Primitive,
+    Sequence,
+    Service,
+    String,
+    Type,
+    TypeName,
+)
 
 _ASSIGNMENTS = 2
 _DEPTH = 3

@@ -3,26 +3,22 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING, Literal
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Literal
 
 from forge.base import ament_index
 from forge.base.distributions import EMBEDDED
 from forge.base.frozen import frozen
 from forge.build.build_types import known_types
-from forge.interfaces.model import element_of, sections_of
+from forge.interfaces.model import TypeName, element_of, sections_of
 from forge.interfaces.notation import type_text, value_text
 from forge.interfaces.read.declarations import PRIMITIVES, read_declaration
 from forge.interfaces.read.errors import ParseError
+from forge.interfaces.read.occurrences import Reading
+from forge.plugins.lsp.index import Index
 from forge.plugins.lsp.text import Span
 from forge.workspace.manifest import DEPENDENCY_KINDS, tags_of
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
-    from pathlib import Path
-
-    from forge.interfaces.model import TypeName
-    from forge.interfaces.read.occurrences import Reading
-    from forge.plugins.lsp.index import Index
 
 MOST = 100
 """The maximum number of proposals; with more, the editor asks again after the next character."""

@@ -2,31 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from functools import cached_property
 from itertools import islice
-from typing import TYPE_CHECKING
+from pathlib import Path
 
-from forge.base.errors import InterfaceError, Location, Problem
+from forge.base.errors import InterfaceError, Location, Problem, Severity
 from forge.base.frozen import frozen
 from forge.base.names import nearest
 from forge.build.build_types import is_known_type, unknown_type
-from forge.interfaces.model import Catalog, Message
+from forge.interfaces.model import Catalog, Message, TypeName
 from forge.interfaces.read.lint import lint
+from forge.interfaces.read.occurrences import Reading
 from forge.interfaces.read.parsing import Parsed
 from forge.interfaces.resolve.dependencies import undeclared_dependencies
 from forge.interfaces.resolve.resolution import MAX_EXPLAINED, nested_messages, same_output
-from forge.plugins.lsp.text import span_at
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
-    from pathlib import Path
-
-    from forge.base.errors import Severity
-    from forge.interfaces.model import TypeName
-    from forge.interfaces.read.occurrences import Reading
-    from forge.plugins.lsp.index import Index
-    from forge.plugins.lsp.manifests import ManifestReading
-    from forge.plugins.lsp.text import Span
+from forge.plugins.lsp.index import Index
+from forge.plugins.lsp.manifests import ManifestReading
+from forge.plugins.lsp.text import Span, span_at
 
 
 @frozen

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from forge.base.errors import ForgeError, InterfaceError
-from forge.interfaces.model import Field, sections_of
+from forge.interfaces.model import Constant, Field, TypeName, sections_of
 from forge.interfaces.notation import kind_of, type_text, value_text
-from forge.interfaces.read.occurrences import NameKind
+from forge.interfaces.read.occurrences import NameKind, Occurrence, Reading
 from forge.interfaces.read.parsing import Parsed
 from forge.interfaces.resolve.resolution import nested_messages
 from forge.interfaces.wire.sizes import SizeCalculator
+from forge.plugins.lsp.index import Index
 from forge.plugins.lsp.manifests import read_manifest
 from forge.plugins.lsp.navigation import (
     declared_in_file,
@@ -20,13 +21,6 @@ from forge.plugins.lsp.navigation import (
     package_manifest,
     type_at,
 )
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from forge.interfaces.model import Constant, TypeName
-    from forge.interfaces.read.occurrences import Occurrence, Reading
-    from forge.plugins.lsp.index import Index
 
 _MOST_LINES = 40
 """The maximum number of declarations of a type that are shown."""

@@ -7,25 +7,19 @@ read on demand.
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Mapping
+from pathlib import Path
 
 from forge.base.errors import ForgeError, InterfaceError
 from forge.base.files import text_or_nothing
 from forge.base.names import snake_case
 from forge.interfaces.model import Message, Source, TypeName
-from forge.interfaces.read.occurrences import Reading, read_leniently
+from forge.interfaces.read.occurrences import Occurrence, Reading, read_leniently
 from forge.interfaces.read.parsing import ENDINGS, Parsed
-from forge.interfaces.read.sources import definition_files
+from forge.interfaces.read.sources import Library, definition_files
 from forge.plugins.lsp.manifests import MANIFEST, ManifestReading, read_manifest
 from forge.workspace.load import find_packages
 from forge.workspace.selection import SearchPaths
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-    from pathlib import Path
-
-    from forge.interfaces.read.occurrences import Occurrence
-    from forge.interfaces.read.sources import Library
 
 _SUFFIXES = frozenset(f".{ending}" for ending in ENDINGS)
 

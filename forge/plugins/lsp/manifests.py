@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Mapping
+from pathlib import Path
 
-from forge.base.errors import Location, WorkspaceError
+from forge.base.errors import Location, Problem, WorkspaceError
 from forge.base.frozen import frozen
-from forge.base.xml import parse_xml
+from forge.base.xml import Element, parse_xml
 from forge.plugins.lsp.text import Span, span_at
 from forge.workspace.discovery import ROS_DEFAULTS
 from forge.workspace.manifest import DEPENDENCY_KINDS, parse_manifest
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-    from pathlib import Path
-
-    from forge.base.errors import Problem
-    from forge.base.xml import Element
-    from forge.workspace.model import Manifest
+from forge.workspace.model import Manifest
 
 MANIFEST = "package.xml"
 

@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from pathlib import Path
 
 from forge.base.distributions import EMBEDDED
-from forge.interfaces.read.occurrences import NameKind
-from forge.plugins.lsp.manifests import MANIFEST
+from forge.interfaces.model import TypeName
+from forge.interfaces.read.occurrences import NameKind, Occurrence, Reading
+from forge.plugins.lsp.index import Index
+from forge.plugins.lsp.manifests import MANIFEST, PackageMention
 from forge.plugins.lsp.text import Place, Span
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from forge.interfaces.model import TypeName
-    from forge.interfaces.read.occurrences import Occurrence, Reading
-    from forge.plugins.lsp.index import Index
-    from forge.plugins.lsp.manifests import PackageMention
 
 IN_FILE = frozenset({NameKind.FIELD, NameKind.CONSTANT, NameKind.TYPEDEF, NameKind.ALIAS})
 """The kinds of names that mean nothing outside of their file."""

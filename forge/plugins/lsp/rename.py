@@ -3,24 +3,19 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 from forge.base.errors import InterfaceError, Problem
 from forge.base.frozen import frozen
 from forge.interfaces.model import TypeName
 from forge.interfaces.read.declarations import TYPE_NAME, read_declaration
 from forge.interfaces.read.errors import ParseError
-from forge.interfaces.read.occurrences import NameKind
+from forge.interfaces.read.occurrences import NameKind, Occurrence, Reading
 from forge.interfaces.resolve.resolution import same_output
+from forge.plugins.lsp.index import Index
 from forge.plugins.lsp.navigation import occurrence_at, uses
 from forge.plugins.lsp.text import Edit, Span
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-    from pathlib import Path
-
-    from forge.interfaces.read.occurrences import Occurrence, Reading
-    from forge.plugins.lsp.index import Index
 
 _CMAKE = "CMakeLists.txt"
 _OWN_FOLDER = r"\$\{(?:CMAKE_CURRENT_SOURCE|CMAKE_CURRENT_LIST|PROJECT_SOURCE)_DIR\}"

@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from pathlib import Path
 
+from forge.base.errors import Location
 from forge.base.frozen import frozen
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
-
-    from forge.base.errors import Location
 
 _WORD = re.compile(r"[\w/:<>=.\[\]-]+|\S")
 

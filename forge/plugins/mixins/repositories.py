@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path, PurePosixPath
-from typing import TYPE_CHECKING
 
 from forge.base.env_vars import expand_home, without_passwords
 from forge.base.errors import Location, Problem, SelectionError, WorkspaceError
@@ -19,9 +19,6 @@ from forge.base.formats import read_yaml, yaml_text
 from forge.base.frozen import frozen
 from forge.base.names import did_you_mean
 from forge.cli.mixins import MIXIN_FOLDER, REPOSITORIES, mixin_files, parse_mixins
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 _NAME = re.compile(r"[^\W_][\w.+-]*")
 _FILE = re.compile(r"[^./\0][^/\0]*\.mixin")

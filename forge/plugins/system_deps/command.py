@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 import shlex
 import sys
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base.distributions import distribution_option
 from forge.base.errors import (
@@ -18,6 +18,7 @@ from forge.base.errors import (
     raise_if_any,
 )
 from forge.base.frozen import frozen
+from forge.base.layout import Layout
 from forge.base.names import did_you_mean
 from forge.base.options import option, options_of
 from forge.base.own_environment import extra_command
@@ -27,27 +28,27 @@ from forge.cli.preparation import build_variables, known_rosdistro, workspace_in
 from forge.environment.prefixes import find_underlays, provider, system_prefixes
 from forge.plugins.system_deps.lookup import (
     USUAL_KINDS,
+    DependencyStatus,
+    PackageNames,
     find_package_names,
     has_rosdep,
     is_installed,
     mistyped_distribution,
     needs_of,
 )
-from forge.plugins.system_deps.system import install_commands, installed_names, run_commands, system_of
+from forge.plugins.system_deps.system import (
+    System,
+    install_commands,
+    installed_names,
+    run_commands,
+    system_of,
+)
 from forge.toolchain.os_release import os_release
 from forge.workspace.discovery import discover_embedded
 from forge.workspace.load import load_workspace, resolve_workspace
-from forge.workspace.model import TEST_KINDS, DependencyKind
+from forge.workspace.model import TEST_KINDS, DependencyKind, Workspace
 from forge.workspace.resolve import provided_names
 from forge.workspace.selection import Query
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
-
-    from forge.base.layout import Layout
-    from forge.plugins.system_deps.lookup import DependencyStatus, PackageNames
-    from forge.plugins.system_deps.system import System
-    from forge.workspace.model import Workspace
 
 
 @frozen

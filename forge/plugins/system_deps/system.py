@@ -6,18 +6,14 @@ import re
 import shlex
 import shutil
 import subprocess
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base.errors import HostError, Problem
 from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
+from forge.plugins.system_deps.lookup import DependencyStatus
 from forge.toolchain.os_release import DEBIAN, RED_HAT, families
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Mapping
-
-    from forge.plugins.system_deps.lookup import DependencyStatus
 
 DPKG_STATUS = Path("/var/lib/dpkg/status")
 

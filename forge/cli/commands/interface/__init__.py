@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from forge.base.extensions import VERBS, installed
 from forge.cli.commands.interface import asking, compiling
-from forge.cli.main import add_plugin
-
-if TYPE_CHECKING:
-    from forge.cli.main import Parser
+from forge.cli.main import Parser, add_plugin
 
 __all__ = ["inputs"]
 

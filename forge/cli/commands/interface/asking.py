@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import sys
 from itertools import compress
-from typing import TYPE_CHECKING, Any, NoReturn
+from pathlib import Path
+from typing import Any, NoReturn
 
 from forge.base.ament_index import prefix_of
 from forge.base.distributions import EMBEDDED, distribution_hint, distribution_option
@@ -24,16 +25,11 @@ from forge.cli.options import add_verb
 from forge.interfaces.hashing import hashes
 from forge.interfaces.model import Catalog, TypeName
 from forge.interfaces.prototype import to_yaml
-from forge.interfaces.read.sources import names_in
+from forge.interfaces.read.sources import Library, names_in
 from forge.interfaces.resolve.dependencies import require
 from forge.interfaces.resolve.resolution import nested_messages
 from forge.interfaces.schema import ENCODINGS, schema_text
 from forge.interfaces.show import Comments, parse_type_name, show
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from forge.interfaces.read.sources import Library
 
 _HEADINGS = {"msg": "Messages:", "srv": "Services:", "action": "Actions:"}
 

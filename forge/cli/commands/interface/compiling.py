@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable, Mapping
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from forge.base.distributions import EMBEDDED
 from forge.base.env_vars import compiled_templates
@@ -18,6 +19,7 @@ from forge.base.text import counted
 from forge.cli.commands.interface.inputs import InputOptions, catalog_of, library_of
 from forge.cli.options import add_verb
 from forge.engine.observed import keep
+from forge.interfaces.model import Catalog
 from forge.interfaces.read.lint import python_keywords
 from forge.interfaces.read.sources import Library, read_runtime
 from forge.interfaces.rendering import Part, fingerprints, parts
@@ -32,11 +34,6 @@ from forge.interfaces.writing import (
     write_depfile,
     write_stamp,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-
-    from forge.interfaces.model import Catalog
 
 _DEFAULT_LANGUAGES = ("python", "cpp")
 

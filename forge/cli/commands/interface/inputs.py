@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base.ament_index import prefixes
 from forge.base.distributions import VARIABLE, check_distribution, distribution_in, distribution_option
@@ -13,16 +13,12 @@ from forge.base.frozen import frozen
 from forge.base.options import option, options_of
 from forge.cli.preparation import known_rosdistro
 from forge.environment.installed import known_prefixes
+from forge.interfaces.model import Catalog
 from forge.interfaces.read.declarations import LOWER_NAME
 from forge.interfaces.read.parsing import parse_all
 from forge.interfaces.read.sources import Library, read_folder, read_source
 from forge.interfaces.resolve.resolution import resolve
 from forge.workspace.root import find_install, find_root, is_root, source_packages
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
-    from forge.interfaces.model import Catalog
 
 
 def _pair(mark: str, split: Callable[[str, str], tuple[str, str, str]]) -> Callable[[str], tuple[str, str]]:
