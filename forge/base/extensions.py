@@ -29,10 +29,12 @@ STORES = "forge.stores"
 REPORTERS = "forge.reporters"
 RECIPES = "forge.recipes"
 TOOLCHAINS = "forge.toolchains"
+UNDERLAYS = "forge.underlays"
 
 OWN: Mapping[str, Mapping[str, str]] = {
     COMMANDS: {
         "deps": "forge.plugins.system_deps.command",
+        "fetch": "forge.plugins.fetch.command",
         "graph": "forge.plugins.charts.command",
         "lsp": "forge.plugins.lsp.command",
         "mixin": "forge.plugins.mixins.command",
@@ -53,6 +55,7 @@ OWN: Mapping[str, Mapping[str, str]] = {
         "https": "forge.plugins.remote_cache.http_backend",
     },
     EXECUTORS: {"dask": "forge.plugins.dask.executor"},
+    UNDERLAYS: {"forge.lock": "forge.plugins.fetch.underlay"},
     RECIPES: {"fast_rosidl": "forge.plugins.fast_rosidl.recipe"},
     REPORTERS: {
         "coverage": "forge.plugins.coverage.reporter",
@@ -64,7 +67,14 @@ OWN: Mapping[str, Mapping[str, str]] = {
 PACKAGE_FILES: Mapping[str, str] = {"Cargo.toml": "cargo"}
 """Files that make a folder a package without package.xml, and the build types of plugins that read them."""
 
-_EXTRAS = {"cross": "cross", "dask": "dask", "lsp": "lsp", "remote_cache": "remote", "system_deps": "rosdep"}
+_EXTRAS = {
+    "cross": "cross",
+    "dask": "dask",
+    "fetch": "fetch",
+    "lsp": "lsp",
+    "remote_cache": "remote",
+    "system_deps": "rosdep",
+}
 """The extra with the dependencies of a plugin, if it has any."""
 
 _Result = TypeVar("_Result")

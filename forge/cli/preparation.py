@@ -26,7 +26,7 @@ from forge.base.errors import (
     WorkspaceError,
     raise_if_any,
 )
-from forge.base.extensions import RECIPES, installed
+from forge.base.extensions import RECIPES, UNDERLAYS, find, installed
 from forge.base.frozen import frozen
 from forge.base.graph import closure
 from forge.base.layout import NO_CODE, OWN_CACHE_DIR, PACKAGE, own_folders
@@ -76,6 +76,8 @@ if TYPE_CHECKING:
     from forge.workspace.selection import SearchPaths
 
 
+LOCK_FILE = "forge.lock"
+"""A file in the root of a workspace for which a plugin builds an underlay."""
 _MANY_WHEELS = 4
 """Starting the worker takes as long as three Python packages save by it."""
 
@@ -139,7 +141,7 @@ def load(
     """
     if options.reset_underlays and not options.dry_run and folder_marks.is_own_install_base(layout.install):
         forget_underlays(layout.install)
-    variables = build_variables(layout, os.environ, options.rosdistro)
+    variables = build_variables(layout, os.environ, options.rosdistro, _locked_underlays(options, layout))
     warn(
         (
             *lost_underlays(layout.install, without_own(os.environ, layout)),
@@ -157,6 +159,17 @@ def load(
     )
     warn(loaded.warnings)
     return loaded, variables
+
+
+def _locked_underlays(options: BuildOptions, layout: Layout) -> tuple[Path, ...]:
+    """Return the underlay that the lock of the workspace names, after building what it lacks."""
+    if options.dry_run or not os.path.lexists(LOCK_FILE):
+        return ()
+    build = find(UNDERLAYS, LOCK_FILE, "file", ("build",)).build
+    variables = without_own(os.environ, layout)
+    chain = find_underlays(variables, layout.install).chain
+    underlays: tuple[Path, ...] = build(Path.cwd(), chain, variables, options.jobs.jobs)
+    return underlays
 
 
 def _builds_tests(options: BuildOptions) -> Callable[[Package], bool | None]:
@@ -400,17 +413,22 @@ _OPENED_OF_PYTHON = ("setup.py", "setup.cfg", "pyproject.toml")
 
 
 def build_variables(
-    layout: Layout, surroundings: Mapping[str, str], rosdistro: str | None = None
+    layout: Layout,
+    surroundings: Mapping[str, str],
+    rosdistro: str | None = None,
+    locked: Sequence[Path] = (),
 ) -> dict[str, str]:
     """Return the environment of a build: the caller's environment, ROS defaults and the recorded underlays.
 
     Entries of this workspace are removed, so that sourcing it before a build makes no difference. Underlays
     recorded by an earlier build are used even if they are not sourced in this shell, and those of which the
     shell has only some variables are used as if they were sourced. The ROS distribution is `rosdistro`, else
-    that of the environment, else that of an underlay, else that of an earlier build.
+    that of the environment, else that of an underlay, else that of an earlier build. The underlays
+    `locked` are used as those of an earlier build.
     """
     own = tidy_prefixes(without_own(surroundings, layout))
-    sourced, recorded = find_underlays(own, layout.install).chain, recorded_underlays(layout.install)
+    sourced = find_underlays(own, layout.install).chain
+    recorded = tuple(dict.fromkeys((*recorded_underlays(layout.install), *locked)))
     known = rosdistro or own.get(VARIABLE) or _recorded_rosdistro((*recorded, *sourced), layout.install)
     variables = {**ROS_DEFAULTS, "COLCON": "1", **own, **({VARIABLE: known} if known else {})}
     real = {root.resolve() for root in sourced}

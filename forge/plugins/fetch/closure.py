@@ -1,0 +1,110 @@
+"""Which packages of a distribution a workspace needs, over build and run dependencies."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from forge.base.errors import Problem, SelectionError, raise_if_any
+from forge.base.frozen import frozen
+from forge.base.names import did_you_mean
+from forge.workspace.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Collection, Mapping
+
+    from forge.plugins.fetch.index import Snapshot
+
+MIDDLEWARES = {"cyclonedds": "rmw_cyclonedds_cpp", "fastrtps": "rmw_fastrtps_cpp", "zenoh": "rmw_zenoh_cpp"}
+"""What `--rmw` accepts besides names of packages."""
+
+_MIDDLEWARE_GROUP = "rmw_implementation_packages"
+_MIDDLEWARE_USER = "rmw_implementation"
+
+_OPTIONAL = {"cyclonedds": ("iceoryx_binding_c", "iceoryx_hoofs", "iceoryx_posh")}
+"""Dependencies that a package declares and builds without: the shared memory transport of Cyclone DDS."""
+
+
+@frozen
+class Needs:
+    """What `resolve` found: packages of the distribution, and what the system or Python must have.
+
+    Both map a name to the packages that need it, the workspace's own included; sorted.
+    """
+
+    packages: Mapping[str, tuple[str, ...]]
+    keys: Mapping[str, tuple[str, ...]]
+    """Names of rosdep."""
+
+
+def middleware_package(name: str, snapshot: Snapshot) -> str:
+    """Return the package of a middleware; raises SelectionError if the distribution lacks it."""
+    package = MIDDLEWARES.get(name, name)
+    available = middlewares(snapshot)
+    if package not in available:
+        hint = did_you_mean(name, [*MIDDLEWARES, *available]) or f"it has {', '.join(sorted(available))}"
+        message = f"--rmw: ROS '{snapshot.distribution}' has no middleware '{name}'"
+        raise SelectionError(Problem(message, hint=hint))
+    return package
+
+
+def middlewares(snapshot: Snapshot) -> frozenset[str]:
+    return frozenset(
+        name
+        for name, release in snapshot.releases.items()
+        if _MIDDLEWARE_GROUP in release.manifest and _MIDDLEWARE_GROUP in snapshot.manifest(name).groups
+    )
+
+
+def resolve(
+    wanted: Mapping[str, tuple[str, ...]],
+    snapshot: Snapshot,
+    is_present: Callable[[str], bool],
+    middleware: str,
+    *,
+    tests: bool = False,
+) -> Needs:
+    """Return what `wanted` needs, recursively, except for what `is_present`.
+
+    Only the dependencies of released packages are followed: a name that the distribution has not released is
+    a key of rosdep. Of the middlewares, only the chosen one is included, and those that `wanted` names:
+    `rmw_implementation` declares all of them, and finds at run time what is there. Other groups add nothing,
+    for their members are those of the workspace (REP 149).
+    """
+    kinds = BUILD_KINDS | RUN_KINDS | (TEST_KINDS if tests else frozenset())
+    unwanted = middlewares(snapshot) - {middleware} - wanted.keys()
+    users: dict[str, set[str]] = {name: set(names) for name, names in wanted.items()}
+    packages: set[str] = set()
+    waiting = list(wanted)
+    while waiting:
+        name = waiting.pop()
+        if name in packages or name not in snapshot.releases or is_present(name):
+            continue
+        packages.add(name)
+        manifest = snapshot.manifest(name)
+        needed = {*manifest.names(kinds)} - unwanted - {*_OPTIONAL.get(name, ()), name}
+        if name == _MIDDLEWARE_USER:
+            needed.add(middleware)
+        for other in needed:
+            users.setdefault(other, set()).add(name)
+            waiting.append(other)
+    keys = {name for name in users if name not in snapshot.releases and not is_present(name)}
+
+    def sorted_users(names: Collection[str]) -> dict[str, tuple[str, ...]]:
+        return {name: tuple(sorted(users[name])) for name in sorted(names)}
+
+    return Needs(sorted_users(packages), sorted_users(keys))
+
+
+def check_names(names: Collection[str], snapshot: Snapshot) -> None:
+    """Raise SelectionError for names that the distribution has not released."""
+    raise_if_any(
+        (
+            Problem(
+                f"ROS '{snapshot.distribution}' has no package '{name}'",
+                hint=did_you_mean(name, snapshot.releases, 0.75),
+            )
+            for name in names
+            if name not in snapshot.releases
+        ),
+        SelectionError,
+    )

@@ -1,0 +1,183 @@
+"""The sources of locked packages in the user's cache, shared by all workspaces, read-only.
+
+`CACHE/sources/NAME/VERSION-COMMIT` is the tree of a package, `CACHE/clones/COMMIT.git` a repository
+that a package clones while it is built. Both are complete once they have these names.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+
+from forge.base.env_vars import without_passwords
+from forge.base.errors import ForgeError, Problem
+from forge.base.files import delete_tree, text_or_nothing
+from forge.plugins.fetch import git
+from forge.plugins.fetch.lock import Clone, LockedPackage
+from forge.workspace.cmake_text import calls, cmake_files
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator
+
+    from forge.plugins.fetch.index import Release, Snapshot
+
+_CONNECTIONS = 8
+_Item = TypeVar("_Item")
+_Result = TypeVar("_Result")
+
+
+def source_folder(cache: Path, package: LockedPackage) -> Path:
+    return cache / "sources" / package.name / f"{package.version}-{package.commit[:12]}"
+
+
+def clone_folder(cache: Path, clone: Clone) -> Path:
+    return cache / "clones" / f"{clone.commit}.git"
+
+
+def lock_packages(names: Iterable[str], snapshot: Snapshot) -> tuple[list[LockedPackage], list[Problem]]:
+    """Return the packages with the commits of their tags, and a problem for each that has none."""
+    by_repository: dict[str, list[Release]] = {}
+    for name in sorted(names):
+        by_repository.setdefault(snapshot.releases[name].repository, []).append(snapshot.releases[name])
+
+    def look_up(url: str) -> dict[str, str]:
+        return git.commits_of(url, [release.tag for release in by_repository[url]])
+
+    locked, problems = [], []
+    for url, commits in _in_parallel(look_up, by_repository):
+        releases = by_repository[url]
+        listed = ", ".join(f"'{each.name}'" for each in releases)
+        if isinstance(commits, ForgeError):
+            message = (
+                f"cannot reach '{without_passwords(url)}', which has {listed}: {commits.problems[0].message}"
+            )
+            problems.append(Problem(message))
+            continue
+        for each in releases:
+            if commit := commits.get(each.tag):
+                locked.append(LockedPackage(each.name, each.version, url, each.tag, commit))
+            else:
+                problems.append(
+                    Problem(f"'{without_passwords(url)}' has no tag '{each.tag}' for '{each.name}'")
+                )
+    return locked, problems
+
+
+def download_packages(
+    packages: Iterable[LockedPackage], cache: Path, done: Callable[[LockedPackage], object]
+) -> list[Problem]:
+    """Download what the cache lacks, and call `done` for each; return a problem for each that failed."""
+
+    def download(package: LockedPackage) -> None:
+        with _new_folder(source_folder(cache, package)) as draft:
+            git.check_out(package.repository, package.tag, package.commit, draft)
+            delete_tree(draft / ".git")
+            _make_read_only(draft)
+
+    missing = [each for each in packages if not source_folder(cache, each).is_dir()]
+    problems = []
+    for package, result in _in_parallel(download, missing):
+        if isinstance(result, ForgeError):
+            problems += [
+                replace(each, message=f"cannot download '{package.name}': {each.message}")
+                for each in result.problems
+            ]
+        else:
+            done(package)
+    return problems
+
+
+def lock_clones(
+    packages: Iterable[LockedPackage], cache: Path, *, tests: bool
+) -> tuple[list[Clone], list[Problem]]:
+    """Return the repositories that the packages clone by literal addresses, and problems with them.
+
+    Calls below `if(BUILD_TESTING)` count with `tests`. CMake decides whether a call is made at all.
+    """
+    users: dict[tuple[str, str], set[str]] = {}
+    for package in packages:
+        for text in map(text_or_nothing, cmake_files(source_folder(cache, package))):
+            for call in calls(text) if "GIT_REPOSITORY" in text or "ament_vendor" in text else ():
+                words = dict(zip(call.words, call.words[1:], strict=False))
+                url = words.get("GIT_REPOSITORY") or words.get("VCS_URL") or ""
+                tag = words.get("GIT_TAG") or words.get("VCS_VERSION") or ""
+                for_tests = any("BUILD_TESTING" in each for each in call.conditions)
+                if "://" in url and tag and "$" not in url + tag and (tests or not for_tests):
+                    users.setdefault((url, tag), set()).add(package.name)
+
+    def look_up(clone: tuple[str, str]) -> str:
+        url, tag = clone
+        return tag if len(tag) == 40 else git.commits_of(url, [tag]).get(tag, "")
+
+    clones, problems = [], []
+    for (url, tag), commit in _in_parallel(look_up, users):
+        names = tuple(sorted(users[url, tag]))
+        if isinstance(commit, str) and commit:
+            clones.append(Clone(url, tag, commit, names))
+        else:
+            reason = commit.problems[0].message if isinstance(commit, ForgeError) else f"no tag '{tag}'"
+            problems.append(Problem(f"'{names[0]}' clones '{url}' while it is built: {reason}"))
+    return clones, problems
+
+
+def download_clones(clones: Iterable[Clone], cache: Path) -> list[Problem]:
+    """Download the repositories that the cache lacks; return a problem for each that failed."""
+
+    def download(clone: Clone) -> None:
+        with _new_folder(clone_folder(cache, clone)) as draft:
+            git.mirror(clone.repository, clone.tag, clone.commit, draft)
+
+    missing = [each for each in clones if not clone_folder(cache, each).is_dir()]
+    return [
+        replace(problem, message=f"cannot download '{clone.repository}': {problem.message}")
+        for clone, result in _in_parallel(download, missing)
+        if isinstance(result, ForgeError)
+        for problem in result.problems
+    ]
+
+
+def _in_parallel(
+    function: Callable[[_Item], _Result], items: Iterable[_Item]
+) -> Iterator[tuple[_Item, _Result | ForgeError]]:
+    """Yield each item with the result of the function, or with the error that it raised, in order."""
+
+    def attempt(item: _Item) -> _Result | ForgeError:
+        try:
+            return function(item)
+        except ForgeError as error:
+            return error
+
+    listed = list(items)
+    with ThreadPoolExecutor(_CONNECTIONS) as pool:
+        yield from zip(listed, pool.map(attempt, listed), strict=True)
+
+
+class _new_folder:
+    """A context that yields a draft and gives it its name at the end; after an error, nothing is left."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def __enter__(self) -> Path:
+        self._path.parent.mkdir(parents=True, exist_ok=True)
+        self._draft = Path(tempfile.mkdtemp(prefix=f".{self._path.name}.", dir=self._path.parent))
+        return self._draft
+
+    def __exit__(self, kind: object, *_: object) -> None:
+        if kind is None:
+            with suppress(OSError):  # another forge was faster
+                self._draft.rename(self._path)
+        if self._draft.exists():
+            delete_tree(self._draft)
+
+
+def _make_read_only(folder: Path) -> None:
+    for place, _, names in os.walk(folder):
+        for path in (Path(place, name) for name in names):
+            if not path.is_symlink():
+                path.chmod(path.stat().st_mode & ~0o222)

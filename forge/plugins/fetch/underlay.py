@@ -1,0 +1,161 @@
+"""The underlay of a lock: a workspace in the user's cache, in which the locked packages are built once.
+
+`CACHE/underlays/DISTRIBUTION-KEY` belongs to one distribution, machine, compiler, interpreter and set of
+sourced underlays. Workspaces whose locks agree in the commits of all common packages share it; it grows as
+they need more. Its sources are links into the user's cache; it is built by an ordinary `forge build`.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import platform
+import shutil
+import subprocess
+import sys
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge.base.errors import HostError, Problem
+from forge.base.files import replace_file, text_or_nothing
+from forge.base.text import counted, digest
+from forge.plugins.fetch.lock import LOCK_FILE, cache_folder, read_lock
+from forge.plugins.fetch.python import prepare_interpreter
+from forge.plugins.fetch.sources import (
+    clone_folder,
+    download_clones,
+    download_packages,
+    source_folder,
+)
+from forge.toolchain.interpreter import own_command
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from forge.plugins.fetch.lock import Lock
+
+_SETTINGS = """\
+# Written by forge: the packages of ROS that forge.lock files name, built once for all workspaces.
+[build]
+merge-install = true
+cmake-args = ["-DBUILD_TESTING=OFF", "-DTRACETOOLS_DISABLED=ON"]
+"""
+_BUILT = "built.json"
+"""The commits of the packages of the last successful build, by name."""
+_SOURCED_BY_ROS = ("RMW_IMPLEMENTATION", "PYTHONPATH", "COLCON_PREFIX_PATH")
+
+
+def is_underlay(path: Path, cache: Path) -> bool:
+    """Tell whether a prefix lies in an underlay that forge built for a lock."""
+    return path.is_relative_to(cache / "underlays")
+
+
+def build(
+    root: Path, underlays: Sequence[Path], variables: Mapping[str, str], jobs: int | None
+) -> tuple[Path, ...]:
+    """Return the install folder of the underlay of a workspace's lock, after building what it lacks.
+
+    `underlays` are those that the shell sourced, `variables` the environment without the workspace's own
+    entries. Raises HostError if a package cannot be downloaded or built.
+    """
+    lock = read_lock(root)
+    if lock is None or not lock.packages:
+        return ()
+    cache = cache_folder(variables)
+    foreign = [path for path in underlays if not is_underlay(path, cache)]
+    key = digest(
+        platform.machine(),
+        *map(str, foreign),
+        *(
+            os.path.realpath(shutil.which(name, path=variables.get("PATH")) or name)
+            for name in _programs(variables)
+        ),
+    )
+    commits = {each.name: each.commit for each in lock.packages}
+    folder = _fitting_folder(cache / "underlays", f"{lock.distribution}-{key}", commits)
+    if _commits(folder / _BUILT).items() >= commits.items():
+        return (folder / "install",)
+    folder.mkdir(parents=True, exist_ok=True)
+    with _locked(folder):
+        if not _commits(folder / _BUILT).items() >= commits.items():
+            _extend(folder, lock, cache)
+            _run_build(folder, lock, cache, variables, jobs)
+            known = _commits(folder / _BUILT)
+            replace_file(folder / _BUILT, json.dumps({**known, **commits}, indent=1, sort_keys=True).encode())
+    return (folder / "install",)
+
+
+def _programs(variables: Mapping[str, str]) -> tuple[str, ...]:
+    return (variables.get("CC") or "cc", variables.get("CXX") or "c++", "python3")
+
+
+def _fitting_folder(base: Path, name: str, commits: Mapping[str, str]) -> Path:
+    """Return the first underlay of this name that has no package at another commit."""
+    number = 0
+    while True:
+        folder = base / (f"{name}-{number}" if number else name)
+        there = {link.name: link.resolve().name for link in _links(folder)}
+        if all(there[each].endswith(commit[:12]) for each, commit in commits.items() if each in there):
+            return folder
+        number += 1
+
+
+def _links(folder: Path) -> list[Path]:
+    return sorted((folder / "src").glob("*"))
+
+
+def _commits(path: Path) -> dict[str, str]:
+    try:
+        commits: dict[str, str] = json.loads(text_or_nothing(path) or "{}")
+    except ValueError:
+        return {}
+    return commits
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    with (folder / ".lock").open("w") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        yield
+
+
+def _extend(folder: Path, lock: Lock, cache: Path) -> None:
+    """Download what is missing, and link the sources of the packages into the underlay."""
+    problems = [
+        *download_packages(lock.packages, cache, lambda _: None),
+        *download_clones(lock.clones, cache),
+    ]
+    if problems:
+        raise HostError(*problems)
+    (folder / "src").mkdir(exist_ok=True)
+    replace_file(folder / "forge.toml", _SETTINGS.encode())
+    for each in lock.packages:
+        link = folder / "src" / each.name
+        if not link.is_symlink():
+            link.symlink_to(source_folder(cache, each))
+
+
+def _run_build(folder: Path, lock: Lock, cache: Path, variables: Mapping[str, str], jobs: int | None) -> None:
+    python = prepare_interpreter(folder, lock, variables)
+    own = {name: value for name, value in variables.items() if name not in _SOURCED_BY_ROS}
+    # Commands of git that packages run get what the lock pins, without any network.
+    own |= {
+        f"GIT_CONFIG_KEY_{i}": f"url.{clone_folder(cache, each).as_uri()}.insteadOf"
+        for i, each in enumerate(lock.clones)
+    }
+    own |= {f"GIT_CONFIG_VALUE_{i}": each.repository for i, each in enumerate(lock.clones)}
+    own |= {"GIT_CONFIG_COUNT": str(len(lock.clones))} if lock.clones else {}
+    print(
+        f"building {counted(len(lock.packages), 'package')} of ROS {lock.distribution} in '{folder}', "
+        "once for all workspaces",
+        file=sys.stderr,
+        flush=True,
+    )
+    words = ("--rosdistro", lock.distribution, "--python", python, *(("--jobs", str(jobs)) if jobs else ()))
+    done = subprocess.run(own_command("build", *words), cwd=folder, env=own, check=False)
+    if done.returncode:
+        message = f"the packages of '{LOCK_FILE}' could not be built"
+        hint = f"mend what the messages above say and build again; the logs are in '{folder / 'log'}'"
+        raise HostError(Problem(message, hint=hint))

@@ -1,0 +1,168 @@
+"""`forge fetch` and `forge build` from an empty cache to an installed package, on a distribution on disk."""
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+import tomllib
+
+from tests.conftest import Forge
+from tests.packages import manifest_text, write_files
+from tests.plugins.fetch.ros import CMAKE, Ros, depends, small_ros
+
+pytestmark = pytest.mark.needs("cmake", "git")
+
+NEEDED = ["lib_vendor", "rclmini", "rmw_cyclonedds_cpp", "rmw_implementation"]
+
+
+@pytest.fixture
+def ros(tmp_path: Path) -> Ros:
+    return small_ros(tmp_path / "ros")
+
+
+def new_workspace(root: Path, *lines: str) -> Path:
+    """Write a workspace with one package that needs rclmini."""
+    name = "hello"
+    cmake = 'find_package(rclmini REQUIRED)\nmessage(STATUS "rclmini ${rclmini_VERSION}")'
+    manifest = manifest_text(name, *(lines or depends("rclmini")), build_type="cmake")
+    files = {"package.xml": manifest, "CMakeLists.txt": CMAKE.format(name=name, version="1", lines=cmake)}
+    return write_files(root, {f"src/{name}/{path}": text for path, text in files.items()})
+
+
+def locked(workspace: Path) -> dict[str, Any]:
+    return tomllib.loads((workspace / "forge.lock").read_text())
+
+
+def test_fetch_and_build_lead_from_nothing_to_the_installed_package(
+    ros: Ros, forge: Forge, tmp_path: Path
+) -> None:
+    workspace, env = new_workspace(tmp_path / "my ws"), ros.variables()
+    ran = forge("fetch", cwd=workspace, env=env)
+    assert (ran.code, ran.err) == (0, "")
+    assert "ROS humble: 4 packages in 4 repositories, 4 to download" in ran.out
+    lock = locked(workspace)
+    assert [each["name"] for each in lock["package"]] == NEEDED
+    assert lock["clone"][0]["packages"] == ["lib_vendor"]
+    assert lock["system"] == ["libacl1-dev"]
+    shutil.rmtree(tmp_path / "ros/repositories")
+    shutil.rmtree(tmp_path / "ros/index")
+    ran = forge("build", cwd=workspace, env=env)
+    assert ran.code == 0, ran.err
+    assert "building 4 packages of ROS humble" in ran.err
+    (library,) = (tmp_path / "ros/user cache/forge/ros/underlays").glob("*/install/share/lib_vendor/lib.txt")
+    assert library.read_text() == "the library\n"
+    again = forge("build", cwd=workspace, env=env)
+    assert "1 package unchanged" in again.out
+    assert "building" not in again.err
+
+
+def test_second_workspace_uses_what_is_built(ros: Ros, forge: Forge, tmp_path: Path) -> None:
+    env = ros.variables()
+    for name in ("one", "two"):
+        workspace = new_workspace(tmp_path / name)
+        assert forge("fetch", cwd=workspace, env=env).code == 0
+        ran = forge("build", cwd=workspace, env=env)
+        assert ran.code == 0
+        assert ("building 4 packages of ROS" in ran.err) == (name == "one")
+
+
+def test_named_packages_are_added_and_remembered(ros: Ros, forge: Forge, tmp_path: Path) -> None:
+    workspace, env = new_workspace(tmp_path / "ws"), ros.variables()
+    assert forge("fetch", "turtle", cwd=workspace, env=env).code == 0
+    assert forge("fetch", cwd=workspace, env=env).code == 0
+    assert locked(workspace)["requested"] == ["turtle"]
+    assert [each["name"] for each in locked(workspace)["package"]] == [*NEEDED, "turtle"]
+
+
+def test_tests_and_other_middlewares_are_left_out_unless_asked_for(
+    ros: Ros, forge: Forge, tmp_path: Path
+) -> None:
+    workspace, env = new_workspace(tmp_path / "ws"), ros.variables()
+    assert forge("fetch", "--rmw", "fastrtps", "--test", cwd=workspace, env=env).code == 0
+    expected = ["fastdds", "lib_vendor", "rclmini", "rmw_fastrtps_cpp", "rmw_implementation", "test_tools"]
+    assert [each["name"] for each in locked(workspace)["package"]] == expected
+
+
+def test_lock_holds_versions_until_update(ros: Ros, forge: Forge, tmp_path: Path) -> None:
+    workspace = new_workspace(tmp_path / "ws")
+    assert forge("fetch", cwd=workspace, env=ros.variables()).code == 0
+    before = (workspace / "forge.lock").read_text()
+    newer = ros.release("rclmini", *depends("rmw_implementation", "lib_vendor"), version="1.1.0")
+    env = ros.variables()
+    assert forge("fetch", cwd=workspace, env=env).code == 0
+    assert (workspace / "forge.lock").read_text() == before
+    assert forge("fetch", "--locked", cwd=workspace, env=env).code == 0
+    assert forge("fetch", "--update", "rclmini", cwd=workspace, env=env).code == 0
+    (updated,) = (each for each in locked(workspace)["package"] if each["name"] == "rclmini")
+    assert (updated["version"], updated["commit"]) == ("1.1.0-1", newer)
+
+
+def test_locked_refuses_a_workspace_that_needs_more(ros: Ros, forge: Forge, tmp_path: Path) -> None:
+    workspace, env = new_workspace(tmp_path / "ws"), ros.variables()
+    assert forge("fetch", cwd=workspace, env=env).code == 0
+    before = (workspace / "forge.lock").read_text()
+    new_workspace(workspace, *depends("turtle"))
+    ran = forge("fetch", "--locked", cwd=workspace, env=env)
+    assert ran.code == 2
+    assert "'forge.lock' does not fit the workspace" in ran.err
+    assert (workspace / "forge.lock").read_text() == before
+
+
+def test_moved_tag_is_refused(ros: Ros, forge: Forge, tmp_path: Path) -> None:
+    workspace, env = new_workspace(tmp_path / "ws"), ros.variables()
+    assert forge("fetch", cwd=workspace, env=env).code == 0
+    ros.commit("rclmini-release", {"new": "content"}, "release/humble/rclmini/1.0.0-1")
+    shutil.rmtree(tmp_path / "ros/user cache/forge/ros/sources")
+    ran = forge("fetch", cwd=workspace, env=env)
+    assert ran.code == 2
+    assert "cannot download 'rclmini': the tag 'release/humble/rclmini/1.0.0-1'" in ran.err
+    assert "was moved" in ran.err
+
+
+def test_missing_repository_stops_only_its_packages(ros: Ros, forge: Forge, tmp_path: Path) -> None:
+    workspace, env = new_workspace(tmp_path / "ws"), ros.variables()
+    shutil.rmtree(tmp_path / "ros/repositories/rclmini-release.git")
+    ran = forge("fetch", cwd=workspace, env=env)
+    assert ran.code == 2
+    assert "cannot reach 'https://example.invalid/rclmini-release.git', which has 'rclmini'" in ran.err
+    assert not (workspace / "forge.lock").exists()
+    sources = tmp_path / "ros/user cache/forge/ros/sources"
+    assert sorted(each.name for each in sources.iterdir()) == [each for each in NEEDED if each != "rclmini"]
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("trtle",), "ROS 'humble' has no package 'trtle'\nhint: did you mean 'turtle'?"),
+        (("--rmw", "zenoh"), "ROS 'humble' has no middleware 'zenoh'"),
+        (("--rosdistro", "jazzy"), "has no ROS 2 distribution 'jazzy'"),
+        (("--offline",), "the index of 'humble' was not downloaded yet"),
+        (("--index", "file:///nowhere/index.yaml"), "cannot read the index of ROS distributions"),
+    ],
+)
+def test_mistakes_are_one_message(
+    ros: Ros, forge: Forge, tmp_path: Path, words: tuple[str, ...], message: str
+) -> None:
+    workspace = new_workspace(tmp_path / "ws")
+    ran = forge("fetch", *words, cwd=workspace, env=ros.variables())
+    assert ran.code == 2
+    assert message in ran.err
+    assert not (workspace / "forge.lock").exists()
+
+
+def test_lock_of_a_newer_forge_is_refused(ros: Ros, forge: Forge, tmp_path: Path) -> None:
+    workspace = new_workspace(tmp_path / "ws")
+    (workspace / "forge.lock").write_text("format = 99\n")
+    for command in ("fetch", "build"):
+        ran = forge(command, cwd=workspace, env=ros.variables())
+        assert ran.code == 2
+        assert "written by a newer forge" in ran.err
+
+
+def test_nothing_is_fetched_that_forge_embeds(ros: Ros, forge: Forge, tmp_path: Path) -> None:
+    ros.release("std_msgs")
+    workspace = new_workspace(tmp_path / "ws", *depends("std_msgs"))
+    ran = forge("fetch", cwd=workspace, env=ros.variables())
+    assert (ran.code, ran.out) == (0, "nothing to fetch: the workspace has all that it needs\n")
+    assert not (workspace / "forge.lock").exists()
