@@ -33,6 +33,7 @@ UNDERLAYS = "forge.underlays"
 
 OWN: Mapping[str, Mapping[str, str]] = {
     COMMANDS: {
+        "add": "forge.plugins.fetch.add",
         "deps": "forge.plugins.system_deps.command",
         "fetch": "forge.plugins.fetch.command",
         "graph": "forge.plugins.charts.command",

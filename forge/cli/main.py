@@ -43,6 +43,8 @@ COMMANDS = {
     "graph": "show the dependency graph of the packages",
     "info": "show details of packages",
     "doctor": "diagnose problems of the machine, the shell and the workspace",
+    "fetch": "lock and download the ROS packages that the workspace needs",
+    "add": "add dependencies to a package",
     "deps": "list missing system dependencies of the workspace, and install them",
     "extensions": "list supported build types, event handlers, executors and shells",
     "mixin": "list, show and fetch mixins (named sets of options)",
@@ -59,7 +61,7 @@ COMMANDS = {
 
 _IN_WORKSPACE = frozenset(
     {"build", "test", "test-result", "list", "graph", "info", "clean", "env", "shell", "bundle"}
-    | {"doctor", "deps"}
+    | {"doctor", "deps", "fetch", "add"}
 )
 """Commands that run at the root of the enclosing workspace."""
 

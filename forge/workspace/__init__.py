@@ -4,6 +4,7 @@ Start reading at `load`. May import `base`, `interfaces` and `environment`.
 """
 
 __all__ = [
+    "cmake_text",
     "discovery",
     "identity",
     "load",

@@ -20,7 +20,8 @@ MIDDLEWARES = {"cyclonedds": "rmw_cyclonedds_cpp", "fastrtps": "rmw_fastrtps_cpp
 _MIDDLEWARE_GROUP = "rmw_implementation_packages"
 _MIDDLEWARE_USER = "rmw_implementation"
 
-_OPTIONAL = {"cyclonedds": ("iceoryx_binding_c", "iceoryx_hoofs", "iceoryx_posh")}
+_ICEORYX = ("iceoryx_binding_c", "iceoryx_hoofs", "iceoryx_posh")
+_OPTIONAL = {"cyclonedds": _ICEORYX, "rmw_cyclonedds_cpp": _ICEORYX}
 """Dependencies that a package declares and builds without: the shared memory transport of Cyclone DDS."""
 
 

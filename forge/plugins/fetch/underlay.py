@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.errors import HostError, Problem
-from forge.base.files import replace_file, text_or_nothing
+from forge.base.files import read_file, replace_file, text_or_nothing
 from forge.base.text import counted, digest
 from forge.plugins.fetch.lock import LOCK_FILE, cache_folder, read_lock
 from forge.plugins.fetch.python import prepare_interpreter
@@ -30,6 +30,8 @@ from forge.plugins.fetch.sources import (
     source_folder,
 )
 from forge.toolchain.interpreter import own_command
+from forge.workspace.manifest import parse_manifest
+from forge.workspace.model import BUILD_KINDS, RUN_KINDS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -153,7 +155,13 @@ def _run_build(folder: Path, lock: Lock, cache: Path, variables: Mapping[str, st
         file=sys.stderr,
         flush=True,
     )
-    words = ("--rosdistro", lock.distribution, "--python", python, *(("--jobs", str(jobs)) if jobs else ()))
+    # What a package declares and the lock leaves out is optional: other middlewares, for example.
+    declared = (
+        parse_manifest(read_file(path), path, own) for path in sorted(folder.glob("src/*/package.xml"))
+    )
+    optional = {name for each in declared for name in each.names(BUILD_KINDS | RUN_KINDS)}
+    words = ["--rosdistro", lock.distribution, "--python", python, *(("--jobs", str(jobs)) if jobs else ())]
+    words += ["--event-handlers", "console_start_end-", "--skip-keys", *sorted(optional)]
     done = subprocess.run(own_command("build", *words), cwd=folder, env=own, check=False)
     if done.returncode:
         message = f"the packages of '{LOCK_FILE}' could not be built"
