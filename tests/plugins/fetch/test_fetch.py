@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import tomllib
 
+from forge.base.formats import read_toml
 from tests.conftest import Forge
 from tests.packages import manifest_text, write_files
 from tests.plugins.fetch.ros import CMAKE, Ros, depends, small_ros
@@ -31,7 +31,8 @@ def new_workspace(root: Path, *lines: str) -> Path:
 
 
 def locked(workspace: Path) -> dict[str, Any]:
-    return tomllib.loads((workspace / "forge.lock").read_text())
+    path = workspace / "forge.lock"
+    return read_toml(path.read_bytes(), path)
 
 
 def test_fetch_and_build_lead_from_nothing_to_the_installed_package(
