@@ -1,8 +1,4 @@
-"""Record the inputs of a build folder's contents, and prepare the folder for the next build.
-
-The journal records the inputs of successful builds only. A build that failed or was killed leaves objects
-made from other inputs. Therefore each build folder has its own record of the inputs that its contents match.
-It is written before the first step runs, after everything that does not match was removed.
+"""Prepare the build folder of a package for its next build: keep what its record says is still valid.
 
 A folder whose products are to be reused in a newly configured folder is renamed until CMake has configured
 the new one. If that fails, the next build starts from the renamed folder again.
@@ -12,20 +8,18 @@ from __future__ import annotations
 
 import contextlib
 import filecmp
-import json
 import os
 import time
 from dataclasses import replace
 from functools import cache
+from operator import ne
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from forge.base.files import delete_tree, replace_file
-from forge.base.frozen import frozen
+from forge.base.files import delete_tree, text_or_nothing
 from forge.base.layout import (
     BUILD_RESULT,
     DEFERRED_BUILD_FILE,
-    INSTALLED_CONTENTS_FILE,
     SCRATCH_DIR,
     SET_ASIDE_DIR,
     TEST_RESULT,
@@ -34,18 +28,9 @@ from forge.base.layout import (
     UNITS_FAILED_FILE,
 )
 from forge.base.xml import mentions
-from forge.build.build_notes import (
-    BEGUN,
-    ENDED,
-    EXTERNALS,
-    SOURCES,
-    generated_digest,
-    read_json,
-    written_since,
-)
-from forge.build.inputs.input_manifest import Changes, compare, read_manifest, write_manifest
+from forge.build.inputs.fingerprints import Changes, compare, contents_of, digest_strings
 from forge.build.inputs.native_graph import cmake_edge, read_native_graph
-from forge.build.observed_commands import COMMANDS, COMMANDS_BEFORE
+from forge.build.records import begin_record, read_record
 from forge.build.reuse import (
     Decision,
     Reuse,
@@ -54,18 +39,32 @@ from forge.build.reuse import (
     is_known,
     restorable_outputs,
     with_all_written,
+    would_only_link,
 )
-from forge.engine.commands import NOT_OBSERVED, read_commands, write_commands
+from forge.build.up_to_date import changed_input
+from forge.engine.commands import NOT_OBSERVED
+from forge.toolchain.programs import CMAKE_TYPES
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping
+    from collections.abc import Iterable, Iterator, Mapping
 
-    from forge.base.frozen import Pairs
-    from forge.build.inputs.input_manifest import InputManifest
+    from forge.build.inputs.fingerprints import FileState, FileTable
     from forge.build.inputs.native_graph import NativeGraph
+    from forge.build.installed_states import InstalledStates
+    from forge.build.model import BuildRecord
+    from forge.build.records import FolderRecord
+    from forge.build.tasks import Task
     from forge.engine.commands import ObservedCommands
 
-_DROPPED = "dropped.json"
+_GENERATED = (
+    "CMakeCache.txt",
+    "build.ninja",
+    "CMakeFiles/rules.ninja",
+    "Makefile",
+    "CMakeFiles/Makefile2",
+    "cmake_install.cmake",
+)
+"""What CMake generates for the native tool, which may not be able to read a damaged file."""
 _KEPT = (
     *(BUILD_RESULT, TEST_RESULT, TEST_SCRATCH_DIR, "test_results", "Testing"),
     *("pytest.xml", "unittest.xml", ".coverage", "coverage.html", "coverage.xml", ".pytest_cache"),
@@ -75,59 +74,40 @@ _CLOCK_NANOSECONDS = 2_000_000_000
 """The tolerated difference between the clocks of this machine and of a file server."""
 
 
-@frozen
-class BuildDirInputs:
-    """The inputs of a package at the start of its build.
-
-    `base` is a digest of inputs that no native build tool tracks: forge, tools, variables. `shape` is a
-    digest of inputs that take effect at configure time: options, packages in underlays. `needs` are the
-    digests of the dependencies' installed files. `kept` are names that stay when the folder is emptied.
-    """
-
-    base: str
-    shape: str
-    needs: Mapping[str, str]
-    sources: InputManifest
-    kept: tuple[str, ...] = ()
-
-
-@frozen
-class FileChecks:
-    """Functions that check files outside the package.
-
-    `needed_changes(name, then, now)` returns the difference between two states of a dependency's installed
-    files, or None if it is unknown; `only_library_code_changed` whether they differ only in the code of
-    shared libraries. `contents(paths)` returns content digests, `answers(questions)` answers of a `World`.
-    """
-
-    needed_changes: Callable[[str, str, str], Changes | None]
-    contents: Callable[[Iterable[str]], Mapping[str, str]]
-    only_library_code_changed: Callable[[str, str, str], bool]
-    answers: Callable[[Iterable[str]], Pairs] = lambda _: ()
-
-
-def prepare_build_dir(
-    build: Path,
-    inputs: BuildDirInputs,
-    checks: FileChecks,
-    *,
-    can_reuse: bool,
-    reconfigure: bool,
-) -> Reuse:
-    """Prepare a build folder for the steps that follow; return how much of it is reused.
-
-    `can_reuse` is False for build types that always start from empty, except for the names that are kept;
-    `reconfigure` runs CMake in any case.
-    """
+def last_record(build: Path) -> FolderRecord | None:
+    """Return what is known of the contents of a build folder, after a build that was perhaps killed."""
     before = set_aside_path(build)
     _discard(_trash(build))
     if before.is_dir():
         # The configure step after which its products should have been restored did not finish.
         _discard(build)
         before.rename(build)
-    seen = read_commands(build / SCRATCH_DIR / COMMANDS)
-    decision = _decision(build, inputs, checks, seen, reconfigure=reconfigure) if can_reuse else _NOTHING
-    if decision.reuse is Reuse.EVERYTHING:
+    return read_record(build)
+
+
+def prepare_build_dir(
+    build: Path,
+    last: FolderRecord | None,
+    now: FolderRecord,
+    states: InstalledStates,
+    table: FileTable,
+    *,
+    kept: tuple[str, ...] = (),
+    can_reuse: bool,
+    reconfigure: bool,
+) -> tuple[Reuse, FolderRecord]:
+    """Prepare a build folder for the steps that follow; return how much of it is reused, and its record.
+
+    `last` is its last record, `now` has the current inputs. `kept` are names that stay when the folder is
+    emptied. `can_reuse` is False for build types that always start from empty, except for these;
+    `reconfigure` runs CMake in any case.
+    """
+    decision = _NOTHING
+    if can_reuse and last:
+        decision = _decision(build, last, now, states, table, reconfigure=reconfigure)
+    reuse, seen = decision.reuse, last.commands if last else NOT_OBSERVED
+    made: frozenset[str] = frozenset()
+    if reuse is Reuse.EVERYTHING:
         # The first output of a command goes in any case, or the native tool would not run it.
         remaining = (
             each.remaining - {output} for output, each in seen.edges.items() if output in decision.dropped
@@ -135,27 +115,19 @@ def prepare_build_dir(
         _remove_below(build, decision.dropped.difference(*remaining))
         _touch_build_ninja(build)
     else:
-        _begin_empty(build, decision, inputs.kept)
-    folder = build / SCRATCH_DIR
-    for name in (ENDED, DEFERRED_BUILD_FILE):
-        (folder / name).unlink(missing_ok=True)
-    # If this build is killed, nothing is known of the commands that it has run.
-    if decision.reuse is Reuse.EVERYTHING and (folder / COMMANDS).is_file():
-        (folder / COMMANDS).replace(folder / COMMANDS_BEFORE)
-    else:
-        (folder / COMMANDS).unlink(missing_ok=True)
-        is_known = decision.reuse is not Reuse.NOTHING or inputs.kept
-        write_commands(folder / COMMANDS_BEFORE, seen if is_known else NOT_OBSERVED)
-    write_manifest(folder / SOURCES, inputs.sources)
-    note = {
-        "began": time.time_ns(),
-        "base": inputs.base,
-        "shape": inputs.shape,
-        "needs": dict(inputs.needs),
-        "empty": decision.reuse is Reuse.NOTHING and not any((build / name).exists() for name in inputs.kept),
-    }
-    replace_file(folder / BEGUN, json.dumps(note, indent=2).encode())
-    return decision.reuse
+        made = _begin_empty(build, reuse, kept)
+    (build / SCRATCH_DIR / DEFERRED_BUILD_FILE).unlink(missing_ok=True)
+    record = replace(
+        now,
+        began=time.time_ns(),
+        from_empty=reuse is Reuse.NOTHING and not any((build / name).exists() for name in kept),
+        dropped=decision.dropped if reuse is Reuse.PRODUCTS else frozenset(),
+        read_by_commands=made,
+        commands=seen if reuse is not Reuse.NOTHING or kept else NOT_OBSERVED,
+        externals=last.externals if last and reuse is Reuse.EVERYTHING else None,
+    )
+    begin_record(build, record)
+    return reuse, record
 
 
 def restore_outputs(build: Path) -> None:
@@ -170,10 +142,10 @@ def restore_outputs(build: Path) -> None:
 
 
 def _restore(build: Path, before: Path) -> None:
-    note_data = read_json(build / SCRATCH_DIR / _DROPPED)
-    dropped = frozenset(note_data.get("dropped", ()))
+    record, last = read_record(build), read_record(before)
+    dropped = record.dropped if record else frozenset[str]()
     graph, then = read_native_graph(build), read_native_graph(before, build)
-    seen = _of_same_commands(read_commands(build / SCRATCH_DIR / COMMANDS_BEFORE), then, graph)
+    seen = _of_same_commands(last.commands if record and last else NOT_OBSERVED, then, graph)
     graph = replace(graph, reported=then.reported)
     dropped |= affected_outputs(graph, _generated_changes(build, before), seen)
     dropped = with_all_written(graph, dropped | _readers_of_generated(build, before, graph, seen), seen)
@@ -181,7 +153,7 @@ def _restore(build: Path, before: Path) -> None:
         for path in (product, *(seen.edges[product].written if product in seen.edges else ())):
             if path.startswith(f"{build}/"):
                 _move(path, path.replace(str(build), str(before), 1))
-    for path in note_data.get("generated", ()):
+    for path in record.read_by_commands if record else ():
         _restore_time(path, path.replace(str(build), str(before), 1))
     for name in (".ninja_deps", ".ninja_log"):
         _move(str(build / name), str(before / name))
@@ -230,77 +202,117 @@ def empty_build_dir(build: Path) -> None:
     """Empty a build folder whose contents belong to no record, keeping what tests and other tools wrote."""
     _discard(_trash(build))
     _discard(set_aside_path(build))
-    _begin_empty(build, _NOTHING, (INSTALLED_CONTENTS_FILE, f"{SCRATCH_DIR}/{DEFERRED_BUILD_FILE}"))
+    _begin_empty(build, Reuse.NOTHING, (f"{SCRATCH_DIR}/{DEFERRED_BUILD_FILE}",))
 
 
 _NOTHING = Decision(Reuse.NOTHING)
 
 
 def _decision(
-    build: Path, inputs: BuildDirInputs, checks: FileChecks, seen: ObservedCommands, *, reconfigure: bool
+    build: Path,
+    last: FolderRecord,
+    now: FolderRecord,
+    states: InstalledStates,
+    table: FileTable,
+    *,
+    reconfigure: bool,
 ) -> Decision:
-    note, ended = read_json(build / SCRATCH_DIR / BEGUN), read_json(build / SCRATCH_DIR / ENDED)
-    then = read_manifest(build / SCRATCH_DIR / SOURCES)
-    known = then is not None and isinstance(note.get("began"), int) and note.get("base") == inputs.base
-    if not known or then is None or _in_future(build, note["began"]):
-        return _NOTHING
-    if ended and ended.get("generated") != generated_digest(build):
+    graph, seen = read_native_graph(build), last.commands
+    needed_changes = dependency_changes(last.needs, now.needs, states)
+    if (
+        last.base != now.base
+        or last.saved - now.sources.keys()
+        or needed_changes is None
+        or not graph.tool
+        or _in_future(build, last.began)
         # Damaged, or written by a run of CMake that forge does not know.
+        or (last.complete and last.generated != generated_digest(build))
+        or _externals_changed(build, last, graph, table)
+        or dict(seen.answers) != contents_of(dict(seen.answers), table)
+    ):
         return _NOTHING
-    own = compare(then, inputs.sources, by_stats=not ended)
-    saved = frozenset(ended.get("saved", ()))
-    if saved - inputs.sources.keys():
-        return _NOTHING
-    own |= Changes(modified=saved)
-    needed_changes = dependency_changes(note.get("needs"), inputs.needs, checks)
-    graph = read_native_graph(build)
-    external_paths = (path for path in graph.known() - then.keys() if not path.startswith(f"{build}/"))
-    if needed_changes is None or not graph.tool or _externals_changed(build, external_paths, note, checks):
-        return _NOTHING
-    if seen.answers != checks.answers(question for question, _ in seen.answers):
-        return _NOTHING
-    if {*note["needs"]} != {*inputs.needs}:
+    # After a build that did not finish, a file that was written since may have had other content in between.
+    differ = _content_differs if last.complete else ne
+    own = compare(last.sources, now.sources, differ) | Changes(modified=last.saved)
+    if last.needs.keys() != now.needs.keys():
         # Other prefixes are in the search paths: nothing was looked for in them.
         seen = NOT_OBSERVED
     decision = decide(graph, own | needed_changes, seen)
-    must_configure = reconfigure or note.get("shape") != inputs.shape
+    must_configure = reconfigure or last.shape != now.shape
     if must_configure and decision.reuse is Reuse.EVERYTHING:
         return Decision(Reuse.PRODUCTS if graph.tool == "ninja" else Reuse.NOTHING, decision.dropped)
     return decision
 
 
-def dependency_changes(then: object, now: Mapping[str, str], checks: FileChecks) -> Changes | None:
+def _content_differs(then: FileState, now: FileState) -> bool:
+    return then.content != now.content
+
+
+def dependency_changes(
+    then: Mapping[str, str], now: Mapping[str, str], states: InstalledStates
+) -> Changes | None:
     """Return the changes in the dependencies' installed files, or None if they are unknown."""
-    if not isinstance(then, dict):
-        return None
     changes = Changes()
     for name in then.keys() | now.keys():
         one, other = then.get(name, ""), now.get(name, "")
         if one != other:
-            found = checks.needed_changes(name, one, other)
+            found = states.changes(name, one, other)
             if found is None:
                 return None
             changes |= found
     return changes
 
 
-def _externals_changed(
-    build: Path, external_paths: Iterable[str], note: Mapping[str, Any], checks: FileChecks
+def relinking_is_redundant(
+    task: Task, record: BuildRecord, needs: Mapping[str, str], states: InstalledStates
 ) -> bool:
+    """Return True if building a task would only link it with shared libraries whose interfaces are unchanged.
+
+    All that the package has installed would stay the same, byte for byte. `record` is that of its last build,
+    which succeeded. `needs` has a digest of what each dependency has installed.
+    """
+    only_needs_changed = changed_input(replace(task.inputs, needs=record.inputs.needs), record.inputs) is None
+    if task.package.build_type not in CMAKE_TYPES or not only_needs_changed:
+        return False
+    last = read_record(task.build_dir)
+    if last is None or not last.complete or last.saved or last.needs.keys() != needs.keys():
+        return False
+    changed = [(name, last.needs[name], needs[name]) for name in needs if last.needs[name] != needs[name]]
+    if not changed or not all(states.only_library_code_changed(*each) for each in changed):
+        return False
+    needed = dependency_changes(last.needs, needs, states)
+    return needed is not None and would_only_link(read_native_graph(task.build_dir), needed, last.commands)
+
+
+def _externals_changed(build: Path, last: FolderRecord, graph: NativeGraph, table: FileTable) -> bool:
     """Return True if a file outside the package that the contents depend on has changed.
 
-    A build that did not finish recorded no contents of such files: of the `external_paths` that its commands
-    read, those written since it started count as changed.
+    A build that did not finish recorded no contents of such files: of those that its commands read, the ones
+    written since it started count as changed.
     """
-    ended = (build / SCRATCH_DIR / ENDED).is_file()
-    then = read_manifest(build / SCRATCH_DIR / EXTERNALS)
-    if then is not None:
-        now = checks.contents(then)
-        if any(state.content != now[path] for path, state in then.items()):
+    if last.externals is not None:
+        now = contents_of(last.externals, table)
+        if any(state.content != now[path] for path, state in last.externals.items()):
             return True
-    if ended:
-        return then is None
-    return any(written_since(path, note["began"]) for path in external_paths)
+    if last.complete:
+        return last.externals is None
+    outside = (path for path in graph.known() - last.sources.keys() if not path.startswith(f"{build}/"))
+    return any(written_since(path, last.began) for path in outside)
+
+
+def written_since(path: str, when: int) -> bool:
+    """Return True if a file exists and was written or moved here since `when` (nanoseconds)."""
+    try:
+        status = os.stat(path)
+    except OSError:
+        return False
+    return max(status.st_mtime_ns, status.st_ctime_ns) >= when
+
+
+def generated_digest(build: Path) -> str:
+    """Return a digest of what CMake generated in a build folder."""
+    texts = (text_or_nothing(build / name, errors="surrogateescape") for name in _GENERATED)
+    return digest_strings(*texts)
 
 
 def _in_future(build: Path, begun: int) -> bool:
@@ -311,30 +323,31 @@ def _in_future(build: Path, begun: int) -> bool:
     return max(latest) > time.time_ns() + _CLOCK_NANOSECONDS
 
 
-def _begin_empty(build: Path, decision: Decision, more: tuple[str, ...]) -> None:
-    """Replace a build folder by an empty one, keeping the results of tests and files of other tools."""
-    target = set_aside_path(build) if decision.reuse is Reuse.PRODUCTS else _trash(build)
+def _begin_empty(build: Path, reuse: Reuse, more: tuple[str, ...]) -> frozenset[str]:
+    """Replace a build folder by an empty one, keeping the results of tests and files of other tools.
+
+    Return the files in a folder that was set aside which its commands read, but did not make.
+    """
+    target = set_aside_path(build) if reuse is Reuse.PRODUCTS else _trash(build)
     if build.is_dir() and not build.is_symlink():
         target.parent.mkdir(exist_ok=True)
         build.rename(target)
     # The mark comes first: whenever this build is killed, the next one knows whose folder this is.
     (build / SCRATCH_DIR).mkdir(parents=True, exist_ok=True)
     # A build that reuses nothing tries again whether generated sources compile together.
-    kept = (*_KEPT, UNITS_FAILED_FILE) if decision.reuse is Reuse.PRODUCTS else _KEPT
+    kept = (*_KEPT, UNITS_FAILED_FILE) if reuse is Reuse.PRODUCTS else _KEPT
     for name in (*kept, *more):
         with contextlib.suppress(FileNotFoundError):
             (target / name).rename(build / name)
     for path in _test_results(target):
         (build / path).parent.mkdir(parents=True, exist_ok=True)
         (target / path).rename(build / path)
-    if decision.reuse is Reuse.PRODUCTS:
-        graph = read_native_graph(target, build)
-        made = {output for edge in graph.edges for output in edge.outputs}
-        inputs = (path for path in graph.known() if path.startswith(f"{build}/"))
-        note_data = {"dropped": sorted(decision.dropped), "generated": sorted(set(inputs) - made)}
-        replace_file(build / SCRATCH_DIR / _DROPPED, json.dumps(note_data).encode())
-    else:
+    if reuse is not Reuse.PRODUCTS:
         _discard(target)
+        return frozenset()
+    graph = read_native_graph(target, build)
+    made = {output for edge in graph.edges for output in edge.outputs}
+    return frozenset(path for path in graph.known() if path.startswith(f"{build}/")) - made
 
 
 def _test_results(build: Path) -> Iterator[str]:

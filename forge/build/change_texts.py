@@ -1,7 +1,7 @@
 """Names what differs between the last build of a package and now: sources, installed files, external inputs.
 
-The digests of the journal tell that something changed. Which files those are is read from the manifests in
-the build folders, since the file table only knows what changed since the last run of forge.
+The digests of the journal tell that something changed. Which files those are is read from the records of the
+build folders, since the file table only knows what changed since the last run of forge.
 """
 
 from __future__ import annotations
@@ -9,10 +9,7 @@ from __future__ import annotations
 import os
 from typing import TYPE_CHECKING
 
-from forge.base.layout import SCRATCH_DIR
-from forge.build.build_notes import EXTERNALS, SOURCES
-from forge.build.inputs.fingerprints import DIR_LISTING_SUFFIX, contents_of, tree_manifest
-from forge.build.inputs.input_manifest import Changes, compare, read_manifest
+from forge.build.inputs.fingerprints import DIR_LISTING_SUFFIX, Changes, compare, contents_of
 from forge.build.up_to_date import UNKNOWN_INSTALLED, UNKNOWN_SOURCES, InputChange, InputKind
 from forge.engine.world import KIND, MODULES, PACKAGE_FOUND, PROCESSOR, PROGRAM, VARIABLE
 
@@ -20,9 +17,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Mapping
     from pathlib import Path
 
-    from forge.build.inputs.fingerprints import FileTable
-    from forge.build.inputs.input_manifest import InputManifest
+    from forge.build.inputs.fingerprints import FileTable, Manifest
     from forge.build.model import BuildRecord
+    from forge.build.records import FolderRecord
 
 _MISSING = "missing"
 _QUESTIONS = (
@@ -36,14 +33,13 @@ _QUESTIONS = (
 UNKNOWN_EXTERNAL = "a file outside of the package that its last build read has changed"
 
 
-def changed_sources(home: str, build: Path, record: BuildRecord, table: FileTable) -> str:
-    """Return which sources of a package below `home` changed since its last build."""
-    then = _manifest(build, SOURCES, record)
-    if then is None:
+def changed_sources(home: str, now: Manifest, last: FolderRecord | None, table: FileTable) -> str:
+    """Return which sources of a package below `home` changed since its last build, if that is known."""
+    if last is None:
         recent = frozenset(path for path in recently_changed(table) if path.startswith(f"{home}/"))
         changes = Changes(modified=recent)
     else:
-        changes = compare(then, tree_manifest(home, table))
+        changes = compare(last.sources, now, lambda one, other: one.content != other.content)
     return described(changes, lambda path: path.removeprefix(f"{home}/")) or UNKNOWN_SOURCES
 
 
@@ -53,7 +49,7 @@ def recently_changed(table: FileTable) -> tuple[str, ...]:
 
 
 def changed_installed_files(
-    record: BuildRecord, then: InputManifest | None, table: FileTable, root: Path, sources: str
+    record: BuildRecord, then: Mapping[str, str] | None, table: FileTable, root: Path, sources: str
 ) -> str:
     """Return which installed files differ from those of the last build, whose contents were `then`.
 
@@ -64,8 +60,8 @@ def changed_installed_files(
     if then is None or not all(path in then for path in paths):
         gone = frozenset(path for path in paths if not os.path.lexists(path))
         return described(Changes(removed=gone), _from(root)) or UNKNOWN_INSTALLED
-    changed = {path for path in paths if then[path].content != now[path]}
-    linked = {path for path in changed if _leads_as_before(path, then[path].content)}
+    changed = {path for path in paths if then[path] != now[path]}
+    linked = {path for path in changed if _leads_as_before(path, then[path])}
     if linked == changed and sources:
         return sources
     changed = {os.path.realpath(path) if path in linked else path for path in changed}
@@ -74,11 +70,11 @@ def changed_installed_files(
 
 
 def changed_external_files(
-    build: Path, record: BuildRecord, table: FileTable, root: Path, recent: Iterable[str]
+    last: FolderRecord | None, record: BuildRecord, table: FileTable, root: Path, recent: Iterable[str]
 ) -> InputChange:
     """Return which files outside the package changed; `recent` are files known to have changed lately."""
     now = contents_of(record.externals, table)
-    then = _manifest(build, EXTERNALS, record)
+    then = last.externals if last else None
     if then is not None:
         before = {path: then[path].content for path in record.externals if path in then}
         changed = {path for path in before if before[path] != now[path]}
@@ -142,8 +138,3 @@ def _leads_as_before(path: str, content: str) -> bool:
         return content.startswith(f"link {os.readlink(path)} ")  # noqa: PTH115
     except OSError:
         return False
-
-
-def _manifest(build: Path, name: str, record: BuildRecord) -> InputManifest | None:
-    """Return a manifest of the last build, None for a package that the cache restored."""
-    return read_manifest(build / SCRATCH_DIR / name) if record.began else None

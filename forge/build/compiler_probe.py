@@ -24,8 +24,8 @@ from forge.base.files import has_text, remove_tree, replace_file, text_or_nothin
 from forge.base.frozen import frozen
 from forge.base.layout import TOOLCHAIN_DIR
 from forge.base.text import digest
-from forge.build.inputs.fingerprints import contents_of, file_manifest
-from forge.build.inputs.input_manifest import read_manifest, write_manifest
+from forge.build.inputs.fingerprints import contents_of
+from forge.build.records import read_json
 from forge.engine.commands import Folders
 from forge.engine.observer import run_observed
 from forge.toolchain.cmake_variables import unused_variables
@@ -46,7 +46,7 @@ _PROJECT = """\
 cmake_minimum_required(VERSION 3.18)
 project(forge_toolchain {languages})
 """
-_READ, _ASKED = "read.json", "asked.json"
+_READ = "read.json"
 _DIGEST, _UNUSED = "digest", "unused_variables"
 """The variables of CMake's arguments that the reference project does not use, one per line."""
 
@@ -140,27 +140,20 @@ class Toolchain:
             self._argv, variables, library, self._home / "observed" / "log", folders
         )
         if self._observed and not accesses.blind:
-            read = file_manifest(sorted(accesses.external), self._observed.table)
-            write_manifest(self._home / _READ, read)
-            answers = self._observed.world.answers(accesses.asked)
-            replace_file(self._home / _ASKED, json.dumps(answers).encode())
+            read = contents_of(sorted(accesses.external | accesses.asked), self._observed.table)
+            replace_file(self._home / _READ, json.dumps(read).encode())
         replace_file(self._home / _UNUSED, "\n".join(sorted(unused_variables(done.stderr))).encode())
         replace_file(self._home / _DIGEST, self._digest().encode())
 
     def _is_current(self) -> bool:
         """Return True if all that the reference project was observed to read is unchanged."""
-        then = read_manifest(self._home / _READ)
-        if then is None or self._observed is None:
-            return False
-        now, world = contents_of(then, self._observed.table), self._observed.world
-        asked = json.loads(text_or_nothing(self._home / _ASKED) or "[]")
-        is_same = all(state.content == now[path] for path, state in then.items())
-        return is_same and all(world.answer(question) == answer for question, answer in asked)
+        then = read_json(self._home / _READ)
+        return bool(then) and self._observed is not None and contents_of(then, self._observed.table) == then
 
     def _digest(self) -> str:
         """Return a digest of the results, to detect damaged ones."""
         build = self._home / "build"
-        own = (self._home / name for name in (_UNUSED, _READ, _ASKED))
+        own = (self._home / name for name in (_UNUSED, _READ))
         files = (*own, build / "CMakeCache.txt", *sorted(build.glob("CMakeFiles/[0-9]*/*")))
         return digest(*(path.read_bytes().hex() for path in files if path.is_file()))
 

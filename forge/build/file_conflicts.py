@@ -1,35 +1,25 @@
 """Detect packages that install the same file of a merged tree with different contents.
 
-The tree contains only the last version. Therefore each package's build folder records digests of its files.
+The tree contains only the last version. Digests of each package's own files are in its last installed state.
 """
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem
-from forge.base.files import write_if_changed
-from forge.base.layout import INSTALLED_CONTENTS_FILE
-from forge.build.inputs.fingerprints import contents_of, fingerprint_files
+from forge.build.inputs.fingerprints import fingerprint_files
+from forge.build.installed_states import InstalledStates
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Mapping
-    from pathlib import Path
+    from collections.abc import Collection, Mapping
 
     from forge.base.layout import Layout
     from forge.build.inputs.fingerprints import FileTable
     from forge.build.journal import Journal
     from forge.build.model import BuildRecord
     from forge.build.tasks import BuildPlan, Task
-
-
-def record_contents(build: Path, files: Iterable[str], table: FileTable) -> None:
-    """Record the contents of a package's installed files before another package may overwrite them."""
-    # Only the content digest, without mode and link target.
-    data = {path: content.rpartition(" ")[2] for path, content in contents_of(files, table).items()}
-    write_if_changed(build / INSTALLED_CONTENTS_FILE, json.dumps(data))
 
 
 class MergedPrefix:
@@ -100,13 +90,16 @@ def conflicting_files(
         for path, owners in sorted(owners.items())
         if len(owners) > 1 and not frozenset(names).isdisjoint(owners)
     }
-    notes = {
-        name: _note(layout.build_dir(name)) for name in {n for owners in shared.values() for n in owners}
+    states = InstalledStates(layout.build)
+    contents = {
+        name: states.contents(name, records[name].installed.digest) or {}
+        for name in {name for owners in shared.values() for name in owners}
     }
     return {
         path: owners
         for path, owners in shared.items()
-        if len({notes[name].get(path, "") for name in owners}) > 1
+        # Only the content digest, without mode and link target.
+        if len({contents[name].get(path, "").rpartition(" ")[2] for name in owners}) > 1
     }
 
 
@@ -136,15 +129,6 @@ def overwritten(plan: BuildPlan, layout: Layout, records: Mapping[str, BuildReco
             name for name in owners if name in plan.tasks or any(name in task.needs for task in built)
         )
     return frozenset(found)
-
-
-def _note(build: Path) -> Mapping[str, str]:
-    """Return the recorded contents of a package's files; {} if there are none."""
-    try:
-        data = json.loads((build / INSTALLED_CONTENTS_FILE).read_bytes())
-    except (OSError, ValueError, RecursionError):
-        return {}
-    return data if isinstance(data, dict) else {}
 
 
 def _problem(path: str, owners: list[str], layout: Layout) -> Problem:

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 from typing import TYPE_CHECKING
 
 from forge.base.files import replace_file
 from forge.base.layout import INSTALLED_STATES_DIR
 from forge.build.inputs.elf_abi import SHARED_LIBRARY, abi_digest
-from forge.build.inputs.input_manifest import FileState, compare, read_manifest, write_manifest
+from forge.build.inputs.fingerprints import compare
+from forge.build.records import read_json
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
-    from forge.build.inputs.input_manifest import Changes, InputManifest
+    from forge.build.inputs.fingerprints import Changes
 
 _KEPT = 8
 """The number of states kept per package: dependents may have been built with different ones."""
@@ -35,16 +35,15 @@ class InstalledStates:
     def keep(self, name: str, digest: str, contents: Mapping[str, str]) -> None:
         """Record the contents of a package's installed files by absolute path; remove old states."""
         folder = self._home / name
-        manifest = {path: FileState("", content) for path, content in contents.items()}
-        write_manifest(folder / f"{digest}.json", manifest)
+        replace_file(folder / f"{digest}.json", json.dumps(contents).encode())
         self._keep_interfaces(folder / _INTERFACES, contents)
         newest_first = sorted(folder.glob("*.json"), key=lambda path: path.stat().st_mtime_ns, reverse=True)
         for path in newest_first[_KEPT:]:
             path.unlink(missing_ok=True)
 
-    def contents(self, name: str, digest: str) -> InputManifest | None:
+    def contents(self, name: str, digest: str) -> dict[str, str] | None:
         """Return the installed files of a package in one of its states, None if it is not known."""
-        return read_manifest(self._home / name / f"{digest}.json")
+        return read_json(self._home / name / f"{digest}.json") or None
 
     def changes(self, name: str, then: str, now: str) -> Changes | None:
         """Return how two states of a package differ, by their digests; None when one of them is not known.
@@ -66,11 +65,11 @@ class InstalledStates:
         if not changes or changes.names:
             return False
         one, other = (self.contents(name, digest) or {} for digest in (then, now))
-        known = _read_interfaces(self._home / name / _INTERFACES)
+        known = read_json(self._home / name / _INTERFACES)
         return all(
             SHARED_LIBRARY.search(path)
-            and (interface := known.get(one[path].content))
-            and interface == known.get(other[path].content)
+            and (interface := known.get(one[path]))
+            and interface == known.get(other[path])
             for path in changes.modified
         )
 
@@ -79,17 +78,9 @@ class InstalledStates:
         libraries = {content: path for path, content in contents.items() if SHARED_LIBRARY.search(path)}
         if not libraries:
             return
-        known = _read_interfaces(file)
+        known = read_json(file)
         now = {content: known.get(content) or abi_digest(path) for content, path in libraries.items()}
         older = {content: interface for content, interface in known.items() if content not in now}
         kept = dict([*older.items()][-max(_LIBRARIES, _KEPT * len(now)) :]) | now
         if kept != known:
             replace_file(file, json.dumps(kept).encode())
-
-
-def _read_interfaces(file: Path) -> dict[str, str]:
-    with contextlib.suppress(OSError, ValueError, RecursionError):
-        said = json.loads(file.read_bytes())
-        if isinstance(said, dict):
-            return said
-    return {}

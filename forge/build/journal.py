@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from forge.build.events import Event
     from forge.build.tasks import BuildPlan
 
-_HEADER = {"forge_journal": 5}
+_HEADER = {"forge_journal": 6}
 _INVALID_ENTRY = (ArithmeticError, LookupError, TypeError, ValueError)
 """Exceptions raised by torn lines and lines that forge did not write."""
 

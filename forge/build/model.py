@@ -10,6 +10,7 @@ from forge.base.frozen import Pairs, frozen
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from forge.build.inputs.fingerprints import Manifest
     from forge.build.up_to_date import InputChange
 
 
@@ -17,13 +18,11 @@ if TYPE_CHECKING:
 class Fingerprint:
     """Digests of a set of files at one moment.
 
-    `stamp` covers their stats ('' if these cannot be trusted), `digest` covers names, modes and contents,
-    `linked` covers the contents reached through symbolic links.
+    `stamp` covers their stats ('' if these cannot be trusted), `digest` covers names, modes and contents.
     """
 
     stamp: str = ""
     digest: str = ""
-    linked: str = ""
 
 
 @frozen
@@ -100,7 +99,8 @@ class Snapshot:
     `sources` and `installed` are current fingerprints, the latter of the files listed in the record.
     `listed` are the files that install manifests in a package's build folder list. `present` are the packages
     whose prefix is marked as complete. `changed_externals`, `source_changes` and `installed_changes` name
-    what changed for a package: inputs outside it, its sources, its installed files.
+    what changed for a package: inputs outside it, its sources, its installed files. `manifests` are the
+    states of all sources of those packages whose sources were read.
     """
 
     records: Mapping[str, BuildRecord] = field(default_factory=dict)
@@ -111,3 +111,4 @@ class Snapshot:
     present: frozenset[str] = frozenset()
     source_changes: Mapping[str, str] = field(default_factory=dict)
     installed_changes: Mapping[str, str] = field(default_factory=dict)
+    manifests: Mapping[str, Manifest] = field(default_factory=dict)

@@ -1,4 +1,4 @@
-"""Record what CMake and the commands of a build folder read and wrote, as their steps were observed."""
+"""What CMake and the commands of a build folder read and wrote, as their steps were observed."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 
 from forge.base.env_vars import own_cache
 from forge.base.files import text_or_nothing
-from forge.base.layout import SCRATCH_DIR, own_folders
+from forge.base.layout import own_folders
 from forge.build.inputs.depfiles import cmake_root
 from forge.build.inputs.native_graph import read_native_graph
-from forge.engine.commands import NOT_OBSERVED, Folders, commands_of, read_commands, write_commands
+from forge.engine.commands import NOT_OBSERVED, Folders, commands_of
 from forge.engine.world import about_packages
 
 if TYPE_CHECKING:
@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from forge.engine.observation import Process
     from forge.engine.world import World
 
-COMMANDS, COMMANDS_BEFORE = "commands.json", "commands_before.json"
-"""What is known of the commands whose products are in a build folder, and what was before this build."""
 _CACHES = ("~/.cache", "~/.ccache")
 _CACHE_VARIABLES = ("CCACHE_DIR", "SCCACHE_DIR")
 _COMMAND = re.compile(r"^  COMMAND = (.*)$", re.MULTILINE)
@@ -35,10 +33,10 @@ _PACKAGE = re.compile(r"^([^/#:]+)_DIR:PATH=", re.MULTILINE)
 _ESCAPE = re.compile(r"\$([ :$])")
 
 
-def record_commands(
-    steps: ObservedSteps, build: Path, source: Path, layout: Layout, world: World
+def observed_commands(
+    steps: ObservedSteps, build: Path, source: Path, layout: Layout, world: World, before: ObservedCommands
 ) -> ObservedCommands:
-    """Record what the steps of a package did, successful or not; return also what earlier ones did."""
+    """Return what the steps of a package did, and what was done `before` in its build folder."""
     if not steps.kinds:
         return NOT_OBSERVED
     graph = read_native_graph(build)
@@ -58,14 +56,10 @@ def record_commands(
     found = commands_of(steps.observed, steps.kinds, EdgeFinder(graph), folders)
     outputs = frozenset(edge.outputs[0] for edge in graph.edges)
     # Which commands ran is unknown if a part of the log is missing.
-    is_whole = not steps.observed.blind
-    before = read_commands(build / SCRATCH_DIR / COMMANDS_BEFORE) if is_whole else NOT_OBSERVED
-    commands = before.merged(found, outputs)
+    commands = (NOT_OBSERVED if steps.observed.blind else before).merged(found, outputs)
     packages = _PACKAGE.findall(text_or_nothing(build / "CMakeCache.txt", errors="surrogateescape"))
     asked = frozenset(about_packages(packages)).union(*(each.asked for each in commands.all))
-    commands = replace(commands, answers=world.answers(asked))
-    write_commands(build / SCRATCH_DIR / COMMANDS, commands)
-    return commands
+    return replace(commands, answers=world.answers(asked))
 
 
 class EdgeFinder:

@@ -11,12 +11,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from forge.base.layout import TOOLCHAIN_DIR
-from forge.build import build_notes
-from forge.build.build_dir import BuildDirInputs, FileChecks, prepare_build_dir
+from forge.build.build_dir import generated_digest, last_record, prepare_build_dir, written_since
 from forge.build.build_types import build_type_of
 from forge.build.copies import status_of
-from forge.build.file_conflicts import record_contents
-from forge.build.inputs.depfiles import reported_inputs
+from forge.build.inputs.depfiles import reported_inputs, written_by_backend
 from forge.build.inputs.fingerprints import (
     contents_of,
     digest_of,
@@ -24,16 +22,17 @@ from forge.build.inputs.fingerprints import (
     file_manifest,
     fingerprint_files,
     fingerprint_tree,
-    tree_manifest,
+    tree_stats,
 )
 from forge.build.inputs.native_graph import read_native_graph
 from forge.build.installation import InstalledFiles
 from forge.build.installed_files import remove_stale, set_file_times
 from forge.build.installed_lists import write_installed_list
 from forge.build.model import BuildRecord
-from forge.build.observed_commands import record_commands
+from forge.build.observed_commands import observed_commands
 from forge.build.observed_writes import read_steps
 from forge.build.prefix import written_log
+from forge.build.records import FolderRecord, add_commands, complete_record
 from forge.build.up_to_date import UNKNOWN
 from forge.engine.commands import NOT_OBSERVED, is_for_this_processor
 from forge.engine.world import PROCESSOR, VARIABLE
@@ -45,17 +44,16 @@ if TYPE_CHECKING:
 
     from forge.base.errors import Problem
     from forge.base.frozen import Pairs
-    from forge.build.build_notes import BegunBuild
-    from forge.build.inputs.fingerprints import FileTable, Stats
-    from forge.build.installed_states import InstalledStates
+    from forge.build.inputs.fingerprints import FileTable, Manifest, Stats
     from forge.build.model import CachedBuild
     from forge.build.observed_writes import ObservedSteps
     from forge.build.state import BuildState
     from forge.build.tasks import Task
     from forge.engine.commands import ObservedCommands
-    from forge.engine.world import World
 
 
+_OTHER = "other"
+"""The stamp of sources that have changed between the plan and the start of the package."""
 _METADATA = re.compile(r"-packages/[^/]+\.(dist|egg)-info/")
 
 
@@ -67,7 +65,8 @@ class PackageRecorder:
         self._state = state
         self._layout = state.layout
         self._table = state.table
-        self._begun_builds: dict[str, BegunBuild] = {}
+        self._begun: dict[str, tuple[FolderRecord | None, FolderRecord]] = {}
+        """The last record of each build folder that is being built in, and that of this build."""
         self._steps: dict[str, ObservedSteps] = {}
         self._observed: dict[str, ObservedCommands] = {}
         self.kept: tuple[Problem, ...] = ()
@@ -83,30 +82,33 @@ class PackageRecorder:
 
         `set_by_needs` are the variables that environment hooks of its dependencies set.
         """
-        source = self._state.source(task)
-        sources = tree_manifest(str(source), self._table)
-        build = task.build_dir
-        # The cache key uses the sources as planned; they may have changed since.
-        planned = fingerprint_tree(str(source), self._table, task.sources).digest == task.sources.digest
-        last = build_notes.read_last(build)
-        self._begun_builds[task.name] = build_notes.BegunBuild(str(source), sources, last, as_planned=planned)
-        inputs = task.inputs
+        source, build, inputs = str(self._state.source(task)), task.build_dir, task.inputs
+        last = last_record(build)
+        sources, stamp = self._state.manifests.pop(task.name, None), task.sources.stamp
+        if sources is None and last and stamp and last.stamp == stamp:
+            sources = last.sources if next(iter(last.sources), "").startswith(f"{source}/") else None
+        if sources is None:
+            found, sources = fingerprint_tree(source, self._table)
+            stamp = found.stamp if found.digest == task.sources.digest else _OTHER
         pairs = map("=".join, (*inputs.tools, *inputs.environment, *set_by_needs))
-        made_from = BuildDirInputs(
+        record = FolderRecord(
             base=digest_strings(inputs.forge, os.path.realpath(source), *pairs),
             shape=digest_strings(*inputs.options, inputs.underlays),
             needs={need: self._installed(need) for need in task.needs},
             sources=sources,
-            kept=() if from_empty else tuple(task.kept),
+            stamp=stamp,
         )
-        can_reuse = task.package.build_type in CMAKE_TYPES and not from_empty
-        prepare_build_dir(
+        _, record = prepare_build_dir(
             build,
-            made_from,
-            file_checks(self._state.installed_states, self._table, self._state.world),
-            can_reuse=can_reuse,
+            last,
+            record,
+            self._state.installed_states,
+            self._table,
+            kept=() if from_empty else tuple(task.kept),
+            can_reuse=task.package.build_type in CMAKE_TYPES and not from_empty,
             reconfigure=task.reconfigure,
         )
+        self._begun[task.name] = last, record
 
     def read_steps(self, task: Task) -> ObservedSteps:
         """Return what the steps of a package did; they have ended."""
@@ -118,8 +120,13 @@ class PackageRecorder:
         """Record what the steps of a package have read and written, successful or not."""
         steps = self.read_steps(task)
         del self._steps[task.name]
-        source, world = self._state.source(task), self._state.world
-        self._observed[task.name] = record_commands(steps, task.build_dir, source, self._layout, world)
+        source, world, build = self._state.source(task), self._state.world, task.build_dir
+        begun = self._begun.get(task.name)
+        before = begun[1].commands if begun else NOT_OBSERVED
+        commands = observed_commands(steps, build, source, self._layout, world, before)
+        self._observed[task.name] = commands
+        if begun and commands is not NOT_OBSERVED:
+            add_commands(build, commands)
 
     def make_record(self, task: Task, installed: InstalledFiles) -> BuildRecord:
         """Remove stale installed files and return the record of a successful task.
@@ -144,19 +151,21 @@ class PackageRecorder:
         read = graph.known().union(*(each.read for each in observed.all))
         found = (*found, *self._undeclared(task, read, declared))
         externals = file_manifest(found, self._table)
-        begun = self._begun_builds.pop(task.name)
+        last, begun = self._begun.pop(task.name)
         written = frozenset[str]().union(*(each.written for each in observed.all))
-        saved = build_notes.saved_during_build(build, begun, externals, self._table, written)
-        build_notes.finish_build_dir(build, externals, saved)
-        names = (path.removeprefix(f"{self._state.source(task)}/") for path in sorted(saved))
+        source = self._state.source(task)
+        saved = saved_during_build(build, source, last, begun, externals, self._table, written)
+        complete_record(build, externals, saved, generated_digest(build))
+        names = (path.removeprefix(f"{source}/") for path in sorted(saved))
         contents = {path: state.content for path, state in externals.items()}
         digested = tuple(externals), digest_of(externals, contents)
         record = self._finish_record(task, installed, digested, stats)
         return replace(
             record,
-            began=build_notes.start_time(build),
-            saved=(*names, *(() if begun.as_planned else (str(task.package.path),))),
-            from_empty=build_notes.started_empty(build),
+            began=begun.began / 1e9,
+            # The cache key has the sources as planned.
+            saved=(*names, *((str(task.package.path),) if begun.stamp == _OTHER else ())),
+            from_empty=begun.from_empty,
             read_from=self._owners_of(task, externals),
         )
 
@@ -224,8 +233,6 @@ class PackageRecorder:
         files, folders = installed_files.files, installed_files.folders
         remove_stale(task, files, self._layout, self._records)
         self._state.scripts.end(task.name, files, stats)
-        if self._layout.merged:
-            record_contents(task.build_dir, files, self._table)
         contents = contents_of((*files, *folders), self._table, stats)
         installed = fingerprint_files((*files, *folders), self._table, stats=stats, contents=contents)
         self._state.installed_states.keep(task.name, installed.digest, contents)
@@ -253,11 +260,34 @@ class PackageRecorder:
         return record.installed.digest if record else UNKNOWN
 
 
-def file_checks(states: InstalledStates, table: FileTable, world: World) -> FileChecks:
-    """Return the checks of the files that a build folder was made from."""
-    return FileChecks(
-        needed_changes=states.changes,
-        only_library_code_changed=states.only_library_code_changed,
-        answers=world.answers,
-        contents=lambda paths: contents_of(paths, table),
+def saved_during_build(
+    build: Path,
+    source: Path,
+    last: FolderRecord | None,
+    begun: FolderRecord,
+    externals: Manifest,
+    table: FileTable,
+    observed: frozenset[str],
+) -> frozenset[str]:
+    """Return the inputs that were written since the build has begun, even if with the same content.
+
+    Files that the steps were `observed` to write, or a build backend, are excluded, and so are files that
+    were also written during the `last` build and have the same content: the build writes them.
+    """
+    then, now = begun.sources, tree_stats(str(source))
+    written = observed.union(written_by_backend(build))
+    again: frozenset[str] = last.saved if last else frozenset()
+    before = (last.externals if last else None) or {}
+    changed = {
+        path
+        for path in then.keys() | now.keys()
+        if (path not in then or then[path].stats != now.get(path)) and path not in written
+    }
+    contents = contents_of(sorted(changed & again & then.keys()), table)
+    changed -= {path for path, content in contents.items() if content == then[path].content}
+    return frozenset(changed).union(
+        path
+        for path in externals.keys() - written
+        if written_since(path, begun.began)
+        and not (path in again and path in before and before[path].content == externals[path].content)
     )

@@ -23,7 +23,7 @@ from forge.base.frozen import frozen
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from forge.build.inputs.input_manifest import Changes
+    from forge.build.inputs.fingerprints import Changes
     from forge.build.inputs.native_graph import Edge, NativeGraph
     from forge.engine.commands import Accesses, ObservedCommands
 

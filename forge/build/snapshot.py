@@ -21,6 +21,7 @@ from forge.build.inputs.fingerprints import (
 from forge.build.install_manifests import ManifestFiles, installed_links
 from forge.build.installed_states import InstalledStates
 from forge.build.model import Snapshot
+from forge.build.records import read_record
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Container
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from forge.base.layout import Layout
     from forge.build.inputs.fingerprints import FileTable
     from forge.build.journal import Journal
+    from forge.build.records import FolderRecord
     from forge.workspace.model import Package
 
 
@@ -37,18 +39,25 @@ def take_snapshot(
 ) -> Snapshot:
     """Return the state of `packages`, whose paths are relative to `root` unless they are absolute."""
     records = dict(journal.records)
-    sources, installed, source_changes, installed_changes, present = {}, {}, {}, {}, set()
+    sources, manifests, installed, source_changes, installed_changes, present = {}, {}, {}, {}, {}, set()
     changed_externals = find_changed_externals(journal, table)
     recent = recently_changed(table)
     states = InstalledStates(layout.build)
+
+    def last_record(name: str) -> FolderRecord | None:
+        """Return what the build folder was made from, None if the package came from the cache."""
+        return read_record(layout.build_dir(name)) if records[name].began else None
+
     for package in packages:
         name = package.name
         record = records.get(name)
-        home, build = str(root / package.path), layout.build_dir(name)
-        sources[name] = fingerprint_tree(home, table, record.sources if record else None)
+        home = str(root / package.path)
+        sources[name], manifest = fingerprint_tree(home, table, record.sources if record else None)
+        if manifest:
+            manifests[name] = manifest
         if record:
             if sources[name].digest != record.sources.digest:
-                source_changes[name] = changed_sources(home, build, record, table)
+                source_changes[name] = changed_sources(home, manifest, last_record(name), table)
             installed[name] = fingerprint_files((*record.files, *record.folders), table, record.installed)
             if installed[name].digest != record.installed.digest:
                 then = states.contents(name, record.installed.digest)
@@ -58,7 +67,7 @@ def take_snapshot(
             present.add(name)
     listed = ManifestFiles(layout, _unrecorded_links(root, packages, layout, records))
     externals = {
-        name: changed_external_files(layout.build_dir(name), records[name], table, root, recent)
+        name: changed_external_files(last_record(name), records[name], table, root, recent)
         for name in changed_externals
     }
     return Snapshot(
@@ -70,6 +79,7 @@ def take_snapshot(
         frozenset(present),
         source_changes,
         installed_changes,
+        manifests,
     )
 
 

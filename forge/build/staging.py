@@ -22,7 +22,6 @@ from typing import TYPE_CHECKING, Any
 from forge.base.errors import Problem
 from forge.base.files import listed_paths, remove_tree, replace_file, tree_below
 from forge.base.layout import INSTALLED_STATES_DIR, SCRATCH_DIR
-from forge.build.build_notes import read_json
 from forge.build.copies import status_of
 from forge.build.inputs.fingerprints import content_digest
 from forge.build.install_manifests import MANIFESTS
@@ -31,6 +30,7 @@ from forge.build.installation import InstalledFiles
 from forge.build.installed_lists import InstalledList, identity, list_file, read_installed_list
 from forge.build.observed_writes import begin_log, remove_log
 from forge.build.prefix import guarded_links, leftover_backups, remove_empty_folders, tidy, written_log
+from forge.build.records import read_json
 from forge.build.tasks import StepKind
 
 if TYPE_CHECKING:

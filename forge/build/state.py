@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
     from forge.base.layout import Layout
     from forge.build.events import Event
+    from forge.build.inputs.fingerprints import Manifest
     from forge.build.journal import Journal
     from forge.build.model import BuildRecord, Snapshot
     from forge.build.tasks import BuildPlan, Task
@@ -46,6 +47,8 @@ class BuildState:
         self.journal = journal
         self.table = FileTable(layout.build / FILE_TABLE, world.answer)
         self.installed_states = InstalledStates(layout.build)
+        self.manifests: dict[str, Manifest] = {}
+        """The sources of packages that are to be built, as they were read when the build was planned."""
         self.merged_prefix = MergedPrefix(layout, journal)
         self.scripts = WorkspaceScripts(layout, journal, self.table)
         self.root = root
@@ -57,6 +60,7 @@ class BuildState:
     def confirm_up_to_date(self, plan: BuildPlan, snapshot: Snapshot, hashes: DependencyHashes) -> None:
         """Record the new stamps of the up-to-date packages, so that the next build compares equal."""
         self._hashes = hashes
+        self.manifests = {name: each for name, each in snapshot.manifests.items() if name in plan.tasks}
         for name in plan.fresh:
             record = self.journal.records[name]
             now = replace(record, sources=snapshot.sources[name], installed=snapshot.installed[name])
@@ -101,13 +105,11 @@ class BuildState:
         decided = finalize_task(task, self._hashes, record, reads_other=reads_other)
         if decided is None or record is None or reads_other or not task.conditional:
             return decided
-        from forge.build.recording import file_checks
-        from forge.build.relinking import relinking_is_redundant
+        from forge.build.build_dir import relinking_is_redundant
 
         records = self.journal.records
         needs = {need: records[need].installed.digest if need in records else UNKNOWN for need in task.needs}
-        checks = file_checks(self.installed_states, self.table, self.world)
-        if not relinking_is_redundant(decided, record, needs, checks):
+        if not relinking_is_redundant(decided, record, needs, self.installed_states):
             return decided
         self.journal.set_record(task.name, replace(record, inputs=decided.inputs))
         return None

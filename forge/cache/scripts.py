@@ -12,10 +12,9 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.base.layout import SCRATCH_DIR
 from forge.build.inputs.native_graph import read_native_graph
-from forge.build.observed_commands import COMMANDS
-from forge.engine.commands import read_commands
+from forge.build.records import read_record
+from forge.engine.commands import NOT_OBSERVED
 
 if TYPE_CHECKING:
     from forge.cache.relocation import Relocator
@@ -31,7 +30,8 @@ def scripts_digest(build: Path, source: Path, tree: Tree, relocator: Relocator) 
     It is '' if that is unknown, or if compilers could see a path of the workspace: in a definition, or in a
     file that is no source of the package. Then other code may depend on it, even if only on its length.
     """
-    graph, seen = read_native_graph(build), read_commands(build / SCRATCH_DIR / COMMANDS)
+    graph, record = read_native_graph(build), read_record(build)
+    seen = record.commands if record else NOT_OBSERVED
     if graph.tool != "ninja" or graph.has_dyndeps or seen.configure is None or seen.rest is None:
         return ""
     edges = [(edge, seen.edges[edge.outputs[0]]) for edge in graph.edges if edge.outputs[0] in seen.edges]

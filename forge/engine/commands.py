@@ -7,7 +7,6 @@ rest of the machine, only what later builds compare is kept.
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import re
 import tempfile
@@ -15,9 +14,9 @@ from dataclasses import field, replace
 from functools import cache
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from forge.base.files import open_regular, replace_file
+from forge.base.files import open_regular
 from forge.base.frozen import frozen
 from forge.engine.observation import observe
 from forge.engine.observed import is_intact
@@ -39,8 +38,6 @@ if TYPE_CHECKING:
     from forge.base.frozen import Pairs
     from forge.engine.observation import Observation, ObservedStep, Process
     from forge.engine.world import World
-
-_VERSION = 4
 
 
 @frozen
@@ -517,8 +514,8 @@ CACHED_BYTECODE = re.compile(r"^(.*)/__pycache__/([^/.]+)\.[^/]*\.pyc$")
 _SETS = ("read", "found", "listed", "searched", "written", "external", "asked", "kept", "ledgers")
 
 
-def write_commands(file: Path, commands: ObservedCommands) -> None:
-    """Write what is known of commands, each path once."""
+def encode_commands(commands: ObservedCommands) -> Mapping[str, object]:
+    """Return what is known of commands as JSON data, with each path once."""
     numbers: dict[str, int] = {}
 
     def coded(accesses: Accesses) -> list[object]:
@@ -527,8 +524,7 @@ def write_commands(file: Path, commands: ObservedCommands) -> None:
         ]
         return [*sets, accesses.outside, accesses.blind]
 
-    data = {
-        "version": _VERSION,
+    return {
         "configure": coded(commands.configure) if commands.configure else None,
         "edges": {name: coded(each) for name, each in commands.edges.items()},
         "missing": sorted(commands.missing),
@@ -536,26 +532,18 @@ def write_commands(file: Path, commands: ObservedCommands) -> None:
         "answers": commands.answers,
         "paths": list(numbers),
     }
-    replace_file(file, json.dumps(data).encode())
 
 
-def read_commands(file: Path) -> ObservedCommands:
-    """Return what a file says of commands; nothing if there is none, or it is damaged."""
-    try:
-        data = json.loads(file.read_bytes())
-        if data["version"] != _VERSION:
-            return ObservedCommands()
-        paths = data["paths"]
+def decode_commands(data: Mapping[str, Any]) -> ObservedCommands:
+    """Return what `encode_commands` said; raises LookupError, TypeError or ValueError for anything else."""
+    paths = data["paths"]
 
-        def decoded(coded: list[list[int]]) -> Accesses:
-            *sets, outside, blind = coded
-            found = (frozenset(paths[number] for number in numbers) for numbers in sets)
-            return Accesses(**dict(zip(_SETS, found, strict=True)), outside=bool(outside), blind=bool(blind))
+    def decoded(coded: list[list[int]]) -> Accesses:
+        *sets, outside, blind = coded
+        found = (frozenset(paths[number] for number in numbers) for numbers in sets)
+        return Accesses(**dict(zip(_SETS, found, strict=True)), outside=bool(outside), blind=bool(blind))
 
-        configure = decoded(data["configure"]) if data["configure"] else None
-        edges = {name: decoded(each) for name, each in data["edges"].items()}
-        rest = decoded(data["rest"]) if data["rest"] else None
-        answers = tuple((question, answer) for question, answer in data["answers"])
-        return ObservedCommands(configure, edges, frozenset(data["missing"]), rest, answers)
-    except (OSError, ValueError, LookupError, TypeError, RecursionError):
-        return ObservedCommands()
+    configure, rest = (data[name] and decoded(data[name]) for name in ("configure", "rest"))
+    edges = {name: decoded(each) for name, each in data["edges"].items()}
+    answers = tuple((question, answer) for question, answer in data["answers"])
+    return ObservedCommands(configure or None, edges, frozenset(data["missing"]), rest or None, answers)

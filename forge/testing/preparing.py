@@ -22,6 +22,7 @@ from forge.build.build_types import build_type_of, by_toolchain, unknown_types
 from forge.build.change_texts import changed_sources
 from forge.build.inputs.fingerprints import FileTable, fingerprint_tree
 from forge.build.journal import open_journal
+from forge.build.records import read_record
 from forge.build.tasks import BuildPlan, Task
 from forge.build.tests.detection import requirements_of_tests
 from forge.build.tests.options import TestOptions
@@ -142,12 +143,14 @@ def changed_since_build(
         if not record.complete:
             message = f"the last build of '{name}' failed or was stopped, so that tests use outdated files"
             many = "the last builds of {} failed or were stopped, so that tests use outdated files"
-        elif fingerprint_tree(home, table, record.sources).digest != record.sources.digest:
-            what = changed_sources(home, layout.build_dir(name), record, table)
+        else:
+            found, sources = fingerprint_tree(home, table, record.sources)
+            if found.digest == record.sources.digest:
+                continue
+            last = read_record(layout.build_dir(name)) if record.began else None
+            what = changed_sources(home, sources, last, table)
             message = f"'{name}' has changed since its last build, so that tests use outdated files: {what}"
             many = "{} have changed since their last build, so that tests use outdated files"
-        else:
-            continue
         group = GroupedProblems(many, name, "forge build")
         problems.append(Problem(message, Location(package.path), "forge build", group))
     return tuple(problems)

@@ -105,13 +105,13 @@ test = ["pytest"]
 [tool.poetry]
 name = "other"
 """
-_JOURNAL: Final = b"""{"forge_journal": 5}
+_JOURNAL: Final = b"""{"forge_journal": 6}
 {"ended": false}
 {"externals": ["/usr/include/a.h", "/usr/include/b.h"]}
 {"package": "p", "inputs": {"forge": "1", "options": ["a"], "tools": [["cmake", "1"]], \
 "environment": [], "sources": "s", "needs": [["q", "d"]]}, "complete": true, \
-"sources": {"stamp": "", "digest": "d", "names": "n", "linked": ""}, \
-"installed": {"stamp": "", "digest": "d", "names": "n", "linked": ""}, \
+"sources": {"stamp": "", "digest": "d", "names": "n"}, \
+"installed": {"stamp": "", "digest": "d", "names": "n"}, \
 "files": ["/ws/install/p/a"], "externals": [0, 1], "external": "e", "seconds": 1.5, "began": 2.5,
 "saved": ["a.c"], "from_empty": true, "read_from": ["q"]}
 {"stamp": "s"}
@@ -121,6 +121,8 @@ _JOURNAL: Final = b"""{"forge_journal": 5}
 _TABLE: Final = b"""{"version": 2, "began": 12, "python": "/usr/bin/python3", "underlays": ["/a"],
 "woken": {"a": 1},
 "traces": {"base": "", "options": "", "shape": "", "moved": ""}, "files": {"a": ["1 2", "d"]},
+"base": "b", "shape": "s", "stamp": "", "sources": {"/a": ["1 2", "d"]}, "externals": null,
+"from_empty": true, "dropped": [], "read_by_commands": [],
 "needs": ["a/msg/B"], "folders": {"a": "/a"}, "parts": {"python X": ["d", {"f": [1, 2]}]}}
 """
 _DSV: Final = b"""# hooks

@@ -17,16 +17,16 @@ from typing import TYPE_CHECKING, Any
 from forge.base.errors import ForgeError, InterfaceError
 from forge.base.files import write_if_changed
 from forge.base.layout import Layout
-from forge.build.build_dir import BuildDirInputs, FileChecks, prepare_build_dir
-from forge.build.build_notes import read_last, start_time
+from forge.build.build_dir import last_record, prepare_build_dir
 from forge.build.compile_commands import merge_compile_commands
 from forge.build.inputs.depfiles import reported_inputs
 from forge.build.inputs.fingerprints import FileTable
-from forge.build.inputs.input_manifest import read_manifest
 from forge.build.inputs.native_graph import read_native_graph
 from forge.build.install_manifests import ManifestFiles
+from forge.build.installed_states import InstalledStates
 from forge.build.journal import Journal
 from forge.build.recipes.initial_cache import manifest_variables
+from forge.build.records import FolderRecord
 from forge.build.snapshot import find_changed_externals
 from forge.build.wheels.backends import _build_system
 from forge.build.wheels.install_wheel import _option
@@ -69,8 +69,8 @@ if TYPE_CHECKING:
 HARNESSES: dict[str, Harness] = {}
 """Each harness by the name of what it reads."""
 
-_INPUTS = BuildDirInputs("base", "shape", {}, {})
-_NOTHING_KNOWN = FileChecks(lambda *_: None, lambda paths: dict.fromkeys(paths, ""), lambda *_: False)
+_INPUTS = FolderRecord("base", "shape", {}, {})
+
 _LAYOUT = Layout(Path("/ws/build"), Path("/ws/install"), None)
 _FOLDER = tempfile.TemporaryDirectory(prefix="forge-fuzz-")
 ROOM = Path(_FOLDER.name)
@@ -244,14 +244,10 @@ def tables(data: bytes) -> None:
     build = place("tables", "forge_files.json", data)
     table = FileTable(build / "forge_files.json")
     table.digest(str(ROOM / "tables" / "forge_files.json"), (build / "forge_files.json").stat())
-    for name in ("begun", "ended", "sources", "externals"):
-        place("tables", f"p/.forge/{name}.json", data)
-    place("tables", "p/forge_installed.json", data)
+    place("tables", "p/.forge/record.json", data)
     place("tables", ".forge.json", data)
-    start_time(build / "p")
-    read_last(build / "p")
-    read_manifest(build / "p" / ".forge" / "sources.json")
-    prepare_build_dir(build / "p", _INPUTS, _NOTHING_KNOWN, can_reuse=True, reconfigure=False)
+    states, last = InstalledStates(build), last_record(build / "p")
+    prepare_build_dir(build / "p", last, _INPUTS, states, table, can_reuse=True, reconfigure=False)
     with contextlib.suppress(ForgeError):
         recorded_underlays(build)
         recorded_python(build)

@@ -1,4 +1,7 @@
-"""Fingerprints of files: cheap stamps of their stats, and digests of their contents.
+"""Fingerprints and manifests of files: cheap stamps of their stats, and digests of their contents.
+
+A fingerprint of a whole tree shows that something changed. To reuse the outputs of an earlier build, the
+names of the changed files are needed: a manifest has the state of each.
 
 A stamp is a digest of sizes, times, modes and inodes: equal stamps mean that no file was written. Contents
 are read only if stamps differ, and only of files whose own stat differs from the recorded one. A file that
@@ -14,17 +17,19 @@ import os
 import stat
 import sys
 import time
+from dataclasses import field
+from operator import ne
 from types import ModuleType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from forge.base.files import replace_file
+from forge.base.frozen import frozen
 from forge.base.layout import IGNORE_MARK, LAYOUT_MARKER
-from forge.build.inputs.input_manifest import FileState, InputManifest
 from forge.build.model import Fingerprint
 from forge.workspace.source_names import is_environment, is_source, is_source_folder
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+    from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
     Stats = Mapping[str, os.stat_result]
@@ -47,6 +52,54 @@ _NO_CONTENTS: Mapping[str, str] = {}
 
 _RESULTS = frozenset({".built_by", LAYOUT_MARKER, "latest_build"})
 """Beside COLCON_IGNORE, these mark build, install and log folders, which may lie within a package."""
+
+
+class FileState(NamedTuple):
+    """One file at one moment: `stats` are its size, times, inode and mode as text, `content` is a digest."""
+
+    stats: str
+    content: str
+
+
+_State = TypeVar("_State")
+Manifest = dict[str, FileState]
+"""File states by absolute path; a path ending with '/' is a folder, whose content is its mode."""
+
+
+@frozen
+class Changes:
+    """Absolute paths of files that were added, removed or modified."""
+
+    added: frozenset[str] = field(default_factory=frozenset)
+    removed: frozenset[str] = field(default_factory=frozenset)
+    modified: frozenset[str] = field(default_factory=frozenset)
+
+    def __or__(self, after: Changes) -> Changes:
+        return Changes(self.added | after.added, self.removed | after.removed, self.modified | after.modified)
+
+    def __bool__(self) -> bool:
+        return bool(self.added or self.removed or self.modified)
+
+    @property
+    def all(self) -> frozenset[str]:
+        """All paths that changed in any way."""
+        return self.added | self.removed | self.modified
+
+    @property
+    def names(self) -> frozenset[str]:
+        """The paths that were added or removed."""
+        return self.added | self.removed
+
+
+def compare(
+    then: Mapping[str, _State], now: Mapping[str, _State], differ: Callable[[_State, _State], bool] = ne
+) -> Changes:
+    """Return the differences of two sets of files, given the states of each."""
+    return Changes(
+        added=frozenset(now.keys() - then.keys()),
+        removed=frozenset(then.keys() - now.keys()),
+        modified=frozenset(path for path, state in then.items() if differ(state, now.get(path, state))),
+    )
 
 
 class FileTable:
@@ -74,7 +127,8 @@ class FileTable:
         if entry is not None and entry[0] == stat_text:
             return entry[1]
         found = content_digest(path)
-        known[path] = ("" if _racy(status) else stat_text, found)
+        # It may be written again without a change of its times.
+        known[path] = ("" if is_written_since(time.time_ns(), status) else stat_text, found)
         self._own_files.discard(path)
         self._changed = True
         before = entry[1] if entry is not None else None
@@ -119,41 +173,59 @@ class FileTable:
         return self._known
 
 
-def fingerprint_tree(root: str, table: FileTable, known: Fingerprint | None = None) -> Fingerprint:
-    """Return the fingerprint of the source tree at `root`; contents are read only if the stamp differs."""
-    return _fingerprint_of(list(_walk(root, (root,))), len(root) + 1, table, known, trusting=False)
+def fingerprint_tree(
+    root: str, table: FileTable, known: Fingerprint | None = None
+) -> tuple[Fingerprint, Manifest]:
+    """Return the fingerprint of the source tree at `root`, and the state of each source.
+
+    If the stamp is the `known` one, no contents are read, and no states are returned.
+    """
+    started, cut = time.time_ns(), len(root) + 1
+    entries = [(path, status, _stats(path, status)) for path, status, _ in _walk(root)]
+    lines = "".join(f"{path[cut:]}\0{stats}\n" for path, _, stats in entries)
+    # A file that may be written again without a change of its times has no stamp.
+    is_stable = not any(
+        is_written_since(started, each)
+        for path, status, _ in entries
+        if not path.endswith("/")
+        for each in (status, stat.S_ISLNK(status.st_mode) and _status(path, follow=True))
+        if each
+    )
+    stamp = _digest(lines.encode(errors="surrogateescape")) if is_stable else ""
+    if known is not None and stamp and known.stamp == stamp:
+        return known, {}
+    manifest = {path: FileState(stats, _content(path, status, table)) for path, status, stats in entries}
+    lines = "".join(f"{path[cut:]}\0{state.content}\n" for path, state in manifest.items())
+    return Fingerprint(stamp, _digest(lines.encode(errors="surrogateescape"))), manifest
 
 
 def fingerprint_files(
-    paths: Iterable[str],
+    paths: Sequence[str],
     table: FileTable,
     known: Fingerprint | None = None,
     stats: Stats = _NO_STATS,
-    contents: Mapping[str, str] | None = None,
+    contents: Mapping[str, str] = _NO_CONTENTS,
 ) -> Fingerprint:
     """Return the fingerprint of `paths` in this order; missing files are part of it.
 
     `stats` may provide stats of some files that were just taken, and `contents` what `contents_of` has just
     returned for all.
     """
-    entries = [(path, stats.get(path) or _status(path), False) for path in paths]
-    return _fingerprint_of(entries, 0, table, known, contents or {}, trusting=True)
-
-
-def tree_manifest(root: str, table: FileTable) -> InputManifest:
-    """Return the state of each source below `root`; paths of folders end with '/'."""
-    return {
-        path: FileState(_stats(path, status), _content(path, status, table))
-        for path, status, _ in _walk(root, (root,))
-    }
+    entries = [(path, stats.get(path) or _status(path)) for path in paths]
+    lines = "".join(f"{path}\0{_stats(path, status)}\n" for path, status in entries)
+    stamp = _digest(lines.encode(errors="surrogateescape"))
+    if known is not None and known.stamp == stamp:
+        return known
+    found = contents or {path: _content(path, status, table) for path, status in entries}
+    return Fingerprint(stamp, digest_of(paths, found))
 
 
 def tree_stats(root: str) -> dict[str, str]:
     """Return the stat text of each source below `root` without reading files."""
-    return {path: _stats(path, status) for path, status, _ in _walk(root, (root,))}
+    return {path: _stats(path, status) for path, status, _ in _walk(root)}
 
 
-def file_manifest(paths: Iterable[str], table: FileTable, stats: Stats = _NO_STATS) -> InputManifest:
+def file_manifest(paths: Iterable[str], table: FileTable, stats: Stats = _NO_STATS) -> Manifest:
     """Return the state of each of `paths`; `stats` may provide stats that were just taken."""
     found = {}
     for path in paths:
@@ -225,13 +297,13 @@ def source_files(root: str, excluded: Collection[str] = ()) -> Iterator[str]:
 
     Folders with one of the names `excluded` are skipped.
     """
-    return (path for path, _, _ in _walk(root, (root,), excluded) if not path.endswith("/"))
+    return (path for path, _, _ in _walk(root, excluded) if not path.endswith("/"))
 
 
 def own_files(root: str) -> Iterator[tuple[str, os.stat_result]]:
     """Yield the regular source files below `root`, links not followed, with their stats."""
-    for path, status, linked in _walk(root, (root,)):
-        if not linked and stat.S_ISREG(status.st_mode):
+    for path, status, via_link in _walk(root):
+        if not via_link and stat.S_ISREG(status.st_mode):
             yield path, status
 
 
@@ -289,71 +361,43 @@ def _entries(folder: str, root: str) -> list[os.DirEntry[str]] | None:
     return None if folder != root and (by_ide or is_environment(names.__contains__)) else entries
 
 
-def _walk(
-    folder: str,
-    ancestors: tuple[str, ...],
-    excluded: Collection[str] = (),
-    itself: os.stat_result | None = None,
-) -> Iterator[tuple[str, os.stat_result, bool]]:
-    """Yield each file and folder below `folder` with its stat, and True if a link to a folder led there.
+def _walk(root: str, excluded: Collection[str] = ()) -> list[tuple[str, os.stat_result, bool]]:
+    """Return each file and folder below `root` with its stat, and True if a link to a folder led there.
 
-    Paths of folders end with '/'; `folder` itself is included if its stat is passed as `itself`. `ancestors`
-    are the root and the link targets above, which are not entered again.
+    Paths of folders end with '/'.
     """
-    entries = _entries(folder, ancestors[0])
-    if entries is None:
-        return
-    names = {entry.name for entry in entries}
-    if itself is not None:
-        yield f"{folder}/", itself, len(ancestors) > 1
-    for entry in entries:
-        name = entry.name
-        is_folder = entry.is_dir(follow_symlinks=False)
-        counts = is_source_folder if is_folder else is_source
-        if (is_folder and name in excluded) or not counts(name, names.__contains__):
-            continue
-        try:
-            status = entry.stat(follow_symlinks=False)
-        except FileNotFoundError:
-            # A temporary file, such as an editor's, that was removed meanwhile.
-            continue
-        if is_folder:
-            yield from _walk(entry.path, ancestors, excluded, status)
-            continue
-        yield entry.path, status, len(ancestors) > 1
-        if entry.is_symlink() and _links_to_dir(entry):
-            target = os.path.realpath(entry.path)
-            if not _is_cycle(target, ancestors):
-                yield from _walk(entry.path, (*ancestors, target), excluded)
+    found: list[tuple[str, os.stat_result, bool]] = []
 
+    def look_into(folder: str, ancestors: tuple[str, ...], itself: os.stat_result | None = None) -> None:
+        """Enter a folder below the root and link targets, which are not entered again."""
+        entries = _entries(folder, root)
+        if entries is None:
+            return
+        has, via_link = {entry.name for entry in entries}.__contains__, len(ancestors) > 1
+        if itself is not None:
+            found.append((f"{folder}/", itself, via_link))
+        for entry in entries:
+            name = entry.name
+            is_folder = entry.is_dir(follow_symlinks=False)
+            counts = is_source_folder if is_folder else is_source
+            if (is_folder and name in excluded) or not counts(name, has):
+                continue
+            try:
+                status = entry.stat(follow_symlinks=False)
+            except FileNotFoundError:
+                # A temporary file, such as an editor's, that was removed meanwhile.
+                continue
+            if is_folder:
+                look_into(entry.path, ancestors, status)
+                continue
+            found.append((entry.path, status, via_link))
+            if entry.is_symlink() and _links_to_dir(entry):
+                target = os.path.realpath(entry.path)
+                if not _is_cycle(target, ancestors):
+                    look_into(entry.path, (*ancestors, target))
 
-def _fingerprint_of(
-    entries: list[tuple[str, os.stat_result | None, bool]],
-    cut: int,
-    table: FileTable,
-    known: Fingerprint | None,
-    contents: Mapping[str, str] = _NO_CONTENTS,
-    *,
-    trusting: bool,
-) -> Fingerprint:
-    """Return the fingerprint of the entries; contents are read unless the stamp equals that of `known`."""
-    stamp = hashlib.blake2b(digest_size=16)
-    racy = False
-    for path, status, _ in entries:
-        racy = racy or not (trusting or _is_stable(path, status))
-        stamp.update(f"{path[cut:]}\0{_stats(path, status)}\n".encode(errors="surrogateescape"))
-    stamp_text = "" if racy else stamp.hexdigest()
-    if known is not None and stamp_text and known.stamp == stamp_text:
-        return known
-    digest = hashlib.blake2b(digest_size=16)
-    linked = b""
-    for path, status, via_link in entries:
-        content = contents.get(path) or _content(path, status, table)
-        line = f"{path[cut:]}\0{content}\n".encode(errors="surrogateescape")
-        digest.update(line)
-        if via_link or (status is not None and stat.S_ISLNK(status.st_mode)):
-            linked += line
-    return Fingerprint(stamp_text, digest.hexdigest(), _digest(linked) if linked else "")
+    look_into(root, (root,))
+    return found
 
 
 def _stats(path: str, status: os.stat_result | None) -> str:
@@ -367,14 +411,6 @@ def _stats(path: str, status: os.stat_result | None) -> str:
         return _stat_text(status)
     target = _status(path, follow=True)
     return f"{_stat_text(status)} {_stat_text(target) if target else ''}"
-
-
-def _is_stable(path: str, status: os.stat_result | None) -> bool:
-    """Return True if any later change of the entry will change its stat."""
-    if status is None or path.endswith("/"):
-        return True
-    target = _status(path, follow=True) if stat.S_ISLNK(status.st_mode) else None
-    return not _racy(status) and (target is None or not _racy(target))
 
 
 def _digest(text: bytes) -> str:
@@ -430,11 +466,6 @@ def _status(path: str, *, follow: bool = False) -> os.stat_result | None:
 
 def _stat_text(status: os.stat_result) -> str:
     return f"{status.st_mtime_ns} {status.st_ctime_ns} {status.st_size} {status.st_ino} {status.st_mode:o}"
-
-
-def _racy(status: os.stat_result) -> bool:
-    """Return True if the file may be written again without a change of its times."""
-    return is_written_since(time.time_ns(), status)
 
 
 def is_written_since(moment: int, status: os.stat_result) -> bool:

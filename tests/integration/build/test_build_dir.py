@@ -9,14 +9,14 @@ from pathlib import Path
 
 import pytest
 
-from forge.base.layout import SCRATCH_DIR, Layout
-from forge.build import build_dir, build_notes
-from forge.build.build_dir import BuildDirInputs, FileChecks
-from forge.build.build_notes import BegunBuild
-from forge.build.inputs.fingerprints import FileTable, contents_of, file_manifest, tree_manifest
-from forge.build.inputs.input_manifest import Changes
-from forge.build.observed_commands import record_commands
+from forge.base.layout import RECORD_FILE, SCRATCH_DIR, Layout
+from forge.build import build_dir
+from forge.build.inputs.fingerprints import FileTable, file_manifest, fingerprint_tree
+from forge.build.installed_states import InstalledStates
+from forge.build.observed_commands import observed_commands
 from forge.build.observed_writes import append, begin_log, read_steps
+from forge.build.recording import saved_during_build
+from forge.build.records import FolderRecord, add_commands, complete_record, read_record
 from forge.build.reuse import Reuse
 from forge.engine.observation import LOG_VARIABLE
 from forge.engine.observer import compile_library
@@ -50,10 +50,10 @@ class Probe:
     """A package, its build folder, and the options of its builds."""
 
     root: Path
-    inputs: BuildDirInputs
-    needed: Changes | None = None
+    inputs: FolderRecord
     externals: tuple[str, ...] = ()
-    begun: BegunBuild | None = None
+    last: FolderRecord | None = None
+    begun: FolderRecord | None = None
 
     @property
     def source(self) -> Path:
@@ -72,24 +72,24 @@ class Probe:
 
     def table(self) -> FileTable:
         """Return a table that remembers nothing."""
-        return FileTable(self.root / "table.json")
+        return FileTable(self.root / "table.json", World(os.environ).answer)
 
     def begin(self, *, can_reuse: bool = True, reconfigure: bool = False) -> Reuse:
         """Prepare the folder for the steps of a build."""
         table = self.table()
-        sources = tree_manifest(str(self.source), table)
+        _, sources = fingerprint_tree(str(self.source), table)
         begin_log(self.log)
-        self.begun = BegunBuild(str(self.source), sources, build_notes.read_last(self.build))
-        checks = FileChecks(
-            needed_changes=lambda _name, _then, _now: self.needed,
-            contents=lambda paths: contents_of(paths, table),
-            only_library_code_changed=lambda _name, _then, _now: False,
-            answers=World(os.environ).answers,
+        self.last = build_dir.last_record(self.build)
+        reuse, self.begun = build_dir.prepare_build_dir(
+            self.build,
+            self.last,
+            replace(self.inputs, sources=sources),
+            InstalledStates(self.root / "build"),
+            table,
+            can_reuse=can_reuse,
+            reconfigure=reconfigure,
         )
-        inputs = replace(self.inputs, sources=sources)
-        return build_dir.prepare_build_dir(
-            self.build, inputs, checks, can_reuse=can_reuse, reconfigure=reconfigure
-        )
+        return reuse
 
     def configure(self) -> None:
         """Run CMake, unless the folder is configured, and what forge does after it."""
@@ -111,7 +111,10 @@ class Probe:
             out, _ = process.communicate()
         assert process.returncode == 0, out
         layout, world = Layout(self.root / "build", self.root / "install", None), World(os.environ)
-        record_commands(read_steps(self.log), self.build, self.source, layout, world)
+        assert self.begun is not None
+        before = self.begun.commands
+        commands = observed_commands(read_steps(self.log), self.build, self.source, layout, world, before)
+        add_commands(self.build, commands)
         return out
 
     def end(self) -> frozenset[str]:
@@ -119,8 +122,10 @@ class Probe:
         assert self.begun is not None
         table = self.table()
         externals = file_manifest(self.externals, table)
-        saved = build_notes.saved_during_build(self.build, self.begun, externals, table, frozenset())
-        build_notes.finish_build_dir(self.build, externals, saved)
+        saved = saved_during_build(
+            self.build, self.source, self.last, self.begun, externals, table, frozenset()
+        )
+        complete_record(self.build, externals, saved, build_dir.generated_digest(self.build))
         return saved
 
     def make(self) -> tuple[Reuse, set[str]]:
@@ -144,7 +149,7 @@ class Probe:
 def probe(tmp_path: Path) -> Probe:
     """Return a package that is built."""
     (tmp_path / "build").mkdir()
-    found = Probe(tmp_path, BuildDirInputs("base", "shape", {}, {}))
+    found = Probe(tmp_path, FolderRecord("base", "shape", {}, {}))
     for name, text in _FILES.items():
         found.write(name, text)
     assert found.make() == (Reuse.NOTHING, OBJECTS)
@@ -153,8 +158,9 @@ def probe(tmp_path: Path) -> Probe:
 
 def note_of(probe: Probe, **values: object) -> None:
     """Change what a build noted as it began."""
-    path = probe.build / SCRATCH_DIR / "begun.json"
-    path.write_text(json.dumps({**json.loads(path.read_text()), **values}), encoding="utf-8")
+    path = probe.build / SCRATCH_DIR / RECORD_FILE
+    first, *more = path.read_text().splitlines()
+    path.write_text("\n".join((json.dumps({**json.loads(first), **values}), *more)), encoding="utf-8")
 
 
 def test_objects_that_include_a_generated_file_by_name_are_rebuilt(probe: Probe) -> None:
@@ -197,15 +203,28 @@ def test_a_clock_set_back_rebuilds_everything(probe: Probe) -> None:
     assert probe.make() == (Reuse.NOTHING, OBJECTS)
 
 
-@pytest.mark.parametrize("name", ["begun.json", "sources.json", "externals.json", "ended.json"])
-@pytest.mark.parametrize("text", [None, "", "[]", "{", "null", '{"began": "x"}'])
-def test_lost_or_corrupt_state_never_reuses_changed_files(probe: Probe, name: str, text: str | None) -> None:
-    path = probe.build / SCRATCH_DIR / name
+@pytest.mark.parametrize(
+    "text",
+    [
+        *(None, "", "[]", "{", "null", '{"began": "x"}', '{"version": 1}', '{"version": 0}', "[" * 9999),
+        *(-1, 1, 100, '{"version": 1, "began": -1}', '{"version": 1, "began": 0}\nnull'),
+    ],
+)
+def test_a_lost_or_damaged_record_never_reuses_changed_files(probe: Probe, text: str | int | None) -> None:
+    """A number is the length of what is left of the file."""
+    path = probe.build / SCRATCH_DIR / RECORD_FILE
+    whole = path.read_text(encoding="utf-8")
     path.unlink()
     if text is not None:
-        path.write_text(text, encoding="utf-8")
+        path.write_text(whole[:text] if isinstance(text, int) else text, encoding="utf-8")
     probe.write("one.h", "#define ONE 2\n", old=True)
     assert "one" in probe.make()[1]
+
+
+def test_the_record_of_another_version_starts_from_empty(probe: Probe) -> None:
+    note_of(probe, version=-1)
+    assert read_record(probe.build) is None
+    assert probe.make() == (Reuse.NOTHING, OBJECTS)
 
 
 @pytest.mark.parametrize("name", ["build.ninja", "CMakeFiles/rules.ninja", "cmake_install.cmake"])
@@ -252,7 +271,7 @@ def test_a_symbolic_link_in_place_of_a_build_folder_is_not_followed(tmp_path: Pa
     away = tmp_path / "away"
     away.mkdir()
     (away / "precious").touch()
-    probe = Probe(tmp_path, BuildDirInputs("base", "shape", {}, {}))
+    probe = Probe(tmp_path, FolderRecord("base", "shape", {}, {}))
     probe.write("CMakeLists.txt", "")
     (tmp_path / "build").mkdir()
     probe.build.symlink_to(away)

@@ -14,7 +14,7 @@ from functools import partial
 
 import pytest
 
-from forge.build.inputs.input_manifest import Changes
+from forge.build.inputs.fingerprints import Changes
 from forge.build.inputs.native_graph import Edge, NativeGraph
 from forge.build.model import BuildInputs, BuildRecord, Fingerprint, Snapshot
 from forge.build.reuse import Reuse, decide

@@ -117,7 +117,7 @@ def test_a_package_inside_a_virtual_environment_keeps_its_sources(tmp_path: Path
 
 def mark(package: Path, known: Fingerprint | None = None) -> Fingerprint:
     """Mark with a table that knows nothing."""
-    return fingerprint_tree(str(package), FileTable(package.parent / "table"), known)
+    return fingerprint_tree(str(package), FileTable(package.parent / "table"), known)[0]
 
 
 def test_a_folder_reachable_by_several_links_is_read_once(package: Path) -> None:

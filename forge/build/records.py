@@ -1,0 +1,135 @@
+"""The record of a build folder: what its contents were made from, and what its commands did.
+
+The journal records the inputs of successful builds only. A build that failed or was killed leaves objects
+made from other inputs. Therefore each build folder has a record of its own. The first line of the file is
+written before the first step, after everything that does not match it was removed. Further lines are appended
+when the steps have ended, and when the build has succeeded. A record of another version, or a damaged one, is
+none: then the next build begins in an empty folder.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+from typing import TYPE_CHECKING, Any
+
+from forge.base.files import naming, replace_file
+from forge.base.frozen import frozen
+from forge.base.layout import RECORD_FILE, SCRATCH_DIR
+from forge.build.inputs.fingerprints import FileState, Manifest
+from forge.engine.commands import NOT_OBSERVED, decode_commands, encode_commands
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+    from forge.engine.commands import ObservedCommands
+
+_VERSION = 1
+_INVALID = (ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError)
+
+
+@frozen
+class FolderRecord:
+    """What the contents of a build folder were made from.
+
+    `base` is a digest of inputs that no native build tool tracks: forge, tools, variables. `shape` is a
+    digest of inputs that take effect at configure time: options, packages in underlays. `needs` are the
+    digests of the dependencies' installed files, `sources` the package's own files at the start, `stamp` that
+    of their fingerprint. `began` is the time in nanoseconds.
+    """
+
+    base: str
+    shape: str
+    needs: Mapping[str, str]
+    sources: Manifest
+    stamp: str = ""
+    began: int = 0
+    from_empty: bool = False
+    """The build started in an empty folder."""
+    dropped: frozenset[str] = frozenset()
+    """Products in the folder that was set aside which are not restored after CMake has run."""
+    read_by_commands: frozenset[str] = frozenset()
+    """Files of that folder that its commands read and did not make: CMake may generate them again."""
+    commands: ObservedCommands = NOT_OBSERVED
+    """What CMake and the commands did that made the contents; nothing is known of steps that were killed."""
+    complete: bool = False
+    """The build has succeeded."""
+    externals: Manifest | None = None
+    """What the last successful build with these contents read outside of the package; None without one."""
+    saved: frozenset[str] = frozenset()
+    """Inputs that were written while the build ran."""
+    generated: str = ""
+    """A digest of what CMake generated for the native tool."""
+
+
+def begin_record(build: Path, record: FolderRecord) -> None:
+    """Write the record of a build whose first step is about to start."""
+    data = {
+        "version": _VERSION,
+        **{name: getattr(record, name) for name in _AT_BEGIN},
+        "dropped": sorted(record.dropped),
+        "read_by_commands": sorted(record.read_by_commands),
+    }
+    replace_file(build / SCRATCH_DIR / RECORD_FILE, json.dumps(data).encode() + b"\n")
+
+
+_AT_BEGIN = ("base", "shape", "needs", "sources", "stamp", "began", "from_empty", "externals")
+
+
+def add_commands(build: Path, commands: ObservedCommands) -> None:
+    """Record what the steps did, successful or not; they have ended."""
+    _append(build, {"commands": encode_commands(commands)})
+
+
+def complete_record(build: Path, externals: Manifest, saved: frozenset[str], generated: str) -> None:
+    """Record that the build succeeded."""
+    _append(build, {"externals": externals, "saved": sorted(saved), "generated": generated, "complete": True})
+
+
+def _append(build: Path, data: Mapping[str, object]) -> None:
+    path = build / SCRATCH_DIR / RECORD_FILE
+    content = json.dumps(data).encode() + b"\n"
+    # If the steps have removed it, the next build starts from empty.
+    with contextlib.suppress(FileNotFoundError), naming(path), path.open("r+b") as stream:
+        stream.seek(0, os.SEEK_END)
+        stream.write(content)
+
+
+def read_record(build: Path) -> FolderRecord | None:
+    """Return the record of a build folder, None if there is none that is valid."""
+    try:
+        first, *more = (build / SCRATCH_DIR / RECORD_FILE).read_bytes().splitlines()
+        data = json.loads(first)
+        if data.pop("version") != _VERSION or not 0 <= data["began"] < 1 << 63:
+            return None
+        for line in more:
+            data.update(json.loads(line))
+        return FolderRecord(
+            **{
+                **data,
+                "needs": dict(data["needs"]),
+                "sources": _manifest(data["sources"]),
+                "externals": None if data["externals"] is None else _manifest(data["externals"]),
+                "dropped": frozenset(data["dropped"]),
+                "read_by_commands": frozenset(data["read_by_commands"]),
+                "commands": decode_commands(data["commands"]) if "commands" in data else NOT_OBSERVED,
+                "saved": frozenset(data.get("saved", ())),
+            }
+        )
+    except (OSError, *_INVALID):
+        return None
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """Return the JSON object in a file, or {} if it is missing or invalid."""
+    try:
+        data = json.loads(path.read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return data if isinstance(data, dict) else {}
+
+
+def _manifest(data: Mapping[str, tuple[str, str]]) -> Manifest:
+    return {path: FileState(stats, content) for path, (stats, content) in data.items()}
