@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -66,7 +67,7 @@ def _text(content: bytes | str, path: Path) -> str:
         raise WorkspaceError(Problem("the text is not UTF-8", Location(path, line))) from None
 
 
-def yaml_text(value: dict[str, str]) -> str:
+def yaml_text(value: Mapping[str, object]) -> str:
     import yaml
 
     text: str = yaml.safe_dump(value, default_flow_style=False)

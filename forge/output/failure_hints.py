@@ -156,12 +156,19 @@ def _ways_to_find(name: str, context: FailureContext) -> str:
     near = similar_package(name, context.packages.keys() - {context.package.name})
     question = f"did you mean '{near}'? otherwise " if near else ""
     if is_ros_name(name) or (context.declares(name) and resembles_ros_name(name)):
-        remedy = f"source a ROS installation that contains '{name}', or add its sources to the workspace"
-        return question + remedy
+        other = f"source a ROS installation that contains '{name}'"
+        return question + other if near else _ways_to_get(name, context)
     return (
         f"{question}install the system package that contains {name}Config.cmake "
         f"(Debian: apt-file search -x '/({name}Config|{name.lower()}-config).cmake$')"
     )
+
+
+def _ways_to_get(name: str, context: FailureContext) -> str:
+    """Return how to get a package of ROS."""
+    declared = context.declares(name)
+    words = "'forge fetch' downloads it" if declared else f"'forge add {name}' and 'forge fetch' download it"
+    return f"{words}; or source a ROS installation that contains '{name}'"
 
 
 def _header_not_found(header: str, context: FailureContext) -> str | None:
@@ -182,7 +189,7 @@ def _header_not_found(header: str, context: FailureContext) -> str | None:
         lines = _lines_for(name, context)
         return f"'{header}' belongs to the package '{name}'; add {lines}" if lines else None
     return context.whereabouts(name) or (
-        f"source a ROS installation that contains '{name}', or add its sources to the workspace"
+        _ways_to_get(name, context)
         if is_ros_name(name)
         else f"install the system package that contains it (Debian: apt-file search {header})"
     )

@@ -103,8 +103,8 @@ def _together(
             )
         else:
             what += ", nor embedded in forge"
-            them, their = ("it", "its") if one else ("them", "their")
-            remedy = f"source an installation that contains {them}, or add {their} sources to the workspace"
+            them = "it" if one else "them"
+            remedy = f"'forge fetch' downloads {them}; or source an installation that contains {them}"
             question = f"did you mean '{near}'? otherwise " if near else ""
             hint = place or f"{question}{remedy}; see {docs_url('how-to/rclcpp.md')}"
         problems.append(problem(names, users, what, hint))

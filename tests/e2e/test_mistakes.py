@@ -47,7 +47,7 @@ def broken(
         ),
         pytest.param(
             broken("find_package(rclcpp REQUIRED)"),
-            "source a ROS installation that contains 'rclcpp', or add its sources to the workspace",
+            "'forge add rclcpp' and 'forge fetch' download it; or source a ROS installation",
             id="a package of ROS",
         ),
         pytest.param(

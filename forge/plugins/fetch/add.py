@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem, SelectionError, WorkspaceError, raise_if_any
 from forge.base.files import read_file, replace_file, text_or_nothing
@@ -16,15 +16,10 @@ from forge.base.xml import parse_xml
 from forge.cli import options as shared
 from forge.toolchain.programs import CMAKE_TYPES
 from forge.workspace.cmake_text import calls
-from forge.workspace.load import load_workspace
+from forge.workspace.load import LoadedWorkspace, load_workspace
 from forge.workspace.manifest import DEPENDENCY_KINDS, parse_manifest
+from forge.workspace.model import Package
 from forge.workspace.selection import Query
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from forge.workspace.load import LoadedWorkspace
-    from forge.workspace.model import Package
 
 _BEFORE_EXPORT = re.compile(r"^[ \t]*(?:<export\b|</package>)", re.MULTILINE)
 _OLD_DEPEND = ("build_depend", "run_depend")

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Collection, Mapping
 
 from forge.base.errors import Problem, SelectionError, raise_if_any
 from forge.base.frozen import frozen
 from forge.base.names import did_you_mean
-from forge.workspace.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Mapping
-
-    from forge.plugins.fetch.index import Snapshot
+from forge.plugins.fetch.index import Snapshot
+from forge.workspace.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS, DependencyKind, Manifest
 
 MIDDLEWARES = {"cyclonedds": "rmw_cyclonedds_cpp", "fastrtps": "rmw_fastrtps_cpp", "zenoh": "rmw_zenoh_cpp"}
 """What `--rmw` accepts besides names of packages."""
@@ -72,7 +68,8 @@ def resolve(
     for their members are those of the workspace (REP 149).
     """
     kinds = BUILD_KINDS | RUN_KINDS | (TEST_KINDS if tests else frozenset())
-    unwanted = middlewares(snapshot) - {middleware} - wanted.keys()
+    all_middlewares = middlewares(snapshot)
+    unwanted = all_middlewares - {middleware} - wanted.keys()
     users: dict[str, set[str]] = {name: set(names) for name, names in wanted.items()}
     packages: set[str] = set()
     waiting = list(wanted)
@@ -82,7 +79,7 @@ def resolve(
             continue
         packages.add(name)
         manifest = snapshot.manifest(name)
-        needed = {*manifest.names(kinds)} - unwanted - {*_OPTIONAL.get(name, ()), name}
+        needed = {*needs_of(manifest, kinds, all_middlewares)} - unwanted
         if name == _MIDDLEWARE_USER:
             needed.add(middleware)
         for other in needed:
@@ -94,6 +91,14 @@ def resolve(
         return {name: tuple(sorted(users[name])) for name in sorted(names)}
 
     return Needs(sorted_users(packages), sorted_users(keys))
+
+
+def needs_of(
+    manifest: Manifest, kinds: frozenset[DependencyKind], all_middlewares: frozenset[str]
+) -> frozenset[str]:
+    """Return the dependencies of a package without those that are optional."""
+    optional = all_middlewares if manifest.name == _MIDDLEWARE_USER else _OPTIONAL.get(manifest.name, ())
+    return frozenset(manifest.names(kinds)) - frozenset(optional) - {manifest.name}
 
 
 def check_names(names: Collection[str], snapshot: Snapshot) -> None:

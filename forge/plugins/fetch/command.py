@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import os
+import subprocess
 import sys
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base.distributions import OLDEST, distribution_option
 from forge.base.errors import (
@@ -17,17 +18,21 @@ from forge.base.errors import (
     print_warnings,
     raise_if_any,
 )
+from forge.base.files import read_file, replace_file
+from forge.base.formats import yaml_text
 from forge.base.frozen import frozen
+from forge.base.layout import Layout
 from forge.base.options import option, options_of
 from forge.base.text import counted, listed
 from forge.cli import options as shared
 from forge.cli.preparation import build_variables, known_rosdistro
 from forge.environment.prefixes import find_underlays, provider, system_prefixes
-from forge.plugins.fetch.closure import check_names, middleware_package, resolve
-from forge.plugins.fetch.index import read_snapshot
-from forge.plugins.fetch.lock import LOCK_FILE, Lock, cache_folder, read_lock, write_lock
+from forge.plugins.fetch.closure import Needs, check_names, middleware_package, middlewares, needs_of, resolve
+from forge.plugins.fetch.index import Snapshot, read_snapshot
+from forge.plugins.fetch.lock import LOCK_FILE, Lock, LockedPackage, cache_folder, read_lock, write_lock
 from forge.plugins.fetch.sources import (
     clone_folder,
+    copy_source,
     download_clones,
     download_packages,
     lock_clones,
@@ -35,17 +40,14 @@ from forge.plugins.fetch.sources import (
     source_folder,
 )
 from forge.plugins.fetch.underlay import is_underlay
+from forge.toolchain.interpreter import own_command
+from forge.workspace.cmake_text import announced_downloads
 from forge.workspace.discovery import discover_embedded
-from forge.workspace.load import load_workspace
-from forge.workspace.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS
+from forge.workspace.load import LoadedWorkspace, load_workspace
+from forge.workspace.manifest import parse_manifest
+from forge.workspace.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS, Package
 from forge.workspace.resolve import provided_names
 from forge.workspace.selection import Query
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from forge.plugins.fetch.index import Snapshot
-    from forge.plugins.fetch.lock import LockedPackage
 
 
 @frozen
@@ -66,6 +68,8 @@ class Options:
     )
     locked: bool = option(f"exit with code 2 if {LOCK_FILE} would change", default=False)
     offline: bool = option("use what was downloaded before, and no network", default=False)
+    vendor: str | None = option("copy the sources to this folder of the workspace", metavar="DIR")
+    export: str | None = option("write the repositories and tags for vcs to this file", metavar="FILE.repos")
     index: str | None = option(
         "URL of the index of distributions (default: ROSDISTRO_INDEX_URL, else the public one)", metavar="URL"
     )
@@ -73,89 +77,53 @@ class Options:
 
 
 def run(options: Options) -> int:
-    """Print the plan, download what is missing, and write the lock; returns 0."""
-    root = Path.cwd()
-    cache = cache_folder(os.environ)
-    lock = read_lock(root)
+    """Lock what the workspace needs, download it, and say what else it needs; returns 0."""
+    root, cache = Path.cwd(), cache_folder(os.environ)
     layout = shared.FolderOptions(install_base=options.install_base).layout(root)
+    before = read_lock(root)
     chosen = known_rosdistro(options.rosdistro, root, layout.install)
-    distribution = chosen or (lock.distribution if lock else OLDEST)
-    if lock and lock.distribution != distribution:
-        lock = None
-    snapshot = _snapshot(options, distribution, lock)
-    middleware = options.rmw or (lock.middleware if lock else "cyclonedds")
-    middleware = middleware_package(middleware, snapshot) if options.rmw or not lock else middleware
-    check_names(options.names, snapshot)
-    check_names([name for name in options.update or () if not lock or name not in _names(lock)], snapshot)
-    requested = tuple(sorted({*options.names, *(lock.requested if lock else ())}))
-
-    wanted, has_packages = _wanted(options, snapshot, root, distribution)
-    if not (has_packages or requested):
-        hint = "change to the root of a workspace, or name packages: forge fetch turtlesim"
-        raise SelectionError(Problem(f"no packages found below '{root}'", hint=hint))
-    variables = build_variables(layout, os.environ, distribution)
-    underlays = find_underlays(variables, layout.install)
-    own = tuple(path for path in underlays.prefixes if is_underlay(path, cache))
-    foreign = replace(underlays, prefixes=tuple(path for path in underlays.prefixes if path not in own))
-    system = tuple(path for path in system_prefixes(variables) if not is_underlay(path, cache))
+    distribution = chosen or (before.distribution if before else OLDEST)
+    if before and before.distribution != distribution:
+        before = None
+    snapshot = _snapshot(options, distribution, before)
+    loaded = load_workspace(root, options.query, {**os.environ, "ROS_DISTRO": distribution})
+    raise_if_any(loaded.workspace.problems, WorkspaceError)
+    print_warnings(loaded.warnings)
+    middleware, requested = _choices(options, snapshot, before, loaded)
     needs = resolve(
-        {**dict.fromkeys(requested, ()), **wanted},
+        {**dict.fromkeys(requested, ()), **_wanted(options, snapshot, loaded)},
         snapshot,
-        lambda name: provider(name, foreign, system) is not None,
+        _presence(layout, cache, distribution, loaded),
         middleware,
         tests=options.test,
     )
-    if not needs.packages:
-        print("nothing to fetch: the workspace has all that it needs")
-        return 0
-
-    pinned = _pinned(lock, options, needs.packages)
-    missing = needs.packages.keys() - pinned.keys()
-    problems: list[Problem] = []
-    if missing:
-        if options.offline:
-            hint = "run 'forge fetch' with network access"
-            raise HostError(Problem(f"{listed(sorted(missing))} not locked yet", hint=hint))
-        fresh, problems = lock_packages(missing, snapshot)
-        pinned.update((each.name, each) for each in fresh)
-    packages = tuple(pinned[name] for name in sorted(pinned))
-    new = Lock(
-        distribution,
-        snapshot.digest,
-        middleware,
-        requested,
-        packages,
-        lock.clones if lock else (),
-        tuple(needs.keys),
-    )
-    if options.locked and (lock is None or replace(new, snapshot=lock.snapshot) != lock):
+    packages, problems = _locked(options, before, needs, snapshot)
+    clones = before.clones if before and needs.packages else ()
+    lock = Lock(distribution, snapshot.digest, middleware, requested, packages, clones, tuple(needs.keys))
+    if options.locked and (before is None or replace(lock, snapshot=before.snapshot) != before):
         hint = f"run 'forge fetch', and commit {LOCK_FILE}"
         raise WorkspaceError(Problem(f"'{LOCK_FILE}' does not fit the workspace", hint=hint))
-    absent = [each for each in packages if not source_folder(cache, each).is_dir()]
-    print(
-        f"ROS {distribution}: {counted(len(packages), 'package')} in "
-        f"{len({each.repository for each in packages})} repositories, {len(absent)} to download",
-        flush=True,
-    )
-    if options.offline and absent:
-        hint = "run 'forge fetch' with network access"
-        names = listed([each.name for each in absent])
-        raise HostError(Problem(f"the sources of {names} were not downloaded yet", hint=hint))
-    progress = _Progress(len(absent))
-    problems += download_packages(packages, cache, progress.count)
-    progress.end()
-    clones = new.clones
-    if not (options.offline or options.locked or problems):
-        found, more = lock_clones(packages, cache, tests=options.test)
-        clones, problems = tuple(found), [*problems, *more]
-    problems += [] if options.offline else download_clones(clones, cache)
-    raise_if_any(problems, HostError)
-    for clone in clones:
-        print(f"{listed(clone.packages)} will use {clone.repository} ({clone.tag})")
-        if not clone_folder(cache, clone).is_dir():
-            raise HostError(Problem(f"'{clone.repository}' was not downloaded yet"))
-    new = replace(new, clones=clones)
-    if not options.locked and write_lock(root, new):
+    if not needs.packages:
+        print("nothing to fetch: the workspace has all that it needs")
+        if before:
+            write_lock(root, lock)
+        return 0
+    lock = _download(options, lock, cache, problems)
+    folders = [source_folder(cache, each) for each in packages]
+    if note := announced_downloads(_sources(folders), {each.repository for each in lock.clones}):
+        print_warnings([note])
+    print(*_system_packages(folders, distribution), sep="\n", end="")
+    if options.export:
+        entries = {
+            each.name: {"type": "git", "url": each.repository, "version": each.tag} for each in packages
+        }
+        replace_file(Path(options.export), yaml_text({"repositories": entries}).encode())
+        print(f"wrote {options.export}")
+    if options.vendor:
+        for package, folder in zip(packages, folders, strict=True):
+            copy_source(folder, root / options.vendor / package.name)
+        print(f"copied the packages to '{options.vendor}': the workspace builds them as its own")
+    elif not options.locked and write_lock(root, lock):
         print(f"wrote {LOCK_FILE}; 'forge build' builds the packages once, for all workspaces")
     return 0
 
@@ -174,41 +142,126 @@ def _snapshot(options: Options, distribution: str, lock: Lock | None) -> Snapsho
     return read_snapshot(distribution, os.environ, options.index, offline=options.offline)
 
 
-def _wanted(
-    options: Options, snapshot: Snapshot, root: Path, distribution: str
-) -> tuple[dict[str, tuple[str, ...]], bool]:
-    """Return what the workspace's packages need from outside, with those packages, and whether there are any.
+def _choices(
+    options: Options, snapshot: Snapshot, lock: Lock | None, loaded: LoadedWorkspace
+) -> tuple[str, tuple[str, ...]]:
+    """Return the package of the middleware, and the packages that the user has asked for by name.
+
+    Both are remembered in the lock. Raises SelectionError for names that the distribution does not have.
+    """
+    known = {each.name for each in lock.packages} if lock else set()
+    check_names([*options.names, *(name for name in options.update or () if name not in known)], snapshot)
+    if lock and not options.rmw:
+        middleware = lock.middleware
+    else:
+        middleware = middleware_package(options.rmw or "cyclonedds", snapshot)
+    names = {*options.names, *(lock.requested if lock else ())} - loaded.workspace.packages.keys()
+    if not (names or loaded.packages):
+        hint = "change to the root of a workspace, or name packages: forge fetch turtlesim"
+        raise SelectionError(Problem(f"no packages found below '{loaded.workspace.root}'", hint=hint))
+    return middleware, tuple(sorted(names))
+
+
+def _wanted(options: Options, snapshot: Snapshot, loaded: LoadedWorkspace) -> dict[str, tuple[str, ...]]:
+    """Return what the workspace's packages need from outside, with those packages.
 
     If forge's embedded packages are enough for all of them, that is nothing.
     """
     kinds = BUILD_KINDS | RUN_KINDS | (TEST_KINDS if options.test else frozenset())
-    loaded = load_workspace(root, options.query, {**os.environ, "ROS_DISTRO": distribution})
-    raise_if_any(loaded.workspace.problems, WorkspaceError)
-    print_warnings(loaded.warnings)
+    all_middlewares = middlewares(snapshot)
     users: dict[str, set[str]] = {}
     for node in loaded.selection.names:
         package = loaded.packages[node]
-        for name in package.manifest.names(kinds):
+        for name in needs_of(package.manifest, kinds, all_middlewares):
             if name not in loaded.workspace.packages:
                 users.setdefault(name, set()).add(package.name)
-    embedded = provided_names(discover_embedded(distribution))
+    embedded = provided_names(discover_embedded(snapshot.distribution))
     if users.keys() & snapshot.releases.keys() <= embedded and not options.names:
-        return {}, bool(loaded.packages)
-    return {name: tuple(sorted(names)) for name, names in sorted(users.items())}, bool(loaded.packages)
-
-
-def _pinned(
-    lock: Lock | None, options: Options, needed: Mapping[str, tuple[str, ...]]
-) -> dict[str, LockedPackage]:
-    """Return the packages that stay as they are locked."""
-    if lock is None or options.update == ():
         return {}
+    return {name: tuple(sorted(names)) for name, names in sorted(users.items())}
+
+
+def _presence(
+    layout: Layout, cache: Path, distribution: str, loaded: LoadedWorkspace
+) -> Callable[[str], bool]:
+    """Return whether the workspace, an underlay of the user or the system has a package."""
+    variables = build_variables(layout, os.environ, distribution)
+    underlays = find_underlays(variables, layout.install)
+    foreign = tuple(path for path in underlays.prefixes if not is_underlay(path, cache))
+    underlays = replace(underlays, prefixes=foreign)
+    system = tuple(path for path in system_prefixes(variables) if not is_underlay(path, cache))
+    packages = loaded.workspace.packages
+    return lambda name: name in packages or provider(name, underlays, system) is not None
+
+
+def _locked(
+    options: Options, lock: Lock | None, needs: Needs, snapshot: Snapshot
+) -> tuple[tuple[LockedPackage, ...], list[Problem]]:
+    """Return the needed packages, at the versions of the lock if it has them, and problems with others."""
     moved = options.update or ()
-    return {each.name: each for each in lock.packages if each.name in needed and each.name not in moved}
+    keep = lock.packages if lock and options.update != () else ()
+    pinned = {each.name: each for each in keep if each.name in needs.packages and each.name not in moved}
+    missing = needs.packages.keys() - pinned.keys()
+    if missing and options.offline:
+        hint = "run 'forge fetch' with network access"
+        verb = "is" if len(missing) == 1 else "are"
+        raise HostError(Problem(f"{listed(sorted(missing))} {verb} not locked yet", hint=hint))
+    fresh, problems = lock_packages(missing, snapshot)
+    pinned.update((each.name, each) for each in fresh)
+    return tuple(pinned[name] for name in sorted(pinned)), problems
 
 
-def _names(lock: Lock) -> set[str]:
-    return {each.name for each in lock.packages}
+def _download(options: Options, lock: Lock, cache: Path, problems: list[Problem]) -> Lock:
+    """Download what the cache lacks, and return the lock with what the packages clone themselves.
+
+    Raises HostError with these problems and those of the downloads, after all others were downloaded.
+    """
+    absent = [each for each in lock.packages if not source_folder(cache, each).is_dir()]
+    repositories = len({each.repository for each in lock.packages})
+    print(
+        f"ROS {lock.distribution}: {counted(len(lock.packages), 'package')} in {repositories} repositories, "
+        f"{len(absent)} to download",
+        flush=True,
+    )
+    if options.offline:
+        names = [each.name for each in absent]
+        names += [each.repository for each in lock.clones if not clone_folder(cache, each).is_dir()]
+        if names:
+            hint = "run 'forge fetch' with network access"
+            raise HostError(Problem(f"not downloaded yet: {listed(names)}", hint=hint))
+        return lock
+    progress = _Progress(len(absent))
+    problems += download_packages(absent, cache, progress.count)
+    progress.end()
+    clones = lock.clones
+    if not (options.locked or problems):
+        found, more = lock_clones(lock.packages, cache, tests=options.test)
+        clones = tuple(found)
+        problems += more
+    problems += download_clones(clones, cache)
+    raise_if_any(problems, HostError)
+    return replace(lock, clones=clones)
+
+
+def _sources(folders: Iterable[Path]) -> Iterator[Package]:
+    for folder in folders:
+        path = folder / "package.xml"
+        yield Package(folder, parse_manifest(read_file(path), path, os.environ))
+
+
+def _system_packages(folders: Sequence[Path], distribution: str) -> Iterator[str]:
+    """Yield what `forge deps` says about the sources: what to install, and names that it does not know."""
+    words = ("deps", "--no-test-dependencies", "--rosdistro", distribution)
+    argv = own_command(*words, "--base-paths", *map(str, folders))
+    done = subprocess.run(argv, cwd=folders[0], capture_output=True, text=True, check=False)
+    lines = [line for line in done.stdout.splitlines() if line]
+    unknown = [line.split()[1] for line in lines if " is unknown, needed by " in line]
+    if commands := [line for line in lines if not line.startswith("#")]:
+        yield "the system lacks packages that they need; to install them:"
+        yield from (f"  {command}" for command in commands)
+    if unknown:
+        yield f"system packages whose names are unknown here, see 'forge help deps': {' '.join(unknown)}"
+    yield ""
 
 
 class _Progress:

@@ -7,14 +7,11 @@ from __future__ import annotations
 
 import os
 import subprocess
-from typing import TYPE_CHECKING
+from collections.abc import Iterable
+from pathlib import Path
 
 from forge.base.env_vars import without_passwords
 from forge.base.errors import ForgeError, HostError, Problem
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-    from pathlib import Path
 
 _BATCH = 100
 """Tags in one request, for the length of a command line."""

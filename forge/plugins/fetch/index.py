@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from forge.base.env_vars import without_passwords
 from forge.base.errors import HostError, Problem, SelectionError
@@ -18,11 +19,7 @@ from forge.base.frozen import frozen
 from forge.base.names import did_you_mean
 from forge.plugins.fetch.lock import cache_folder
 from forge.workspace.manifest import parse_manifest
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from forge.workspace.model import Manifest
+from forge.workspace.model import Manifest
 
 _FORMAT = 1
 """Of the file in the user's cache; another one is read from the index again."""

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from forge.base.env_vars import own_cache
 from forge.base.errors import HostError, Location, Problem, WorkspaceError
@@ -13,10 +14,6 @@ from forge.base.files import read_file, replace_file
 from forge.base.formats import read_toml
 from forge.base.frozen import frozen
 from forge.base.names import is_package_name
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
-    from pathlib import Path
 
 LOCK_FILE = "forge.lock"
 _FORMAT = 1

@@ -5,15 +5,11 @@ from __future__ import annotations
 import shutil
 import subprocess
 import sys
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from pathlib import Path
 
 from forge.base.errors import HostError, Problem
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-    from pathlib import Path
-
-    from forge.plugins.fetch.lock import Lock
+from forge.plugins.fetch.lock import Lock
 
 REQUIREMENTS = {
     "python3-argcomplete": "argcomplete",

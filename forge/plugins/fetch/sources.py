@@ -7,24 +7,22 @@ that a package clones while it is built. Both are complete once they have these 
 from __future__ import annotations
 
 import os
+import shutil
 import tempfile
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 from forge.base.env_vars import without_passwords
-from forge.base.errors import ForgeError, Problem
+from forge.base.errors import ForgeError, Problem, SelectionError
 from forge.base.files import delete_tree, text_or_nothing
 from forge.plugins.fetch import git
+from forge.plugins.fetch.index import Release, Snapshot
 from forge.plugins.fetch.lock import Clone, LockedPackage
 from forge.workspace.cmake_text import calls, cmake_files
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
-
-    from forge.plugins.fetch.index import Release, Snapshot
 
 _CONNECTIONS = 8
 _Item = TypeVar("_Item")
@@ -174,6 +172,19 @@ class _new_folder:
                 self._draft.rename(self._path)
         if self._draft.exists():
             delete_tree(self._draft)
+
+
+def copy_source(source: Path, folder: Path) -> None:
+    """Copy a package to a new folder, for the user to edit; raises SelectionError if the folder exists."""
+    if os.path.lexists(folder):
+        hint = "remove it, or choose another folder with '--vendor'"
+        raise SelectionError(Problem(f"'{folder}' exists already", hint=hint))
+    with _new_folder(folder) as draft:
+        shutil.copytree(source, draft, symlinks=True, dirs_exist_ok=True)
+        for place, _, names in os.walk(draft):
+            for path in (Path(place, name) for name in names):
+                if not path.is_symlink():
+                    path.chmod(path.stat().st_mode | 0o200)
 
 
 def _make_read_only(folder: Path) -> None:

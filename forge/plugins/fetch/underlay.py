@@ -14,14 +14,14 @@ import platform
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base.errors import HostError, Problem
 from forge.base.files import read_file, replace_file, text_or_nothing
 from forge.base.text import counted, digest
-from forge.plugins.fetch.lock import LOCK_FILE, cache_folder, read_lock
+from forge.plugins.fetch.lock import LOCK_FILE, Lock, cache_folder, read_lock
 from forge.plugins.fetch.python import prepare_interpreter
 from forge.plugins.fetch.sources import (
     clone_folder,
@@ -32,11 +32,6 @@ from forge.plugins.fetch.sources import (
 from forge.toolchain.interpreter import own_command
 from forge.workspace.manifest import parse_manifest
 from forge.workspace.model import BUILD_KINDS, RUN_KINDS
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
-
-    from forge.plugins.fetch.lock import Lock
 
 _SETTINGS = """\
 # Written by forge: the packages of ROS that forge.lock files name, built once for all workspaces.

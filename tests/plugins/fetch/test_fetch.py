@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from forge.base.formats import read_toml
+from forge.base.formats import read_toml, read_yaml
 from tests.conftest import Forge
 from tests.packages import manifest_text, write_files
 from tests.plugins.fetch.ros import CMAKE, Ros, depends, small_ros
@@ -167,3 +167,42 @@ def test_nothing_is_fetched_that_forge_embeds(ros: Ros, forge: Forge, tmp_path: 
     ran = forge("fetch", cwd=workspace, env=ros.variables())
     assert (ran.code, ran.out) == (0, "nothing to fetch: the workspace has all that it needs\n")
     assert not (workspace / "forge.lock").exists()
+
+
+def test_plan_names_system_packages_and_downloads(ros: Ros, forge: Forge, tmp_path: Path) -> None:
+    archive = "https://example.invalid/archive.tar.gz"
+    cmake = f"if(FALSE)\nfile(DOWNLOAD {archive} here)\nendif()"
+    ros.release("rclmini", *depends("rmw_implementation", "lib_vendor"), cmake=cmake, version="1.2.0")
+    ran = forge("fetch", cwd=new_workspace(tmp_path / "ws"), env=ros.variables())
+    assert ran.code == 0
+    assert f"this build may download 1 thing: {archive} ('rclmini')" in ran.err
+    assert "libacl1-dev" in ran.out
+
+
+def test_vendored_sources_are_packages_of_the_workspace(ros: Ros, forge: Forge, tmp_path: Path) -> None:
+    workspace, env = new_workspace(tmp_path / "ws"), ros.variables()
+    assert forge("fetch", "--vendor", "src/ros", cwd=workspace, env=env).code == 0
+    assert forge("list", "--names-only", cwd=workspace).out.split() == sorted(["hello", *NEEDED])
+    assert not (workspace / "forge.lock").exists()
+    assert "nothing to fetch" in forge("fetch", cwd=workspace, env=env).out
+    new_workspace(workspace / "src/more", *depends("turtle"))
+    (workspace / "src/ros/turtle").mkdir()
+    ran = forge("fetch", "--vendor", "src/ros", cwd=workspace, env=env)
+    assert ran.code == 2
+    assert "src/ros/turtle' exists already" in ran.err
+
+
+def test_lock_is_emptied_when_nothing_is_needed(ros: Ros, forge: Forge, tmp_path: Path) -> None:
+    workspace, env = new_workspace(tmp_path / "ws"), ros.variables()
+    assert forge("fetch", cwd=workspace, env=env).code == 0
+    new_workspace(workspace, *depends("libacl1-dev"))
+    assert forge("fetch", cwd=workspace, env=env).code == 0
+    assert "package" not in locked(workspace)
+
+
+def test_exported_repositories_are_in_the_format_of_vcs(ros: Ros, forge: Forge, tmp_path: Path) -> None:
+    workspace, env = new_workspace(tmp_path / "ws"), ros.variables()
+    assert forge("fetch", "--export", "ros.repos", cwd=workspace, env=env).code == 0
+    entry = read_yaml((workspace / "ros.repos").read_bytes(), workspace)["repositories"]["rclmini"]
+    url = "https://example.invalid/rclmini-release.git"
+    assert entry == {"type": "git", "url": url, "version": "release/humble/rclmini/1.0.0-1"}

@@ -127,7 +127,7 @@ def test_known_failures_have_a_hint(said: str, expected: str) -> None:
 def test_a_dependency_spelled_like_a_ros_package_gets_no_system_package_hint() -> None:
     said = 'asked CMake to find a package configuration file provided by "{}", but'
     scene = FailureContext(package("mine", "odd_collector"), {"mine": package("mine")})
-    assert "add its sources" in str(hint_of(said.format("odd_collector"), scene))
+    assert "source a ROS installation" in str(hint_of(said.format("odd_collector"), scene))
     # find_package's own names are spelled in every way: only the manifest tells.
     assert "apt-file search" in str(hint_of(said.format("nlohmann_json"), scene))
 

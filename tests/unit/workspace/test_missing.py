@@ -70,7 +70,7 @@ def test_a_misspelt_dependency_has_its_line_and_a_suggestion(tree: Tree) -> None
     assert error.location.line == 1 + text[: text.index("<depend>geom")].count("\n")
     assert error.location.source is not None
     assert "<depend>geomtry_msgs</depend>" in error.location.source
-    hint = "did you mean 'geometry_msgs'? otherwise source an installation that contains it, or add its"
+    hint = "did you mean 'geometry_msgs'? otherwise 'forge fetch' downloads it; or source an installation"
     assert str(error.hint).startswith(hint)
 
 
@@ -80,9 +80,9 @@ def test_misspelt_dependencies_are_compared_with_the_workspace_and_underlays() -
     assert [(problem.message.split(",")[0], str(problem.hint)[:30]) for problem in problems] == [
         ("'a' needs 'my_interfces'", "did you mean 'my_interfaces'? "),
         ("'a' needs 'rclcppp'", "did you mean 'rclcpp'? otherwi"),
-        ("'a' needs 'rmw_x'", "source an installation that co"),
+        ("'a' needs 'rmw_x'", "'forge fetch' downloads them; "),
     ]
-    assert "contains them, or add their sources" in str(problems[2].hint)
+    assert "or source an installation that contains them" in str(problems[2].hint)
 
 
 def test_a_misspelt_dependency_of_a_python_package_is_a_warning() -> None:
