@@ -30,6 +30,7 @@ from forge.environment.prefixes import find_underlays, provider, system_prefixes
 from forge.plugins.fetch.closure import Needs, check_names, middleware_package, middlewares, needs_of, resolve
 from forge.plugins.fetch.index import Snapshot, read_snapshot
 from forge.plugins.fetch.lock import LOCK_FILE, Lock, LockedPackage, cache_folder, read_lock, write_lock
+from forge.plugins.fetch.python import REQUIREMENTS
 from forge.plugins.fetch.sources import (
     clone_folder,
     copy_source,
@@ -110,9 +111,11 @@ def run(options: Options) -> int:
         return 0
     lock = _download(options, lock, cache, problems)
     folders = [source_folder(cache, each) for each in packages]
-    if note := announced_downloads(_sources(folders), {each.repository for each in lock.clones}):
+    sources = list(_sources(folders))
+    if note := announced_downloads(sources, {each.repository for each in lock.clones}):
         print_warnings([note])
-    print(*_system_packages(folders, distribution), sep="\n", end="")
+    for line in _system_packages(sources, lock):
+        print(line)
     if options.export:
         entries = {
             each.name: {"type": "git", "url": each.repository, "version": each.tag} for each in packages
@@ -249,11 +252,16 @@ def _sources(folders: Iterable[Path]) -> Iterator[Package]:
         yield Package(folder, parse_manifest(read_file(path), path, os.environ))
 
 
-def _system_packages(folders: Sequence[Path], distribution: str) -> Iterator[str]:
-    """Yield what `forge deps` says about the sources: what to install, and names that it does not know."""
-    words = ("deps", "--no-test-dependencies", "--rosdistro", distribution)
-    argv = own_command(*words, "--base-paths", *map(str, folders))
-    done = subprocess.run(argv, cwd=folders[0], capture_output=True, text=True, check=False)
+def _system_packages(sources: Sequence[Package], lock: Lock) -> Iterator[str]:
+    """Yield what `forge deps` says about the sources: what to install, and names that it does not know.
+
+    Python modules are installed from PyPI by the build.
+    """
+    declared = {name for each in sources for name in each.manifest.names(BUILD_KINDS | RUN_KINDS)}
+    skipped = (declared - set(lock.keys)) | REQUIREMENTS.keys()
+    argv = own_command("deps", "--no-test-dependencies", "--rosdistro", lock.distribution)
+    argv += ("--skip-keys", *sorted(skipped), "--base-paths", *(str(each.path) for each in sources))
+    done = subprocess.run(argv, cwd=sources[0].path, capture_output=True, text=True, check=False)
     lines = [line for line in done.stdout.splitlines() if line]
     unknown = [line.split()[1] for line in lines if " is unknown, needed by " in line]
     if commands := [line for line in lines if not line.startswith("#")]:
@@ -261,7 +269,6 @@ def _system_packages(folders: Sequence[Path], distribution: str) -> Iterator[str
         yield from (f"  {command}" for command in commands)
     if unknown:
         yield f"system packages whose names are unknown here, see 'forge help deps': {' '.join(unknown)}"
-    yield ""
 
 
 class _Progress:
