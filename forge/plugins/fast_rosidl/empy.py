@@ -201,7 +201,6 @@ class _Compiler:
         }
 
     def block(self, tokens: list[Any]) -> Iterator[ast.stmt]:
-        """Yield the statements of some tokens."""
         for token in tokens:
             convert = self._convert.get(type(token).__name__)
             if convert is None:

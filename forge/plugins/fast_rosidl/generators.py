@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from types import ModuleType
 
-    from forge.plugins.fast_rosidl.idl_trees import IdlTrees
+    from lark import Lark
 
 _ARGUMENTS_OPTION = "--generator-arguments-file"
 """What every generator of rosidl is called with, followed by a JSON file."""
@@ -34,6 +34,7 @@ _LIBRARIES = ("em", "lark", "rosidl_parser.definition", "rosidl_parser.parser")
 _HELPERS = ("rosidl_pycommon", "rosidl_cmake")
 """What generators import; the second helper is the older one, and deprecated where both exist."""
 
+_GRAMMAR = Path(__file__).with_name("rosidl.lark")
 _PROBES = Path(__file__).with_name("probes")
 """Files with every construct that the fast parser supports."""
 
@@ -42,12 +43,19 @@ class DeclinedError(Exception):
     """The command has to run in a process of its own, for the reason in the message."""
 
 
+def fast_parser() -> Lark:
+    """Return a parser whose trees are those of rosidl_parser, but that finds them in linear time."""
+    from lark import Lark
+
+    grammar = _GRAMMAR.read_text(encoding="utf-8")
+    return Lark(grammar, start="specification", parser="lalr", maybe_placeholders=False)
+
+
 class Generators:
     """What the generators of all packages share, and the parsed .idl files of one package."""
 
-    def __init__(self, grammar: Path, cache: Path | None) -> None:
-        """Store forge's grammar of .idl files, and the folder for what can be kept across builds."""
-        self._grammar = grammar
+    def __init__(self, cache: Path | None) -> None:
+        """Store the folder for what can be kept across builds."""
         self._cache = cache
         self._path = list(sys.path)
         self._modules: dict[str, ModuleType] = {}
@@ -81,14 +89,28 @@ class Generators:
             if Path(arguments_file).parent != Path(self._arguments_file).parent:
                 self._contents.clear()
             self._arguments_file = arguments_file
-            self._parse(arguments_file)
+            parser: Any = self._modules["rosidl_parser.parser"]
+            locator: Any = self._modules["rosidl_parser.definition"]
+            for pair in json.loads(Path(arguments_file).read_bytes()).get("idl_tuples", ()):
+                found = locator.IdlLocator(*pair.rsplit(":", 1))
+                path = str(found.get_absolute_path())
+                signature = _signature(path)
+                if path not in self._contents or self._contents[path][0] != signature:
+                    self._contents.pop(path, None)
+                    self._contents[path] = signature, parser.parse_idl_file(found)
         return True
 
     def run(self, argv: list[str], environment: dict[str, str]) -> None:
         """In the fork: run `python PROGRAM ...`; raises DeclinedError unless it succeeds."""
         program = argv[1]
         sys.path[:] = [str(Path(program).resolve().parent), *self._entries(environment), *self._path]
-        self._check_origins(_library_of_script(argv))
+        library = _library_of_script(argv)
+        modules = {name: module for name, module in self._modules.items() if library in {None, name}}
+        for name, module in modules.items():
+            top, _, _ = name.partition(".")
+            found = importlib.machinery.PathFinder.find_spec(top)
+            if found is None or found.origin != sys.modules[top].__spec__.origin:  # type: ignore[union-attr]
+                raise DeclinedError(f"it imports another {top} than {module.__file__}")
         sys.argv[:] = argv[1:]
         try:
             runpy.run_path(program, run_name="__main__")
@@ -100,25 +122,36 @@ class Generators:
 
     def _accelerate(self) -> None:
         """Make EmPy and rosidl_parser faster, once in this process."""
+        from lark.exceptions import LarkError
+
         from forge.plugins.fast_rosidl.empy import CompiledTemplates, install
-        from forge.plugins.fast_rosidl.idl_trees import IdlTrees
 
         self._accelerated = True
         em, parser = self._modules["em"], cast("Any", self._modules["rosidl_parser.parser"])
         install(em, CompiledTemplates(em, self._cache))
-        trees = IdlTrees(self._grammar)
-        if self._is_same_parser(trees, parser):
+        fast = fast_parser()
+        if self._is_same_parser(fast, parser):
             slow = parser.get_ast_from_idl_string
 
             def get_ast_from_idl_string(text: str) -> Any:
                 """Return the tree of a file; what the fast parser does not support goes to the slow one."""
                 try:
-                    return trees.parse(text)
-                except trees.errors:
+                    return fast.parse(text)
+                except LarkError:
                     return slow(text)
 
             parser.get_ast_from_idl_string = get_ast_from_idl_string
-        self._share_contents(parser)
+        parse = parser.parse_idl_file
+
+        def parse_idl_file(locator: Any, png_file: str | None = None) -> Any:
+            # Whoever asks a second time gets another object, as always: the first may have been changed.
+            path = str(locator.get_absolute_path())
+            signature, content = self._contents.pop(path, (None, None))
+            if png_file is None and signature is not None and signature == _signature(path):
+                return content
+            return parse(locator, png_file)
+
+        parser.parse_idl_file = parse_idl_file
 
     def _import(self, *names: str) -> None:
         for name in names:
@@ -138,59 +171,22 @@ class Generators:
     def _entries(environment: dict[str, str]) -> list[str]:
         return [entry for entry in environment.get("PYTHONPATH", "").split(os.pathsep) if entry]
 
-    def _check_origins(self, library: str | None) -> None:
-        """Raise DeclinedError if the package would import a shared module from elsewhere.
-
-        `library` is the one that a script imports, None if it may be any.
-        """
-        modules = {name: module for name, module in self._modules.items() if library in {None, name}}
-        for name, module in modules.items():
-            top, _, _ = name.partition(".")
-            found = importlib.machinery.PathFinder.find_spec(top)
-            if found is None or found.origin != sys.modules[top].__spec__.origin:  # type: ignore[union-attr]
-                raise DeclinedError(f"it imports another {top} than {module.__file__}")
-
-    def _parse(self, arguments_file: str) -> None:
-        parser: Any = self._modules["rosidl_parser.parser"]
-        locator: Any = self._modules["rosidl_parser.definition"]
-        for pair in json.loads(Path(arguments_file).read_bytes()).get("idl_tuples", ()):
-            found = locator.IdlLocator(*pair.rsplit(":", 1))
-            path = str(found.get_absolute_path())
-            signature = _signature(path)
-            if path not in self._contents or self._contents[path][0] != signature:
-                self._contents.pop(path, None)
-                self._contents[path] = signature, parser.parse_idl_file(found)
-
-    def _share_contents(self, parser: Any) -> None:
-        parse = parser.parse_idl_file
-
-        def parse_idl_file(locator: Any, png_file: str | None = None) -> Any:
-            # Whoever asks a second time gets another object, as always: the first may have been changed.
-            path = str(locator.get_absolute_path())
-            signature, content = self._contents.pop(path, (None, None))
-            if png_file is None and signature is not None and signature == _signature(path):
-                return content
-            return parse(locator, png_file)
-
-        parser.parse_idl_file = parse_idl_file
-
-    def _is_same_parser(self, trees: IdlTrees, parser: Any) -> bool:
-        """Tell whether the fast trees give the results of this rosidl_parser, for all probes."""
+    def _is_same_parser(self, fast: Lark, parser: Any) -> bool:
+        """Tell whether the fast parser gives the results of this rosidl_parser, for all probes."""
         names = ("parse_idl_string", "get_ast_from_idl_string", "extract_content_from_ast", "grammar_file")
         if not all(hasattr(parser, name) for name in names):
             return False
         probes = sorted(_PROBES.glob("*.idl"))
         definition, lark = self._modules["rosidl_parser.definition"], self._modules["lark"]
         digest = hashlib.sha256(f"{lark.__version__} {sys.version}".encode())
-        own = Path(__file__)
-        sources = (parser.__file__, definition.__file__, parser.grammar_file, own, self._grammar, *probes)
-        for source in (*sources, own.with_name("idl_trees.py")):
+        sources = (parser.__file__, definition.__file__, parser.grammar_file, __file__, _GRAMMAR, *probes)
+        for source in sources:
             digest.update(Path(source or "").read_bytes())
         known = self._cache / f"{digest.hexdigest()}.parser" if self._cache else None
         if known:
             with contextlib.suppress(OSError):
                 return known.read_text(encoding="utf-8") == "same"
-        same = all(_agrees(trees, parser, probe.read_text(encoding="utf-8")) for probe in probes)
+        same = all(_agrees(fast, parser, probe.read_text(encoding="utf-8")) for probe in probes)
         if known:
             with contextlib.suppress(OSError):
                 known.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -205,10 +201,10 @@ def _library_of_script(argv: list[str]) -> str | None:
     return SCRIPTS.get(Path("".join(argv[1:2])).name)
 
 
-def _agrees(trees: IdlTrees, parser: Any, text: str) -> bool:
+def _agrees(fast: Lark, parser: Any, text: str) -> bool:
     try:
-        fast = parser.extract_content_from_ast(trees.parse(text))
-        return described(fast) == described(parser.parse_idl_string(text))
+        content = parser.extract_content_from_ast(fast.parse(text))
+        return described(content) == described(parser.parse_idl_string(text))
     except Exception:
         return False
 

@@ -9,7 +9,10 @@
 
 from __future__ import annotations
 
+import hashlib
+import re
 import shlex
+import shutil
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -17,8 +20,9 @@ from itertools import islice
 from pathlib import Path
 
 from forge.base.cmake_syntax import quoted
+from forge.base.files import text_or_nothing, write_if_changed
 from forge.base.frozen import Pairs
-from forge.base.layout import PACKAGE, TEMPLATES_DIR, UNITS_FAILED_FILE
+from forge.base.layout import PACKAGE, TEMPLATES_DIR, TOOLCHAIN_DIR, UNITS_FAILED_FILE
 from forge.build.recipes.cmake import scratch_folder
 from forge.build.recipes.context import Addition, BuildContext
 from forge.build.up_to_date import FAST_ROSIDL
@@ -74,8 +78,6 @@ def addition(package: Package, context: BuildContext) -> Addition:
     marker = str(folder.parent / UNITS_FAILED_FILE)
     has_interfaces = _has_interfaces(package, context)
     if has_interfaces:
-        from forge.plugins.fast_rosidl.precompiled_headers import CXX_HEADERS, PYTHON_HEADERS
-
         script = "compile_generated.sh"
         text = render(
             f"{_TEMPLATES}/fast_rosidl.cmake.j2",
@@ -112,8 +114,6 @@ def running(
     cache = compiled_templates(variables, context.layout.build / TEMPLATES_DIR)[0]
     with rosidl_worker(context.python, cache, variables) as found:
         if has_interfaces and not context.launcher:
-            from forge.plugins.fast_rosidl.precompiled_headers import prepare_precompiled_headers
-
             found |= prepare_precompiled_headers(context.layout.build, compilers)
         yield found
 
@@ -127,11 +127,10 @@ def rosidl_worker(python: Path, cache: Path, variables: Mapping[str, str]) -> It
     from forge.execution.fork_server import started_server
 
     program = str(Path(__file__).with_name("worker.py"))
-    grammar = str(PACKAGE / "interfaces/idl/grammar.lark")
     environment = {name: value for name, value in variables.items() if name != "PYTHONPATH"}
 
     def command(descriptor: int) -> tuple[str, ...]:
-        return str(python), program, str(descriptor), grammar, str(cache)
+        return str(python), program, str(descriptor), str(cache)
 
     with started_server(command, environment) as address:
         yield {WORKER_VARIABLE: address}
@@ -166,3 +165,66 @@ def _configures_several(packages: Sequence[Package], context: BuildContext) -> b
         and not (context.layout.build_dir(package.name) / "CMakeCache.txt").exists()
     )
     return len(list(islice(new, 2))) > 1
+
+
+HEADERS_VARIABLE = "FORGE_PRECOMPILED_HEADERS"
+"""The folder, in the environment of builds."""
+
+CXX_HEADERS = "standard_headers.hpp"
+PYTHON_HEADERS = "python_headers.h"
+_TEXTS = {
+    CXX_HEADERS: """\
+// Headers of the C++ library that generated sources include; precompiled for each set of options.
+#include <array>
+#include <istream>
+#include <limits>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+""",
+    PYTHON_HEADERS: """\
+// Headers that generated Python extensions include; precompiled for each set of options.
+#include <Python.h>
+#include <stdbool.h>
+#include <stdint.h>
+""",
+}
+_PATH = re.compile(r"(?:\\.|[^\s\\])+")
+
+
+def prepare_precompiled_headers(build: Path, tools: Pairs) -> dict[str, str]:
+    """Prepare the folder in a workspace's build folder; return the variable that names it.
+
+    `tools` are the programs and variables that compilers depend on. Removes what was precompiled by others,
+    from headers that have changed since, or not to the end.
+    """
+    above = build / TOOLCHAIN_DIR / "headers"
+    key = "\0".join(f"{name}={identity}" for name, identity in tools)
+    folder = above / hashlib.blake2b(key.encode(errors="surrogateescape"), digest_size=8).hexdigest()
+    for other in above.glob("*"):
+        if other != folder:
+            shutil.rmtree(other, ignore_errors=True)
+    folder.mkdir(parents=True, exist_ok=True)
+    for header, text in _TEXTS.items():
+        write_if_changed(folder / header, text)
+    for one in folder.iterdir():
+        if one.is_dir() and not any(_is_current(one, header, text) for header, text in _TEXTS.items()):
+            shutil.rmtree(one, ignore_errors=True)
+    return {HEADERS_VARIABLE: str(folder)}
+
+
+def _is_current(folder: Path, header: str, text: str) -> bool:
+    """Tell whether a folder has a precompiled header, and nothing that it includes has changed since.
+
+    By the change times: an installed package keeps the modification times of its files.
+    """
+    _, found, paths = text_or_nothing(folder / f"{header}.d").replace("\\\n", " ").partition(":")
+    try:
+        (folder / f"{header}.gch").stat()
+        made = (folder / "ready").stat().st_mtime_ns
+        headers = (re.sub(r"\\(.)", r"\1", path) for path in _PATH.findall(paths))
+        unchanged = all((folder / path).stat().st_ctime_ns < made for path in headers)
+        return bool(found) and unchanged and text_or_nothing(folder / header) == text
+    except OSError:
+        return False

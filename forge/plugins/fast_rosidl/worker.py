@@ -38,9 +38,9 @@ _OTHER_SETTINGS = frozenset({"PYTHONPATH", "PYTHONDONTWRITEBYTECODE", "PYTHONUNB
 """Those among them whose value is honoured here, or makes no difference."""
 
 
-def main(descriptor: str, grammar: str, cache: str = "") -> int:
+def main(descriptor: str, cache: str = "") -> int:
     """Serve commands from a listening socket until stdin is closed."""
-    generators = Generators(Path(grammar), Path(cache) if cache else None)
+    generators = Generators(Path(cache) if cache else None)
     settings = _settings(os.environ)
 
     def run(call: Call) -> int:

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-import forge
 from forge.plugins.fast_rosidl import generators
 from forge.plugins.fast_rosidl.generators import Generators
 from tests.rosidl import EMPY, MODULES, imported_anew
@@ -20,7 +19,6 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.needs(str(MODULES / "rosidl_parser"), str(EMPY["3"]))
 
-GRAMMAR = Path(forge.__file__).parent / "interfaces/idl/grammar.lark"
 PROBE = Path(generators.__file__).with_name("probes") / "Message.idl"
 COUNT = """import sys
 from rosidl_parser.definition import IdlLocator
@@ -45,7 +43,7 @@ def shared(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Generato
     """Return generators with an empty cache."""
     monkeypatch.setattr(sys, "argv", list(sys.argv))
     with imported_anew("em", "rosidl_parser", "rosidl_pycommon"):
-        yield Generators(GRAMMAR, tmp_path / "cache")
+        yield Generators(tmp_path / "cache")
 
 
 def generator(folder: Path, text: str) -> list[str]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from forge.base.templating import render
-from forge.plugins.fast_rosidl.precompiled_headers import HEADERS_VARIABLE, prepare_precompiled_headers
+from forge.plugins.fast_rosidl.recipe import HEADERS_VARIABLE, prepare_precompiled_headers
 from forge.toolchain.resources import LIBRARY_PATH_BELOW
 
 if TYPE_CHECKING:
