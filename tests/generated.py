@@ -16,8 +16,7 @@ from forge.interfaces.model import Catalog, Message, Source
 from forge.interfaces.python import target
 from forge.interfaces.read.parsing import parse_all
 from forge.interfaces.read.sources import Library, read_folder
-from forge.interfaces.resolve.dependencies import dependency_catalogs
-from forge.interfaces.resolve.resolution import resolve
+from forge.interfaces.resolve.resolution import dependency_catalogs, resolve
 
 RUNTIME = EMBEDDED / "rosidl_default_runtime" / "python"
 PROBE = Path(__file__).parent / "data" / "probe"

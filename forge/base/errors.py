@@ -227,6 +227,21 @@ def raise_if_any(problems: Iterable[Problem], error: type[ForgeError] = ForgeErr
         raise error(*found)
 
 
+def reason_of(error: OSError) -> str:
+    """Return the reason of an error, to complete a message."""
+    return (error.strerror or str(error)).lower()
+
+
+def problems_of(error: ForgeError | OSError) -> tuple[Problem, ...]:
+    """Return the problems for the user; raises the error again if it is a bug in forge."""
+    if isinstance(error, ForgeError):
+        return error.problems
+    problem = problem_from_oserror(error)
+    if problem is None:
+        raise error
+    return (problem,)
+
+
 def problem_from_oserror(error: OSError) -> Problem | None:
     """Return a problem for the user, or None for an error that is a bug in forge."""
     if isinstance(error, NotRegularFileError):
@@ -234,7 +249,7 @@ def problem_from_oserror(error: OSError) -> Problem | None:
     if error.errno in _NOT_THERE and error.filename:
         message = f"'{error.filename}' disappeared while forge was using it"
         return Problem(message, hint="another program may have removed or moved it; try again")
-    reason = (error.strerror or str(error)).lower()
+    reason = reason_of(error)
     if not error.filename and error.errno in _OF_OUTPUT:
         # Errors of other files contain their name.
         return Problem(f"cannot write to the standard output: {reason}")

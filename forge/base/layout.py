@@ -115,7 +115,6 @@ INSTALL_BASE_FILES = (
 
 
 def templates_folder() -> Path:
-    """Return the folder of the templates, in the wheel or the checkout."""
     packed = PACKAGE / "_templates"
     return packed if packed.is_dir() else PACKAGE.parent / "templates"
 

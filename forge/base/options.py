@@ -22,7 +22,7 @@ _KEY, _NESTED = "option", "options"
 
 @frozen
 class Option:
-    """The command-line part of a field; a field whose default is False is a flag, a tuple takes a list."""
+    """The command-line part of a field; a tuple as default takes a list."""
 
     help: str | None
     """None hides the option."""
@@ -67,6 +67,11 @@ def option(
     if default_factory is not None:
         return field(default_factory=default_factory, metadata=metadata)
     return field(default=default, metadata=metadata)
+
+
+def flag(help: str, **more: Any) -> Any:
+    """Return the field of an option without a value."""
+    return option(help, default=False, **more)
 
 
 def options_of(cls: Callable[[], Any]) -> Any:

@@ -11,7 +11,7 @@ from forge.base.env_vars import cache_home, expand_home
 from forge.base.errors import ForgeError, Problem, SelectionError, raise_if_any
 from forge.base.extensions import STORES, call, find
 from forge.base.frozen import frozen
-from forge.base.options import option
+from forge.base.options import flag, option
 from forge.cache.model import RemoteOptions
 from forge.toolchain.resources import memory_limit
 
@@ -66,7 +66,7 @@ class CacheOptions:
         default_factory=lambda: os.environ.get("FORGE_REMOTE_CACHE"),
         metavar="URL",
     )
-    cache_read_only: bool = option("read from the remote cache, but upload nothing", default=False)
+    cache_read_only: bool = flag("read from the remote cache, but upload nothing")
     cache_timeout: float = option(
         "timeout of the remote cache, after which the build continues without it (default: 10)",
         default=10.0,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from forge.base.distributions import check_distribution, distribution_option
 from forge.base.errors import Problem, SelectionError
 from forge.base.frozen import frozen
-from forge.base.options import default_of, option, option_of, options_of
+from forge.base.options import default_of, flag, option, option_of, options_of
 from forge.cache.opening import CacheOptions
 from forge.cli.options import FolderOptions, OptionSources
 from forge.execution.executor import ExecutorOptions
@@ -31,8 +31,6 @@ _NO_EFFECT = "no effect, for compatibility with colcon"
 
 @frozen
 class CMakeOptions:
-    """The options for CMake packages."""
-
     GROUP = "CMake options"
 
     cmake_args: tuple[str, ...] = option(
@@ -48,28 +46,19 @@ class CMakeOptions:
         default_factory=lambda: os.environ.get("FORGE_COMPILER_LAUNCHER") or None,
         choices=(*LAUNCHERS, NONE),
     )
-    no_toolchain_cache: bool = option("let CMake detect compilers in each package", default=False)
-    cmake_force_configure: bool = option(
-        "run CMake's configure step in any case", default=False, first_build_only=True
+    no_toolchain_cache: bool = flag("let CMake detect compilers in each package")
+    cmake_force_configure: bool = flag("run CMake's configure step in any case", first_build_only=True)
+    cmake_clean_cache: bool = flag(
+        "remove CMake's cache before configuring (implies --cmake-force-configure)", first_build_only=True
     )
-    cmake_clean_cache: bool = option(
-        "remove CMake's cache before configuring (implies --cmake-force-configure)",
-        default=False,
-        first_build_only=True,
-    )
-    cmake_clean_first: bool = option(
-        "run the target 'clean' before building", default=False, first_build_only=True
-    )
+    cmake_clean_first: bool = flag("run the target 'clean' before building", first_build_only=True)
     cmake_target: str | None = option(
         "build this target before the default target; packages without it fail", metavar="TARGET"
     )
-    cmake_target_skip_unavailable: bool = option(
-        "ignore packages without the target of --cmake-target", default=False
-    )
-    no_fast_rosidl: bool = option(
+    cmake_target_skip_unavailable: bool = flag("ignore packages without the target of --cmake-target")
+    no_fast_rosidl: bool = flag(
         "disable the rosidl accelerator: start each generator and script separately, and compile each "
         "generated source on its own",
-        default=False,
     )
     recipes: tuple[str, ...] = option(
         "extend the steps of CMake packages by these plugins",
@@ -77,13 +66,11 @@ class CMakeOptions:
         metavar="NAME",
     )
     catkin_cmake_args: tuple[str, ...] = option(_NO_EFFECT, default=(), metavar="ARG")
-    catkin_skip_building_tests: bool = option(_NO_EFFECT, default=False)
+    catkin_skip_building_tests: bool = flag(_NO_EFFECT)
 
 
 @frozen
 class BuildOptions:
-    """All options of `forge build`."""
-
     GROUP = "build options"
 
     query: Query = options_of(Query)
@@ -94,18 +81,14 @@ class BuildOptions:
     is_rebuild: bool = False
     """Whether this is a build of `--watch` after the first."""
 
-    symlink_install: bool = option("install symbolic links instead of copies where possible", default=False)
-    continue_on_error: bool = option(
-        "keep building packages that do not depend on a failed package", default=False
-    )
+    symlink_install: bool = flag("install symbolic links instead of copies where possible")
+    continue_on_error: bool = flag("keep building packages that do not depend on a failed package")
     skip_keys: tuple[str, ...] = option(
         "do not warn of these missing dependencies", default=(), metavar="KEY", accumulates=True
     )
-    force: bool = option(
-        "rebuild the selected packages even if they are up to date", default=False, first_build_only=True
-    )
-    reset_underlays: bool = option(
-        "forget underlays of earlier builds unless they are sourced now", default=False, first_build_only=True
+    force: bool = flag("rebuild the selected packages even if they are up to date", first_build_only=True)
+    reset_underlays: bool = flag(
+        "forget underlays of earlier builds unless they are sourced now", first_build_only=True
     )
     python: str | None = option(
         "interpreter to build with and for (default: that of the active virtual environment, else that of "
@@ -123,33 +106,24 @@ class BuildOptions:
         "'forge test'",
         metavar="DIR",
     )
-    explain: bool = option(
+    explain: bool = flag(
         "explain why each package is built: the file, option, variable, tool or dependency that changed",
-        default=False,
         group=_OUTPUT,
     )
-    watch: bool = option(
-        "build, then rebuild whenever a source file changes, until Ctrl-C", default=False, group=_OUTPUT
+    watch: bool = flag("build, then rebuild whenever a source file changes, until Ctrl-C", group=_OUTPUT)
+    timings: bool = flag(
+        "write an HTML report of build times and a trace file into the log folder", group=_OUTPUT
     )
-    timings: bool = option(
-        "write an HTML report of build times and a trace file into the log folder",
-        default=False,
-        group=_OUTPUT,
-    )
-    audit: bool = option(
+    audit: bool = flag(
         "rebuild the selected packages from empty build folders, and report files they read without "
         "declaring them",
-        default=False,
         group=_OUTPUT,
     )
-    no_observer: bool = option(
+    no_observer: bool = flag(
         "run the steps without the library that observes what they read and write: after any change of a "
         "package or its dependencies, it is built from an empty folder",
-        default=False,
     )
-    dry_run: bool = option(
-        "print the build plan and all commands without running them", default=False, group=_OUTPUT
-    )
+    dry_run: bool = flag("print the build plan and all commands without running them", group=_OUTPUT)
     print_command: str | None = option(
         "print a command line that repeats the last step of a package", metavar="PKG", group=_OUTPUT
     )

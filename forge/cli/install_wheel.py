@@ -6,7 +6,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 
-from forge.base.errors import ForgeError, print_problem, print_warnings, problem_from_oserror
+from forge.base.errors import ForgeError, print_problem, print_warnings, problems_of
 from forge.base.files import naming
 from forge.build.wheels.install_wheel import WheelInstall, install_wheel
 from forge.cli.options import add_options, read_options
@@ -20,18 +20,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         options = read_options(WheelInstall, parser.parse_args(argv))
         with naming(options.build):
             print_warnings(install_wheel(options))
-    except ForgeError as error:
-        problems = error.problems
-    except OSError as error:
-        problem = problem_from_oserror(error)
-        if problem is None:
-            raise
-        problems = (problem,)
-    else:
-        return 0
-    for problem in problems:
-        print_problem(problem)
-    return 2
+    except (ForgeError, OSError) as error:
+        for problem in problems_of(error):
+            print_problem(problem)
+        return 2
+    return 0
 
 
 if __name__ == "__main__":

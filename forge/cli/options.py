@@ -14,7 +14,7 @@ from forge.base.env_vars import expand_home, setting
 from forge.base.errors import Problem, SelectionError
 from forge.base.frozen import frozen
 from forge.base.layout import Layout
-from forge.base.options import default_of, nested_options, option, option_of
+from forge.base.options import default_of, flag, nested_options, option, option_of
 from forge.cli.colcon_options import PASSED_ON
 
 if TYPE_CHECKING:
@@ -171,6 +171,10 @@ def install_base_option() -> Any:
     return option("install folder (default: install)", default="install", metavar="DIR")
 
 
+def build_base_option() -> Any:
+    return option("build folder (default: build)", default="build", metavar="DIR")
+
+
 @frozen
 class NoOptions:
     """The options of a command that has none."""
@@ -178,21 +182,17 @@ class NoOptions:
 
 @frozen
 class FolderOptions:
-    """The options for build, install and log folders."""
-
     GROUP = "output folders"
 
-    build_base: str = option("build folder (default: build)", default="build", metavar="DIR")
+    build_base: str = build_base_option()
     install_base: str = install_base_option()
-    merge_install: bool = option(
-        "install all packages into one prefix instead of one prefix per package", default=False
-    )
+    merge_install: bool = flag("install all packages into one prefix instead of one prefix per package")
     log_base: str | None = option(
         "log folder; /dev/null disables logs (default: log)", metavar="DIR", inherited=True
     )
     target: Target | None = target_option()
-    no_wait: bool = option(
-        "exit with code 2 instead of waiting if the build folder is locked by another process", default=False
+    no_wait: bool = flag(
+        "exit with code 2 instead of waiting if the build folder is locked by another process"
     )
     log_level: str | None = option(None, metavar="LEVEL", inherited=True)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shlex
 import sys
+import time
 from contextlib import nullcontext, suppress
 from dataclasses import replace
 from functools import cache, partial
@@ -111,14 +112,11 @@ class BuildMode:
         return worker(*INTERFACE_MODULES * compiles, *WHEEL_MODULES * installs, library=library)
 
     def conclude(self, _plan: BuildPlan, report: ConsoleReporter, seconds: float) -> None:
-        """Print the summary of a build."""
         report.summarise(seconds)
 
 
 @frozen
 class PreparedBuild:
-    """The options of a build and what was prepared for it."""
-
     options: BuildOptions
     loaded: LoadedWorkspace
     names: tuple[str, ...]
@@ -132,7 +130,7 @@ class PreparedBuild:
     """The monotonic start time."""
 
 
-def load(
+def _load(
     options: BuildOptions, layout: Layout, warn: WarningReporter
 ) -> tuple[LoadedWorkspace, dict[str, str]]:
     """Return the packages with their selection, and the variables of the build; print warnings.
@@ -177,7 +175,7 @@ def _builds_tests(options: BuildOptions) -> Callable[[Package], bool | None]:
     return partial(builds_tests, cmake_args=cmake.cmake_args, ament_cmake_args=cmake.ament_cmake_args)
 
 
-def packages_to_build(
+def _packages_to_build(
     loaded: LoadedWorkspace, options: BuildOptions, warn: WarningReporter
 ) -> tuple[str, ...]:
     """Return the selected packages and the embedded ones that they need, in topological order.
@@ -200,29 +198,7 @@ def packages_to_build(
     return selected
 
 
-def check_before_planning(
-    loaded: LoadedWorkspace,
-    names: Sequence[str],
-    layout: Layout,
-    options: BuildOptions,
-) -> None:
-    """Raise WorkspaceError with all problems that prevent the build."""
-    problems = list(loaded.workspace.problems)
-    if not (problems or loaded.workspace.packages):
-        raise_if_any(output_problems(loaded, layout, ()), WorkspaceError)
-        require_packages(loaded)
-    python = any("python" in loaded.packages[name].build_type for name in names)
-    problems += path_problems((loaded.workspace.root, layout.build, layout.install), python=python)
-    problems += output_problems(
-        loaded,
-        layout,
-        names,
-        {"--test-result-base": options.test_result_base, "--cache": options.cache.cache},
-    )
-    raise_if_any(problems, WorkspaceError)
-
-
-def with_packages_of_underlays(
+def _with_packages_of_underlays(
     loaded: LoadedWorkspace,
     names: Sequence[str],
     layout: Layout,
@@ -259,16 +235,24 @@ def with_packages_of_underlays(
     return replace(loaded, resolution=replace(resolution, needs=needs))
 
 
-def prepare(
-    options: BuildOptions,
-    loaded: LoadedWorkspace,
-    names: tuple[str, ...],
-    layout: Layout,
-    variables: Mapping[str, str],
-    mode: BuildMode,
-    began: float,
-) -> PreparedBuild:
-    """Find the tools, and collect the options shared by all packages; raises HostError for missing tools."""
+def prepare(options: BuildOptions, layout: Layout, mode: BuildMode) -> PreparedBuild:
+    """Load and select the packages, find the tools, and collect the options shared by all packages.
+
+    Raises WorkspaceError with all problems that prevent the build, HostError for missing tools.
+    """
+    began = time.monotonic()
+    loaded, variables = _load(options, layout, mode.warn)
+    names = _packages_to_build(loaded, options, mode.warn)
+    problems = list(loaded.workspace.problems)
+    if not (problems or loaded.workspace.packages):
+        raise_if_any(output_problems(loaded, layout, ()), WorkspaceError)
+        require_packages(loaded)
+    python = any("python" in loaded.packages[name].build_type for name in names)
+    problems += path_problems((loaded.workspace.root, layout.build, layout.install), python=python)
+    bases = {"--test-result-base": options.test_result_base, "--cache": options.cache.cache}
+    problems += output_problems(loaded, layout, names, bases)
+    raise_if_any(problems, WorkspaceError)
+    loaded = _with_packages_of_underlays(loaded, names, layout, variables, mode.warn)
     target, cross = options.folders.target, None
     if target:
         cross = target.prepare(layout, variables, options.cross)

@@ -11,7 +11,7 @@ import time
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from forge.base.text import listed
 from forge.build.events import Finished, Started
@@ -70,7 +70,6 @@ class Session:
         jobs: int,
         warn: WarningReporter,
     ) -> None:
-        """Start reporters of plugins; raises ForgeError."""
         run = Run(
             command=self.command,
             plan=plan,
@@ -111,7 +110,6 @@ class Session:
 
     @property
     def seconds(self) -> float:
-        """The duration of the command so far."""
         return time.monotonic() - self.began
 
     def run(
@@ -171,18 +169,15 @@ def open_session(
     seconds: Mapping[str, float] | None = None,
     quiet: bool = False,
     cmake_variables: frozenset[str] = frozenset(),
-    python: str = "python3",
-    prefix_of: Callable[[str], Path | None] = lambda _: None,
-    whereabouts: Callable[[str], str | None] = lambda _: None,
     origin: str = os.curdir,
+    **surroundings: Any,
 ) -> Iterator[Session]:
     """Yield the session of a command for the packages of `query`; `needs` are dependencies for the log.
 
     `seconds` contains the duration of earlier builds of packages. A `quiet` session prints failures only.
-    `cmake_variables` are those passed to all packages, `python` is the interpreter in hints, which look for
-    installed packages with `prefix_of` and for others with `whereabouts`. Embedded packages that were built
-    before get no lines of their own, except those that the user named. Paths are displayed relative to
-    `origin`.
+    `cmake_variables` are those passed to all packages; `surroundings` is what hints look at, as in
+    failure_context. Embedded packages that were built before get no lines of their own, except those that the
+    user named. Paths are displayed relative to `origin`.
     """
     handlers, durations = options.handlers, seconds or {}
     # Later builds of embedded packages follow from a new forge or new options.
@@ -209,10 +204,7 @@ def open_session(
         shown = without_text_output(handlers) if options.json or quiet else handlers
         report = ConsoleReporter(plan, packages, shown, log.folder, cmake_variables)
         report.screen = view.screen
-        report.python = python
-        report.prefix_of = prefix_of
-        report.whereabouts = whereabouts
-        report.flags = options.flags
+        report.surroundings = {"flags": options.flags, **surroundings}
         report.collapsed = collapsed
         root = Path.cwd()
         report.displayed = lambda path: (

@@ -17,7 +17,7 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.base.errors import ForgeError, HostError, Problem, print_problem, problem_from_oserror, share_hints
+from forge.base.errors import ForgeError, HostError, Problem, print_problem, problems_of, share_hints
 from forge.base.files import remove_tree
 from forge.base.frozen import frozen
 from forge.base.layout import IGNORE_MARK
@@ -159,13 +159,8 @@ class WatchLoop(BuildMode):
             if self._folders_outdated:
                 self._update_folders()
             self._build(self._options, self)
-        except ForgeError as error:
-            self._print_problems(error.problems)
-        except OSError as error:
-            problem = problem_from_oserror(error)
-            if problem is None:
-                raise
-            self._print_problems((problem,))
+        except (ForgeError, OSError) as error:
+            self._print_problems(problems_of(error))
         self._consecutive_builds = (
             self._consecutive_builds + 1 if self._ran and self.silent_if_up_to_date else 0
         )
@@ -337,7 +332,6 @@ class FileWatcher:
 
     @property
     def count(self) -> int:
-        """Number of watched folders."""
         return len(self._watched)
 
     def watch(self, list_folders: Callable[[], Mapping[str, WatchSpec]]) -> None:

@@ -161,7 +161,6 @@ def _described_type(type_: Type) -> Description:
 
 
 def interface_files(catalog: Catalog) -> Callable[[Interface], Iterator[File]]:
-    """Return a function that yields the file of one interface."""
     hasher = Hasher(catalog)
 
     def files_of(interface: Interface) -> Iterator[File]:

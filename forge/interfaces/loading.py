@@ -24,8 +24,7 @@ from forge.interfaces.python.target import files
 from forge.interfaces.python.types import module_name
 from forge.interfaces.read.parsing import Parsed, parse_all
 from forge.interfaces.read.sources import Library, read_folder
-from forge.interfaces.resolve.dependencies import DefinitionLookup, dependency_catalogs
-from forge.interfaces.resolve.resolution import resolve
+from forge.interfaces.resolve.resolution import DefinitionLookup, dependency_catalogs, resolve
 from forge.interfaces.schema import parse_name, read_schema
 
 _RUNTIME = EMBEDDED / "rosidl_default_runtime" / "python"

@@ -48,7 +48,6 @@ class Part:
 
     @property
     def key(self) -> str:
-        """Return a key of this part that is unique in a run."""
         return f"{self.language} {self.subject}"
 
     def files(self) -> Iterator[File]:

@@ -8,7 +8,7 @@ from enum import Enum
 from forge.base.errors import InterfaceError, Problem
 from forge.interfaces.model import Named, TypeName, element_of
 from forge.interfaces.read.declarations import read_declaration
-from forge.interfaces.read.errors import ParseError
+from forge.interfaces.read.literals import ParseError
 
 MAX_LINES = 1_000_000
 """The maximum number of lines, which grows exponentially with the nesting of messages."""

@@ -17,7 +17,7 @@ from functools import cache
 from pathlib import Path
 
 from forge import __version__
-from forge.base.errors import HostError, Location, Problem
+from forge.base.errors import HostError, Location, Problem, reason_of
 from forge.base.files import replace_file, write_if_changed
 from forge.base.frozen import frozen
 from forge.base.layout import templates_folder
@@ -95,7 +95,6 @@ def _digest(content: bytes) -> str:
 
 
 def ledger_of(package: str, out: Path) -> Path:
-    """Return the path of the ledger of a package in an output folder."""
     return out / STATE_FOLDER / f"{package}.json"
 
 
@@ -238,9 +237,7 @@ def _text_of(state: OutputState) -> str:
 
 
 def unwritable(error: OSError, out: Path) -> HostError:
-    """Return the error for a file below `out` that could not be written."""
-    reason = (error.strerror or str(error)).lower()
-    return HostError(Problem(f"cannot write: {reason}", Location(error.filename or out)))
+    return HostError(Problem(f"cannot write: {reason_of(error)}", Location(error.filename or out)))
 
 
 def write_depfile(path: Path, target: Path, sources: Iterable[Path]) -> None:

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import shlex
 import sys
-from typing import TYPE_CHECKING, Protocol
+from collections import defaultdict
+from typing import TYPE_CHECKING, Any, Protocol
 
 from forge.base.colours import Palette, palette_of
 from forge.base.frozen import frozen
@@ -121,11 +122,8 @@ class ConsoleReporter:
         `logs` is the log folder named in failures, `shared` the CMake variables passed to all packages.
         """
         self.screen = PLAIN
-        # For hints, see FailureContext.
-        self.python = "python3"
-        self.prefix_of: Callable[[str], Path | None] = lambda _: None
-        self.whereabouts: Callable[[str], str | None] = lambda _: None
-        self.flags: frozenset[str] = frozenset()
+        self.surroundings: Mapping[str, Any] = {}
+        """What hints look at outside of a failed package: arguments of failure_context."""
         self.collapsed: frozenset[str] = frozenset()
         """Packages without lines of their own unless they fail; the summary counts them."""
         self.launcher_summaries: tuple[LauncherSummary, ...] = ()
@@ -146,25 +144,20 @@ class ConsoleReporter:
         self._unused = UnusedVariables(shared)
         self._repeated = RepeatedWarnings()
         self._configured: set[str] = set()
-        self._stderr: set[str] = set()
         self._listed = False
-        self._finished: list[str] = []
         self._failed: dict[str, PackageFailure] = {}
-        self._aborted: list[str] = []
-        self._skipped: list[str] = []
-        self._fresh = list(plan.fresh)
-        self._failed_tests: set[str] = set()
-        self._restored: list[str] = []
-        self._cached: list[str] = []
+        # The names in the tally, by its fields.
+        self._names: defaultdict[str, set[str]] = defaultdict(set)
+        self._names["unchanged"].update(name for name in plan.fresh if not self._embedded(name))
 
     @property
     def failed_tests(self) -> frozenset[str]:
         """The packages with failed tests, although their test programs ran successfully."""
-        return frozenset(self._failed_tests)
+        return frozenset(self._names["test_failures"])
 
     def note_test_failures(self, task: str) -> None:
         """Add a package with failed tests that its test program did not report."""
-        self._failed_tests.add(task)
+        self._names["test_failures"].add(task)
 
     @property
     def exit_code(self) -> int:
@@ -176,20 +169,8 @@ class ConsoleReporter:
 
     @property
     def tally(self) -> Tally:
-        own = [name for name in self.packages if not self._embedded(name)]
-        return Tally(
-            finished=tuple(sorted({*self._finished}.intersection(own))),
-            unchanged=tuple(sorted({*self._fresh}.intersection(own))),
-            embedded=tuple(sorted(filter(self._embedded, self._finished))),
-            failed=tuple(sorted(self._failed)),
-            aborted=tuple(sorted(self._aborted)),
-            stderr=tuple(sorted(self._stderr)),
-            test_failures=tuple(sorted(self._failed_tests)),
-            restored=tuple(sorted(self._restored)),
-            cached=tuple(sorted(self._cached)),
-            not_processed=tuple(sorted(self._skipped)),
-            not_tested=self.not_tested,
-        )
+        names = {field: tuple(sorted(names)) for field, names in self._names.items()}
+        return Tally(**names, failed=tuple(sorted(self._failed)), not_tested=self.not_tested)
 
     def fault(self, task: str) -> PackageFailure | None:
         return self._failed.get(task)
@@ -212,13 +193,14 @@ class ConsoleReporter:
             case Finished():
                 self._finish(event)
             case Aborted(task, seconds):
-                self._aborted.append(task)
+                self._names["aborted"].add(task)
                 verb = self.screen.palette().paint("warning", "Aborted ")
                 self._progress(f"{verb} <<< {self._label(task)} [{duration(seconds)}]")
             case Skipped(task):
-                self._skipped.append(task)
+                self._names["not_processed"].add(task)
             case Fresh(task):
-                self._fresh.append(task)
+                if not self._embedded(task):
+                    self._names["unchanged"].add(task)
             case StepFinished():
                 package = event.task
                 if event.step.kind is StepKind.CONFIGURE:
@@ -227,7 +209,8 @@ class ConsoleReporter:
                     self._warnings[package].end_step()
                 # Of repeated steps, only the last result counts.
                 failed = event.step.meaning(event.code) == TEST_FAILURES
-                (self._failed_tests.add if failed else self._failed_tests.discard)(package)
+                names = self._names["test_failures"]
+                (names.add if failed else names.discard)(package)
             case StepStarted():
                 pass
 
@@ -306,10 +289,10 @@ class ConsoleReporter:
         if task in self._warnings and not failed:
             errors += self._warnings.pop(task).text
         if errors:
-            self._stderr.add(task)
+            self._names["stderr"].add(task)
         if self._on["console_cohesion"] and output.everything and not self._on["console_direct"]:
             self.screen.write(f"--- output: {task}\n".encode() + output.everything + b"---\n")
-        elif self._on["console_stderr"] and task in self._stderr and not self._on["console_direct"]:
+        elif self._on["console_stderr"] and task in self._names["stderr"] and not self._on["console_direct"]:
             if self._on["summary"] and not failed:  # the summary names the packages that are left out
                 errors = self._repeated.take(task, errors)
             text = errors.decode(errors="surrogateescape")
@@ -329,15 +312,15 @@ class ConsoleReporter:
         if event.code:
             self._fail(event, shown)
             return
-        self._finished.append(task)
+        self._names["embedded" if self._embedded(task) else "finished"].add(task)
         self._output.pop(task, None)
         failures = self.screen.palette().paint("failure", TEST_FAILURES)
-        remark = f"\t[ with {failures} ]" if task in self._failed_tests else ""
+        remark = f"\t[ with {failures} ]" if task in self._names["test_failures"] else ""
         if event.cache == RESTORED:
-            self._restored.append(task)
+            self._names["restored"].add(task)
             remark = f"\t[ {RESTORED} ]"
         elif event.cache == CACHED:
-            self._cached.append(task)
+            self._names["cached"].add(task)
         if event.cache == CACHED or (event.cache.startswith(NOT_CACHED) and not remark):
             remark = f"\t[ {event.cache} ]"
         if task not in self.collapsed:
@@ -353,10 +336,7 @@ class ConsoleReporter:
         text = self._output.pop(task, Excerpt()).everything.decode(errors="replace")
         error = first_error(text.split("\n"), package.path.as_posix())
         repeat = step_line(event.step, environment_file(self._tasks[task])) if event.step else None
-        context = failure_context(
-            package, self.packages, self.python, self.prefix_of, self.whereabouts, self.flags
-        )
-        hint = hint_of(text, context)
+        hint = hint_of(text, failure_context(package, self.packages, **self.surroundings))
         self._failed[task] = PackageFailure(error, repeat, hint)
         palette = self.screen.palette(stderr=True)
         seconds = f"{duration(event.seconds)}, exited with code {event.code}"

@@ -10,6 +10,7 @@ import os
 import re
 from collections.abc import Callable, Mapping
 from pathlib import Path, PurePosixPath
+from typing import Any
 
 from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
@@ -90,15 +91,11 @@ class FailureContext:
         return f"<{tag}>{name}</{tag}>"
 
 
-def failure_context(
-    package: Package,
-    packages: Mapping[str, Package],
-    python: str,
-    prefix_of: Callable[[str], Path | None],
-    whereabouts: Callable[[str], str | None],
-    flags: frozenset[str] = frozenset(),
-) -> FailureContext:
-    """Return the context of a failed package; unreadable files are left out."""
+def failure_context(package: Package, packages: Mapping[str, Package], **surroundings: Any) -> FailureContext:
+    """Return the context of a failed package; unreadable files are left out.
+
+    `surroundings` are python, prefix_of, whereabouts and flags, as far as they are known.
+    """
     folder = str(package.path)
     try:
         files = tuple(os.path.relpath(path, folder) for path, _ in own_files(folder))
@@ -109,16 +106,13 @@ def failure_context(
     return FailureContext(
         package,
         {**discover_embedded(), **packages},
-        python,
-        files,
-        targets(text),
-        cmake_dependencies([text]),
-        used_by_tests_only(text),
-        linked_packages(text),
-        frozenset(words[0] for words in searches if "REQUIRED" not in words),
-        prefix_of,
-        whereabouts,
-        flags,
+        files=files,
+        targets=targets(text),
+        found=cmake_dependencies([text]),
+        tested=used_by_tests_only(text),
+        linked=linked_packages(text),
+        optional=frozenset(words[0] for words in searches if "REQUIRED" not in words),
+        **surroundings,
     )
 
 

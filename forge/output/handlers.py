@@ -8,7 +8,7 @@ from forge.base.errors import Problem, SelectionError, raise_if_any
 from forge.base.extensions import OWN, REPORTERS
 from forge.base.frozen import frozen
 from forge.base.names import nearest
-from forge.base.options import option
+from forge.base.options import flag, option
 from forge.output.reporters import find_reporter
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ class ReportOptions:
         default=(),
         metavar="NAME+",
     )
-    json: bool = option("print only one JSON object per line for each event", default=False)
+    json: bool = flag("print only one JSON object per line for each event")
     flags: frozenset[str] = frozenset()
     """All options of the command, for hints."""
 

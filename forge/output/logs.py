@@ -43,8 +43,6 @@ _HEARTBEAT = 1.0
 
 
 class LogWriter:
-    """Writes the log of one run."""
-
     def __init__(self, folder: Path | None) -> None:
         """Write below `folder`, or nowhere if it is None."""
         self.folder = folder

@@ -80,7 +80,6 @@ class TestSetup(TaskLifecycle):
         return self.results[task.name]
 
     def _own(self, task: Task) -> Path:
-        """Return the result file of a package's test program, other than CTest."""
         return self.context.results_of(task.name) / f"{task.steps[-1].kind.value}.xml"
 
     def _found(self, task: Task) -> tuple[Outcome, ...]:
@@ -127,7 +126,6 @@ class TestSetup(TaskLifecycle):
             self.cached.begin(task, environment)
 
     def _states(self, task: Task) -> dict[str, object]:
-        """Return what may be a result of an earlier run."""
         # Tests of ament may write to another folder than CTest.
         folders = dict.fromkeys((self.context.results_of(task.name), task.build_dir))
         files = (path for folder in folders for path in folder.rglob("*.xml"))

@@ -61,7 +61,6 @@ class Interpreter:
 
     @property
     def release(self) -> str:
-        """Return the version as text, such as '3.11'."""
         return "{}.{}".format(*self.version)
 
     @property

@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from forge.base.distributions import EMBEDDED, OLDEST, SINCE, VARIABLE, definition_folders, has_definitions
-from forge.base.errors import Location, Problem
+from forge.base.errors import Location, Problem, reason_of
 from forge.base.files import not_regular_reason
 from forge.workspace.identification import MARKER_FILES, identify, read_package
 from forge.workspace.identity import NOT_A_PACKAGE
@@ -121,8 +121,7 @@ class _Walk:
             try:
                 entries = _entries(folder, self.visited)
             except PermissionError as error:
-                reason = (error.strerror or str(error)).lower()
-                message = f"ignoring unreadable folder: {reason}"
+                message = f"ignoring unreadable folder: {reason_of(error)}"
                 ignore = "ignore it with an empty file COLCON_IGNORE in its parent folder"
                 self.notes.append(
                     Problem(message, Location(Path(spelling)), f"grant read permission, or {ignore}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -11,14 +11,13 @@ from typing import Any, TypeVar
 from forge.base import ament_index
 from forge.base.distributions import distribution_hint, distribution_in, has_service_events, is_embedded
 from forge.base.env_vars import home
-from forge.base.errors import Problem, WorkspaceError, raise_if_any
+from forge.base.errors import Location, Problem, WorkspaceError, raise_if_any
 from forge.base.frozen import frozen
 from forge.base.graph import closure, ordered_names
 from forge.base.layout import IGNORE_MARK
+from forge.base.text import listed
 from forge.environment.prefixes import find_underlays, provider, system_prefixes
 from forge.workspace.discovery import discover, discover_embedded, projects
-from forge.workspace.duplicates import clashes
-from forge.workspace.filters import apply_filters
 from forge.workspace.model import Manifest, Package, Selection, Workspace
 from forge.workspace.overrides import read_overrides
 from forge.workspace.python_metadata import project_name
@@ -30,7 +29,7 @@ from forge.workspace.resolve import (
     resolve_dependencies,
     unmet_versions,
 )
-from forge.workspace.selection import Query, SearchPaths, duplicate_node, ignored, select
+from forge.workspace.selection import Query, SearchPaths, apply_filters, duplicate_node, ignored, select
 
 Node = TypeVar("Node")
 _NAMING = (
@@ -243,3 +242,52 @@ def _needs(
         wanted = frozenset(other.manifest.names(ALL_KINDS)) - left_out
         needs[duplicate_node(other.name, other.path)] = wanted & resolution.packages.keys()
     return {node: below.union(*(others.get(name, ()) for name in below)) for node, below in needs.items()}
+
+
+_FEW = 5
+
+
+def clashes(workspace: Workspace, names: Collection[str]) -> Iterator[Problem]:
+    """Yield a problem for each folder that contains packages of `names` which are also elsewhere."""
+    paths: dict[str, list[Path]] = {}
+    for other in workspace.duplicates:
+        if other.name in names:
+            paths.setdefault(other.name, [workspace.packages[other.name].path]).append(other.path)
+    # What is not below 'src', or deeper, is probably the copy.
+    kept = {
+        name: min(found, key=lambda path: (path.parts[:1] != ("src",), len(path.parts), path))
+        for name, found in paths.items()
+    }
+    copies = [(name, path) for name, found in paths.items() for path in found if path != kept[name]]
+    groups: dict[tuple[Path, Path], list[tuple[str, Path]]] = {}
+    for name, path in copies:
+        # The copies of folders with the same contents below are one group.
+        first, second = kept[name], path
+        while first.parts and second.parts and first.name == second.name:
+            first, second = first.parent, second.parent
+        groups.setdefault((first, second), []).append((name, path))
+    tops = {top for pair in groups for top in pair}
+    if len(tops) > 1 and all(top != Path() and (workspace.root / top / "src").is_dir() for top in tops):
+        quoted = listed(sorted(paths), _FEW)
+        message = f"this folder contains {len(tops)} workspaces with packages of the same names: {quoted}"
+        yield Problem(message, hint=f"change to one of them: cd {min(tops)}")
+        return
+    others = {path for _, path in copies}
+    every = (*workspace.packages.values(), *workspace.duplicates)
+    manifests = {package.path: package.manifest.path for package in every}
+    for (top, copy), found in groups.items():
+        name, path = found[0]
+        near = f"'{path}/{IGNORE_MARK}'"
+        only_copies = all(path in others for path in manifests if path.is_relative_to(copy))
+        if only_copies and copy != Path():
+            near = f"'{copy}/{IGNORE_MARK}'"
+        worktree = (workspace.root / copy / ".git").is_file()
+        why = f"'{copy}' is another checkout of a repository: " if worktree else ""
+        hint = f"{why}rename one, or ignore one by creating an empty file {near}"
+        if len(found) == 1:
+            message = f"two packages are named '{name}': '{kept[name]}' and '{path}'"
+            yield Problem(message, Location(manifests[path]), hint)
+        else:
+            quoted = listed([name for name, _ in found], _FEW)
+            message = f"{len(found)} packages are in '{top}' and again in '{copy}': {quoted}"
+            yield Problem(message, Location(copy), hint)

@@ -7,26 +7,25 @@ character and the folder. Options apply to all of them.
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING, Any
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
 
 from forge.base.errors import Problem, SelectionError, raise_if_any
+from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
 from forge.base.graph import closure, closures, reverse
+from forge.base.layout import BUILD_RESULT, TEST_RESULT
 from forge.base.names import did_you_mean
-from forge.base.options import option, options_of
-from forge.workspace.model import Selection
+from forge.base.options import flag, option, options_of
+from forge.base.text import listed
+from forge.workspace.git_changes import GitError, Repositories, repository_of
+from forge.workspace.model import Package, Selection
 
-if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-
-    Graph = Mapping[str, frozenset[str]]
+Graph = Mapping[str, frozenset[str]]
 
 FilterResult = tuple[str, frozenset[str]]
 """The reason why other packages are left out, and the names that are kept."""
-
-
-def _flag(flag: str, help: str, **more: Any) -> Any:
-    return option(help, flag=flag, default=False, **more)
 
 
 # A space shields names that start with a dash.
@@ -80,7 +79,7 @@ class SearchPaths:
         default=("colcon.meta",),
         metavar="PATH",
     )
-    ignore_user_meta: bool = option("ignore metadata files in ~/.colcon/metadata", default=False)
+    ignore_user_meta: bool = flag("ignore metadata files in ~/.colcon/metadata")
 
 
 @frozen
@@ -97,8 +96,7 @@ class Query:
         "ignore packages whose name matches one of these patterns",
         group=SearchPaths.GROUP,
     )
-    no_test_dependencies: bool = _flag(
-        "--no-test-dependencies",
+    no_test_dependencies: bool = flag(
         "ignore dependencies that only tests need; for build, do not build the tests that need them",
         group=SearchPaths.GROUP,
     )
@@ -150,32 +148,31 @@ class Query:
     end: str | None = option(
         "skip packages after this one in topological order", flag="--packages-end", **_NAME
     )
-    select_build_failed: bool = _flag(
-        "--packages-select-build-failed", "process only packages whose last build failed", conflicts="results"
-    )
-    skip_build_finished: bool = _flag(
-        "--packages-skip-build-finished", "skip packages whose last build succeeded", conflicts="results"
-    )
-    select_test_failures: bool = _flag(
-        "--packages-select-test-failures",
-        "process only packages with failures in their last test run",
+    select_build_failed: bool = flag(
+        "process only packages whose last build failed",
+        flag="--packages-select-build-failed",
         conflicts="results",
     )
-    skip_test_passed: bool = _flag(
-        "--packages-skip-test-passed", "skip packages whose last test run passed", conflicts="results"
+    skip_build_finished: bool = flag(
+        "skip packages whose last build succeeded", flag="--packages-skip-build-finished", conflicts="results"
     )
-    select_changed: bool = _flag(
-        "--packages-select-changed",
+    select_test_failures: bool = flag(
+        "process only packages with failures in their last test run",
+        flag="--packages-select-test-failures",
+        conflicts="results",
+    )
+    skip_test_passed: bool = flag(
+        "skip packages whose last test run passed", flag="--packages-skip-test-passed", conflicts="results"
+    )
+    select_changed: bool = flag(
         "process only packages with files changed since --since, including untracked files",
+        flag="--packages-select-changed",
     )
-    above_changed: bool = _flag(
-        "--packages-above-changed", "process changed packages and all packages that depend on them"
+    above_changed: bool = flag(
+        "process changed packages and all packages that depend on them", flag="--packages-above-changed"
     )
-    since: str = option(
-        "git revision to compare with (default: HEAD)", default="HEAD", flag="--since", metavar="REV"
-    )
-    strict: bool = _flag(
-        "--strict",
+    since: str = option("git revision to compare with (default: HEAD)", default="HEAD", metavar="REV")
+    strict: bool = flag(
         "treat unknown package names as errors; for build, also files that two packages install with "
         "different contents",
     )
@@ -314,3 +311,100 @@ def _unknown(query: Query, fields: Iterable[str], known: frozenset[str]) -> Iter
             elif not _matching(known, (), (text,)):
                 hint = f"patterns match from the beginning of a name; to match anywhere use '.*{text}'"
                 yield Problem(f"{option} '{text}' matches no package", hint=hint)
+
+
+def apply_filters(
+    query: Query, root: Path, packages: Mapping[str, Package], needs: Graph
+) -> tuple[tuple[FilterResult, ...], tuple[Problem, ...]]:
+    """Return the packages that each filter keeps, with the reason why others are left out, and warnings.
+
+    Raises SelectionError if git cannot determine changes.
+    """
+    warnings: tuple[Problem, ...] = ()
+    limits = list(_by_results(query, root / query.build_base, packages))
+    if query.select_changed or query.above_changed:
+        changed, warnings = changed_packages(root, packages, query.since)
+        if query.above_changed:
+            changed = closure(reverse(needs), changed)
+        limits.append((f"not changed since {query.since}", changed))
+    return tuple(limits), warnings
+
+
+def changed_packages(
+    root: Path, packages: Mapping[str, Package], revision: str
+) -> tuple[frozenset[str], tuple[Problem, ...]]:
+    """Return the names of packages with files that differ from a git revision, and warnings.
+
+    Untracked files count unless ignored. A package that no repository knows counts as changed. Raises
+    SelectionError for an unknown revision, and if there is no repository.
+    """
+    repositories = Repositories(revision)
+    used: set[Path] = set()
+    found: set[str] = set()
+    outside: list[str] = []
+    problems: list[Problem] = []
+    for name, package in packages.items():
+        folder = (root / package.path).resolve()
+        top = repository_of(folder)
+        if top is None:
+            outside.append(name)
+            continue
+        try:
+            used.add(top)
+            if folder not in repositories[top].files:
+                outside.append(name)
+            elif folder in repositories[top].changes or _is_moved(root, package.path, repositories):
+                found.add(name)
+        except GitError as error:
+            problems += error.problems
+    raise_if_any(dict.fromkeys(problems), SelectionError)
+    if outside and len(outside) == len(packages):
+        hint = "select packages by name, for example with '--packages-select', or run 'git init'"
+        message = "cannot determine changed packages: none of them is in a git repository"
+        raise SelectionError(Problem(message, hint=hint))
+    return frozenset(found).union(outside), tuple(_doubts(repositories, used, revision, outside))
+
+
+def _is_moved(root: Path, path: Path, repositories: Repositories) -> bool:
+    for at in (root / path, *(root / path).parents):
+        if at == root:
+            break
+        link = at.parent.resolve() / at.name
+        if at.is_symlink() and (top := repository_of(link.parent)) and link in repositories[top].changes:
+            return True
+    return False
+
+
+def _doubts(
+    repositories: Repositories, used: Iterable[Path], revision: str, outside: list[str]
+) -> Iterator[Problem]:
+    """Yield warnings about packages that may count as changed although they are not, or for other reasons."""
+    if outside:
+        verb = "is" if len(outside) == 1 else "are"
+        yield Problem(f"{listed(outside)} {verb} in no git repository and always counted as changed")
+    yield from (problem for _, other in sorted(repositories.items()) if (problem := other.incomplete))
+    independent = [str(top) for top in sorted(used) if repositories[top].superproject is None]
+    if len(independent) > 1 and revision != "HEAD":
+        yield Problem(
+            f"'{revision}' is resolved separately in {len(independent)} repositories: {listed(independent)}"
+        )
+
+
+def _by_results(query: Query, build: Path, names: Iterable[str]) -> Iterator[FilterResult]:
+    if query.select_build_failed:
+        yield "did not fail to build", _ended(build, BUILD_RESULT, names, failed=True)
+    if query.skip_build_finished:
+        finished = _ended(build, BUILD_RESULT, names, failed=False)
+        yield "already built successfully", frozenset(names) - finished
+    if query.select_test_failures:
+        yield "had no test failures", _ended(build, TEST_RESULT, names, failed=True)
+    if query.skip_test_passed:
+        yield "passed its tests before", frozenset(names) - _ended(build, TEST_RESULT, names, failed=False)
+
+
+def _ended(build: Path, file: str, names: Iterable[str], *, failed: bool) -> frozenset[str]:
+    """Return the packages whose last run failed, or succeeded; interrupted runs count as neither."""
+    words = {name: text_or_nothing(build / name / file).strip() for name in names}
+    return frozenset(
+        name for name, word in words.items() if word not in {"", "SIGINT"} and (word != "0") == failed
+    )

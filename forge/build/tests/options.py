@@ -7,7 +7,7 @@ from typing import Any
 
 from forge.base.env_vars import EXECUTORS, default_executor
 from forge.base.frozen import frozen
-from forge.base.options import option
+from forge.base.options import flag, option
 
 _RUNNERS = "test runners"
 _TIMES: dict[str, Any] = {"default": 0, "parse": int, "metavar": "N", "conflicts": "retest"}
@@ -28,21 +28,17 @@ class TestOptions:
     )
     retest_until_fail: int = option("repeat passing tests up to N times, until they fail", **_TIMES)
     retest_until_pass: int = option("repeat failing tests up to N times, until they pass", **_TIMES)
-    cached: bool = option(
-        "replay the passes of packages whose tests would read nothing new; tests run below an observer",
-        default=False,
+    cached: bool = flag(
+        "replay the passes of packages whose tests would read nothing new; tests run below an observer"
     )
-    abort_on_error: bool = option(
-        "stop when a package cannot be tested (failing tests do not stop the run)", default=False
+    abort_on_error: bool = flag("stop when a package cannot be tested (failing tests do not stop the run)")
+    return_code_on_test_failure: bool = flag(
+        "exit with code 1 if a test failed (default: exit with code 0, like colcon)"
     )
-    return_code_on_test_failure: bool = option(
-        "exit with code 1 if a test failed (default: exit with code 0, like colcon)", default=False
-    )
-    fail_if_no_tests: bool = option("exit with code 1 if no test ran", default=False)
-    coverage: bool = option(
+    fail_if_no_tests: bool = flag("exit with code 1 if no test ran")
+    coverage: bool = flag(
         "measure which lines the tests execute, with gcovr and coverage.py; build C and C++ packages with "
         "--mixin coverage",
-        default=False,
     )
     executor: str = option(
         "test packages in parallel, or sequentially in topological order (default: parallel)",
@@ -65,7 +61,7 @@ class TestOptions:
         group=_RUNNERS,
     )
     pytest_args: tuple[str, ...] = option("arguments for pytest", default=(), metavar="ARG", group=_RUNNERS)
-    pytest_with_coverage: bool = option("measure coverage with pytest-cov", default=False, group=_RUNNERS)
+    pytest_with_coverage: bool = flag("measure coverage with pytest-cov", group=_RUNNERS)
     cargo_args: tuple[str, ...] = option(
         "arguments for `cargo test`", default=(), metavar="ARG", group=_RUNNERS
     )

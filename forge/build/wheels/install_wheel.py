@@ -26,7 +26,7 @@ from installer.sources import WheelFile
 from forge.base.errors import Location, Problem, WorkspaceError
 from forge.base.files import listed_paths, naming, read_file, read_text, replace_file
 from forge.base.frozen import frozen
-from forge.base.options import option
+from forge.base.options import flag, option
 from forge.build.observed_writes import note_written
 from forge.build.wheels.backends import (
     SetupInstall,
@@ -72,7 +72,7 @@ class WheelInstall:
         metavar="DIR",
     )
     target: str = option("platform, if it is not this machine", default="", metavar="TARGET")
-    link: bool = option("install symbolic links instead of copies", default=False)
+    link: bool = flag("install symbolic links instead of copies")
 
 
 def install_wheel(options: WheelInstall) -> tuple[Problem, ...]:

@@ -19,16 +19,7 @@ from forge.build.markers import create_output_folders, other_layout
 from forge.build.state import open_state
 from forge.cli.build_options import BuildOptions
 from forge.cli.options import LOG_LEVELS, add_options, read_options
-from forge.cli.preparation import (
-    BuildMode,
-    check_before_planning,
-    check_plan,
-    load,
-    make_plan,
-    packages_to_build,
-    prepare,
-    with_packages_of_underlays,
-)
+from forge.cli.preparation import BuildMode, PreparedBuild, check_plan, make_plan, prepare
 from forge.execution.lock import lock_build_dir, lock_install_dir
 from forge.output.console import ConsoleReporter
 
@@ -39,7 +30,6 @@ if TYPE_CHECKING:
     from forge.build.state import BuildState
     from forge.build.tasks import BuildPlan
     from forge.cli.main import Parser
-    from forge.cli.preparation import PreparedBuild
 
 
 def register(parser: Parser) -> None:
@@ -64,18 +54,14 @@ def run(namespace: argparse.Namespace) -> int:
 
 def build(options: BuildOptions, mode: BuildMode) -> int:
     """Build; returns 0, 1 if a package failed, 2 if an interface definition is invalid."""
-    began = time.monotonic()
     layout = options.folders.layout(Path.cwd(), symlink=options.symlink_install)
     if options.print_command:
         from forge.output.explaining import last_command
 
         print(last_command(layout, options.print_command))
         return 0
-    loaded, variables = load(options, layout, mode.warn)
-    names = packages_to_build(loaded, options, mode.warn)
-    check_before_planning(loaded, names, layout, options)
-    loaded = with_packages_of_underlays(loaded, names, layout, variables, mode.warn)
-    prepared = prepare(options, loaded, names, layout, variables, mode, began)
+    prepared = prepare(options, layout, mode)
+    loaded = prepared.loaded
     create_output_folders(layout)
     keep_compiled(*compiled_templates(os.environ, layout.build / TEMPLATES_DIR))
     with (
@@ -83,7 +69,7 @@ def build(options: BuildOptions, mode: BuildMode) -> int:
         lock_install_dir(layout.install, wait=not options.folders.no_wait) as waited_again,
         closing(open_state(prepared.context.root, layout, prepared.interpreter, prepared.variables)) as state,
     ):
-        prepared = replace(prepared, began=began + waited + waited_again)
+        prepared = replace(prepared, began=prepared.began + waited + waited_again)
         # Another forge may have begun to install here with the other layout at the same time.
         raise_if_any(filter(None, (other_layout(layout),)), WorkspaceError)
         plan, snapshot = make_plan(prepared, state)

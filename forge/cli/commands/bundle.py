@@ -8,7 +8,7 @@ from pathlib import Path
 
 from forge.base.errors import Problem, print_warnings
 from forge.base.frozen import frozen
-from forge.base.options import option
+from forge.base.options import flag, option
 from forge.cli.options import install_base_option, target_option
 from forge.cli.preparation import check_bases
 from forge.environment.bundling import write_bundle
@@ -23,15 +23,13 @@ _MEGABYTE = 1_000_000
 class Options:
     output: str | None = option("archive to write (default: WORKSPACE.tar.gz)", short="-o", metavar="FILE")
     target: Target | None = target_option(group="platform")
-    with_build_files: bool = option(
-        "include headers, CMake files and static libraries, so that other workspaces can build on it",
-        default=False,
+    with_build_files: bool = flag(
+        "include headers, CMake files and static libraries, so that other workspaces can build on it"
     )
     install_base: str = install_base_option()
 
 
 def run(options: Options) -> int:
-    """Write the archive and print a summary; returns 0."""
     target = options.target
     base = Path(options.install_base).absolute()
     check_bases(Path.cwd(), SearchPaths(), {"--install-base": base})

@@ -13,7 +13,7 @@ from forge.base.errors import Problem, SelectionError, WorkspaceError, print_war
 from forge.base.frozen import frozen
 from forge.base.layout import Layout
 from forge.base.names import did_you_mean
-from forge.base.options import option, options_of
+from forge.base.options import flag, option, options_of
 from forge.base.text import counted, listed
 from forge.build.cleaning import (
     BASES,
@@ -60,7 +60,7 @@ class Options:
         positional=True,
         metavar="PKG",
     )
-    yes: bool = option("do not ask for confirmation", default=False, short="-y")
+    yes: bool = flag("do not ask for confirmation", short="-y")
     base_select: tuple[str, ...] = option(
         "folders to remove, for 'workspace' (default: all)",
         default=tuple(BASES),
@@ -133,7 +133,6 @@ def _removables(
 
 
 def _preview(options: Options, root: Path, layout: Layout, journal: Journal, stale: Sequence[str]) -> None:
-    """Print how much can be removed, and the commands that do it."""
     found = list(workspace_removables(root, layout, journal.records, options.base_select))
     if not found:
         print("nothing to remove")
@@ -229,7 +228,6 @@ def _displayed(path: Path, options: Options) -> str:
 
 
 def _report_rest(entries: Iterable[tuple[Path, str]], options: Options) -> None:
-    """Print what was not removed, with the reasons."""
     found = list(entries)
     for path, reason in found[:_MOST]:
         print(f"not removed, because {reason}: {_displayed(path, options)}", file=sys.stderr)

@@ -12,7 +12,7 @@ from forge.base.colours import palette_of
 from forge.base.errors import ForgeError
 from forge.base.frozen import frozen
 from forge.base.layout import Layout
-from forge.base.options import option, options_of
+from forge.base.options import flag, option, options_of
 from forge.base.text import counted
 from forge.cli.config import configured_word
 from forge.cli.options import FolderOptions, OptionSources
@@ -41,12 +41,8 @@ class Options:
     sources: OptionSources = options_of(OptionSources)
     folders: FolderOptions = options_of(FolderOptions)
     python: str | None = option("interpreter to check (default: as for 'forge build')", metavar="PATH")
-    all: bool = option(
-        "also show notes: unused and redundant dependencies, and packages that hide others", default=False
-    )
-    json: bool = option(
-        "print one JSON object with the keys errors, warnings, notes, checked and findings", default=False
-    )
+    all: bool = flag("also show notes: unused and redundant dependencies, and packages that hide others")
+    json: bool = flag("print one JSON object with the keys errors, warnings, notes, checked and findings")
     given: frozenset[str] = frozenset()
     """The options of the command line."""
 

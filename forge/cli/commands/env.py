@@ -37,7 +37,6 @@ class Options:
 
 
 def run(options: Options) -> int:
-    """Print the variables that sourcing would change in this environment; returns 0."""
     before = dict(os.environ)
     after = sourced_environment(Path(options.install_base).absolute(), before)
     changed = {name: value for name, value in after.items() if before.get(name) != value}

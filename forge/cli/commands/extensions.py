@@ -30,7 +30,6 @@ Options = NoOptions
 
 
 def run(_: Options) -> int:
-    """Print each kind of extension, and below it the extensions with their distributions."""
     handlers = (f"{name}{'+' if on else '-'}" for name, on in HANDLERS.items())
     _print("commands", (), COMMANDS)
     _print("build types", CORE_BUILD_TYPES, BUILD_TYPES)

@@ -15,7 +15,7 @@ from forge.base.names import did_you_mean
 from forge.base.options import option, options_of
 from forge.cli import options as shared
 from forge.cli.commands.list import ListingOptions
-from forge.cli.options import FolderOptions
+from forge.cli.options import FolderOptions, install_base_option
 from forge.cli.preparation import build_variables, known_rosdistro, workspace_interpreter
 from forge.environment.prefixes import find_underlays
 from forge.workspace.load import LoadedWorkspace
@@ -30,9 +30,7 @@ class Options:
     names: tuple[str, ...] = option(
         "packages to show (default: all)", default=(), positional=True, metavar="PKG"
     )
-    install_base: str = option(
-        "install folder of the workspace (default: install)", default="install", metavar="DIR"
-    )
+    install_base: str = install_base_option()
     origin: str = os.curdir
 
 

@@ -11,7 +11,7 @@ from typing import Any
 from forge.base.errors import Problem, SelectionError, print_warnings
 from forge.base.extensions import COMMANDS, find
 from forge.base.frozen import frozen
-from forge.base.options import option, options_of
+from forge.base.options import flag, options_of
 from forge.cli import options as shared
 from forge.cli.options import OptionSources
 from forge.workspace.load import LoadedWorkspace, load_workspace
@@ -24,11 +24,9 @@ class ListingOptions:
 
     query: Query = options_of(Query)
     sources: OptionSources = options_of(OptionSources)
-    build_base: str = option(
-        "build folder, for results of earlier builds (default: build)", default="build", metavar="DIR"
-    )
-    embedded: bool = option("include the packages embedded in forge", default=False)
-    json: bool = option("print the output as JSON", default=False)
+    build_base: str = shared.build_base_option()
+    embedded: bool = flag("include the packages embedded in forge")
+    json: bool = flag("print the output as JSON")
 
     def load(self) -> LoadedWorkspace:
         """Return the workspace in the current folder; print its warnings."""
@@ -39,15 +37,15 @@ class ListingOptions:
 
 def _alias(command: str, short: str = "") -> Any:
     group = "aliases of 'forge graph', for compatibility with colcon"
-    return option(f"same as '{command}'", default=False, short=short, group=group)
+    return flag(f"same as '{command}'", short=short, group=group)
 
 
 @frozen
 class Options:
     listing: ListingOptions = options_of(ListingOptions)
-    topological_order: bool = option("sort packages in topological order", default=False, short="-t")
-    names_only: bool = option("print only the names", default=False, short="-n", conflicts="columns")
-    paths_only: bool = option("print only the paths", default=False, short="-p", conflicts="columns")
+    topological_order: bool = flag("sort packages in topological order", short="-t")
+    names_only: bool = flag("print only the names", short="-n", conflicts="columns")
+    paths_only: bool = flag("print only the paths", short="-p", conflicts="columns")
     topological_graph: bool = _alias("forge graph", "-g")
     topological_graph_dot: bool = _alias("forge graph --dot")
     topological_graph_density: bool = _alias("forge graph --density")
@@ -58,7 +56,6 @@ class Options:
 
 
 def run(options: Options) -> int:
-    """Print a line for each selected package, in alphabetical or topological order."""
     if any(getattr(options, each.name) for each in fields(Options) if "graph" in each.name):
         dot = options.topological_graph_dot
         if not (dot or options.topological_graph):

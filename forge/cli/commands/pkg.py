@@ -8,11 +8,11 @@ import subprocess
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.base.errors import ForgeError, HostError, Problem, print_problem
+from forge.base.errors import ForgeError, HostError, Problem, print_problem, reason_of
 from forge.base.files import write_if_changed
 from forge.base.frozen import frozen
 from forge.base.names import did_you_mean, is_email
-from forge.base.options import option
+from forge.base.options import flag, option
 from forge.base.xml import parse_xml
 from forge.cli.options import NoOptions, add_verb
 from forge.environment.installed import executables, find_package, known_packages
@@ -86,13 +86,13 @@ class _ExecutablesOptions:
     package: str | None = option(
         "list executables of this package (default: of all)", positional=True, nargs="?", metavar="PACKAGE"
     )
-    full_path: bool = option("print paths instead of names", default=False)
+    full_path: bool = flag("print paths instead of names")
 
 
 @frozen
 class _PrefixOptions:
     package: str = option("name of the package", positional=True, metavar="PACKAGE")
-    share: bool = option("print the package's share folder instead of the prefix", default=False)
+    share: bool = flag("print the package's share folder instead of the prefix")
 
 
 @frozen
@@ -169,8 +169,7 @@ def _create(options: _CreateOptions) -> None:
                 lines.append(f"creating {path}/{item}")
                 write_if_changed(Path(path, item), text)
     except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise HostError(Problem(f"cannot create '{error.filename or folder}': {reason}")) from None
+        raise HostError(Problem(f"cannot create '{error.filename or folder}': {reason_of(error)}")) from None
     finally:
         print(*lines, sep="\n")
     name = blueprint.name

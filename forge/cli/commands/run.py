@@ -13,7 +13,7 @@ from contextlib import suppress
 from pathlib import Path
 from types import FrameType
 
-from forge.base.errors import ForgeError, HostError, Problem
+from forge.base.errors import ForgeError, HostError, Problem, reason_of
 from forge.base.frozen import frozen
 from forge.base.options import option
 from forge.environment.install_state import python_of
@@ -127,8 +127,7 @@ def _wait_for(argv: Sequence[str], variables: Mapping[str, str]) -> int:
                     "it was compiled for another platform; with qemu-user, run it with "
                     "--prefix 'qemu-aarch64 -L /usr/aarch64-linux-gnu' or similar"
                 )
-        reason = (error.strerror or str(error)).lower()
-        raise HostError(Problem(f"cannot run '{argv[0]}': {reason}", hint=hint)) from None
+        raise HostError(Problem(f"cannot run '{argv[0]}': {reason_of(error)}", hint=hint)) from None
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

@@ -9,7 +9,7 @@ import shlex
 import sys
 from pathlib import Path
 
-from forge.base.errors import HostError, Problem
+from forge.base.errors import HostError, Problem, reason_of
 from forge.base.frozen import frozen
 from forge.base.layout import templates_folder
 from forge.base.options import option
@@ -46,8 +46,7 @@ def run(options: Options) -> int:
     try:
         os.execvpe(argv[0], argv, variables)  # noqa: S606  (the user asked for a shell)
     except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise HostError(Problem(f"cannot run '{argv[0]}': {reason}")) from None
+        raise HostError(Problem(f"cannot run '{argv[0]}': {reason_of(error)}")) from None
 
 
 def _shell_with_prompt(shell: str, variables: dict[str, str]) -> list[str]:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from forge.base.errors import Problem, WorkspaceError, print_problem
 from forge.base.frozen import frozen
-from forge.base.options import option
+from forge.base.options import flag, option
 from forge.cli import options as shared
 from forge.testing.collecting import Collection, collect, removable_results
 from forge.testing.failures import as_json, details, skipped_line
@@ -31,12 +31,12 @@ class Options:
     test_result_base: Path | None = option(
         "folder to search for result files (default: build)", parse=_folder, metavar="DIR"
     )
-    all: bool = option("show result files without failures, too", default=False)
-    result_files_only: bool = option("print only the paths of result files", default=False)
-    verbose: bool = option("show the message of each failed test, and why tests were skipped", default=False)
-    delete: bool = option("delete result files after confirmation", default=False)
-    delete_yes: bool = option("delete result files without confirmation", default=False)
-    json: bool = option("print one JSON object", default=False)
+    all: bool = flag("show result files without failures, too")
+    result_files_only: bool = flag("print only the paths of result files")
+    verbose: bool = flag("show the message of each failed test, and why tests were skipped")
+    delete: bool = flag("delete result files after confirmation")
+    delete_yes: bool = flag("delete result files without confirmation")
+    json: bool = flag("print one JSON object")
     origin: str = os.curdir
 
 

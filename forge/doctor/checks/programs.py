@@ -8,7 +8,7 @@ import shutil
 import subprocess
 from collections.abc import Iterator, Sequence
 
-from forge.base.errors import GroupedProblems, HostError, Location, Problem
+from forge.base.errors import GroupedProblems, HostError, Location, Problem, reason_of
 from forge.base.own_environment import extra_command, install_beside_forge
 from forge.doctor.checks.model import CheckContext, CheckResult, graded
 from forge.environment.install_state import recorded_python
@@ -189,7 +189,7 @@ def _run(subject: CheckContext, argv: Sequence[str], text: str = "") -> tuple[st
             timeout=60,
         )
     except OSError as error:
-        return "", (error.strerror or str(error)).lower()
+        return "", reason_of(error)
     except subprocess.TimeoutExpired:
         return "", "timeout after a minute"
     if not done.returncode:

@@ -29,7 +29,6 @@ def lines(results: Sequence[CheckResult], *, everything: bool, palette: Palette 
 
 
 def plain(results: Sequence[CheckResult]) -> dict[str, object]:
-    """Return the results for JSON: topics, findings, and their numbers."""
     found = [
         (severity, result.topic, problem)
         for severity in _SEVERITIES

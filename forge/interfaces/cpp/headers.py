@@ -23,7 +23,6 @@ class Handle:
 
     @property
     def symbol(self) -> str:
-        """The C name of the type."""
         return symbol(self.name)
 
     @property
@@ -48,7 +47,6 @@ def guard(path: str) -> str:
 
 
 def symbol(name: TypeName) -> str:
-    """Return the name of a type in C."""
     return f"{name.package}__{name.kind}__{name.name}"
 
 

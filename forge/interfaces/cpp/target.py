@@ -151,7 +151,6 @@ def _visibility_path(package: str) -> str:
 
 
 def _struct(message: Message) -> SimpleNamespace:
-    """Return the variables of the struct of a message: members, constants and constructors."""
     members = message.members
     blocks = _initializations(members)
     nested = [f"{f.name}(_init)" for f in members if isinstance(f.type, Named)]

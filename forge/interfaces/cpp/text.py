@@ -36,7 +36,6 @@ def message_type(name: TypeName, allocator: str = "ContainerAllocator") -> str:
 
 
 def qualified(name: TypeName) -> str:
-    """Return the fully qualified C++ name."""
     return f"::{name.package}::{name.kind}::{name.name}"
 
 

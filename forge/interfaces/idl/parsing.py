@@ -35,7 +35,7 @@ from forge.interfaces.model import (
     Value,
 )
 from forge.interfaces.read.declarations import check_keyword
-from forge.interfaces.read.errors import ParseError
+from forge.interfaces.read.literals import ParseError
 
 if TYPE_CHECKING:
     from lark import Lark, Token, Tree
@@ -226,7 +226,6 @@ class FileReader:
                 return Action(name, *messages)
 
     def place(self, offset: int) -> Location:
-        """Return line and column of an offset in the text."""
         if not self._starts:
             self._starts = [0, *(match.end() for match in re.finditer("\n", self.text))]
         number = bisect_right(self._starts, offset)
@@ -236,7 +235,6 @@ class FileReader:
         return Location(str(self.source.path), number, offset - start + 1, line)
 
     def problem(self, error: ParseError) -> Problem:
-        """Return the problem of an error in the text."""
         return Problem(error.message, self.place(error.offset), error.hint)
 
     @contextmanager

@@ -34,8 +34,6 @@ _ACTION_INCLUDES = {"builtin_interfaces/msg/Time.idl", "unique_identifier_msgs/m
 
 
 def interface_files(catalog: Catalog) -> Callable[[Interface], Iterator[File]]:
-    """Return a function that yields the file of one interface."""
-
     def files_of(interface: Interface) -> Iterator[File]:
         name = interface.name
         text = idl_text(interface, f"{name.package}/{catalog.sources[name].relative}")

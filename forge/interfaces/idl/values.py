@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Literal, cast
 
 from forge.base.frozen import frozen
 from forge.interfaces.model import Array, Element, Named, Primitive, Sequence, String, Type, Value
-from forge.interfaces.read.errors import ParseError
 from forge.interfaces.read.literals import (
     SURROGATES,
+    ParseError,
     check_length,
     check_range,
     escaped_character,

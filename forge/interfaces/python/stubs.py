@@ -55,7 +55,6 @@ class StubNames:
                 return self.builtin("int" if name in INTEGERS else "float")
 
     def getter_type(self, type_: Type) -> str:
-        """Return the type of a field on reading."""
         element, number = self.element(element_of(type_)), numeric(type_)
         match type_:
             case Array() if number:
@@ -68,7 +67,6 @@ class StubNames:
                 return element
 
     def setter_type(self, type_: Type) -> str:
-        """Return the type of the values that a field accepts."""
         read, element = self.getter_type(type_), self.element(element_of(type_))
         match type_:
             case Array() if numeric(type_):
@@ -109,7 +107,6 @@ def view_stub(message: Message, names: StubNames) -> SimpleNamespace:
 
 
 def shadowed_builtins(messages: Iterable[Message]) -> frozenset[str]:
-    """Return the builtins that fields of these messages shadow."""
     return BUILTINS & {field.name for message in messages for field in message.fields}
 
 

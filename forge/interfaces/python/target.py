@@ -86,7 +86,6 @@ def interface_files(catalog: Catalog, root: str = "") -> Callable[[Interface], I
 
 
 def _modules(interface: Interface, root: str) -> Iterator[File]:
-    """Yield the module of an interface and its stub."""
     messages, services = tuple(messages_of(interface)), services_of(interface)
     own = {message.name for message in messages}
     imported_names = nested_types(messages) - own
@@ -145,7 +144,6 @@ def _imports(views: Sequence[SimpleNamespace], *, shadows_property: bool) -> lis
 
 
 def _message(message: Message, classes: Mapping[TypeName, str]) -> SimpleNamespace:
-    """Return the variables of a message class for the template."""
     names = {field.name for field in message.fields}
     own = "_self" if "self" in names else "self"
     scope = Scope(classes, own, direct=not names & BUILTINS)

@@ -32,7 +32,6 @@ DTYPES: Final = {**{name: name for name in INTEGERS}, "float": "float32", "doubl
 
 
 def module_name(name: TypeName) -> str:
-    """Return the full name of the module of an interface."""
     return f"{name.package}.{name.kind}._{snake_case(name.name)}"
 
 

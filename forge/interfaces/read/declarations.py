@@ -9,7 +9,7 @@ from functools import cache
 from forge.base.frozen import frozen
 from forge.base.names import did_you_mean, snake_case
 from forge.interfaces.model import Array, Element, Named, Primitive, Sequence, String, Type, TypeName
-from forge.interfaces.read.errors import ParseError
+from forge.interfaces.read.literals import ParseError
 
 PRIMITIVES = {
     "bool": "boolean",

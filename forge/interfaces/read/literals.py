@@ -6,7 +6,22 @@ import re
 
 from forge.base.text import counted
 from forge.interfaces.model import Array, Element, Named, Primitive, Sequence, String, Type, Value
-from forge.interfaces.read.errors import ParseError
+
+
+class ParseError(Exception):
+    """An error message, its offset in the parsed text, and a hint."""
+
+    def __init__(self, message: str, *, offset: int = 0, hint: str | None = None) -> None:
+        """Count `offset` from 0."""
+        super().__init__(message)
+        self.message = message
+        self.offset = offset
+        self.hint = hint
+
+    def shifted(self, by: int) -> ParseError:
+        """Return the same error with its offset increased by `by`."""
+        return ParseError(self.message, offset=self.offset + by, hint=self.hint)
+
 
 INTEGER_RANGES = {
     "octet": (0, 255),

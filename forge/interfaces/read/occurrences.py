@@ -15,7 +15,7 @@ from forge.base.frozen import frozen
 from forge.interfaces.idl.parsing import FileReader
 from forge.interfaces.model import Interface, Named, Source, TypeName, element_of, sections_of
 from forge.interfaces.read.declarations import read_declaration
-from forge.interfaces.read.errors import ParseError
+from forge.interfaces.read.literals import ParseError
 from forge.interfaces.read.parsing import SECTIONS, lines_of, parse_leniently, split_sections, type_name
 
 _INCLUDE = re.compile(r'["<](\w+)/(\w+)/(\w+)\.idl[">]')

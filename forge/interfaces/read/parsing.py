@@ -25,8 +25,7 @@ from forge.interfaces.model import (
     TypeName,
 )
 from forge.interfaces.read.declarations import TYPE_NAME, Declaration, read_declaration
-from forge.interfaces.read.errors import ParseError
-from forge.interfaces.read.literals import read_value
+from forge.interfaces.read.literals import ParseError, read_value
 
 ENDINGS = ("msg", "srv", "action", "idl")
 """The file name extensions of definitions."""

@@ -20,7 +20,7 @@ from forge.base.distributions import (
     is_embedded,
     removed_definitions,
 )
-from forge.base.errors import ForgeError, InterfaceError, Location, Problem
+from forge.base.errors import ForgeError, InterfaceError, Location, Problem, reason_of
 from forge.base.files import read_file
 from forge.base.xml import parse_xml
 from forge.interfaces.model import File, Source, TypeName, with_events
@@ -81,8 +81,9 @@ def read_source(package: str, base: Path, relative: str) -> Source:
     try:
         content = read_file(path)
     except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise InterfaceError(Problem(f"cannot read the definition: {reason}", Location(path))) from error
+        raise InterfaceError(
+            Problem(f"cannot read the definition: {reason_of(error)}", Location(path))
+        ) from error
     try:
         return Source(package, relative, path, content.decode())
     except UnicodeDecodeError as error:

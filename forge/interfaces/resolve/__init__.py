@@ -1,3 +1,3 @@
 """Parsed definitions to catalogs: look up referenced types, and reject conflicts and cycles."""
 
-__all__ = ["dependencies", "resolution"]
+__all__ = ["resolution"]

@@ -52,12 +52,10 @@ class Phase:
         return -self.remainder % alignment if alignment <= self.modulus else None
 
     def aligned(self, alignment: int) -> Phase:
-        """Return the phase after padding to `alignment`."""
         padding = self.padding(alignment)
         return Phase(alignment, 0) if padding is None else self.after(padding)
 
     def after(self, count: int) -> Phase:
-        """Return the phase `count` bytes later."""
         return Phase(self.modulus, (self.remainder + count) % self.modulus)
 
     def join(self, other: Phase) -> Phase:

@@ -40,7 +40,6 @@ def spell(type_: Primitive | String | Named | Sequence) -> str:
 
 
 def declare(type_: Type, name: str) -> str:
-    """Return the declaration of a member."""
     if isinstance(type_, Array):
         return f"{spell(type_.of)} {name}[{type_.size}]"
     return f"{spell(type_)} {name}"
@@ -55,7 +54,6 @@ def number(value: Value, type_: Primitive) -> str:
 
 
 def numbers(value: Value, of: Primitive) -> str:
-    """Return the initializer of an array."""
     items = value if isinstance(value, tuple) else (value,)
     return "{" + ", ".join(number(item, of) for item in items) + "}"
 

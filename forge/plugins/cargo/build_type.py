@@ -5,17 +5,21 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from forge.base.errors import HostError, Problem
 from forge.base.files import text_or_nothing
+from forge.base.formats import read_toml
 from forge.base.text import listed
 from forge.build.recipes.context import BuildContext, Recipe, common_options, install_tree
 from forge.build.tasks import TEST_FAILURES, Step, StepKind
 from forge.build.tests.recipes import TestContext, missing_result
-from forge.plugins.cargo.manifest import identify
 from forge.toolchain.programs import find_program
-from forge.workspace.model import Package
+from forge.workspace.identity import Folder, Identity
+from forge.workspace.model import Dependency, DependencyKind, Package
+from forge.workspace.plain_packages import plain_package
 
 __all__ = ["identify", "options", "recipe", "staged", "tests", "tests_build", "toolchain"]
 
@@ -36,7 +40,6 @@ def options(package: Package, context: BuildContext) -> tuple[str, ...]:
 
 
 def recipe(package: Package, context: BuildContext) -> Recipe:
-    """Return the steps that build with cargo and install the programs."""
     build, source = context.layout.build_dir(package.name), context.source(package)
     quiet = ("--message-format", "json-render-diagnostics", "--quiet")
     cargo = (*_cargo("build", source, build), *quiet, *context.cargo_args)
@@ -46,7 +49,6 @@ def recipe(package: Package, context: BuildContext) -> Recipe:
 
 
 def tests(package: Package, context: TestContext) -> Recipe:
-    """Return the `cargo test` run."""
     build, source = context.layout.build_dir(package.name), context.source(package)
     result = context.results_of(package.name) / "test.xml"
     all_tests = ("--no-fail-fast", "--color", "never")
@@ -93,3 +95,45 @@ def toolchain(
     folders = (home, *(folder / ".cargo" for folder in (context.root, *context.root.parents)))
     texts = (text_or_nothing(folder / name) for folder in folders for name in ("config", "config.toml"))
     return "Rust", "\0".join((version.decode(errors="replace"), *relevant, *texts))
+
+
+_KINDS = {
+    "dependencies": frozenset({DependencyKind.BUILD, DependencyKind.EXEC}),
+    "build-dependencies": frozenset({DependencyKind.BUILD}),
+    "dev-dependencies": frozenset({DependencyKind.TEST}),
+}
+"""Libraries are linked statically, but may need files or libraries of other languages at run time."""
+
+
+def identify(folder: Folder) -> Identity | None:
+    """Read Cargo.toml; members of a Cargo workspace are found in the folders below, like other packages."""
+    if not folder.may_be("cargo") or not folder.has("Cargo.toml"):
+        return None
+    path = folder.display_path / "Cargo.toml"
+    content = read_toml(folder.content("Cargo.toml"), path)
+    own = _table(content, "package")
+    name, version = own.get("name"), own.get("version", "")
+    if not isinstance(name, str):
+        return None
+    needs = _dependencies(content, name)
+    package = plain_package(folder, folder.name or name, "cargo", path, needs)
+    # The version may be inherited from a Cargo workspace.
+    manifest = replace(package.manifest, version=version if isinstance(version, str) else "")
+    return Identity(replace(package, manifest=manifest), descend="workspace" in content)
+
+
+def _dependencies(content: Mapping[str, Any], own: str) -> tuple[Dependency, ...]:
+    """Return the crates that a package depends on, also those of single platforms, except itself."""
+    found: dict[str, frozenset[DependencyKind]] = {}
+    targets = _table(content, "target")
+    for table in (content, *(_table(targets, name) for name in targets)):
+        for key, kinds in _KINDS.items():
+            for alias, source in _table(table, key).items():
+                name = str(source.get("package", alias)) if isinstance(source, dict) else alias
+                found[name] = found.get(name, frozenset()) | kinds
+    return tuple(Dependency(name, kinds) for name, kinds in sorted(found.items()) if name != own)
+
+
+def _table(content: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    found = content.get(key)
+    return found if isinstance(found, dict) else {}

@@ -246,7 +246,6 @@ def _configurations(source: Path, workspace: Path) -> Iterator[str]:
 
 
 def _content(path: Path) -> str | None:
-    """Return the text of a file, None if it cannot be read."""
     try:
         return path.read_text(encoding="utf-8", errors="replace")
     except OSError:
@@ -272,13 +271,11 @@ def _junit(name: str, tests: list[tuple[str, str]], outputs: dict[str, str]) -> 
 
 
 def _message(output: str) -> str:
-    """Return where and why a test panicked."""
     panic = _PANIC.search(output)
     return f"{panic[2] or panic[3]}: {panic[1] or panic[4]}" if panic else "the test failed"
 
 
 def main(argv: list[str]) -> int:
-    """Return the exit code of a command line."""
     mode, name, source, folder, other, *command = argv
     run = build if mode == "build" else test
     return run(name, Path(source), Path(folder), Path(other), command)

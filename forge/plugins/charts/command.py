@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from forge.base.frozen import frozen
-from forge.base.options import option, options_of
+from forge.base.options import flag, option, options_of
 from forge.cli.commands.list import ListingOptions
 from forge.plugins.charts import graph_formats
 from forge.plugins.charts.graph_formats import PackageGraph
@@ -16,21 +16,15 @@ from forge.plugins.charts.graph_formats import PackageGraph
 @frozen
 class Options:
     listing: ListingOptions = options_of(ListingOptions)
-    html: bool = option("print an interactive web page", default=False, conflicts="form")
-    svg: bool = option("print an SVG image", default=False, conflicts="form")
-    mermaid: bool = option(
-        "print a Mermaid diagram, which GitHub renders in Markdown", default=False, conflicts="form"
-    )
-    dot: bool = option(
-        "print a Graphviz graph: 'forge graph --dot | dot -Tsvg'", default=False, conflicts="form"
-    )
-    density: bool = option("print the density of the graph first", default=False, conflicts="form")
+    html: bool = flag("print an interactive web page", conflicts="form")
+    svg: bool = flag("print an SVG image", conflicts="form")
+    mermaid: bool = flag("print a Mermaid diagram, which GitHub renders in Markdown", conflicts="form")
+    dot: bool = flag("print a Graphviz graph: 'forge graph --dot | dot -Tsvg'", conflicts="form")
+    density: bool = flag("print the density of the graph first", conflicts="form")
     output: str | None = option("write to this file instead of stdout", short="-o", metavar="FILE")
-    legend: bool = option("print a legend first", default=False)
-    dot_cluster: bool = option("with --dot: group packages by folder", default=False)
-    dot_include_skipped: bool = option(
-        "with --dot: include packages that are not selected, in grey", default=False
-    )
+    legend: bool = flag("print a legend first")
+    dot_cluster: bool = flag("with --dot: group packages by folder")
+    dot_include_skipped: bool = flag("with --dot: include packages that are not selected, in grey")
 
 
 def run(options: Options) -> int:

@@ -102,7 +102,6 @@ def facts(
 
 
 def _kind_of(package: Package) -> str:
-    """Return the kind of a package, a key of KINDS."""
     if INTERFACE_GROUP in package.manifest.groups:
         return "interfaces"
     return _KINDS.get(package.build_type, "other")
@@ -135,5 +134,4 @@ def _path(points: Sequence[tuple[float, float]]) -> str:
 
 
 def _number(value: float) -> str:
-    """Format a number with at most one decimal."""
     return f"{value:.1f}".removesuffix(".0")

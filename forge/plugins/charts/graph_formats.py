@@ -36,7 +36,6 @@ class PackageGraph:
 
     @property
     def shown(self) -> tuple[str, ...]:
-        """Return the selected nodes in topological order."""
         return tuple(node for node in self.ordered if node in self.selected)
 
 
@@ -110,7 +109,6 @@ def printable(text: str) -> str:
 
 
 def plain(chart: PackageGraph) -> dict[str, object]:
-    """Return the graph as values for JSON."""
     edges = _edges(chart, chart.selected, skipped=False)
     paths = {node: str(chart.packages[node].path) for node in chart.shown}
     return {
@@ -128,7 +126,6 @@ def plain(chart: PackageGraph) -> dict[str, object]:
 
 
 def _cells(chart: PackageGraph) -> dict[str, str]:
-    """Return a row of the matrix for each node."""
     below, shown = dict(closures(chart.needs, chart.ordered)), chart.shown
 
     def cell(row: str, column: str) -> str:

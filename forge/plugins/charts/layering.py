@@ -111,18 +111,17 @@ def _with_few_crossings(graph: _Graph) -> Columns:
         ties = graph.left if forward else graph.right
         places: dict[Vertex, float] = {}
         for column in columns if forward else reversed(columns):
-            column.sort(key=_middles(column, ties, places).__getitem__)
+            own = _relative(column)
+            column.sort(
+                key={
+                    vertex: _mean([places[other] for other in ties[vertex]], own[vertex]) for vertex in column
+                }.__getitem__
+            )
             places.update(_relative(column))
         crossings = _crossings(columns, graph.right)
         if crossings < fewest:
             best, fewest = [list(column) for column in columns], crossings
     return best
-
-
-def _middles(column: Sequence[Vertex], ties: Ties, places: Mapping[Vertex, float]) -> dict[Vertex, float]:
-    """Return the preferred position of each vertex: the mean of its neighbours, else its current one."""
-    own = _relative(column)
-    return {vertex: _mean([places[other] for other in ties[vertex]], own[vertex]) for vertex in column}
 
 
 def _relative(column: Sequence[Vertex]) -> dict[Vertex, float]:

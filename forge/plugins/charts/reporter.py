@@ -12,8 +12,16 @@ from pathlib import Path
 from forge.base.files import write_if_changed
 from forge.base.templating import render
 from forge.output.reporters import Report, Reporter, Run
-from forge.plugins.charts.timing_views import STEP_KINDS, facts, page
-from forge.plugins.charts.timings import Build, at_work, critical_path, read_build, rows
+from forge.plugins.charts.timings import (
+    STEP_KINDS,
+    Build,
+    at_work,
+    critical_path,
+    facts,
+    page,
+    read_build,
+    rows,
+)
 from forge.toolchain.resources import ROOT, memory
 
 PAGE, TRACE = "timings.html", "trace.json"
@@ -39,7 +47,6 @@ class Sampler:
         self._thread.start()
 
     def stop(self) -> None:
-        """Take a last sample."""
         if not self._stopped.is_set():
             self._stopped.set()
             self._thread.join()

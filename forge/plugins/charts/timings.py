@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import fields
 from typing import Any
@@ -11,8 +11,9 @@ from typing import Any
 import networkx as nx
 
 from forge.base.frozen import frozen
+from forge.base.text import counted, duration
 from forge.cache.model import RESTORED
-from forge.plugins.charts.graph_formats import reduced_among
+from forge.plugins.charts.graph_formats import printable, reduced_among
 from forge.toolchain.compiler_launchers import LauncherSummary
 
 FINISHED, FAILED, ABORTED, RESTORED_FROM_CACHE = "finished", "failed", "aborted", "taken"
@@ -201,3 +202,212 @@ def _steps(events: Sequence[Mapping[str, Any]], ended: float) -> Iterable[StepRu
 
 def _first(events: Iterable[Mapping[str, Any]], word: str) -> Mapping[str, Any] | None:
     return next((event for event in events if event["event"] == word), None)
+
+
+_KINDS = {"cmake": "configure", "install": "install"}
+STEP_KINDS = {"configure": "configure", "build": "build", "install": "install", "waiting": "begin and end"}
+"""Kinds of steps distinguished in the legend; the last is forge's own work around them."""
+
+_SLOWEST_STEPS = 25
+_SIGNS = {True: "+", False: "\N{MINUS SIGN}"}
+_LEAST_CHANGE = _LEAST_WAIT = 0.05
+"""Seconds below which changes are considered noise."""
+_GIGA = 1e9
+
+
+def page(build: Build) -> dict[str, Any]:
+    """Return the values of the template; `number` is the index of a package in order of start.
+
+    A bar and its pieces have their positions in percent; cells of the table are a number to sort by and its
+    text; `critical` has index, name and duration of the packages on the critical path.
+    """
+    path = critical_path(build.packages)
+    critical = {run.name for run in path}
+    runs = {run.name: run for run in build.packages}
+    common = {
+        run.name: {
+            "number": number,
+            "name": printable(run.name),
+            "critical": run.name in critical,
+        }
+        for number, run in enumerate(build.packages)
+    }
+    bars = [
+        {
+            **common[run.name],
+            "outcome": run.outcome,
+            "embedded": run.embedded,
+            "took": duration(run.seconds),
+            "left": _percent(run.begun, build.ended),
+            "width": _percent(run.seconds, build.ended),
+            "pieces": [
+                {
+                    "kind": FAILED if step.code else _KINDS.get(step.label, "build"),
+                    "left": _percent(step.begun - run.begun, run.seconds),
+                    "width": _percent(step.seconds, run.seconds),
+                }
+                for step in run.steps
+            ],
+        }
+        for run in build.packages
+    ]
+    rows = [
+        {
+            **common[run.name],
+            "took": _timed(run.seconds),
+            "last": (-1.0, "") if run.last is None else _timed(run.last),
+            "change": _change(run),
+            "waited": _timed(waited(run, runs)),
+        }
+        for run in sorted(build.packages, key=lambda run: (-round(run.seconds, 3), run.name))
+    ]
+    steps = [(run, step) for run in build.packages for step in run.steps]
+    slowest = sorted(steps, key=lambda item: -item[1].seconds)[:_SLOWEST_STEPS]
+    return {
+        "headline": f"{counted(len(build.packages), 'package')} in {duration(build.seconds)}",
+        "remarks": list(_remarks(build)),
+        "bars": bars,
+        "rows": rows,
+        "steps": [
+            {**common[run.name], "step": printable(step.label), "took": duration(step.seconds)}
+            for run, step in slowest
+        ],
+        "strips": list(_strips(build)),
+        "critical": [
+            (common[run.name]["number"], common[run.name]["name"], duration(run.seconds)) for run in path
+        ],
+        "critical_took": duration(sum(run.seconds for run in path)),
+        "fresh": [printable(name) for name in build.fresh],
+        "skipped": [printable(name) for name in build.skipped],
+    }
+
+
+def facts(build: Build) -> dict[str, object]:
+    """Return the data of the page's scripts: packages by index, times in seconds."""
+    numbers = {run.name: number for number, run in enumerate(build.packages)}
+    runs = {run.name: run for run in build.packages}
+    return {
+        "seconds": build.ended,
+        "packages": [
+            {
+                "name": printable(run.name),
+                "embedded": run.embedded,
+                "outcome": run.outcome,
+                "reason": printable(run.reason),
+                "begun": round(run.begun, 3),
+                "took": duration(run.seconds),
+                "last": None if run.last is None else duration(run.last),
+                "change": _change(run)[1],
+                "waited": duration(waited(run, runs)) if waited(run, runs) >= _LEAST_WAIT else None,
+                "needs": [numbers[need] for need in run.needs],
+                "steps": [
+                    {"label": printable(step.label), "took": duration(step.seconds), "code": step.code}
+                    for step in run.steps
+                ],
+            }
+            for run in build.packages
+        ],
+        "atWork": at_work(build.packages),
+        "processors": build.use.processors if build.use else 0,
+        "memory": build.use.memory if build.use else 0,
+        "samples": build.use.samples if build.use else (),
+    }
+
+
+def _remarks(build: Build) -> Iterator[str]:
+    """Yield sentences about results, utilization and changes since earlier builds."""
+    outcomes = [run.outcome for run in build.packages]
+    counts = {
+        "built": outcomes.count(FINISHED),
+        RESTORED: outcomes.count(RESTORED_FROM_CACHE),
+        "failed": outcomes.count(FAILED),
+        "aborted": outcomes.count(ABORTED),
+        "not started": len(build.skipped),
+        "up to date": len(build.fresh),
+    }
+    if set(outcomes) != {FINISHED} or build.skipped or build.fresh:
+        yield ", ".join(f"{count} {word}" for word, count in counts.items() if count) + "."
+    if build.packages and build.ended:
+        busy = sum(run.seconds for run in build.packages) / build.ended
+        text = f"On average {busy:.1f} packages ran in parallel"
+        if build.use and build.use.samples:
+            mean = _mean_busy(build.use)
+            text += f", and {mean:.1f} of {build.use.processors} processors were busy"
+        yield text + "."
+    yield from (f"{outcome.words}." for outcome in build.outcomes)
+    known = [run for run in build.packages if run.last is not None and run.outcome == FINISHED]
+    if known:
+        now, then = sum(run.seconds for run in known), sum(run.last or 0.0 for run in known)
+        few = f"{len(known)} of them" if len(known) < len(build.packages) else "They"
+        change = f"{duration(abs(now - then))} {'less' if now < then else 'more'}"
+        yield f"{few} took {duration(now)} in total, {change} than in their previous builds."
+
+
+def _change(run: PackageRun) -> tuple[float, str]:
+    """Return how much slower a package was than in its previous build."""
+    if run.last is None or run.outcome != FINISHED:
+        return 0.0, ""
+    change = run.seconds - run.last
+    if abs(change) < _LEAST_CHANGE:
+        return change, "unchanged"
+    return change, f"{_SIGNS[change > 0]}{duration(abs(change))}"
+
+
+def _timed(seconds: float) -> tuple[float, str]:
+    return round(seconds, 3), duration(seconds)
+
+
+def _strips(build: Build) -> Iterator[dict[str, str]]:
+    """Yield quantities over time: a path in a box of 1000 by 100, and their maximum and mean."""
+    work = at_work(build.packages)
+    most = max((count for _, count in work), default=0)
+    if most and build.ended:
+        mean = sum(run.seconds for run in build.packages) / build.ended
+        path = _stairs(work, most, build.ended)
+        yield {"name": "packages at work", "path": path, "most": str(most), "mean": f"{mean:.1f}"}
+    if build.use and build.use.samples and build.ended:
+        use, whole = build.use, build.ended
+        times, busy, used = zip(*use.samples, strict=True)
+        most_busy = f"{max(busy):.1f} of {use.processors}"
+        path = _slope(zip(times, busy, strict=True), use.processors, whole)
+        yield {"name": "processors busy", "path": path, "most": most_busy, "mean": f"{_mean_busy(use):.1f}"}
+        most_used = f"{max(used) / _GIGA:.1f} of {use.memory / _GIGA:.1f} GB"
+        path = _slope(zip(times, used, strict=True), use.memory, whole)
+        mean_used = f"{sum(used) / len(used) / _GIGA:.1f} GB"
+        yield {"name": "memory in use", "path": path, "most": most_used, "mean": mean_used}
+
+
+def _mean_busy(use: MachineUse) -> float:
+    """Return the average number of busy processors; samples cover the time before them."""
+    whole, before = 0.0, 0.0
+    for time, busy, _ in use.samples:
+        whole += busy * (time - before)
+        before = time
+    return whole / before if before else 0.0
+
+
+def _stairs(work: Sequence[tuple[float, int]], most: int, whole: float) -> str:
+    words = ["M0 100"]
+    for time, count in work:
+        words.append(f"H{_thousandth(time, whole)}V{_down(count, most)}")
+    return "".join((*words, "V100Z"))
+
+
+def _slope(samples: Iterable[tuple[float, float]], most: float, whole: float) -> str:
+    """Return an area path below values that each cover the time before them."""
+    words = ["M0 100"]
+    for time, value in samples:
+        words.append(f"V{_down(value, most)}H{_thousandth(time, whole)}")
+    return "".join((*words, "V100Z"))
+
+
+def _thousandth(time: float, whole: float) -> str:
+    return f"{min(1000.0, max(0.0, 1000 * time / whole)):.1f}"
+
+
+def _down(value: float, most: float) -> str:
+    return f"{100 - 100 * min(1.0, value / most):.1f}" if most else "100"
+
+
+def _percent(part: float, whole: float) -> str:
+    return f"{100 * part / whole:.3f}%" if whole else "0%"

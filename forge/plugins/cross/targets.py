@@ -44,12 +44,10 @@ class Target:
 
     @property
     def cmake_processor(self) -> str:
-        """Return the processor by the name in CMake."""
         return _BY_CMAKE.get(self.cpu, self.cpu)
 
     @property
     def with_glibc(self) -> str:
-        """Return the name with the version of the C library."""
         return f"{self.triple}.{self.glibc}" if self.glibc else self.triple
 
     @property

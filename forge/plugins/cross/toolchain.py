@@ -139,7 +139,6 @@ def _pkg_config(target: Target, sysroot: Path | None) -> dict[str, str]:
 
 
 def _python_of(sysroot: Path | None) -> tuple[int, int] | None:
-    """Return the version of the Python in a sysroot."""
     if sysroot is None:
         return None
     names = [os.path.basename(os.path.realpath(sysroot / "usr/bin/python3"))]  # noqa: PTH119

@@ -74,12 +74,10 @@ class Zig:
             write_if_changed(folder / name, text, mode=0o755)
 
     def compilers(self, folder: Path) -> dict[str, str]:
-        """Return the variables that name the compilers."""
         return {variable: str(folder / name) for variable, name in _VARIABLES.items()}
 
     @property
     def library(self) -> Path:
-        """Return the archive of the C++ library for the target."""
         status = self.program.stat()
         key = f"{self.program.resolve()} {status.st_size} {status.st_mtime_ns} {' '.join(self.flags)}"
         return self.cache / "forge" / hashlib.sha256(key.encode()).hexdigest()[:16] / "libc++.a"

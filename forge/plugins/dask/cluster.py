@@ -78,7 +78,6 @@ class Cluster:
 
     @property
     def slots(self) -> int:
-        """The number of packages that the workers build at a time."""
         return sum(worker.slots for worker in self.workers)
 
 
@@ -206,7 +205,6 @@ def _unsurveyed(where: str, error: BaseException) -> Problem:
 
 
 def _without_access(workers: tuple[WorkerInfo, ...], build: Path) -> Iterator[Problem]:
-    """Yield a problem if workers do not share the build folder."""
     separate = [f"'{worker.address}'" for worker in workers if not worker.sharing]
     if separate:
         who = "the workers" if len(separate) == len(workers) else f"the workers at {', '.join(separate)}"
@@ -215,7 +213,6 @@ def _without_access(workers: tuple[WorkerInfo, ...], build: Path) -> Iterator[Pr
 
 
 def _other_versions(worker: WorkerInfo, ours: Traits) -> Iterator[Problem]:
-    """Yield a problem if a worker has another version of forge or Python."""
     theirs = worker.traits
     for name, local, other in (("forge", ours.forge, theirs.forge), ("Python", ours.python, theirs.python)):
         if local != other:

@@ -106,7 +106,6 @@ class Connection:
             call.close()
 
     def deliver_task(self, request: TaskRequest, remote_task: RemoteTask) -> None:
-        """Deliver a task to the worker that requested it."""
         packed = pickle.dumps(remote_task)
         # If the worker has died meanwhile, another one will request the task.
         with contextlib.suppress(OSError, TimeoutError):

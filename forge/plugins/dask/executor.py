@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem, SelectionError
 from forge.execution.executor import ExecutorContext, ExecutorOptions
-from forge.plugins.dask.connection import Connection
+
+if TYPE_CHECKING:
+    from forge.plugins.dask.connection import Connection
 
 
 def check(options: ExecutorOptions) -> None:

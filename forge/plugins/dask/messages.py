@@ -56,11 +56,9 @@ class Mailbox:
         self._messages: queue.SimpleQueue[tuple[str, int, Any]] = queue.SimpleQueue()
 
     def put(self, attempt: str, number: int, content: object) -> None:
-        """Add a message from an attempt."""
         self._messages.put((attempt, number, content))
 
     def note(self, command: str) -> None:
-        """Add a message from the client."""
         self.put("", 0, command)
 
     def get(self) -> Event | TaskRequest | str:
@@ -94,13 +92,11 @@ class Router:
         self._lock = threading.Lock()
 
     def open(self, key: str) -> Mailbox:
-        """Create the mailbox of a task."""
         with self._lock:
             mailbox = self._mailboxes[key] = Mailbox()
             return mailbox
 
     def close(self, key: str) -> None:
-        """Remove the mailbox of a task."""
         with self._lock:
             removed = self._mailboxes.pop(key, None)
             self._attempts = {
@@ -120,7 +116,6 @@ class Router:
                 self._attempts[attempt].put(attempt, number, content)
 
     def note(self, command: str) -> None:
-        """Add a message from the client to every mailbox."""
         with self._lock:
             for mailbox in self._mailboxes.values():
                 mailbox.note(command)

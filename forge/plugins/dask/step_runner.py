@@ -65,7 +65,6 @@ def run_task(argv: list[str], source: BinaryIO, target: BinaryIO) -> None:
 
 
 def with_length(content: bytes) -> bytes:
-    """Return a message with its length in front."""
     return len(content).to_bytes(LENGTH, "big") + content
 
 

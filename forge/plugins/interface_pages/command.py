@@ -6,7 +6,7 @@ from pathlib import Path
 
 from forge.base.frozen import frozen
 from forge.base.layout import INTERFACE_PAGES_DIR
-from forge.base.options import option, options_of
+from forge.base.options import flag, option, options_of
 from forge.cli.commands.interface.inputs import IncludeOptions
 
 _OUTPUT = Path("build") / INTERFACE_PAGES_DIR
@@ -22,14 +22,13 @@ class Options:
         metavar="PKG",
     )
     output: Path | None = option(f"output folder (default: {_OUTPUT})", parse=Path, short="-o", metavar="DIR")
-    underlays: bool = option("also document all interfaces in sourced prefixes", default=False)
-    embedded: bool = option("also document all interfaces embedded in forge", default=False)
+    underlays: bool = flag("also document all interfaces in sourced prefixes")
+    embedded: bool = flag("also document all interfaces embedded in forge")
     title: str = option("title of the site (default: %(default)s)", default="Interfaces", metavar="TEXT")
     others: IncludeOptions = options_of(IncludeOptions)
 
 
 def run(options: Options) -> int:
-    """Write the pages."""
     from forge.plugins.interface_pages.documenting import make_site
 
     return make_site(options, _OUTPUT)

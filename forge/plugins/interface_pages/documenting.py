@@ -27,12 +27,12 @@ from forge.interfaces.model import Catalog
 from forge.interfaces.read.declarations import LOWER_NAME
 from forge.interfaces.read.parsing import parse_all
 from forge.interfaces.read.sources import Library, names_in, read_folder
-from forge.interfaces.resolve.dependencies import dependency_catalogs
-from forge.interfaces.resolve.resolution import resolve
+from forge.interfaces.resolve.resolution import dependency_catalogs, resolve
 from forge.interfaces.writing import Written, unwritable
 from forge.plugins.interface_pages.site import PackageInfo, site
 from forge.workspace.discovery import ROS_DEFAULTS, discover
 from forge.workspace.manifest import parse_manifest
+from forge.workspace.resolve import GENERATORS, INTERFACE_GROUP
 from forge.workspace.root import find_install, find_root
 
 if TYPE_CHECKING:
@@ -42,8 +42,6 @@ if TYPE_CHECKING:
     from forge.plugins.interface_pages.command import Options
     from forge.workspace.model import Manifest, Package
 
-_GROUP = "rosidl_interface_packages"
-_GENERATORS = "rosidl_default_generators"
 _FIRST_PAGE = "index.html"
 _LISTING = ".forge_site"
 """The file in the folder of a site that lists all others."""
@@ -58,8 +56,8 @@ def make_site(options: Options, default: Path) -> int:
         name: package
         for name, package in found.packages.items()
         if (
-            _GROUP in package.manifest.groups
-            or any(each.name == _GENERATORS for each in package.manifest.dependencies)
+            INTERFACE_GROUP in package.manifest.groups
+            or any(each.name == GENERATORS for each in package.manifest.dependencies)
         )
         and any(names_in(name, found.root / package.path))
     }

@@ -77,7 +77,14 @@ def _package_entry(
     """Return the values of a package, in the list of packages and on its own page."""
     kinds: dict[str, list[dict[str, Any]]] = {}
     for name in names:
-        kinds.setdefault(name.kind, []).append(_entry(name, catalog.interfaces[name]))
+        interface = catalog.interfaces[name]
+        sections = sections_of(interface)
+        fields = [member.name for message in sections for member in message.fields]
+        words = dict.fromkeys([*fields, *(each.name for message in sections for each in message.constants)])
+        text = next((text for message in sections if (text := summary(message.doc))), "")
+        kinds.setdefault(name.kind, []).append(
+            {"name": name, "page": path_of(name), "summary": text, "words": visible(" ".join(words))}
+        )
     order = [*(kind for kind in KINDS if kind in kinds), *sorted(kinds.keys() - KINDS.keys())]
     groups = [
         {
@@ -97,15 +104,6 @@ def _package_entry(
         "counts": counts,
         "groups": groups,
     }
-
-
-def _entry(name: TypeName, interface: Interface) -> dict[str, Any]:
-    """Return the values of an interface in a list; `words` are further search terms."""
-    sections = sections_of(interface)
-    fields = [member.name for message in sections for member in message.fields]
-    words = dict.fromkeys([*fields, *(each.name for message in sections for each in message.constants)])
-    text = next((text for message in sections if (text := summary(message.doc))), "")
-    return {"name": name, "page": path_of(name), "summary": text, "words": visible(" ".join(words))}
 
 
 def summary(doc: Iterable[str]) -> str:

@@ -5,24 +5,25 @@ from __future__ import annotations
 import gc
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from forge.base.distributions import distribution_option
 from forge.base.errors import HostError, Problem
 from forge.base.frozen import frozen
-from forge.base.options import option
+from forge.base.options import flag
 from forge.base.own_environment import extra_command
 from forge.cli.commands.interface.inputs import distribution_of
 from forge.environment.installed import known_prefixes
 from forge.interfaces.read.sources import Library
-from forge.plugins.lsp.index import Index
 from forge.workspace.root import find_install, find_root
+
+if TYPE_CHECKING:
+    from forge.plugins.lsp.index import Index
 
 
 @frozen
 class Options:
-    stdio: bool = option(
-        "use standard input and output, which is the default; many editors pass this option", default=False
-    )
+    stdio: bool = flag("use standard input and output, which is the default; many editors pass this option")
     rosdistro: str | None = distribution_option()
 
 

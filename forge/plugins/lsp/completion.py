@@ -14,11 +14,12 @@ from forge.build.build_types import known_types
 from forge.interfaces.model import TypeName, element_of, sections_of
 from forge.interfaces.notation import type_text, value_text
 from forge.interfaces.read.declarations import PRIMITIVES, read_declaration
-from forge.interfaces.read.errors import ParseError
+from forge.interfaces.read.literals import ParseError
 from forge.interfaces.read.occurrences import Reading
 from forge.plugins.lsp.index import Index
 from forge.plugins.lsp.text import Span
 from forge.workspace.manifest import DEPENDENCY_KINDS, tags_of
+from forge.workspace.resolve import INTERFACE_GROUP
 
 MOST = 100
 """The maximum number of proposals; with more, the editor asks again after the next character."""
@@ -28,7 +29,6 @@ _IDL_TYPES = (
     *("boolean", "octet", "char", "wchar", "float", "double", "string", "wstring", "sequence"),
     *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)),
 )
-_INTERFACE_GROUP = "rosidl_interface_packages"
 
 _TYPE = re.compile(r"[\w/]*")
 _VALUE = re.compile(r"(\S+)\s+\w+(?:\s+|\s*=\s*)(\S*)")
@@ -179,5 +179,5 @@ def _in_manifest(index: Index, before: str) -> tuple[str, Iterable[Proposal]]:
         installed = ament_index.resources("packages", index.library.prefixes)
         embedded = (path.parent.name for path in EMBEDDED.glob("*/package.xml"))
         return typed, (Proposal(name, "package") for name in sorted({*own, *installed, *embedded}))
-    words = known_types() if tag == "build_type" else (_INTERFACE_GROUP,) * (tag == "member_of_group")
+    words = known_types() if tag == "build_type" else (INTERFACE_GROUP,) * (tag == "member_of_group")
     return typed, (Proposal(word, "value") for word in words)

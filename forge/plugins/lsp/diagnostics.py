@@ -15,8 +15,12 @@ from forge.interfaces.model import Catalog, Message, TypeName
 from forge.interfaces.read.lint import lint
 from forge.interfaces.read.occurrences import Reading
 from forge.interfaces.read.parsing import Parsed
-from forge.interfaces.resolve.dependencies import undeclared_dependencies
-from forge.interfaces.resolve.resolution import MAX_EXPLAINED, nested_messages, same_output
+from forge.interfaces.resolve.resolution import (
+    MAX_EXPLAINED,
+    nested_messages,
+    same_output,
+    undeclared_dependencies,
+)
 from forge.plugins.lsp.index import Index
 from forge.plugins.lsp.manifests import ManifestReading
 from forge.plugins.lsp.text import Span, span_at

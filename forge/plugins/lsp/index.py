@@ -45,7 +45,6 @@ class Index:
         """When each file that was read, and its folder, was changed last."""
 
     def scan(self) -> None:
-        """Read all packages of the workspace."""
         try:
             packages = find_packages(self.root, SearchPaths(), self._variables).packages
         except ForgeError:
@@ -66,7 +65,6 @@ class Index:
         self._put(path, text)
 
     def close(self, path: Path) -> None:
-        """Use the file again."""
         self._buffers.pop(path, None)
         self.refresh(path)
 

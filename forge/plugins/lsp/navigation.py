@@ -32,7 +32,6 @@ def mention_at(index: Index, path: Path, line: int, column: int) -> PackageMenti
 
 
 def type_at(reading: Reading, line: int, column: int) -> TypeName | None:
-    """Return the interface that a definition names under a cursor, or None."""
     found = occurrence_at(reading, line, column)
     if found is None or found.kind in IN_FILE:
         return None

@@ -10,7 +10,7 @@ from forge.base.errors import InterfaceError, Problem
 from forge.base.frozen import frozen
 from forge.interfaces.model import TypeName
 from forge.interfaces.read.declarations import TYPE_NAME, read_declaration
-from forge.interfaces.read.errors import ParseError
+from forge.interfaces.read.literals import ParseError
 from forge.interfaces.read.occurrences import NameKind, Occurrence, Reading
 from forge.interfaces.resolve.resolution import same_output
 from forge.plugins.lsp.index import Index

@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from forge.plugins.lsp.index import Index
-    from forge.plugins.lsp.rename import Renaming
     from forge.plugins.lsp.text import Place, Span
 
     _AtPosition = (
@@ -128,7 +127,6 @@ class InterfaceServer(LanguageServer):
         return self._indexes.setdefault(index.root, index)
 
     def _index(self, path: Path) -> Index:
-        """Return the index of the innermost workspace around a file."""
         around = [root for root in self._indexes if path.is_relative_to(root)]
         if around:
             return self._indexes[max(around, key=lambda root: len(root.parts))]
@@ -142,7 +140,6 @@ class InterfaceServer(LanguageServer):
         self._take(params.text_document.uri)
 
     def _take(self, uri: str) -> None:
-        """Use the text of an open document."""
         path = _path(uri)
         if path:
             self._opened[path] = uri
@@ -224,20 +221,9 @@ class InterfaceServer(LanguageServer):
         self._require_moves(moves=bool(found.moves))
         if found.remark:
             self.window_show_message(lsp.ShowMessageParams(lsp.MessageType.Warning, found.remark))
-        return self._workspace_edit(asked[0], found)
-
-    def _require_moves(self, *, moves: bool) -> None:
-        """Refuse a renaming with moves of files if the editor cannot move them."""
-        capabilities = self.client_capabilities.workspace
-        editing = capabilities.workspace_edit if capabilities else None
-        operations = (editing and editing.resource_operations) or ()
-        if moves and lsp.ResourceOperationKind.Rename not in operations:
-            raise _RefusedError("this editor cannot rename files, which renaming a type requires")
-
-    def _workspace_edit(self, index: Index, renaming: Renaming) -> lsp.WorkspaceEdit:
-        """Return the edits of all files, then the files that get another name."""
+        index = asked[0]
         by_path: dict[Path, list[lsp.TextEdit | lsp.AnnotatedTextEdit | lsp.SnippetTextEdit]] = {}
-        for edit in renaming.edits:
+        for edit in found.edits:
             change = lsp.TextEdit(self._range(index, edit.path, edit.span), edit.text)
             by_path.setdefault(edit.path, []).append(change)
         documents = self.workspace.text_documents
@@ -250,8 +236,16 @@ class InterfaceServer(LanguageServer):
             )
             for path, edits in by_path.items()
         ]
-        changes += [lsp.RenameFile(self._uri(old), new.as_uri()) for old, new in renaming.moves]
+        changes += [lsp.RenameFile(self._uri(old), new.as_uri()) for old, new in found.moves]
         return lsp.WorkspaceEdit(document_changes=changes)
+
+    def _require_moves(self, *, moves: bool) -> None:
+        """Refuse a renaming with moves of files if the editor cannot move them."""
+        capabilities = self.client_capabilities.workspace
+        editing = capabilities.workspace_edit if capabilities else None
+        operations = (editing and editing.resource_operations) or ()
+        if moves and lsp.ResourceOperationKind.Rename not in operations:
+            raise _RefusedError("this editor cannot rename files, which renaming a type requires")
 
     def _uri(self, path: Path) -> str:
         name = str(path)

@@ -20,7 +20,7 @@ from forge.base.errors import (
 from forge.base.frozen import frozen
 from forge.base.layout import Layout
 from forge.base.names import did_you_mean
-from forge.base.options import option, options_of
+from forge.base.options import flag, option, options_of
 from forge.base.own_environment import extra_command
 from forge.cli import options as shared
 from forge.cli.options import OptionSources
@@ -55,18 +55,15 @@ from forge.workspace.selection import Query
 class Options:
     query: Query = options_of(Query)
     sources: OptionSources = options_of(OptionSources)
-    install: bool = option("show the install commands, ask, and run them", default=False)
-    yes: bool = option(
-        "do not ask before '--install', and let package managers not ask either", default=False, short="-y"
-    )
+    install: bool = flag("show the install commands, ask, and run them")
+    yes: bool = flag("do not ask before '--install', and let package managers not ask either", short="-y")
     skip_keys: tuple[str, ...] = option(
         "ignore these dependencies", default=(), nargs="+", accumulates=True, metavar="KEY"
     )
-    json: bool = option(
-        "print one JSON object: system, and needs with key, users, provider, manager, names, missing",
-        default=False,
+    json: bool = flag(
+        "print one JSON object: system, and needs with key, users, provider, manager, names, missing"
     )
-    all: bool = option("also list dependencies that are satisfied, and what provides them", default=False)
+    all: bool = flag("also list dependencies that are satisfied, and what provides them")
     dependency_types: tuple[str, ...] | None = option(
         "consider only these types: build, buildtool, build_export, buildtool_export, exec, test, doc "
         "(default: all but doc)",
@@ -83,12 +80,8 @@ class Options:
         "installed on this machine",
         metavar="NAME:VERSION",
     )
-    build_base: str = option(
-        "build folder, for results of earlier builds (default: build)", default="build", metavar="DIR"
-    )
-    install_base: str = option(
-        "install folder of the workspace (default: install)", default="install", metavar="DIR"
-    )
+    build_base: str = shared.build_base_option()
+    install_base: str = shared.install_base_option()
     python: str | None = option(
         "interpreter to check (default: that of the last or next build)", metavar="PATH"
     )

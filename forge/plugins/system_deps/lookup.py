@@ -6,7 +6,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from forge.base.errors import HostError, Location, Problem, WorkspaceError
+from forge.base.errors import HostError, Location, Problem, WorkspaceError, reason_of
 from forge.base.formats import read_yaml
 from forge.base.frozen import frozen
 from forge.base.names import did_you_mean
@@ -157,7 +157,7 @@ def _read(path: Path) -> Database:
     try:
         return read_yaml(path.read_bytes(), path)
     except OSError as error:
-        message = f"cannot read the rosdep file: {(error.strerror or str(error)).lower()}"
+        message = f"cannot read the rosdep file: {reason_of(error)}"
         raise WorkspaceError(Problem(message, Location(path))) from None
 
 

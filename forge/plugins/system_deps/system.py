@@ -9,7 +9,7 @@ import subprocess
 from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 
-from forge.base.errors import HostError, Problem
+from forge.base.errors import HostError, Problem, reason_of
 from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
 from forge.plugins.system_deps.lookup import DependencyStatus
@@ -141,8 +141,7 @@ def run_commands(commands: Mapping[str, tuple[str, ...]]) -> None:
         try:
             code = subprocess.run(argv, check=False).returncode
         except OSError as error:
-            reason = (error.strerror or str(error)).lower()
-            raise HostError(Problem(f"cannot run '{argv[0]}': {reason}")) from None
+            raise HostError(Problem(f"cannot run '{argv[0]}': {reason_of(error)}")) from None
         if code:
             update = _UPDATES.get(manager)
             hint = f"if it found no such packages, update its lists: {update}" if update else None

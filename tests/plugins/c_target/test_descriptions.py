@@ -14,8 +14,7 @@ from forge.interfaces.hashing import Hasher, describe
 from forge.interfaces.model import Catalog, Source, TypeName
 from forge.interfaces.read.parsing import parse_all
 from forge.interfaces.read.sources import Library
-from forge.interfaces.resolve.dependencies import dependency_catalogs
-from forge.interfaces.resolve.resolution import resolve
+from forge.interfaces.resolve.resolution import dependency_catalogs, resolve
 from forge.plugins.c_target import target as c
 
 if TYPE_CHECKING:

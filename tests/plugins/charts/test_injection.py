@@ -16,9 +16,8 @@ from forge.base.templating import render
 from forge.plugins.charts.drawing import drawn, facts
 from forge.plugins.charts.graph_formats import PackageGraph, mermaid, printable, reduced_among
 from forge.plugins.charts.reporter import trace
-from forge.plugins.charts.timing_views import STEP_KINDS, page
-from forge.plugins.charts.timing_views import facts as timing_facts
-from forge.plugins.charts.timings import read_build
+from forge.plugins.charts.timings import STEP_KINDS, page, read_build
+from forge.plugins.charts.timings import facts as timing_facts
 from tests.conftest import Forge, Tree
 from tests.hostile import hostile
 from tests.packages import manifest_text, package

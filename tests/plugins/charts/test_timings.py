@@ -10,8 +10,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from forge.plugins.charts.reporter import trace, write_timings
-from forge.plugins.charts.timing_views import facts, page
-from forge.plugins.charts.timings import PackageRun, at_work, critical_path, read_build, rows, waited
+from forge.plugins.charts.timings import (
+    PackageRun,
+    at_work,
+    critical_path,
+    facts,
+    page,
+    read_build,
+    rows,
+    waited,
+)
 from tests.strategies import graphs
 
 if TYPE_CHECKING:

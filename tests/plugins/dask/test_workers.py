@@ -19,7 +19,7 @@ from forge.execution.options import JobOptions
 from forge.plugins.dask import worker
 from forge.plugins.dask.messages import FINISH, RemoteTask
 from forge.plugins.dask.step_runner import COMMANDS_THREAD, read_message, run_task, with_length
-from forge.plugins.dask.worker_jobs import WorkerJobs
+from forge.plugins.dask.worker import WorkerJobs
 from tests.packages import manifest_text, package
 
 if TYPE_CHECKING:

@@ -10,8 +10,7 @@ import pytest
 from forge.base.distributions import EMBEDDED
 from forge.interfaces.read.parsing import parse_all
 from forge.interfaces.read.sources import Library, read_folder
-from forge.interfaces.resolve.dependencies import dependency_catalogs
-from forge.interfaces.resolve.resolution import resolve
+from forge.interfaces.resolve.resolution import dependency_catalogs, resolve
 from forge.plugins.interface_pages.documenting import write_site
 from forge.plugins.interface_pages.site import site
 from tests.browser import Keys

@@ -9,8 +9,7 @@ from forge.interfaces.hashing import hashes
 from forge.interfaces.model import TypeName
 from forge.interfaces.read.parsing import parse_all
 from forge.interfaces.read.sources import Library
-from forge.interfaces.resolve.dependencies import require
-from forge.interfaces.resolve.resolution import resolve
+from forge.interfaces.resolve.resolution import require, resolve
 from forge.interfaces.schema import parse_name, read_schema, schema_text
 from tests.conftest import Forge, Tree
 

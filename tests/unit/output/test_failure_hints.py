@@ -242,7 +242,9 @@ def scene_in(root: Path, text: str = "", *depends: str) -> FailureContext:
     layout = Layout(root / "build", root / "install", None)
     packages = {"mine": made, "shapes": package("shapes")}
     whereabouts = Whereabouts(root, layout).of
-    return failure_context(made, packages, "python3", lambda name: root / "install" / name, whereabouts)
+    return failure_context(
+        made, packages, prefix_of=lambda name: root / "install" / name, whereabouts=whereabouts
+    )
 
 
 def test_a_package_of_an_earlier_build_gets_no_system_package_hint(tree: Tree) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from forge.workspace.discovery import discover
-from forge.workspace.duplicates import clashes
+from forge.workspace.load import clashes
 from tests.conftest import Tree
 from tests.packages import manifest_text
 

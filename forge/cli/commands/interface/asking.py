@@ -13,7 +13,7 @@ from forge.base.distributions import EMBEDDED, distribution_hint, distribution_o
 from forge.base.errors import ForgeError, InterfaceError, Problem
 from forge.base.frozen import frozen
 from forge.base.names import did_you_mean
-from forge.base.options import option, options_of
+from forge.base.options import flag, option, options_of
 from forge.cli.commands.interface.inputs import (
     IncludeOptions,
     InputOptions,
@@ -26,8 +26,7 @@ from forge.interfaces.hashing import hashes
 from forge.interfaces.model import Catalog, TypeName
 from forge.interfaces.prototype import to_yaml
 from forge.interfaces.read.sources import Library, names_in
-from forge.interfaces.resolve.dependencies import require
-from forge.interfaces.resolve.resolution import nested_messages
+from forge.interfaces.resolve.resolution import nested_messages, require
 from forge.interfaces.schema import ENCODINGS, schema_text
 from forge.interfaces.show import Comments, parse_type_name, show
 
@@ -42,9 +41,9 @@ def _filled(text: str) -> str:
 
 @frozen
 class _ListingOptions:
-    only_msgs: bool = option("list only messages", default=False, short="-m")
-    only_srvs: bool = option("list only services", default=False, short="-s")
-    only_actions: bool = option("list only actions", default=False, short="-a")
+    only_msgs: bool = flag("list only messages", short="-m")
+    only_srvs: bool = flag("list only services", short="-s")
+    only_actions: bool = flag("list only actions", short="-a")
     rosdistro: str | None = distribution_option()
 
     @property
@@ -67,17 +66,15 @@ class _ShowOptions:
         parse=_filled,
         metavar="TYPE",
     )
-    all_comments: bool = option(
-        "show the comments of nested messages, too", default=False, conflicts="comments"
-    )
-    no_comments: bool = option("omit comments and blank lines", default=False, conflicts="comments")
+    all_comments: bool = flag("show the comments of nested messages, too", conflicts="comments")
+    no_comments: bool = flag("omit comments and blank lines", conflicts="comments")
     rosdistro: str | None = distribution_option()
 
 
 @frozen
 class _ProtoOptions:
     type: str = option("full name of the interface", positional=True, parse=_filled, metavar="TYPE")
-    no_quotes: bool = option("print the YAML without surrounding quotes", default=False)
+    no_quotes: bool = flag("print the YAML without surrounding quotes")
     rosdistro: str | None = distribution_option()
 
 
@@ -89,7 +86,7 @@ class _HashOptions:
         positional=True,
         metavar="TYPE|SOURCE_DIR",
     )
-    json: bool = option("print one JSON object", default=False)
+    json: bool = flag("print one JSON object")
     inputs: InputOptions = options_of(InputOptions)
 
 

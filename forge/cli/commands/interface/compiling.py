@@ -13,7 +13,7 @@ from forge.base.env_vars import compiled_templates
 from forge.base.errors import InterfaceError, Problem, print_warnings, raise_if_any
 from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
-from forge.base.options import option, options_of
+from forge.base.options import flag, option, options_of
 from forge.base.templating import keep_compiled
 from forge.base.text import counted
 from forge.cli.commands.interface.inputs import InputOptions, catalog_of, library_of
@@ -23,7 +23,7 @@ from forge.interfaces.model import Catalog
 from forge.interfaces.read.lint import python_keywords
 from forge.interfaces.read.sources import Library, read_runtime
 from forge.interfaces.rendering import Part, fingerprints, parts
-from forge.interfaces.resolve.dependencies import dependency_catalogs, undeclared_dependencies
+from forge.interfaces.resolve.resolution import dependency_catalogs, undeclared_dependencies
 from forge.interfaces.writing import (
     STATE_FOLDER,
     OutputState,
@@ -58,9 +58,8 @@ class _Options:
         repeats=True,
         metavar="LANG",
     )
-    no_runtime: bool = option(
-        "do not write run-time files and types of other packages; allow only types of included packages",
-        default=False,
+    no_runtime: bool = flag(
+        "do not write run-time files and types of other packages; allow only types of included packages"
     )
     stamp: Path | None = option("file to touch after success", parse=Path, metavar="FILE")
     depfile: Path | None = option(

@@ -10,7 +10,7 @@ from forge.base.ament_index import prefixes
 from forge.base.distributions import VARIABLE, check_distribution, distribution_in, distribution_option
 from forge.base.errors import ForgeError, InterfaceError, Problem, raise_if_any
 from forge.base.frozen import frozen
-from forge.base.options import option, options_of
+from forge.base.options import flag, option, options_of
 from forge.cli.preparation import known_rosdistro
 from forge.environment.installed import known_prefixes
 from forge.interfaces.model import Catalog
@@ -35,8 +35,6 @@ def _pair(mark: str, split: Callable[[str, str], tuple[str, str, str]]) -> Calla
 
 @frozen
 class IncludeOptions:
-    """The options for definitions of other packages."""
-
     includes: tuple[tuple[str, str], ...] = option(
         "folder with subfolders msg, srv and action of another package; repeatable",
         default=(),
@@ -49,14 +47,11 @@ class IncludeOptions:
 
     @property
     def folders(self) -> dict[str, Path]:
-        """Return the folders of definitions by package."""
         return {package: Path(folder) for package, folder in self.includes}
 
 
 @frozen
 class InputOptions:
-    """The options that select definitions."""
-
     package: str | None = option("name of the package that the definitions belong to", metavar="NAME")
     others: IncludeOptions = options_of(IncludeOptions)
     files: tuple[tuple[str, str], ...] = option(
@@ -67,7 +62,7 @@ class InputOptions:
         parse=_pair(":", str.rpartition),
         metavar="BASE:RELATIVE",
     )
-    strict: bool = option("reject error-prone definitions; the command reference lists them", default=False)
+    strict: bool = flag("reject error-prone definitions; the command reference lists them")
 
 
 def library_of(options: IncludeOptions, recorded: Mapping[str, Path] | None = None) -> Library:

@@ -14,7 +14,7 @@ from forge.base.files import write_if_changed
 from forge.interfaces.cpp import target as cpp
 from forge.interfaces.model import Catalog
 from forge.interfaces.read.sources import Library
-from forge.interfaces.resolve.dependencies import dependency_catalogs
+from forge.interfaces.resolve.resolution import dependency_catalogs
 from forge.interfaces.wire.layout import INLINE_LIMIT
 from tests.generated import catalog_of, embedded_catalog
 

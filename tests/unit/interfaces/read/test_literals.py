@@ -9,8 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from forge.interfaces.model import Array, Named, Primitive, Sequence, String, Type, TypeName, Value
-from forge.interfaces.read.errors import ParseError
-from forge.interfaces.read.literals import INTEGER_RANGES, read_value
+from forge.interfaces.read.literals import INTEGER_RANGES, ParseError, read_value
 
 INT8 = Primitive("int8")
 INT32 = Primitive("int32")

@@ -11,8 +11,7 @@ import pytest
 from forge.base.errors import InterfaceError
 from forge.interfaces.model import Catalog, Source, TypeName
 from forge.interfaces.read.parsing import Parsed, parse, parse_all, type_name
-from forge.interfaces.resolve.dependencies import dependency_catalogs
-from forge.interfaces.resolve.resolution import nested_messages, resolve
+from forge.interfaces.resolve.resolution import dependency_catalogs, nested_messages, resolve
 
 
 @dataclass
