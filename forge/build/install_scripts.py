@@ -204,6 +204,17 @@ def installed_entries(rules: Iterable[InstallRule]) -> Mapping[str, tuple[Instal
     return found
 
 
+def folder_modes(rules: Iterable[InstallRule]) -> Mapping[str, int]:
+    """Return the mode of each folder that is installed with its mode, whatever is in it."""
+    return {
+        folder: os.stat(folder).st_mode
+        for rule in rules
+        if rule.kind == "DIRECTORY" and "USE_SOURCE_PERMISSIONS" in rule.block
+        for source in rule.sources
+        for folder, _, _ in os.walk(source)
+    }
+
+
 def _below(folder: str) -> Iterator[str]:
     """Yield the files and links in a folder, as relative paths, and the folders that are empty."""
     waiting = [""]

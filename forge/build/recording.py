@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from forge.build.inputs.fingerprints import FileTable, Manifest, Stats
     from forge.build.model import CachedBuild
     from forge.build.observed_writes import ObservedSteps
+    from forge.build.reuse import Reuse
     from forge.build.state import BuildState
     from forge.build.tasks import Task
     from forge.engine.commands import ObservedCommands
@@ -77,8 +78,8 @@ class PackageRecorder:
         record = self._records.get(task.name)
         self._state.scripts.begin(task.name, record.files if record else ())
 
-    def prepare(self, task: Task, set_by_needs: Pairs, *, from_empty: bool = False) -> None:
-        """Prepare a task's build folder, empty if `from_empty`.
+    def prepare(self, task: Task, set_by_needs: Pairs, *, from_empty: bool = False) -> Reuse:
+        """Prepare a task's build folder, empty if `from_empty`; return how much of it is reused.
 
         `set_by_needs` are the variables that environment hooks of its dependencies set.
         """
@@ -98,7 +99,7 @@ class PackageRecorder:
             sources=sources,
             stamp=stamp,
         )
-        _, record = prepare_build_dir(
+        reuse, record = prepare_build_dir(
             build,
             last,
             record,
@@ -109,6 +110,7 @@ class PackageRecorder:
             reconfigure=task.reconfigure,
         )
         self._begun[task.name] = last, record
+        return reuse
 
     def read_steps(self, task: Task) -> ObservedSteps:
         """Return what the steps of a package did; they have ended."""

@@ -25,7 +25,7 @@ from forge.base.layout import INSTALLED_STATES_DIR, SCRATCH_DIR
 from forge.build.copies import status_of
 from forge.build.inputs.fingerprints import content_digest
 from forge.build.install_manifests import MANIFESTS
-from forge.build.install_scripts import installed_entries, read_install_scripts
+from forge.build.install_scripts import folder_modes, installed_entries, read_install_scripts
 from forge.build.installation import InstalledFiles
 from forge.build.installed_lists import InstalledList, identity, list_file, read_installed_list
 from forge.build.observed_writes import begin_log, remove_log
@@ -167,6 +167,7 @@ def next_install(step: Step) -> Step | None:
     now: dict[str, Any] = {"scripts": scripts.digest}
     if entries is not None:
         now["sources"] = {path: _state(source) for path, (_, source) in entries.items()}
+        now["modes"] = folder_modes(scripts.rules)
     changed = _changed(read_json(notes), now) if step.stage else None
     replace_file(following, json.dumps({**now, "partial": changed is not None}).encode())
     if step.stage is None:
@@ -184,6 +185,8 @@ def _changed(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str] | N
     """Return the installed paths whose sources have changed; None if anything else may be different."""
     then, current = before.get("sources"), now.get("sources")
     if not (then and current) or before["scripts"] != now["scripts"] or then.keys() != current.keys():
+        return None
+    if before.get("modes") != now["modes"]:
         return None
     # What a rule excludes was not installed then.
     installed = {*before["files"], *(folder.rstrip("/") for folder in before["folders"])}

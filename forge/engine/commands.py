@@ -107,6 +107,8 @@ class ObservedCommands:
         known = accesses.read | accesses.found
         return (
             not accesses.read.isdisjoint(modified)
+            # Of a folder, that is its mode, which is copied with it.
+            or any(path[:-1] in known | accesses.listed for path in modified if path.endswith("/"))
             or any(path.rstrip("/") in known for path in removed)
             or (
                 bool(accesses.listed) and any(_parent(path) in accesses.listed for path in (*added, *removed))

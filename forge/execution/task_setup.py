@@ -15,6 +15,7 @@ from forge.build import installation, staging
 from forge.build.deferred import defer_build, tests_need_build
 from forge.build.installed_lists import package_markers
 from forge.build.prefix import PrefixExchange
+from forge.build.reuse import Reuse
 from forge.engine.variables import FOR_COMPILERS
 from forge.environment.hooks import config_folders, config_variables
 from forge.environment.sourcing import build_environment, package_edits
@@ -100,7 +101,10 @@ class TaskSetup(TaskLifecycle):
             for name, value in sorted(environment.items())
             if self.variables.get(name) != value and name not in usual
         )
-        self.recorder.prepare(task, set_by_needs, from_empty=task.from_empty or self.audit is not None)
+        from_empty = task.from_empty or self.audit is not None
+        if self.recorder.prepare(task, set_by_needs, from_empty=from_empty) is Reuse.NOTHING:
+            # With the folder goes the knowledge of what the last install step has read.
+            staging.forget_sources(task)
         # The package's own arguments and the hooks of its dependencies may select another compiler.
         package = task.package
         arguments = (*package.option_values("cmake-args"), *package.option_values("ament-cmake-args"))

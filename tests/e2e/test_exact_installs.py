@@ -488,3 +488,40 @@ def test_two_packages_that_install_the_same_file_reach_a_stable_state(
     tree(contested("b", *needs, text="again"))
     build(forge, root, *options)
     hold_against_clean(forge, root, *options)
+
+
+# --- what else an install step copies
+
+
+def test_a_folder_elsewhere_that_is_installed_stays_an_input(forge: Forge, tree: Tree) -> None:
+    """Also after a build that began in an empty folder, but had little to install."""
+    body = (
+        "file(READ ../../conf conf)\nfile(WRITE ${CMAKE_BINARY_DIR}/conf.txt ${conf})\n"
+        "install(FILES ${CMAKE_BINARY_DIR}/conf.txt DESTINATION share)\n"
+        "install(DIRECTORY ../../elsewhere/ DESTINATION share/elsewhere)"
+    )
+    root = tree({**cmake("a", body), "conf": "1", "elsewhere/x": "1"})
+    build(forge, root)
+    for files in ({"conf": "2"}, {"elsewhere/x": "2"}, {"elsewhere/d/y": "1"}):
+        tree(files)
+        build(forge, root)
+        assert look(root / "elsewhere") == look(root / "install/a/share/elsewhere")
+    hold_against_clean(forge, root)
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        "install(DIRECTORY d DESTINATION share USE_SOURCE_PERMISSIONS)",
+        "file(COPY d DESTINATION ${CMAKE_BINARY_DIR})\n"
+        "install(DIRECTORY ${CMAKE_BINARY_DIR}/d DESTINATION share USE_SOURCE_PERMISSIONS)",
+    ],
+)
+def test_folders_are_copied_with_their_new_modes(forge: Forge, tree: Tree, body: str) -> None:
+    root = tree(cmake("a", body, **{"d/e/x": "1"}))
+    build(forge, root)
+    for name, mode in (("d/e", 0o700), ("d", 0o750), ("d/e", 0o755)):
+        (root / "src/a" / name).chmod(mode)
+        build(forge, root)
+        assert stat.S_IMODE((root / "install/a/share" / name).stat().st_mode) == mode
+    hold_against_clean(forge, root)
