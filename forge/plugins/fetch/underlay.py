@@ -41,7 +41,6 @@ cmake-args = ["-DBUILD_TESTING=OFF", "-DTRACETOOLS_DISABLED=ON"]
 """
 _BUILT = "built.json"
 """The commits of the packages of the last successful build, by name."""
-_SOURCED_BY_ROS = ("RMW_IMPLEMENTATION", "PYTHONPATH", "COLCON_PREFIX_PATH")
 
 
 def is_underlay(path: Path, cache: Path) -> bool:
@@ -114,7 +113,11 @@ def _commits(path: Path) -> dict[str, str]:
 @contextmanager
 def _locked(folder: Path) -> Iterator[None]:
     with (folder / ".lock").open("w") as file:
-        fcntl.flock(file, fcntl.LOCK_EX)
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            print(f"waiting for another forge that builds in '{folder}'", file=sys.stderr, flush=True)
+            fcntl.flock(file, fcntl.LOCK_EX)
         yield
 
 
@@ -136,7 +139,8 @@ def _extend(folder: Path, lock: Lock, cache: Path) -> None:
 
 def _run_build(folder: Path, lock: Lock, cache: Path, variables: Mapping[str, str], jobs: int | None) -> None:
     python = prepare_interpreter(folder, lock, variables)
-    own = {name: value for name, value in variables.items() if name not in _SOURCED_BY_ROS}
+    # Users set it for their nodes; packages of ROS that ask for it would be built anew whenever it changes.
+    own = {name: value for name, value in variables.items() if name != "RMW_IMPLEMENTATION"}
     # Commands of git that packages run get what the lock pins, without any network.
     own |= {
         f"GIT_CONFIG_KEY_{i}": f"url.{clone_folder(cache, each).as_uri()}.insteadOf"
@@ -157,8 +161,13 @@ def _run_build(folder: Path, lock: Lock, cache: Path, variables: Mapping[str, st
     optional = {name for each in declared for name in each.names(BUILD_KINDS | RUN_KINDS)}
     words = ["--rosdistro", lock.distribution, "--python", python, *(("--jobs", str(jobs)) if jobs else ())]
     words += ["--event-handlers", "console_start_end-", "--skip-keys", *sorted(optional)]
-    done = subprocess.run(own_command("build", *words), cwd=folder, env=own, check=False)
-    if done.returncode:
+    process = subprocess.Popen(own_command("build", *words), cwd=folder, env=own)
+    try:
+        code = process.wait()
+    except KeyboardInterrupt:
+        process.wait()  # it got the signal as well, and ends its own processes
+        raise
+    if code:
         message = f"the packages of '{LOCK_FILE}' could not be built"
         hint = f"mend what the messages above say and build again; the logs are in '{folder / 'log'}'"
         raise HostError(Problem(message, hint=hint))
