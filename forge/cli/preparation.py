@@ -244,7 +244,7 @@ def prepare(options: BuildOptions, layout: Layout, mode: BuildMode) -> PreparedB
     loaded, variables = _load(options, layout, mode.warn)
     names = _packages_to_build(loaded, options, mode.warn)
     problems = list(loaded.workspace.problems)
-    if not (problems or loaded.workspace.packages):
+    if not (problems or loaded.workspace.packages or os.path.lexists(LOCK_FILE)):
         raise_if_any(output_problems(loaded, layout, ()), WorkspaceError)
         require_packages(loaded)
     python = any("python" in loaded.packages[name].build_type for name in names)

@@ -1,6 +1,7 @@
 """`forge fetch` and `forge build` from an empty cache to an installed package, on a distribution on disk."""
 
 import shutil
+import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -198,6 +199,17 @@ def test_lock_is_emptied_when_nothing_is_needed(ros: Ros, forge: Forge, tmp_path
     new_workspace(workspace, *depends("libacl1-dev"))
     assert forge("fetch", cwd=workspace, env=env).code == 0
     assert "package" not in locked(workspace)
+
+
+def test_named_packages_need_no_package_of_the_workspace(ros: Ros, forge: Forge, tmp_path: Path) -> None:
+    workspace, env = tmp_path / "empty", ros.variables()
+    workspace.mkdir()
+    assert forge("fetch", "turtle", cwd=workspace, env=env).code == 0
+    ran = forge("build", cwd=workspace, env=env)
+    assert ran.code == 0, ran.err
+    script = ". install/setup.sh; echo $CMAKE_PREFIX_PATH"
+    sourced = subprocess.run(["sh", "-c", script], cwd=workspace, capture_output=True, text=True, check=True)
+    assert "ros/underlays/humble-" in sourced.stdout
 
 
 def test_exported_repositories_are_in_the_format_of_vcs(ros: Ros, forge: Forge, tmp_path: Path) -> None:
