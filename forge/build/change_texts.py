@@ -90,8 +90,9 @@ def changed_external_files(
     if not files:
         shown = _from(root)
         folders = [shown(path.removesuffix(DIR_LISTING_SUFFIX)) for path in sorted(changed)]
-        named = f"files were added to or removed from {_named(folders)}"
-        return InputChange(kind, named if folders else UNKNOWN_EXTERNAL)
+        if not folders:
+            return InputChange(kind, UNKNOWN_EXTERNAL)
+        return InputChange(kind, f"files were added to or removed from {_named(folders)}")
     added = frozenset(path for path in files if before.get(path) == _MISSING)
     removed = frozenset(path for path in files if now[path] == _MISSING)
     text = described(Changes(added, removed, frozenset(files) - added - removed), _from(root))

@@ -122,6 +122,7 @@ def installed_files(package: Package, layout: Layout, earlier: Collection[str] =
         made_folders = sorted(f"{path}/" for path in made if path not in others)
         return InstalledFiles(tuple(sorted(observed)), tuple(made_folders))
     knows_all = writes.complete or build_type_of(package).staged
+    earlier = {*earlier, *exchange.unclaimed()}
     claimed, unclaimed = [path for path in listed if not path.startswith(below) and os.path.lexists(path)], []
     files, folders = tree_below(str(prefix))
     for path, _ in files:

@@ -464,6 +464,10 @@ class PrefixExchange:
             spelled = {*links, *(f"{real}{path[len(self._prefix) :]}" for path in links)}
             file.write_bytes(b"".join(b"%s\0" % os.fsencode(path) for path in sorted(spelled)))
 
+    def unclaimed(self) -> Collection[str]:
+        """Return the files of which it was unknown before the build if they are the package's."""
+        return self._known_others()[1]
+
     def _known_others(self) -> tuple[Mapping[str, list[int]], Collection[str]]:
         """Return what certainly was not the package's before the build, and what nobody claimed.
 

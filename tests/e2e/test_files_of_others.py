@@ -19,8 +19,8 @@ from tests.packages import manifest_text
 
 pytestmark = pytest.mark.needs("cmake", "gcc")
 
-EDITS = int(os.environ.get("FORGE_TEST_SEQUENCES", "20"))
-"""The number of edits in each of the four layouts."""
+EDITS = int(os.environ.get("FORGE_TEST_EDITS", "6"))
+"""The number of edits in each of the four layouts; `make soak` asks for many."""
 SEED = int(os.environ.get("FORGE_TEST_SEED", "1"))
 CMAKE = """cmake_minimum_required(VERSION 3.18)
 project(a C)
@@ -319,10 +319,13 @@ def test_what_code_of_a_package_removes_is_given_back(
         assert (share / "mine/empty").is_dir()
 
 
+SOME_LAYOUTS = pytest.mark.parametrize(
+    "options", [(), ("--merge-install", "--symlink-install")], ids=["isolated", "linked-merged"]
+)
 WRITES = ("echo 2 >FILE", "echo 2 >>FILE", "truncate -s 1 FILE", "dd if=LISTS of=FILE conv=notrunc")
 
 
-@EVERY_LAYOUT
+@SOME_LAYOUTS
 @pytest.mark.parametrize("end", ["", FAILS], ids=["well", "failing"])
 def test_what_code_of_a_package_writes_in_place_is_given_back(
     forge: Forge, tree: Tree, options: tuple[str, ...], end: str
@@ -384,9 +387,7 @@ def test_a_file_that_nobody_claimed_may_be_written_by_the_package_later(forge: F
         assert ran.code == (1 if "ERROR" in text else 0), ran.out + ran.err
 
 
-@pytest.mark.parametrize(
-    "options", [(), ("--merge-install", "--symlink-install")], ids=["isolated", "linked-merged"]
-)
+@SOME_LAYOUTS
 @pytest.mark.parametrize(
     "body",
     [
@@ -656,6 +657,22 @@ def test_what_a_program_that_cannot_be_observed_changes_is_kept(
     kept = share / "mine.before_build"
     assert ((share / "mine").read_text(), kept.read_text()) == ("theirs", "mine")
     assert sorted(path.name for path in share.glob("*build*")) == ["mine.before_build"]
+
+
+def test_what_unobserved_code_installed_is_restored_although_the_record_was_lost(
+    forge: Forge, tree: Tree, tmp_path: Path
+) -> None:
+    """The list of installed files names it, too, so that no result without it is stored."""
+    root = tree(plain('install(CODE "file(WRITE \\${CMAKE_INSTALL_PREFIX}/share/a/code 1)")'))
+    options = ("--no-observer", "--cache", str(tmp_path / "cache"))
+    assert forge("build", *options, cwd=root).code == 0
+    (root / "build/forge_journal.jsonl").unlink()
+    (root / "src/a/x").write_text("2")
+    assert forge("build", *options, cwd=root).code == 0
+    for folder in ("build", "install"):
+        shutil.rmtree(root / folder)
+    assert "came from the cache" in forge("build", *options, cwd=root).out
+    assert (root / "install/a/share/a/code").read_text() == "1"
 
 
 def test_code_of_a_merged_package_that_is_not_observed_leaves_no_copies(
