@@ -73,12 +73,14 @@ fuzz-parsers: .venv/.ready
 scale: .venv/.ready
 	FORGE_TEST_SCALE=1 $(PYTEST) -s tests/e2e/test_scale.py
 
-# Fifty kills: thirteen in each of the four tests; fifty faults, a gigabyte of output; a thousand sequences of
-# edits: 250 in each of the four tests, or SEQUENCES. SEED=2 makes other ones.
+# Fifty kills: thirteen in each of the four tests; fifty faults, a gigabyte of output; two thousand sequences of
+# edits, or SEQUENCES, in all ways to build. SEED=2 makes other ones.
 soak: .venv/.ready
 	FORGE_TEST_KILLS=13 FORGE_TEST_FAULTS=50 FORGE_TEST_FLOOD=1024 FORGE_TEST_SEED=$(or $(SEED),1) \
-	  FORGE_TEST_EXAMPLES=60 FORGE_TEST_SEQUENCES=$(or $(SEQUENCES),250) $(PYTEST) $(PARALLEL) tests/e2e/test_kill.py \
-	  tests/e2e/test_faults.py tests/e2e/test_incremental.py tests/e2e/test_cache.py
+	  FORGE_TEST_EXAMPLES=60 FORGE_TEST_EDITS=100 FORGE_TEST_SEQUENCES=$(or $(SEQUENCES),2000) \
+	  FORGE_TEST_INTERFACE_SEQUENCES=100 $(PYTEST) --numprocesses logical --dist worksteal \
+	  tests/e2e/test_incremental.py tests/e2e/test_kill.py tests/e2e/test_faults.py tests/e2e/test_cache.py \
+	  tests/e2e/test_exact_installs.py tests/e2e/test_staged_installs.py tests/e2e/test_files_of_others.py
 
 peers: .venv-peers/.ready
 

@@ -20,26 +20,26 @@ from pathlib import Path
 from tests.packages import manifest_text
 
 VARIABLES = (
-    ("CXXFLAGS", "-O1"),
+    ("CFLAGS", "-O1"),
     ("CMAKE_WORD", "{}"),
-    ("FREE_WORD", "{}"),
+    ("FREE_WORD", "{}"),  # which only an observed build depends on
 )
 """What edits set: variables that compilers read, and those that a CMakeLists.txt or a setup.py names."""
 GATES = {"data-configure": "data", "base-build": "base", "base-install": "base"}
-GATES |= {"listener-configure": "listener", "below_msgs-install": "below_msgs"}
+GATES |= {"listener-configure": "listener", "below_msgs-install": "below_msgs", "maker-build": "maker"}
 """Where a build waits, while somebody saves a file, and the package whose build reaches that."""
 
 _BASE = """cmake_minimum_required(VERSION 3.18)
-project(base CXX)
+project(base C)
 option(EXTRA "Install one file more" OFF)
 set(LEVEL 1 CACHE STRING "How much")
 if(NOT CMAKE_BUILD_TYPE)
   set(CMAKE_BUILD_TYPE Debug CACHE STRING "What kind of build" FORCE)
 endif()
-file(GLOB sources ${CMAKE_CURRENT_SOURCE_DIR}/src/*.cpp)
-add_custom_command(OUTPUT table.hpp
-  COMMAND sh ${CMAKE_CURRENT_SOURCE_DIR}/tools/table.sh > table.hpp)
-add_library(base STATIC ${sources} ${CMAKE_CURRENT_BINARY_DIR}/table.hpp)
+file(GLOB sources ${CMAKE_CURRENT_SOURCE_DIR}/src/*.c)
+add_custom_command(OUTPUT table.h
+  COMMAND sh ${CMAKE_CURRENT_SOURCE_DIR}/tools/table.sh > table.h)
+add_library(base STATIC ${sources} ${CMAKE_CURRENT_BINARY_DIR}/table.h)
 target_compile_definitions(base PRIVATE LEVEL=${LEVEL})
 target_compile_options(base PRIVATE -Wa,-I${CMAKE_CURRENT_SOURCE_DIR}/raw)
 target_include_directories(base PRIVATE early include private chosen
@@ -58,18 +58,18 @@ add_library(base::base STATIC IMPORTED)
 set_target_properties(base::base PROPERTIES IMPORTED_LOCATION ${base_prefix}/lib/libbase.a
   INTERFACE_INCLUDE_DIRECTORIES "${base_prefix}/include/first;${base_prefix}/include")
 """
-_SOURCE = """#include "base/base.hpp"
-#include "inner.hpp"
-#include "part.hpp"
-#include "table.hpp"
+_SOURCE = """#include "base/base.h"
+#include "inner.h"
+#include "part.h"
+#include "table.h"
 #include <outer.h>
-#if __has_include("maybe.hpp")
-#include "maybe.hpp"
+#if __has_include("maybe.h")
+#include "maybe.h"
 #else
 #define MAYBE 0
 #endif
 asm(".data\\n.incbin \\"blob.bin\\"\\n.text");
-int base() {{ return BASE + INNER + PART + TABLE + OUTER + MAYBE + LEVEL + {}; }}
+int base(void) {{ return BASE + INNER + PART + TABLE + OUTER + MAYBE + LEVEL + {}; }}
 """
 _TABLE = """here=$(dirname "$0")
 sh "$here/gate.sh" base-build
@@ -84,30 +84,30 @@ fi
 """
 _GATE_SCRIPT = "execute_process(COMMAND sh ${{CMAKE_CURRENT_LIST_DIR}}/gate.sh {}-install)\n"
 _USER = """cmake_minimum_required(VERSION 3.18)
-project(user CXX)
+project(user C)
 find_package(base REQUIRED)
 find_package(low REQUIRED)
-find_file(found_maybe base/maybe.hpp PATHS ${base_prefix}/include NO_DEFAULT_PATH)
+find_file(found_maybe base/maybe.h PATHS ${base_prefix}/include NO_DEFAULT_PATH)
 if(found_maybe)
   add_definitions(-DFOUND)
 endif()
-add_executable(main src/main.cpp)
+add_executable(main src/main.c)
 target_include_directories(main PRIVATE ${low_INCLUDE_DIRS})
 target_link_libraries(main base::base)
-add_executable(other src/other.cpp)
+add_executable(other src/other.c)
 target_link_libraries(other -L${base_prefix}/lib -lbase)
 install(TARGETS main other DESTINATION lib/user)
 install(PROGRAMS scripts/run.sh DESTINATION lib/user)
 """
-_MAIN = """#include "base/base.hpp"
-#include <low/low.hpp>
-#if __has_include(<base/maybe.hpp>)
-#include <base/maybe.hpp>
+_MAIN = """#include "base/base.h"
+#include <low/low.h>
+#if __has_include(<base/maybe.h>)
+#include <base/maybe.h>
 #endif
 #ifndef HOOK
 #define HOOK 0
 #endif
-int main() {{ return base() + BASE + LOW + HOOK + {}; }}
+int main(void) {{ return base() + BASE + LOW + HOOK + {}; }}
 """
 _LOW = """cmake_minimum_required(VERSION 3.18)
 project(low NONE)
@@ -140,6 +140,50 @@ file(READ ${data_words} text)
 configure_file(reader.txt.in reader.txt)
 install(FILES ${CMAKE_CURRENT_BINARY_DIR}/reader.txt DESTINATION share/reader)
 """
+_MAKER = """cmake_minimum_required(VERSION 3.18)
+project(maker NONE)
+include(cmake/more.cmake)
+set(tools ${CMAKE_CURRENT_SOURCE_DIR}/tools)
+add_custom_command(OUTPUT first.txt COMMAND sh ${tools}/first.sh ${MORE})
+add_custom_command(OUTPUT second.txt DEPENDS first.txt COMMAND cat first.txt side.txt > second.txt)
+add_custom_command(OUTPUT found.txt COMMAND sh ${tools}/found.sh)
+add_custom_command(OUTPUT tree.stamp COMMAND sh ${tools}/tree.sh)
+add_custom_target(everything ALL DEPENDS second.txt found.txt tree.stamp)
+install(FILES ${CMAKE_CURRENT_BINARY_DIR}/second.txt ${CMAKE_CURRENT_BINARY_DIR}/found.txt
+  DESTINATION share/maker)
+install(DIRECTORY ${CMAKE_CURRENT_BINARY_DIR}/tree DESTINATION share/maker)
+install(PROGRAMS tools/say DESTINATION lib/maker)
+install(FILES makerConfig.cmake DESTINATION share/maker/cmake)
+install(CODE "file(READ ${CMAKE_CURRENT_SOURCE_DIR}/undeclared/post.txt text)
+  file(WRITE \\$ENV{DESTDIR}\\${CMAKE_INSTALL_PREFIX}/share/maker/post.txt \\${text})")
+"""
+_MAKER_CONFIG = """get_filename_component(maker_prefix ${CMAKE_CURRENT_LIST_DIR}/../../.. ABSOLUTE)
+"""
+_FIRST = """here=$(dirname "$0")
+sh "$here/gate.sh" maker-build
+cat "$here/../undeclared/first.txt" > first.txt
+echo "$1" >> first.txt
+cp "$here/../undeclared/side.txt" side.txt
+"""
+_FOUND = """here=$(dirname "$0")
+cat "$here/../early/found.txt" > found.txt 2>/dev/null || cat "$here/../late/found.txt" > found.txt
+"""
+_TREE = """here=$(dirname "$0")
+mkdir -p tree
+cp "$here"/../lists/* tree
+touch tree.stamp
+"""
+_TAKER = """cmake_minimum_required(VERSION 3.18)
+project(taker NONE)
+find_package(maker REQUIRED)
+execute_process(COMMAND ${maker_prefix}/lib/maker/say OUTPUT_VARIABLE said)
+add_custom_command(OUTPUT taken.txt
+  COMMAND sh ${CMAKE_CURRENT_SOURCE_DIR}/take.sh ${maker_prefix}/share/maker > taken.txt)
+add_custom_target(everything ALL DEPENDS taken.txt)
+install(FILES ${CMAKE_CURRENT_BINARY_DIR}/taken.txt DESTINATION share/taker)
+file(WRITE ${CMAKE_CURRENT_BINARY_DIR}/said.txt "${said}")
+install(FILES ${CMAKE_CURRENT_BINARY_DIR}/said.txt DESTINATION share/taker)
+"""
 _SETUP = """import os
 from glob import glob
 from setuptools import find_packages, setup
@@ -159,26 +203,26 @@ PLAIN: Mapping[str, str] = {
     "src/base/colcon.pkg": '{"hooks": ["share/base/environment/flags.dsv"]}\n',
     "src/base/CMakeLists.txt": _BASE,
     "src/base/cmake/baseConfig.cmake": _CONFIG,
-    "src/base/flags.dsv": "set;CXXFLAGS;-DHOOK=1\n",
-    "src/base/include/base/base.hpp": "#pragma once\n#define BASE 1\nint base();\n",
-    "src/base/include/first/base/first.hpp": "#define FIRST\n",
-    "src/base/private/inner.hpp": "#define INNER 1\n",
-    "src/base/one/part.hpp": "#define PART 1\n",
-    "src/base/two/part.hpp": "#define PART 2\n",
+    "src/base/flags.dsv": "set;CFLAGS;-DHOOK=1\n",
+    "src/base/include/base/base.h": "#pragma once\n#define BASE 1\nint base(void);\n",
+    "src/base/include/first/base/first.h": "#define FIRST\n",
+    "src/base/private/inner.h": "#define INNER 1\n",
+    "src/base/one/part.h": "#define PART 1\n",
+    "src/base/two/part.h": "#define PART 2\n",
     "src/base/raw/blob.bin": "1\n",
     "src/base/raw/table.txt": "1\n",
     "src/base/tools/gate.sh": _GATE,
     "src/base/tools/gate.cmake": _GATE_SCRIPT.format("base"),
     "src/base/tools/table.sh": _TABLE,
     "src/base/chosen": "-> one",
-    "src/base/src/base.cpp": _SOURCE.format(1),
+    "src/base/src/base.c": _SOURCE.format(1),
     "src/user/package.xml": manifest_text(
         "user", "<depend>base</depend>", "<depend>low</depend>", build_type="cmake"
     ),
     "src/user/CMakeLists.txt": _USER,
     "src/user/scripts/run.sh": "#!/bin/sh\necho run\n",
-    "src/user/src/main.cpp": _MAIN.format(0),
-    "src/user/src/other.cpp": "int base();\nint main() { return base(); }\n",
+    "src/user/src/main.c": _MAIN.format(0),
+    "src/user/src/other.c": "int base(void);\nint main(void) { return base(); }\n",
     "src/data/package.xml": manifest_text("data", build_type="cmake"),
     "src/data/CMakeLists.txt": _DATA,
     "src/data/dataConfig.cmake": "set(data_words ${CMAKE_CURRENT_LIST_DIR}/../words.txt)\n",
@@ -203,6 +247,26 @@ PYTHON: Mapping[str, str] = {
     "src/script/data/one.txt": "1\n",
     "src/script/resource/script": "",
 }
+MADE: Mapping[str, str] = {
+    "src/maker/package.xml": manifest_text("maker", build_type="cmake"),
+    "src/maker/CMakeLists.txt": _MAKER,
+    "src/maker/makerConfig.cmake": _MAKER_CONFIG,
+    "src/maker/cmake/more.cmake": "set(MORE 1)\n",
+    "src/maker/undeclared/first.txt": "1\n",
+    "src/maker/undeclared/side.txt": "1\n",
+    "src/maker/undeclared/post.txt": "1\n",
+    "src/maker/late/found.txt": "1\n",
+    "src/maker/lists/one.txt": "1\n",
+    "src/maker/tools/first.sh": _FIRST,
+    "src/maker/tools/found.sh": _FOUND,
+    "src/maker/tools/tree.sh": _TREE,
+    "src/maker/tools/gate.sh": _GATE,
+    "src/maker/tools/say": "#!/bin/sh\necho 1\n",
+    "src/taker/package.xml": manifest_text("taker", "<depend>maker</depend>", build_type="cmake"),
+    "src/taker/CMakeLists.txt": _TAKER,
+    "src/taker/take.sh": "ls $1/tree\ncat $1/second.txt $1/tree/*\n",
+}
+"""Commands that declare little of what they read and write, and a user of what they made."""
 _INTERFACES = """cmake_minimum_required(VERSION 3.18)
 project({name} NONE)
 find_package(rosidl_default_generators REQUIRED)
@@ -256,7 +320,7 @@ LOW: Mapping[str, str] = {
     "low/package.xml": manifest_text("low", build_type="cmake"),
     "low/CMakeLists.txt": _LOW,
     "low/lowConfig.cmake": _LOW_CONFIG,
-    "low/include/low/low.hpp": "#define LOW {}\n",
+    "low/include/low/low.h": "#define LOW {}\n",
 }
 """A package that an underlay has, and that may be cloned into the workspace."""
 LOW_MSGS: Mapping[str, str] = {
@@ -273,6 +337,8 @@ NEEDS = {
     "data": (),
     "reader": ("data",),
     "script": ("data",),
+    "maker": (),
+    "taker": ("maker",),
     "below_msgs": (),
     "above_msgs": ("below_msgs", "low_msgs"),
     "listener": ("above_msgs", "below_msgs", "low_msgs"),
@@ -305,6 +371,8 @@ class Evolving:
     root: Path
     merged: bool = False
     symlink: bool = False
+    observed: bool = True
+    """If builds are observed: without, they are not told of some changes outside of the workspace."""
     arguments: set[str] = field(default_factory=set)
     variables: dict[str, str] = field(default_factory=dict)
     broken: set[str] = field(default_factory=set)
@@ -468,7 +536,11 @@ def _touch_old(workspace: Evolving, number: int) -> set[str]:
 
 def _remark(workspace: Evolving, number: int) -> set[str]:
     """Change a text in a way that changes nothing that is installed."""
-    own = [path for path in _sources(workspace) if path.name in {"CMakeLists.txt", "base.cpp", "main.cpp"}]
+    own = [
+        path
+        for path in _sources(workspace)
+        if path.name in {"CMakeLists.txt", "base.c", "main.c", "main.cpp"}
+    ]
     if not own:
         return set()
     path = own[number % len(own)]
@@ -514,16 +586,19 @@ def _change_in_place_keeping_times(workspace: Evolving, number: int) -> set[str]
 def _add(workspace: Evolving, number: int) -> set[str]:
     """Add a file that a file(GLOB) finds; the time it carries may be old."""
     new = [
-        ("base", f"src/added_{number % 3}.cpp", f"int added_{number % 3}() {{ return {number}; }}\n"),
-        ("base", f"include/base/added_{number % 3}.hpp", f"#define ADDED {number}\n"),
+        ("base", f"src/added_{number % 3}.c", f"int added_{number % 3}(void) {{ return {number}; }}\n"),
+        ("base", f"include/base/added_{number % 3}.h", f"#define ADDED {number}\n"),
         ("data", f"files/added_{number % 3}.txt", f"{number}\n"),
         ("data", f"tree/deep/{number % 3}/added.txt", f"{number}\n"),
+        ("maker", f"lists/added_{number % 3}.txt", f"{number}\n"),
         ("script", f"data/added_{number % 3}.txt", f"{number}\n"),
         ("script", f"script/added_{number % 3}.py", f"NUMBER = {number}\n"),
         ("below_msgs", f"msg/Added{number % 3}.msg", f"int32 NUMBER={number}\n"),
         ("above_msgs", f"msg/Added{number % 3}.msg", "below_msgs/Below one\n"),
     ]
     new = [entry for entry in new if entry[0] in workspace.packages]
+    if not new:
+        return set()
     package, name, text = new[number % len(new)]
     path = workspace.home / "src" / package / name
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -575,9 +650,9 @@ def _link_folder(workspace: Evolving, number: int) -> set[str]:
     if not folder.is_dir():
         return set()
     if folder.is_symlink() and number % 2:
-        _rewrite(folder / "inner.hpp", number)
+        _rewrite(folder / "inner.h", number)
         if number % 4 == 1:
-            os.utime(folder / "inner.hpp", (1_000_000_000, 1_000_000_000))
+            os.utime(folder / "inner.h", (1_000_000_000, 1_000_000_000))
     elif folder.is_symlink():
         folder.unlink()
         shutil.move(away, folder)
@@ -604,48 +679,58 @@ def _default(workspace: Evolving, number: int) -> set[str]:
 
 
 _SHADOWS = (
-    ("early/inner.hpp", "#define INNER {}\n"),
-    ("src/inner.hpp", "#define INNER {}\n"),
-    ("early/part.hpp", "#define PART {}\n"),
-    ("private/part.hpp", "#define PART {}\n"),
-    ("early/outer.h", "#define OUTER {}\n"),
-    ("early/maybe.hpp", "#define MAYBE {}\n"),
-    ("include/first/base/base.hpp", "#pragma once\n#define BASE {}\nint base();\n"),
-    ("include/base/maybe.hpp", "#define HOOK {}\n"),
-    ("../../../outside/early/outer.h", "#define OUTER {}\n"),
+    ("base/early/inner.h", "#define INNER {}\n"),
+    ("base/src/inner.h", "#define INNER {}\n"),
+    ("base/early/part.h", "#define PART {}\n"),
+    ("base/private/part.h", "#define PART {}\n"),
+    ("base/early/outer.h", "#define OUTER {}\n"),
+    ("base/early/maybe.h", "#define MAYBE {}\n"),
+    ("base/include/first/base/base.h", "#pragma once\n#define BASE {}\nint base(void);\n"),
+    ("base/include/base/maybe.h", "#define HOOK {}\n"),
+    ("base/../../../outside/early/outer.h", "#define OUTER {}\n"),
+    ("maker/early/found.txt", "{}\n"),
 )
 
 
 def _shadow(workspace: Evolving, number: int) -> set[str]:
     """Put a header where it is found before another one, or at last; or remove it again."""
-    if "base" not in workspace.packages:
+    shadows = [
+        entry
+        for entry in _SHADOWS
+        if entry[0].split("/")[0] in workspace.packages and (workspace.observed or ".." not in entry[0])
+    ]
+    if not shadows:
         return set()
-    name, text = _SHADOWS[number % len(_SHADOWS)]
-    path = workspace.home / "src/base" / name
+    name, text = shadows[number % len(shadows)]
+    path = workspace.home / "src" / name
     if path.exists():
         path.unlink()
-        return workspace.above("base")
+        return workspace.above(name.split("/")[0])
     moved = workspace.root / "moved"
     moved.write_text(text.format(number), encoding="utf-8")
     if number % 2:
         os.utime(moved, (1_000_000_000, 1_000_000_000))
     path.parent.mkdir(parents=True, exist_ok=True)
     moved.replace(path)
-    return workspace.above("base")
+    return workspace.above(name.split("/")[0])
 
 
 _SWAPPED = (
     ("base/one", "base/two"),
-    ("base/one/part.hpp", "base/two/part.hpp"),
+    ("base/one/part.h", "base/two/part.h"),
     ("base/raw/blob.bin", "base/raw/table.txt"),
     ("data/read/version.txt", "data/read/lines.txt"),
     ("data/read/spoken.txt", "data/files/one.txt"),
+    ("maker/undeclared/side.txt", "maker/undeclared/post.txt"),
 )
 
 
 def _swap(workspace: Evolving, number: int) -> set[str]:
     """Let two files or folders change places by renaming: all times stay."""
-    one, other = (workspace.home / "src" / name for name in _SWAPPED[number % len(_SWAPPED)])
+    pairs = [pair for pair in _SWAPPED if pair[0].split("/")[0] in workspace.packages]
+    if not pairs:
+        return set()
+    one, other = (workspace.home / "src" / name for name in pairs[number % len(pairs)])
     if not (one.exists() and other.exists()):
         return set()
     _exchange(workspace, one, other)
@@ -668,7 +753,7 @@ def _swap_package(workspace: Evolving, number: int) -> set[str]:
     if not other.is_dir():
         shutil.copytree(home, other, symlinks=True)
         for path in other.rglob("*"):
-            if path.name in _CHANGEABLE and not path.is_symlink() and name != "listener":
+            if path.name in _CHANGEABLE and not path.is_symlink():
                 _rewrite(path, number)
             os.utime(path, (1_000_000_000, 1_000_000_000), follow_symlinks=False)
     _exchange(workspace, home, other)
@@ -710,7 +795,7 @@ def _overlay(workspace: Evolving, number: int) -> set[str]:
     for path, text in workspace.low.items():
         target = workspace.home / "src" / path
         target.parent.mkdir(parents=True, exist_ok=True)
-        said = text.format(number % 10) if target.suffix in {".hpp", ".msg"} else text
+        said = text.format(number % 10) if target.suffix in {".h", ".msg"} else text
         target.write_text(said, encoding="utf-8")
     return workspace.above(name)
 
@@ -721,15 +806,16 @@ _REACHED = {
     "base-install": "src/base/raw/table.txt",
     "listener-configure": "src/listener/src/main.cpp",
     "below_msgs-install": "src/below_msgs/msg/Below.msg",
+    "maker-build": "src/maker/undeclared/first.txt",
 }
 """What has to change for a build to reach a gate."""
 
 
 def _save(workspace: Evolving, number: int) -> set[str]:
     """Save a file while the next build runs, and perhaps put back what it was."""
-    if workspace.saves:
-        return set()
     gates = [gate for gate, package in GATES.items() if package in workspace.packages]
+    if workspace.saves or not gates:
+        return set()
     gate = gates[number % len(gates)]
     changed = workspace.home / _REACHED[gate]
     if changed.name == "main.cpp":
@@ -742,8 +828,8 @@ def _save(workspace: Evolving, number: int) -> set[str]:
     if number % 5 == 0 and "base" in workspace.packages:
         saved, content = workspace.outside, f"#define OUTER {number}\n"
     elif kind == 2 and "base" in workspace.packages:
-        saved = workspace.home / f"src/base/src/added_{number % 3}.cpp"
-        content = f"int added_{number % 3}() {{ return {number}; }}\n"
+        saved = workspace.home / f"src/base/src/added_{number % 3}.c"
+        content = f"int added_{number % 3}(void) {{ return {number}; }}\n"
     elif saved is None:
         return workspace.above(GATES[gate])
     else:
@@ -791,13 +877,13 @@ def _dependency(workspace: Evolving, number: int) -> set[str]:
 
 
 def _argument(workspace: Evolving, number: int) -> set[str]:
-    words = ("-DEXTRA=ON", "-DCMAKE_BUILD_TYPE=Release", "-DCMAKE_CXX_FLAGS=-DFLAG")
+    words = ("-DEXTRA=ON", "-DCMAKE_BUILD_TYPE=Release", "-DCMAKE_C_FLAGS=-DFLAG")
     workspace.arguments ^= {words[number % 3]}
     return set(workspace.packages)
 
 
 def _variable(workspace: Evolving, number: int) -> set[str]:
-    name, value = VARIABLES[number % len(VARIABLES)]
+    name, value = VARIABLES[number % (len(VARIABLES) if workspace.observed else 2)]
     value = value.format(number % 4)
     if workspace.variables.get(name) == value:
         del workspace.variables[name]
@@ -968,19 +1054,25 @@ def _package(workspace: Evolving, path: Path) -> str:
 
 
 _CHANGEABLE = {
-    "base.hpp": "#pragma once\n#define BASE {}\nint base();\n",
-    "base.cpp": _SOURCE,
-    "inner.hpp": "#define INNER {}\n",
-    "main.cpp": _MAIN,
-    "part.hpp": "#define PART {}\n",
+    "base.h": "#pragma once\n#define BASE {}\nint base(void);\n",
+    "base.c": _SOURCE,
+    "inner.h": "#define INNER {}\n",
+    "main.c": _MAIN,
+    "part.h": "#define PART {}\n",
     "table.txt": "{}\n",
     "blob.bin": "{}\n",
-    "flags.dsv": "set;CXXFLAGS;-DHOOK={}\n",
+    "flags.dsv": "set;CFLAGS;-DHOOK={}\n",
     "version.txt": "{}\n",
     "lines.txt": "{}\n",
     "spoken.txt": "{}\n",
-    "low.hpp": "#define LOW {}\n",
+    "low.h": "#define LOW {}\n",
     "leaf.txt": "{}\n",
+    "first.txt": "{}\n",
+    "side.txt": "{}\n",
+    "post.txt": "{}\n",
+    "found.txt": "{}\n",
+    "more.cmake": "set(MORE {})\n",
+    "say": "#!/bin/sh\necho {}\n",
     "one.txt": "{}\n",
     "reader.txt.in": "${{text}} {}\n",
     "say.py": "def main():\n    print({})\n",
@@ -993,11 +1085,11 @@ _CHANGEABLE = {
 
 
 def _changeable(workspace: Evolving, number: int) -> Path | None:
-    def can(path: Path) -> bool:
-        own = path.name in _CHANGEABLE and _package(workspace, path) not in workspace.broken
-        return own and not (path.name == "main.cpp" and _package(workspace, path) == "listener")
-
-    paths = [path for path in _sources(workspace) if can(path)]
+    paths = [
+        path
+        for path in _sources(workspace)
+        if path.name in _CHANGEABLE and _package(workspace, path) not in workspace.broken
+    ]
     return paths[number % len(paths)] if paths else None
 
 

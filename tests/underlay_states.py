@@ -31,7 +31,7 @@ def below(root: Path, low: Mapping[str, str], under: Path, prefix: Path | None =
         for name, text in low.items():
             path = root / "src" / name
             path.parent.mkdir(parents=True, exist_ok=True)
-            said = text.format(number) if path.suffix in {".hpp", ".msg"} else text
+            said = text.format(number) if path.suffix in {".h", ".msg"} else text
             path.write_text(said, encoding="utf-8")
         first = f". {prefix}/setup.sh && " if prefix else ""
         shell(f"{first}forge build --merge-install --install-base {under}", root)
