@@ -174,12 +174,9 @@ def test_settings_and_fixtures_outside_of_the_package_count(forge: Forge, root: 
     assert why(run(forge, root)).endswith("conftest.py' has appeared")
 
 
-@pytest.mark.parametrize("words", [("--pytest-args", "-q"), ("--python-testing", "unittest")])
-def test_other_options_run_the_tests(forge: Forge, root: Path, words: tuple[str, ...]) -> None:
-    assert why(run(forge, root, *words)) == "tests ran: the command of the tests has changed"
-
-
-def test_options_that_are_about_running_tests_run_them(forge: Forge, root: Path) -> None:
+def test_other_options_run_the_tests(forge: Forge, root: Path) -> None:
+    for words in (("--pytest-args", "-q"), ("--python-testing", "unittest")):
+        assert why(run(forge, root, *words)) == "tests ran: the command of the tests has changed"
     for option in ("--retest-until-fail", "--retest-until-pass"):
         ran = forge("test", "--cached", option, "1", cwd=root, env=PLAIN)
         assert f"all tests run: '--cached' has no effect with '{option}'" in ran.err
@@ -192,22 +189,14 @@ def test_variables_are_inputs_however_they_are_read(forge: Forge, root: Path) ->
     assert why(run(forge, root)) == "tests ran: the environment variable 'MY_MODE' has changed"
 
 
-def test_a_shell_of_its_own_changes_nothing(forge: Forge, root: Path) -> None:
+def test_a_shell_of_its_own_times_and_unrelated_files_change_nothing(forge: Forge, root: Path) -> None:
     env: dict[str, str | None] = {"SHLVL": "7", "SSH_TTY": "/dev/pts/9", "WINDOWID": "1", "OLDPWD": "/"}
     assert why(run(forge, root, env=env)) == "cached"
-
-
-def test_times_and_unrelated_files_change_nothing(forge: Forge, root: Path) -> None:
     os.utime(root / "src/p/tests/data/number.txt")
     (root / "src/README.md").write_text("new")
     for cache in (root / "src/p/p/__pycache__", root / "src/p/tests/__pycache__"):
         shutil.rmtree(cache, ignore_errors=True)
     assert why(run(forge, root)) == "cached"
-
-
-def test_a_run_without_the_option_is_no_pass_to_replay(forge: Forge, root: Path) -> None:
-    assert forge("test", cwd=root, env=PLAIN).code == 0
-    assert "pytest.xml' has changed" in why(run(forge, root))
 
 
 def test_a_replay_is_marked_everywhere(forge: Forge, root: Path) -> None:
@@ -224,10 +213,11 @@ def test_a_replay_is_marked_everywhere(forge: Forge, root: Path) -> None:
     assert (root / "build/p/colcon_test.rc").read_text() == "0\n"
 
 
-def test_a_configuration_may_ask_for_it(forge: Forge, root: Path) -> None:
+def test_a_configuration_may_ask_for_it_and_other_runs_are_not_replayed(forge: Forge, root: Path) -> None:
     (root / "forge.toml").write_text("[test]\ncached = true\n")
     assert "  1 package cached\n" in forge("test", cwd=root, env=PLAIN).out
     assert "cached" not in forge("test", "--no-cached", cwd=root, env=PLAIN).out
+    assert "pytest.xml' has changed" in why(run(forge, root))
 
 
 NOT_RECORDED = {

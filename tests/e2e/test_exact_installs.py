@@ -153,8 +153,8 @@ def test_files_folders_and_links_can_replace_each_other(forge: Forge, tree: Tree
         clean[name] = look(root / "install")
         for folder in ("build", "install"):
             shutil.rmtree(root / folder)
-    path = [*names, *reversed(names)]
-    if "FORGE_TEST_SEQUENCES" in os.environ:
+    path = names
+    if "FORGE_TEST_EDITS" in os.environ:
         path = list(itertools.chain.from_iterable(itertools.combinations(names, 2)))
     before = clean[names[-1]]
     build(forge, root, *options)

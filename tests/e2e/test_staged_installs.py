@@ -17,6 +17,8 @@ from tests.packages import manifest_text
 
 pytestmark = [pytest.mark.needs("cmake")]
 
+KILLS = int(os.environ.get("FORGE_TEST_KILLS", "2"))
+FILES = 1000
 PROGRAM = """
 add_library(greet SHARED greet.c)
 add_executable(hello hello.c)
@@ -133,19 +135,6 @@ def test_steps_that_use_the_prefix_itself_install_what_a_clean_build_does(
     hold_against_clean(forge, root)
 
 
-def test_an_edited_file_that_is_no_longer_installed_stays(forge: Forge, tree: Tree) -> None:
-    root = tree(cmake("a", "install(DIRECTORY d/ DESTINATION share)", **{"d/x": "1", "d/y": "1"}))
-    build(forge, root)
-    (root / "src/a/d/x").unlink()
-    (root / "install/a/share/x").write_text("mine")
-    tree({"src/a/d/y": "2"})
-    ran = build(forge, root)
-    assert "kept" in ran.err
-    assert "edited" in ran.err
-    assert (root / "install/a/share/x").read_text() == "mine"
-    assert (root / "install/a/share/y").read_text() == "2"
-
-
 def test_a_link_to_another_folder_is_installed_again(forge: Forge, tree: Tree) -> None:
     root = tree(cmake("a", "install(DIRECTORY d DESTINATION share)", **{"one/x": "1", "two/x": "2"}))
     link = root / "src/a/d"
@@ -165,22 +154,6 @@ def test_what_came_from_the_cache_is_replaced_as_in_a_clean_build(forge: Forge, 
         build(forge, root, *options)
     assert (root / "install/a/share/x").read_text() == "1"
     assert (root / "install/a/share/y").read_text() == "3"
-
-
-def test_a_removed_build_folder_is_made_again(forge: Forge, tree: Tree) -> None:
-    root = tree(cmake("a", "install(DIRECTORY d/ DESTINATION share)", **{"d/x": "1", "d/y": "1"}))
-    build(forge, root)
-    shutil.rmtree(root / "build/a")
-    (root / "src/a/d/x").unlink()
-    hold_against_clean(forge, root)
-
-
-def test_what_somebody_removed_or_edited_is_installed_again(forge: Forge, tree: Tree) -> None:
-    root = tree(cmake("a", "install(DIRECTORY d/ DESTINATION share)", **{"d/x": "1", "d/y": "1"}))
-    build(forge, root)
-    (root / "install/a/share/x").unlink()
-    (root / "install/a/share/y").write_text("other")
-    hold_against_clean(forge, root)
 
 
 # --- any change of install rules
@@ -278,12 +251,12 @@ def test_any_change_of_files_and_rules_installs_what_a_clean_build_does(
 
 def test_a_kill_between_two_files_loses_none(forge: Forge, tree: Tree) -> None:
     """The next build finishes what the killed one began."""
-    files = {f"d/{number}": "1" for number in range(3000)}
+    files = {f"d/{number}": "1" for number in range(FILES)}
     root = tree(cmake("a", "install(DIRECTORY d/ DESTINATION share)", **files))
     build(forge, root)
     chance = random.Random(1)
-    for turn in range(6):
-        tree({f"src/a/d/{number}": str(turn + 2) for number in range(3000)})
+    for turn in range(KILLS):
+        tree({f"src/a/d/{number}": str(turn + 2) for number in range(FILES)})
         (root / "src/a/d" / f"more{turn}").write_text("1")
         running = subprocess.Popen(
             [sys.executable, "-m", "forge", "build"],
@@ -294,13 +267,15 @@ def test_a_kill_between_two_files_loses_none(forge: Forge, tree: Tree) -> None:
         newest = root / "install/a/share/0"
         while newest.read_text() == str(turn + 1) and running.poll() is None:
             pass
-        time.sleep(chance.random() * 0.05)
+        time.sleep(chance.random() * 0.02)
         running.kill()
         running.wait()
-        texts = {(root / f"install/a/share/{number}").read_text() for number in range(3000)}
+        texts = {(root / f"install/a/share/{number}").read_text() for number in range(FILES)}
         assert texts <= {str(turn + 1), str(turn + 2)}
         build(forge, root)
-        assert {(root / f"install/a/share/{number}").read_text() for number in range(3000)} == {str(turn + 2)}
+        assert {(root / f"install/a/share/{number}").read_text() for number in range(FILES)} == {
+            str(turn + 2)
+        }
     hold_against_clean(forge, root)
 
 

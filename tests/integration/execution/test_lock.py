@@ -56,14 +56,14 @@ def test_the_time_waited_is_not_part_of_the_summary(tree: Tree, forge: Forge) ->
     assert forge("build", cwd=root).code == 0
     for command in ("build", "test"):
         with holder(root / "build") as first:
-            release = threading.Timer(6, first.communicate, ("go\n",))
+            release = threading.Timer(3, first.communicate, ("go\n",))
             release.start()
             ran = forge(command, cwd=root)
             release.join()
         found = re.search(r"^Summary: .*\[([\d.]+)s\]$", ran.out, re.MULTILINE)
         assert (ran.code, "waiting for process" in ran.err) == (0, True)
         assert found
-        assert float(found[1]) < 5
+        assert float(found[1]) < 3
 
 
 @pytest.mark.needs("cmake", "ninja")

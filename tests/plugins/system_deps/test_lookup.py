@@ -72,7 +72,7 @@ def test_any_rule_can_be_read() -> None:
     )
 
     @given(values)
-    @settings(max_examples=300)
+    @settings(max_examples=100)
     def is_read(rule: object) -> None:
         database["k"] = {"ubuntu": rule}
         look_up("k")
