@@ -61,16 +61,19 @@ class InstallRule:
 
 @frozen
 class InstallScripts:
-    """All rules of a build folder, the digest of its scripts, and the beginning of the first one."""
+    """All rules of a build folder, the digest of its scripts, and the beginning of the first one.
 
-    rules: tuple[InstallRule, ...]
+    The rules are None if some of them are not known.
+    """
+
+    rules: tuple[InstallRule, ...] | None
     digest: str
     prologue: str
 
 
-def read_install_scripts(build: Path) -> InstallScripts | None:
-    """Return what the scripts of a build folder install; None if it is not known."""
-    rules: list[InstallRule] = []
+def read_install_scripts(build: Path) -> InstallScripts:
+    """Return what the scripts of a build folder install."""
+    rules: list[InstallRule] | None = []
     digest, prologue = hashlib.blake2b(digest_size=16), None
     waiting = [f"{build}/{SCRIPT}"]
     for path in waiting:
@@ -80,11 +83,12 @@ def read_install_scripts(build: Path) -> InstallScripts | None:
         prologue = text[: first.start()] if prologue is None and (first := _BLOCK.search(text)) else prologue
         included = _included(around, build)
         found = [_rules(block[0], block[1]) for block in blocks]
+        waiting += included or ()
         if included is None or None in found:
-            return None
-        waiting += included
-        rules += (rule for each in found for rule in each or ())
-    return InstallScripts(tuple(rules), digest.hexdigest(), prologue or "")
+            rules = None
+        if rules is not None:
+            rules += (rule for each in found for rule in each or ())
+    return InstallScripts(None if rules is None else tuple(rules), digest.hexdigest(), prologue or "")
 
 
 def _included(text: str, build: Path) -> list[str] | None:

@@ -67,7 +67,7 @@ def install_package(
     raise_if_any(exchange.in_the_way(own), WorkspaceError)
     exchange.announce(own)
     if is_registered:
-        _write_implicit(package, prefix, symlink=layout.symlink)
+        _write_implicit(package, prefix, files, symlink=layout.symlink)
     for name, line in hooks.items():
         write_if_changed(share / "hook" / f"{name}.dsv", scripts.render_dsv([line]))
     sources = [f"share/{package.name}/hook/{name}.dsv" for name in hooks]
@@ -197,20 +197,22 @@ def _is_registered_by_forge(package: Package) -> bool:
     return package.ros and package.build_type not in {*CMAKE_TYPES, "python"}
 
 
-def _write_implicit(package: Package, prefix: Path, *, symlink: bool) -> None:
+def _write_implicit(package: Package, prefix: Path, installed: Collection[str], *, symlink: bool) -> None:
     """Write the index marker and package.xml of a package unless its own build installs them."""
-    marker = prefix / INDEX / "packages" / package.name
-    if not marker.exists():
-        replace_file(marker, b"")
-    manifest = prefix / "share" / package.name / "package.xml"
-    if manifest.exists():
+    marker, manifest = f"{INDEX}/packages/{package.name}", f"share/{package.name}/package.xml"
+    if not (prefix / marker).exists():
+        replace_file(prefix / marker, b"")
+    path, source = prefix / manifest, package.manifest.path.absolute()
+    if manifest in installed or (symlink and path.is_symlink() and path.readlink() == source):
         return
     if symlink:
-        manifest.parent.mkdir(parents=True, exist_ok=True)
-        manifest.unlink(missing_ok=True)
-        manifest.symlink_to(package.manifest.path.absolute())
-    else:
-        replace_file(manifest, read_file(package.manifest.path))
+        path.parent.mkdir(parents=True, exist_ok=True)
+        draft = path.with_name(f".{path.name}.forge-draft")
+        draft.unlink(missing_ok=True)
+        draft.symlink_to(source)
+        draft.replace(path)
+    elif path.is_symlink() or not path.is_file() or read_file(path) != read_file(source):
+        replace_file(path, read_file(source))
 
 
 def _entry_script(underlay: Path, shell: str) -> Path:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import os
-from dataclasses import field
+from dataclasses import field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -66,6 +66,28 @@ class ObservedSteps:
     folders: frozenset[str] = frozenset()
     started: bool = False
     complete: bool = False
+
+    def without(self, kind: str) -> ObservedSteps:
+        """Return the steps without those of a kind."""
+        processes, blind = self.observed.processes, self.observed.blind
+        left_out = {
+            id(each) for root in processes if self.kinds.get(root.pid) == kind for each in root.family()
+        }
+        kept = tuple(process for process in processes if id(process) not in left_out)
+        kinds = {pid: each for pid, each in self.kinds.items() if each != kind}
+        return replace(self, observed=ObservedStep(kept, blind), kinds=kinds)
+
+    def followed_by(self, other: ObservedSteps) -> ObservedSteps:
+        """Return the steps of both logs; no process of the first has a number of one in the other."""
+        first, second = self.observed, other.observed
+        last = max((order for each in first.processes for order, _, _ in each.records), default=0)
+        for process in first.processes:
+            process.pid = -process.pid
+        for process in second.processes:
+            process.records = [(order + last + 1, kind, path) for order, kind, path in process.records]
+        observed = ObservedStep((*first.processes, *second.processes), (*first.blind, *second.blind))
+        kinds = {**{-pid: kind for pid, kind in self.kinds.items()}, **other.kinds}
+        return replace(other, observed=observed, kinds=kinds, complete=self.complete and other.complete)
 
 
 def read_steps(log: Path, kinds: str = ALL_KINDS) -> ObservedSteps:

@@ -66,6 +66,11 @@ def written_log(name: str, layout: Layout) -> Path:
     return _folder(name, layout, "written")
 
 
+def stage_folder(name: str, layout: Layout) -> Path:
+    """Return the folder, on the file system of the prefix, into which a package is installed again."""
+    return Path(os.path.realpath(layout.install)) / BACKUP_DIR / f"{name}.stage"
+
+
 def guarded_links(name: str, layout: Layout) -> Path:
     """Return the list of links in a prefix through which the steps of a package must not write."""
     return _folder(name, layout, "links")
@@ -324,6 +329,7 @@ class PrefixExchange:
     def _recover(self) -> tuple[Problem, ...]:
         """Continue after a kill: remove what the killed build has written, or undo a half-done move."""
         kept: tuple[Problem, ...] = ()
+        remove_tree(str(stage_folder(self._name, self._layout)))
         remove_tree(f"{self._moved}.trash")
         if self._part.is_dir():
             # Killed while moving: all files are still those of the last successful build.

@@ -33,6 +33,7 @@ from forge.build.observed_commands import observed_commands
 from forge.build.observed_writes import read_steps
 from forge.build.prefix import written_log
 from forge.build.records import FolderRecord, add_commands, complete_record
+from forge.build.tasks import StepKind
 from forge.build.up_to_date import UNKNOWN
 from forge.engine.commands import NOT_OBSERVED, is_for_this_processor
 from forge.engine.world import PROCESSOR, VARIABLE
@@ -69,6 +70,7 @@ class PackageRecorder:
         self._begun: dict[str, tuple[FolderRecord | None, FolderRecord]] = {}
         """The last record of each build folder that is being built in, and that of this build."""
         self._steps: dict[str, ObservedSteps] = {}
+        self._earlier_steps: dict[str, ObservedSteps] = {}
         self._observed: dict[str, ObservedCommands] = {}
         self.kept: tuple[Problem, ...] = ()
         """Files that packages no longer install, but that stay because somebody has edited them."""
@@ -115,8 +117,14 @@ class PackageRecorder:
     def read_steps(self, task: Task) -> ObservedSteps:
         """Return what the steps of a package did; they have ended."""
         if task.name not in self._steps:
-            self._steps[task.name] = read_steps(written_log(task.name, self._layout))
+            steps = read_steps(written_log(task.name, self._layout))
+            earlier = self._earlier_steps.pop(task.name, None)
+            self._steps[task.name] = earlier.followed_by(steps) if earlier else steps
         return self._steps[task.name]
+
+    def keep_steps(self, task: Task) -> None:
+        """Keep what the steps of a package did but the installation, which follows once more."""
+        self._earlier_steps[task.name] = self._steps.pop(task.name).without(StepKind.INSTALL.value)
 
     def record_commands(self, task: Task) -> None:
         """Record what the steps of a package have read and written, successful or not."""

@@ -22,14 +22,22 @@ from typing import TYPE_CHECKING, Any
 from forge.base.errors import Problem
 from forge.base.files import listed_paths, remove_tree, replace_file, tree_below
 from forge.base.layout import INSTALLED_STATES_DIR, SCRATCH_DIR
+from forge.base.text import digest
 from forge.build.copies import status_of
 from forge.build.inputs.fingerprints import content_digest
-from forge.build.install_manifests import MANIFESTS
+from forge.build.install_manifests import MANIFESTS, listed_files
 from forge.build.install_scripts import folder_modes, installed_entries, read_install_scripts
 from forge.build.installation import InstalledFiles
 from forge.build.installed_lists import InstalledList, identity, list_file, read_installed_list
 from forge.build.observed_writes import begin_log, remove_log
-from forge.build.prefix import guarded_links, leftover_backups, remove_empty_folders, tidy, written_log
+from forge.build.prefix import (
+    guarded_links,
+    leftover_backups,
+    remove_empty_folders,
+    stage_folder,
+    tidy,
+    written_log,
+)
 from forge.build.records import read_json
 from forge.build.tasks import StepKind
 
@@ -47,34 +55,27 @@ _NEXT = "install_next.json"
 _CHANGED = "install_changed.cmake"
 _FOUND = frozenset("RYTLWDUX")
 """The kinds of records of what exists."""
+_OF_STAGING = frozenset({".links", ".notes", ".stage", ".written"})
+"""What a killed build leaves that had a stage."""
 
 
 # Around the steps
 
 
 def staged(task: Task, layout: Layout) -> Task:
-    """Return the task with its install step in a stage, if forge knows what installs the package again."""
-    notes = _notes_file(task.build_dir)
-    known = read_json(notes)
-    if (
-        not known.keys() >= {"scripts", "files", "folders"}
-        or not task.prefix.is_dir()
-        or read_installed_list(task.name, layout) is None
-    ):
+    """Return the task with a stage, if it is known what is installed now."""
+    known, listed = read_json(_notes_file(task.build_dir)), read_installed_list(task.name, layout)
+    if layout.merged or not known.keys() >= {"scripts", "files", "folders"} or not task.prefix.is_dir():
         return task
-    if not any(step.prefix for step in task.steps):
+    if listed is None or listed.unclaimed:
         return task
-    if task.prefix.stat().st_dev != layout.build.stat().st_dev:
-        return task  # nothing can be renamed from the stage
     if not task.intact:
         forget_sources(task)
-    if any(
-        path.suffix not in {".links", ".notes", ".written"} for path in leftover_backups(task.name, layout)
-    ):
+    if any(path.suffix not in _OF_STAGING for path in leftover_backups(task.name, layout)):
         return task
-    stage = task.build_dir / SCRATCH_DIR / _STAGE
-    steps = tuple(replace(step, stage=stage) if step.prefix else step for step in task.steps)
-    return replace(task, stage=stage, steps=steps)
+    stage = stage_folder(task.name, layout)
+    steps = (replace(step, stage=stage) if step.kind is StepKind.INSTALL else step for step in task.steps)
+    return replace(task, stage=stage, steps=tuple(steps))
 
 
 def forget_sources(task: Task) -> None:
@@ -84,18 +85,12 @@ def forget_sources(task: Task) -> None:
         replace_file(notes, json.dumps({**known, "sources": None}).encode())
 
 
-def without_stage(task: Task) -> Task:
-    """Return a staged task as it is to be run in place, from an empty build folder."""
-    steps = tuple(replace(step, stage=None) for step in task.steps)
-    return replace(task, stage=None, from_empty=True, steps=steps)
-
-
 def begin(task: Task, layout: Layout) -> None:
-    """Hide the prefix from the steps."""
+    """Let the steps find the stage instead of the prefix."""
     remove_tree(str(task.stage))
     begin_log(written_log(task.name, layout))
-    hidden = sorted({str(task.prefix), os.path.realpath(task.prefix)})
-    guarded_links(task.name, layout).write_bytes(b"".join(b"%s\0" % os.fsencode(path) for path in hidden))
+    prefixes = dict.fromkeys((str(task.prefix), os.path.realpath(task.prefix)))
+    guarded_links(task.name, layout).write_bytes(b"".join(b"%s\0" % os.fsencode(path) for path in prefixes))
 
 
 def end(task: Task, layout: Layout) -> None:
@@ -106,79 +101,103 @@ def end(task: Task, layout: Layout) -> None:
     tidy(layout)
 
 
-def needs_prefix(task: Task, layout: Layout, steps: ObservedSteps, *, failed: bool) -> bool:
-    """Tell whether the steps may have used the prefix, or whether what they installed does not fit in there.
+def in_place(task: Task, layout: Layout, steps: ObservedSteps, failed: Step | None) -> Task | None:
+    """Return the task as it has to run again in place, or None if the stage has what it installs.
 
-    The next builds with the same install scripts run in place then.
+    That is so if it may have used the prefix itself, or if what it has installed does not fit in there. The
+    next builds with the same install scripts run in place then.
     """
     own = tuple(f"{path}/" for path in {str(task.prefix), os.path.realpath(task.prefix)})
     roots = [each for each in steps.observed.processes if steps.kinds.get(each.pid) == StepKind.INSTALL.value]
     installing = {process.pid for root in roots for process in root.family()}
-    # Whatever was not hidden was found; an install step needs the prefix even if it looks there in vain.
-    uses = any(
-        kind == "E" or ((kind in _FOUND or process.pid in installing) and f"{path}/".startswith(own))
+    following = read_json(task.build_dir / SCRATCH_DIR / _NEXT)
+    records = [
+        (process.pid in installing, kind, path)
         for process in steps.observed.processes
         for _, kind, path in process.records
+    ]
+    # What a step before the installation wrote there is not written again by the next build.
+    uses = any(
+        kind == "B" or (kind in _FOUND and f"{path}/".startswith(own))
+        for is_installing, kind, path in records
+        if not is_installing
     )
-    if uses or not (failed or (steps.complete and _fits(task, layout))):
-        scripts = read_json(task.build_dir / SCRATCH_DIR / _NEXT).get("scripts")
-        replace_file(_notes_file(task.build_dir), json.dumps({"in place": scripts}).encode())
-        return True
-    return False
+    if failed:
+        # What fails in a stage may be able to install into the prefix.
+        fits = failed.kind is not StepKind.INSTALL or not following.get("code")
+        fits &= all(kind != "B" for _, kind, _ in records)
+    else:
+        uses |= bool(steps.observed.blind)
+        fits = steps.complete and _fits(task, layout, has_code=following.get("code", True))
+    if fits and not uses:
+        return None
+    notes = json.dumps({"in place": following.get("scripts")})
+    replace_file(_notes_file(task.build_dir), notes.encode())
+    plain = tuple(replace(step, stage=None) for step in task.steps)
+    if uses or (failed and failed.kind is not StepKind.INSTALL) or len(plain) == 1:
+        return replace(task, stage=None, from_empty=True, steps=plain)
+    last = tuple(step for step in plain if step.kind is StepKind.INSTALL)
+    return replace(task, stage=None, prepared=True, steps=last)
 
 
-def _fits(task: Task, layout: Layout) -> bool:
+def _fits(task: Task, layout: Layout, *, has_code: bool) -> bool:
     """Tell whether the staged files can replace those of the last build, and none names the stage."""
     listed = read_installed_list(task.name, layout)
-    files, folders = tree_below(str(task.stage))
-    if not (task.build_dir / SCRATCH_DIR / _NEXT).is_file():
-        return False  # the scripts contain code of the package now
+    stage = str(task.stage)
+    files, folders = tree_below(stage)
+    if not all(path.startswith((f"{task.prefix}/", f"{stage}/")) for path in listed_files(task.build_dir)):
+        return False
     for path, status in files:
         target = _target(task, path)
         is_foreign = os.path.lexists(target) and (listed is None or target not in listed.files)
         if is_foreign or (os.path.isdir(target) and not os.path.islink(target)):
             return False
         is_new = stat.S_ISREG(status.st_mode) and not _is_same(path, target)
-        if is_new and os.fsencode(str(task.stage)) in Path(path).read_bytes():
+        if is_new and os.fsencode(stage) in Path(path).read_bytes():
             return False
+        if has_code and stat.S_ISLNK(status.st_mode):
+            # Such a link may have been followed, to a file of the last build.
+            leads_to = os.path.normpath(os.path.join(os.path.dirname(target), os.readlink(path)))
+            is_inside = f"{leads_to}/".startswith(f"{task.prefix}/")
+            if os.readlink(path).startswith("/") and is_inside:
+                return False
+            if not os.readlink(path).startswith("/") and not (
+                is_inside and os.path.lexists(f"{stage}{leads_to[len(str(task.prefix)) :]}")
+            ):
+                return False
     return all(_is_folder(target) or not os.path.lexists(target) for target in _folders(task, files, folders))
 
 
 # The install step
 
 
-def next_install(step: Step) -> Step | None:
+def next_install(step: Step, task: Task) -> Step:
     """Return an install step as it is to be run, and note what it will have installed from.
 
     In a stage, it installs what has changed since the last build, if CMake's scripts tell what that is, or
-    else everything; None if they do not allow a stage.
+    else everything.
     """
-    build = step.cwd
+    build = task.build_dir
     notes, following = _notes_file(build), build / SCRATCH_DIR / _NEXT
-    following.unlink(missing_ok=True)
-    if step.argv[1] != "--install":  # forge's own installer of wheels
-        replace_file(following, json.dumps({"scripts": "wheel", "partial": False}).encode())
-        words = (str(step.stage) if word == str(step.prefix) else word for word in step.argv)
-        return replace(step, argv=tuple(words)) if step.stage else step
-    scripts = read_install_scripts(build)
-    if scripts is None:
-        return None if step.stage else step
-    entries = installed_entries(scripts.rules)
-    now: dict[str, Any] = {"scripts": scripts.digest}
-    if entries is not None:
+    scripts = read_install_scripts(build) if step.argv[1:2] == ("--install",) else None
+    entries = installed_entries(scripts.rules) if scripts and scripts.rules is not None else None
+    now: dict[str, Any] = {"scripts": digest(scripts.digest if scripts else "", *map("=".join, step.env))}
+    now["code"] = not step.prefix and (scripts is None or scripts.rules is None)
+    if entries is not None and scripts and scripts.rules is not None:
         now["sources"] = {path: _state(source) for path, (_, source) in entries.items()}
         now["modes"] = folder_modes(scripts.rules)
     changed = _changed(read_json(notes), now) if step.stage else None
+    following.parent.mkdir(parents=True, exist_ok=True)
     replace_file(following, json.dumps({**now, "partial": changed is not None}).encode())
-    if step.stage is None:
+    if step.stage and step.prefix:
+        words = (str(step.stage) if word == str(step.prefix) else word for word in step.argv)
+        return replace(step, argv=tuple(words))
+    if changed is None or entries is None or scripts is None:
         return step
-    step.stage.mkdir(parents=True, exist_ok=True)
-    if changed is None or entries is None:
-        return replace(step, argv=(*step.argv, "--prefix", str(step.stage)))
     script = build / SCRATCH_DIR / _CHANGED
     text = "".join((scripts.prologue, *_calls_for(changed, entries)))
     replace_file(script, text.encode(errors="surrogateescape"))
-    return replace(step, argv=(step.argv[0], f"-DCMAKE_INSTALL_PREFIX={step.stage}", "-P", str(script)))
+    return replace(step, argv=(step.argv[0], f"-DCMAKE_INSTALL_PREFIX={task.prefix}", "-P", str(script)))
 
 
 def _changed(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str] | None:
@@ -228,6 +247,7 @@ def commit(task: Task, layout: Layout) -> tuple[InstalledFiles, tuple[Problem, .
 
     Return all files that the steps have installed, and a problem for each edited file that stays.
     """
+    Path(str(task.stage)).mkdir(exist_ok=True)
     files, empty = tree_below(str(task.stage))
     notes = read_json(_notes_file(task.build_dir))
     before, folders_before = (
@@ -307,7 +327,7 @@ def remove_other_stale(task: Task, layout: Layout, installed: InstalledFiles) ->
 def note_installed(task: Task, installed: InstalledFiles) -> None:
     """Note what the install step has installed, and from what, for the next build."""
     following, notes = task.build_dir / SCRATCH_DIR / _NEXT, _notes_file(task.build_dir)
-    data = read_json(following) if any(step.prefix for step in task.steps) else {}
+    data = read_json(following)
     below = f"{task.prefix}/"
     if data and data["scripts"] == read_json(notes).get("in place"):
         return
@@ -318,7 +338,7 @@ def note_installed(task: Task, installed: InstalledFiles) -> None:
     relative = {key: [path.removeprefix(below) for path in found] for key, found in paths.items()}
     notes.parent.mkdir(parents=True, exist_ok=True)
     replace_file(notes, json.dumps({**data, **relative}).encode())
-    following.unlink()
+    following.unlink(missing_ok=True)
 
 
 def _notes_file(build: Path) -> Path:

@@ -65,7 +65,7 @@ class Step:
     """Nonzero exit codes that do not fail the task, and their meanings."""
     condition: StepCondition = StepCondition.ALWAYS
     prefix: Path | None = None
-    """The prefix of this package alone into which forge or scripts of CMake's install."""
+    """The prefix if it is an argument of a program of forge, which itself is not observed."""
     stage: Path | None = None
     """The folder into which it installs instead."""
     target: str = ""
@@ -112,6 +112,8 @@ class Task:
     """The installed files are those of the last build."""
     stage: Path | None = None
     """The folder into which the steps install, if the prefix stays whole until they have succeeded."""
+    prepared: bool = False
+    """Only the install step runs, after the others have succeeded."""
     kept: Sequence[str] = ()
     """Names in the build folder that stay when it is emptied, unless the task is `from_empty`."""
     scratch_dir: str = SCRATCH_DIR

@@ -37,8 +37,11 @@
  * such a call fails with EACCES, so that 'rm -r' of the whole prefix loses nothing.
  *
  * FORGE_OBSERVER_LINKS names a file with links of others below the prefix, each ending with NUL. To write through
- * one would change files that forge can neither know nor give back, so that the call fails with EACCES. With
- * FORGE_OBSERVER_HIDES=1, these are paths of the last build instead, which the step must not find either.
+ * one would change files that forge can neither know nor give back, so that the call fails with EACCES.
+ *
+ * With FORGE_OBSERVER_STAGE, that file has spellings of the prefix instead, and each path below it means the same
+ * path in the stage: the step neither finds nor changes the last build, but knows no other path than the prefix.
+ * What cannot be led to the stage is said as B.
  */
 #define _GNU_SOURCE
 #include <alloca.h>
@@ -68,9 +71,12 @@
 #include <sys/statvfs.h>
 #include <sys/vfs.h>
 #include <sys/syscall.h>
+#include <sys/time.h>
 #include <sys/types.h>
 #include <sys/un.h>
+#include <sys/xattr.h>
 #include <unistd.h>
+#include <utime.h>
 
 #define EXPORT __attribute__((visibility("default")))
 /* The next definition of a function, which this library hides. */
@@ -93,7 +99,7 @@ static __typeof__(&syscall) kernel(void)
 
 #define LOG "FORGE_OBSERVER_LOG="
 #define LINKS "FORGE_OBSERVER_LINKS="
-#define HIDES "FORGE_OBSERVER_HIDES="
+#define STAGE "FORGE_OBSERVER_STAGE="
 #define PRELOAD "LD_PRELOAD="
 
 extern char **environ;
@@ -118,12 +124,12 @@ struct record {
     char kind, path[];
 };
 
-static char log_variable[sizeof LOG + PATH_MAX], links_variable[sizeof LINKS + PATH_MAX], hides_variable[sizeof HIDES + 1];
+static char log_variable[sizeof LOG + PATH_MAX], links_variable[sizeof LINKS + PATH_MAX], stage_variable[sizeof STAGE + PATH_MAX];
 static char library[PATH_MAX];
 static char backups[2 * PATH_MAX], moved[PATH_MAX]; /* the folder of the log, also without links; a name below */
 static char *map;
 static size_t map_size;
-static const char *links, *links_end;
+static const char *links, *links_end, *stage;
 
 static struct {
     uint64_t at, end;
@@ -292,6 +298,30 @@ static void note(char kind, const char *word)
         say(kind, word, length);
 }
 
+static int is_below(const char *path, const char *folder)
+{
+    size_t size = strlen(folder);
+
+    return size && !strncmp(path, folder, size) && (!path[size] || path[size] == '/');
+}
+
+static const char *staged(int folder, const char *path, char *place);
+
+/* Name a path of the stage as one of the prefix; return its length, 0 if it does not fit. */
+static size_t unstage(char *path, size_t size)
+{
+    size_t length = strlen(path), from, to;
+
+    if (!stage || !is_below(path, stage))
+        return length;
+    from = strlen(stage), to = strlen(links);
+    if (length - from + to >= size)
+        return 0;
+    memmove(path + to, path + from, length - from + 1);
+    memcpy(path, links, to);
+    return length - from + to;
+}
+
 /* Store the absolute path of a name; return its length, 0 if it has none. */
 static size_t locate(int folder, const char *path, char *absolute)
 {
@@ -330,14 +360,83 @@ static size_t locate(int folder, const char *path, char *absolute)
     if (to == absolute)
         *to++ = '/';
     *to = 0;
-    return to - absolute;
+    return unstage(absolute, PATH_MAX);
 }
 
-static int is_below(const char *path, const char *folder)
+/* Return the first "/.." of a path. */
+static char *climb(char *path)
 {
-    size_t size = strlen(folder);
+    while ((path = strstr(path, "/..")) && path[3] && path[3] != '/')
+        path++;
+    return path;
+}
 
-    return size && !strncmp(path, folder, size) && (!path[size] || path[size] == '/');
+/* Resolve the ".." of an absolute path; return 0 if a folder before one is missing. */
+static int resolve_parents(char *absolute)
+{
+    char place[PATH_MAX], link[40], rest[PATH_MAX], *up;
+
+    while ((up = climb(absolute))) {
+        int descriptor;
+        ssize_t size;
+        strcpy(rest, up + 3);
+        *up = 0;
+        descriptor = kernel()(SYS_openat, AT_FDCWD, *absolute ? staged(AT_FDCWD, absolute, place) : "/", O_PATH | O_CLOEXEC);
+        if (descriptor < 0)
+            return 0;
+        snprintf(link, sizeof link, "/proc/self/fd/%d", descriptor);
+        size = kernel()(SYS_readlinkat, AT_FDCWD, link, place, sizeof place - 1);
+        kernel()(SYS_close, descriptor);
+        if (size <= 0)
+            return 0;
+        place[size] = 0;
+        if (!unstage(place, sizeof place))
+            return 0;
+        *strrchr(place, '/') = 0;
+        if (strlen(place) + strlen(rest) + 2 > PATH_MAX)
+            return 0;
+        snprintf(absolute, PATH_MAX, "%s%s", place, *place || *rest ? rest : "/");
+    }
+    return 1;
+}
+
+/* Return what a path means: the path itself, or one in `place` if it lies below the prefix while there is a stage. */
+static const char *staged(int folder, const char *path, char *place)
+{
+    char absolute[PATH_MAX];
+    const char *result = path;
+    int saved = errno;
+
+    if (stage && locate(folder, path, absolute)) {
+        int climbs = climb(absolute) != NULL;
+        if (!climbs || resolve_parents(absolute)) {
+            size_t size = strlen(path);
+            const char *end = path[size - 1] == '/' || (size > 1 && !strcmp(path + size - 2, "/.")) ? "/" : "";
+            for (const char *prefix = links; prefix < links_end; prefix += strlen(prefix) + 1)
+                if (is_below(absolute, prefix) && strlen(stage) + strlen(absolute) + 2 < PATH_MAX + strlen(prefix)) {
+                    snprintf(place, PATH_MAX, "%s%s%s", stage, absolute + strlen(prefix), end);
+                    errno = saved;
+                    return place;
+                }
+            if (climbs && *path != '/') /* perhaps out of the stage */
+                result = strcpy(place, absolute);
+        }
+    }
+    errno = saved;
+    return result;
+}
+
+#define IN_STAGE(folder)                                                        \
+    char place[PATH_MAX];                                                       \
+    const char *given = path;                                                   \
+    path = staged(folder, path, place)
+
+/* Say that a step has used something of the last build. */
+static void note_last_build(const char *path)
+{
+    for (const char *prefix = links; stage && prefix < links_end; prefix += strlen(prefix) + 1)
+        if (is_below(path, prefix))
+            note('B', "what is installed");
 }
 
 static void found(char kind, int folder, const char *path)
@@ -367,14 +466,17 @@ static void changed(char kind, int folder, const char *path)
 
 static int is_there(const char *path)
 {
-    return kernel()(SYS_faccessat, AT_FDCWD, path, F_OK) == 0;
+    char place[PATH_MAX];
+
+    return kernel()(SYS_faccessat, AT_FDCWD, staged(AT_FDCWD, path, place), F_OK) == 0;
 }
 
 static int is_entry(int folder, const char *path)
 {
     int saved = errno;
+    char place[PATH_MAX];
     struct stat status;
-    int result = !NEXT(fstatat)(folder, path, &status, AT_SYMLINK_NOFOLLOW);
+    int result = !NEXT(fstatat)(folder, staged(folder, path, place), &status, AT_SYMLINK_NOFOLLOW);
 
     errno = saved;
     return result;
@@ -432,7 +534,7 @@ static void missing(int folder, const char *path)
 
 static int is_guarded(int folder, const char *path, char *absolute)
 {
-    if (links && locate(folder, path, absolute))
+    if (links && !stage && locate(folder, path, absolute))
         for (const char *link = links; link < links_end; link += strlen(link) + 1)
             if (is_below(absolute, link))
                 return 1;
@@ -452,16 +554,6 @@ static int refused(int folder, const char *path)
     }
     errno = saved;
     return 0;
-}
-
-/* Return 1 with ENOENT if the step must not find this path. */
-static int hidden(int folder, const char *path)
-{
-    char absolute[PATH_MAX];
-    int saved = errno, result = *hides_variable && is_guarded(folder, path, absolute);
-
-    errno = result ? ENOENT : saved;
-    return result;
 }
 
 /* Return 1 with EACCES if removing or renaming this path would lose the folder of the log, in which copies of
@@ -490,8 +582,10 @@ static int holds_copies(int folder, const char *path)
 static int note_library(struct dl_phdr_info *info, size_t size, void *data)
 {
     (void)size, (void)data;
-    if (info->dlpi_name && *info->dlpi_name == '/' && strcmp(info->dlpi_name, library))
+    if (info->dlpi_name && *info->dlpi_name == '/' && strcmp(info->dlpi_name, library)) {
         found('Y', AT_FDCWD, info->dlpi_name);
+        note_last_build(info->dlpi_name);
+    }
     return 0;
 }
 
@@ -676,6 +770,8 @@ static void note_process(long parent)
     const char *name;
 
     program[size > 0 ? size : 0] = 0;
+    note_last_build(program);
+    unstage(program, sizeof program);
     say('P', program, strlen(program));
     note_child_of(parent);
     name = strrchr(program, '/');
@@ -718,17 +814,18 @@ static void start(long parent)
         if (dladdr(log_variable, &info) && info.dli_fname && strlen(info.dli_fname) < sizeof library)
             strcpy(library, info.dli_fname);
         map = map_file(log_variable + strlen(LOG), 1, &map_size);
+        if (store_variable(LINKS, links_variable, sizeof links_variable)) {
+            size_t size;
+            links = map_file(links_variable + strlen(LINKS), 0, &size);
+            links_end = links ? links + size : NULL;
+            if (links && store_variable(STAGE, stage_variable, sizeof stage_variable))
+                stage = stage_variable + strlen(STAGE);
+        }
         if (map) {
             guard_copies();
             is_entry(AT_FDCWD, "/"); /* dlsym() now rather than between dlopen() and dlerror() */
             note_process(parent);
             pthread_atfork(NULL, NULL, forked);
-        }
-        if (store_variable(LINKS, links_variable, sizeof links_variable)) {
-            size_t size;
-            links = map_file(links_variable + strlen(LINKS), 0, &size);
-            links_end = links ? links + size : NULL;
-            store_variable(HIDES, hides_variable, sizeof hides_variable);
         }
     }
     errno = saved;
@@ -837,8 +934,9 @@ static void opened(int result, int folder, const char *path, int flags)
         va_start(arguments, flags);                                             \
         mode = mode_of(flags, arguments);                                       \
         va_end(arguments);                                                      \
-        result = (flags & WRITES ? refused : hidden)(AT_FDCWD, path) ? -1 : NEXT(name)(path, flags, mode); \
-        opened(result, AT_FDCWD, path, flags);                                  \
+        IN_STAGE(AT_FDCWD);                                                           \
+        result = flags & WRITES && refused(AT_FDCWD, given) ? -1 : NEXT(name)(path, flags, mode); \
+        opened(result, AT_FDCWD, given, flags);                                       \
         return result;                                                          \
     }
 
@@ -851,16 +949,18 @@ static void opened(int result, int folder, const char *path, int flags)
         va_start(arguments, flags);                                             \
         mode = mode_of(flags, arguments);                                       \
         va_end(arguments);                                                      \
-        result = (flags & WRITES ? refused : hidden)(folder, path) ? -1 : NEXT(name)(folder, path, flags, mode); \
-        opened(result, folder, path, flags);                                    \
+        IN_STAGE(folder);                                                       \
+        result = flags & WRITES && refused(folder, given) ? -1 : NEXT(name)(folder, path, flags, mode); \
+        opened(result, folder, given, flags);                                   \
         return result;                                                          \
     }
 
 #define CREAT(name)                                                             \
     EXPORT int name(const char *path, mode_t mode)                              \
     {                                                                           \
-        int result = refused(AT_FDCWD, path) ? -1 : NEXT(name)(path, mode);     \
-        opened(result, AT_FDCWD, path, O_WRONLY | O_CREAT | O_TRUNC);           \
+        IN_STAGE(AT_FDCWD);                                                     \
+        int result = refused(AT_FDCWD, given) ? -1 : NEXT(name)(path, mode);    \
+        opened(result, AT_FDCWD, given, O_WRONLY | O_CREAT | O_TRUNC);          \
         return result;                                                          \
     }
 
@@ -875,8 +975,9 @@ static int flags_of(const char *mode)
     EXPORT FILE *name(const char *path, const char *mode)                       \
     {                                                                           \
         int flags = flags_of(mode);                                             \
-        FILE *result = (flags & WRITES ? refused : hidden)(AT_FDCWD, path) ? NULL : NEXT(name)(path, mode); \
-        opened(result ? fileno(result) : -1, AT_FDCWD, path, flags);                         \
+        IN_STAGE(AT_FDCWD);                                                     \
+        FILE *result = flags & WRITES && refused(AT_FDCWD, given) ? NULL : NEXT(name)(path, mode); \
+        opened(result ? fileno(result) : -1, AT_FDCWD, given, flags);           \
         return result;                                                          \
     }
 
@@ -884,9 +985,10 @@ static int flags_of(const char *mode)
     EXPORT FILE *name(const char *path, const char *mode, FILE *stream)         \
     {                                                                           \
         int flags = flags_of(mode);                                             \
-        FILE *result = path && (flags & WRITES ? refused : hidden)(AT_FDCWD, path) ? NULL : NEXT(name)(path, mode, stream); \
+        IN_STAGE(AT_FDCWD);                                                     \
+        FILE *result = path && flags & WRITES && refused(AT_FDCWD, given) ? NULL : NEXT(name)(path, mode, stream); \
         if (path)                                                               \
-            opened(result ? fileno(result) : -1, AT_FDCWD, path, flags);                     \
+            opened(result ? fileno(result) : -1, AT_FDCWD, given, flags);       \
         return result;                                                          \
     }
 
@@ -922,8 +1024,9 @@ static void looked(int result, int folder, const char *path)
 #define LOOK(name, folder, parameters, ...)                                     \
     EXPORT int name parameters                                                  \
     {                                                                           \
-        int result = hidden(folder, path) ? -1 : NEXT(name)(__VA_ARGS__);       \
-        looked(result, folder, path);                                           \
+        IN_STAGE(folder);                                                       \
+        int result = NEXT(name)(__VA_ARGS__);                                   \
+        looked(result, folder, given);                                          \
         return result;                                                          \
     }
 
@@ -959,12 +1062,30 @@ LOOK(__fxstatat, folder, (int version, int folder, const char *path, struct stat
 LOOK(__fxstatat64, folder, (int version, int folder, const char *path, struct stat64 *status, int flags), version, folder, path, status, flags)
 #endif
 
+/* What the links below /proc lead to is in the stage. */
+static ssize_t unstaged_target(ssize_t result, char *target, size_t size)
+{
+    char path[PATH_MAX];
+    size_t length;
+
+    if (!stage || result <= 0 || result >= PATH_MAX || *target != '/')
+        return result;
+    memcpy(path, target, result);
+    path[result] = 0;
+    length = unstage(path, sizeof path);
+    if (length > size)
+        length = size;
+    memcpy(target, path, length);
+    return length;
+}
+
 #define READ_LINK(name, folder, parameters, ...)                                \
     EXPORT ssize_t name parameters                                              \
     {                                                                           \
-        ssize_t result = hidden(folder, path) ? -1 : NEXT(name)(__VA_ARGS__);   \
-        looked(result < 0 ? -1 : 0, folder, path);                              \
-        return result;                                                          \
+        IN_STAGE(folder);                                                       \
+        ssize_t result = NEXT(name)(__VA_ARGS__);                               \
+        looked(result < 0 ? -1 : 0, folder, given);                             \
+        return unstaged_target(result, target, size);                           \
     }
 
 READ_LINK(readlink, AT_FDCWD, (const char *path, char *target, size_t size), path, target, size)
@@ -987,39 +1108,68 @@ static void resolved_to(const char *result, const char *path)
     errno = saved;
 }
 
-EXPORT char *realpath(const char *path, char *resolved)
+/* A path of the stage has the name of one in the prefix; the result may be longer then. */
+static char *unstaged_path(char *result, char *resolved)
 {
-    char *result = hidden(AT_FDCWD, path) ? NULL : NEXT(realpath)(path, resolved);
-    resolved_to(result, path);
-    return result;
+    char path[PATH_MAX];
+
+    if (!stage || !result || !is_below(result, stage) || strlen(result) >= sizeof path)
+        return result;
+    strcpy(path, result);
+    unstage(path, sizeof path);
+    if (resolved)
+        return strcpy(resolved, path);
+    free(result);
+    return strdup(path);
 }
 
+#define RESOLVE(name, resolved, parameters, ...)                                \
+    EXPORT char *name parameters                                                \
+    {                                                                           \
+        IN_STAGE(AT_FDCWD);                                                     \
+        char *result = unstaged_path(NEXT(name)(__VA_ARGS__), resolved);        \
+        resolved_to(result, given);                                             \
+        return result;                                                          \
+    }
+
+RESOLVE(realpath, resolved, (const char *path, char *resolved), path, resolved)
 #ifdef __GLIBC__
 char *__realpath_chk(const char *, char *, size_t);
-EXPORT char *__realpath_chk(const char *path, char *resolved, size_t size)
+char *__getcwd_chk(char *, size_t, size_t);
+RESOLVE(__realpath_chk, resolved, (const char *path, char *resolved, size_t size), path, resolved, size)
+RESOLVE(canonicalize_file_name, NULL, (const char *path), path)
+#endif
+
+EXPORT char *getcwd(char *path, size_t size)
 {
-    char *result = hidden(AT_FDCWD, path) ? NULL : NEXT(__realpath_chk)(path, resolved, size);
-    resolved_to(result, path);
-    return result;
+    char place[PATH_MAX], *result;
+
+    if (!stage || !NEXT(getcwd)(place, sizeof place) || !is_below(place, stage))
+        return NEXT(getcwd)(path, size);
+    unstage(place, sizeof place);
+    if (size && strlen(place) >= size) {
+        errno = ERANGE;
+        return NULL;
+    }
+    result = path ? path : malloc(size ? size : strlen(place) + 1);
+    return result ? strcpy(result, place) : NULL;
 }
 
-EXPORT char *canonicalize_file_name(const char *path)
-{
-    char *result = hidden(AT_FDCWD, path) ? NULL : NEXT(canonicalize_file_name)(path);
-    resolved_to(result, path);
-    return result;
-}
+EXPORT char *get_current_dir_name(void) { return getcwd(NULL, 0); }
+#ifdef __GLIBC__
+EXPORT char *__getcwd_chk(char *path, size_t size, size_t whole) { return getcwd(path, size < whole ? size : whole); }
 #endif
 
 /* List */
 
 EXPORT DIR *opendir(const char *path)
 {
-    DIR *result = hidden(AT_FDCWD, path) ? NULL : NEXT(opendir)(path);
+    IN_STAGE(AT_FDCWD);
+    DIR *result = NEXT(opendir)(path);
     if (result)
-        listed(AT_FDCWD, path);
+        listed(AT_FDCWD, given);
     else
-        missing(AT_FDCWD, path);
+        missing(AT_FDCWD, given);
     return result;
 }
 
@@ -1035,11 +1185,12 @@ EXPORT DIR *fdopendir(int descriptor)
     EXPORT int name(const char *path, struct entry ***names, int (*select)(const struct entry *), \
                     int (*compare)(const struct entry **, const struct entry **)) \
     {                                                                           \
-        int result = hidden(AT_FDCWD, path) ? -1 : NEXT(name)(path, names, select, compare); \
+        IN_STAGE(AT_FDCWD);                                                     \
+        int result = NEXT(name)(path, names, select, compare);                  \
         if (result < 0)                                                         \
-            missing(AT_FDCWD, path);                                            \
+            missing(AT_FDCWD, given);                                           \
         else                                                                    \
-            found('L', AT_FDCWD, path);                                         \
+            found('L', AT_FDCWD, given);                                        \
         return result;                                                          \
     }
 
@@ -1082,12 +1233,20 @@ static int note_visit(const char *path, const struct stat *status, int kind, str
     return 0;
 }
 
+/* The C library walks by itself, and tells the paths. */
+static void note_walk(const char *path)
+{
+    char place[PATH_MAX];
+
+    if (staged(AT_FDCWD, path, place) != path)
+        note('B', "a walk");
+}
+
 /* What is walked is walked before, to note it. */
 #define WALK(name, flags, parameters, ...)                                      \
     EXPORT int name parameters                                                  \
     {                                                                           \
-        if (hidden(AT_FDCWD, path))                                             \
-            return -1;                                                          \
+        note_walk(path);                                                        \
         if (map && NEXT(nftw)(path, note_visit, 16, flags))                     \
             missing(AT_FDCWD, path);                                            \
         return NEXT(name)(__VA_ARGS__);                                         \
@@ -1109,6 +1268,13 @@ static void note_visited(const FTSENT *entry)
         missing(AT_FDCWD, entry->fts_path);
     } else if (entry && entry->fts_info != FTS_DP)
         found(entry->fts_info == FTS_D ? 'L' : 'T', AT_FDCWD, entry->fts_accpath);
+}
+
+EXPORT FTS *fts_open(char *const *paths, int options, int (*compare)(const FTSENT **, const FTSENT **))
+{
+    for (char *const *path = paths; *path; path++)
+        note_walk(*path);
+    return NEXT(fts_open)(paths, options, compare);
 }
 
 EXPORT FTSENT *fts_read(FTS *walk)
@@ -1138,7 +1304,8 @@ EXPORT int glob(const char *pattern, int flags, int (*failed)(const char *, int)
 
 EXPORT void *dlopen(const char *path, int flags)
 {
-    void *result = NEXT(dlopen)(path, flags);
+    char place[PATH_MAX];
+    void *result = NEXT(dlopen)(path && strchr(path, '/') ? staged(AT_FDCWD, path, place) : path, flags);
     struct link_map *library;
     int saved = errno;
 
@@ -1155,8 +1322,10 @@ EXPORT void *dlopen(const char *path, int flags)
 
 EXPORT int chdir(const char *path)
 {
+    char place[PATH_MAX];
+
     attempted(AT_FDCWD, path);
-    return NEXT(chdir)(path);
+    return NEXT(chdir)(staged(AT_FDCWD, path, place));
 }
 
 /* Change */
@@ -1171,25 +1340,33 @@ static int note_entry(const char *path, const struct stat *status, int kind, str
 /* Log what was renamed and all that is in it: what others put there later is not the step's. */
 static void renamed(int folder, const char *path)
 {
-    char absolute[PATH_MAX];
+    char absolute[PATH_MAX], place[PATH_MAX];
     int saved = errno;
 
-    if (map && locate(folder, path, absolute) && NEXT(nftw)(absolute, note_entry, 16, FTW_PHYS | FTW_MOUNT))
+    if (map && locate(folder, path, absolute)
+        && NEXT(nftw)(staged(AT_FDCWD, absolute, place), note_entry, 16, FTW_PHYS | FTW_MOUNT))
         changed('W', AT_FDCWD, absolute);
     errno = saved;
 }
 
+#define BOTH_IN_STAGE(from, folder)                                             \
+    IN_STAGE(folder);                                                           \
+    char old_place[PATH_MAX];                                                   \
+    const char *given_old = old;                                                \
+    old = staged(from, old, old_place)
+
 #define RENAME(name, from, folder, parameters, ...)                             \
     EXPORT int name parameters                                                  \
     {                                                                           \
-        int result = holds_copies(from, old) || refused(from, old) || refused(folder, path) \
+        BOTH_IN_STAGE(from, folder);                                            \
+        int result = holds_copies(from, given_old) || refused(from, given_old) || refused(folder, given) \
             ? -1 : NEXT(name)(__VA_ARGS__);                                     \
         if (!result) {                                                          \
-            changed('U', from, old);                                            \
-            renamed(folder, path);                                              \
+            changed('U', from, given_old);                                      \
+            renamed(folder, given);                                             \
         } else {                                                                \
-            attempted(from, old);                                               \
-            attempted(folder, path);                                            \
+            attempted(from, given_old);                                         \
+            attempted(folder, given);                                           \
         }                                                                       \
         return result;                                                          \
     }
@@ -1203,12 +1380,13 @@ RENAME(renameat2, from, folder, (int from, const char *old, int folder, const ch
 #define CHANGE(name, kind, guard, folder, parameters, ...)                      \
     EXPORT int name parameters                                                  \
     {                                                                           \
-        int keep = ((guard) || hidden(folder, path)) && (refused(folder, path) || (kind == 'U' && holds_copies(folder, path))); \
+        IN_STAGE(folder);                                                       \
+        int keep = (guard) && (refused(folder, given) || (kind == 'U' && holds_copies(folder, given))); \
         int result = keep ? -1 : NEXT(name)(__VA_ARGS__);                       \
         if (!result)                                                            \
-            changed(kind, folder, path);                                        \
+            changed(kind, folder, given);                                       \
         else                                                                    \
-            attempted(folder, path);                                            \
+            attempted(folder, given);                                           \
         return result;                                                          \
     }
 
@@ -1225,68 +1403,107 @@ CHANGE(truncate64, 'W', 1, AT_FDCWD, (const char *path, off64_t size), path, siz
 CHANGE(chmod, 'W', 1, AT_FDCWD, (const char *path, mode_t mode), path, mode)
 CHANGE(fchmodat, 'W', 1, folder, (int folder, const char *path, mode_t mode, int flags), folder, path, mode, flags)
 
-EXPORT int link(const char *old, const char *path)
-{
-    int result = refused(AT_FDCWD, path) ? -1 : NEXT(link)(old, path);
-    if (!result) {
-        found('R', AT_FDCWD, old);
-        found('n', AT_FDCWD, path);
-        changed('W', AT_FDCWD, path);
-    } else {
-        attempted(AT_FDCWD, old);
-        attempted(AT_FDCWD, path);
+#define LINK(name, from, folder, parameters, ...)                               \
+    EXPORT int name parameters                                                  \
+    {                                                                           \
+        BOTH_IN_STAGE(from, folder);                                            \
+        int result = refused(folder, given) ? -1 : NEXT(name)(__VA_ARGS__);     \
+        if (!result) {                                                          \
+            found('R', from, given_old);                                        \
+            found('n', folder, given);                                          \
+            changed('W', folder, given);                                        \
+        } else {                                                                \
+            attempted(from, given_old);                                         \
+            attempted(folder, given);                                           \
+        }                                                                       \
+        return result;                                                          \
     }
-    return result;
-}
 
-EXPORT int linkat(int from, const char *old, int folder, const char *path, int flags)
-{
-    int result = refused(folder, path) ? -1 : NEXT(linkat)(from, old, folder, path, flags);
-    if (!result) {
-        found('R', from, old);
-        found('n', folder, path);
-        changed('W', folder, path);
-    } else {
-        attempted(from, old);
-        attempted(folder, path);
-    }
-    return result;
-}
+LINK(link, AT_FDCWD, AT_FDCWD, (const char *old, const char *path), old, path)
+LINK(linkat, from, folder, (int from, const char *old, int folder, const char *path, int flags), from, old, folder, path, flags)
 
 #define CREATE(name, folder, parameters, ...)                                   \
     EXPORT int name parameters                                                  \
     {                                                                           \
-        int result = refused(folder, path) ? -1 : NEXT(name)(__VA_ARGS__);      \
+        IN_STAGE(folder);                                                       \
+        int result = refused(folder, given) ? -1 : NEXT(name)(__VA_ARGS__);     \
         if (!result) {                                                          \
-            found('n', folder, path);                                           \
-            changed('W', folder, path);                                         \
+            found('n', folder, given);                                          \
+            changed('W', folder, given);                                        \
         } else                                                                  \
-            attempted(folder, path);                                            \
+            attempted(folder, given);                                           \
         return result;                                                          \
     }
 
 CREATE(symlink, AT_FDCWD, (const char *target, const char *path), target, path)
 CREATE(symlinkat, folder, (const char *target, int folder, const char *path), target, folder, path)
 CREATE(mkfifo, AT_FDCWD, (const char *path, mode_t mode), path, mode)
+CREATE(mknod, AT_FDCWD, (const char *path, mode_t mode, dev_t device), path, mode, device)
 
-#define TEMPORARY(name, kind, type, failed, parameters, ...)                    \
+/* Times and owners are no content. */
+#define IN_PLACE(type, name, folder, parameters, ...)                           \
     EXPORT type name parameters                                                 \
     {                                                                           \
-        type result = NEXT(name)(__VA_ARGS__);                                  \
-        if (result != failed)                                                   \
-            changed(kind, AT_FDCWD, path);                                      \
+        char place[PATH_MAX];                                                   \
+        path = staged(folder, path, place);                                     \
+        return NEXT(name)(__VA_ARGS__);                                         \
+    }
+
+IN_PLACE(int, utimensat, folder, (int folder, const char *path, const struct timespec times[2], int flags), folder, path, times, flags)
+IN_PLACE(int, futimesat, folder, (int folder, const char *path, const struct timeval times[2]), folder, path, times)
+IN_PLACE(int, utimes, AT_FDCWD, (const char *path, const struct timeval times[2]), path, times)
+IN_PLACE(int, lutimes, AT_FDCWD, (const char *path, const struct timeval times[2]), path, times)
+IN_PLACE(int, utime, AT_FDCWD, (const char *path, const struct utimbuf *times), path, times)
+IN_PLACE(int, chown, AT_FDCWD, (const char *path, uid_t user, gid_t group), path, user, group)
+IN_PLACE(int, lchown, AT_FDCWD, (const char *path, uid_t user, gid_t group), path, user, group)
+IN_PLACE(int, fchownat, folder, (int folder, const char *path, uid_t user, gid_t group, int flags), folder, path, user, group, flags)
+IN_PLACE(long, pathconf, AT_FDCWD, (const char *path, int name), path, name)
+IN_PLACE(ssize_t, getxattr, AT_FDCWD, (const char *path, const char *name, void *value, size_t size), path, name, value, size)
+IN_PLACE(ssize_t, lgetxattr, AT_FDCWD, (const char *path, const char *name, void *value, size_t size), path, name, value, size)
+IN_PLACE(ssize_t, listxattr, AT_FDCWD, (const char *path, char *list, size_t size), path, list, size)
+IN_PLACE(ssize_t, llistxattr, AT_FDCWD, (const char *path, char *list, size_t size), path, list, size)
+IN_PLACE(int, setxattr, AT_FDCWD, (const char *path, const char *name, const void *value, size_t size, int flags), path, name, value, size, flags)
+IN_PLACE(int, lsetxattr, AT_FDCWD, (const char *path, const char *name, const void *value, size_t size, int flags), path, name, value, size, flags)
+
+/* These write the name that they choose into the path. */
+static void note_temporary(char kind, int failed, char *given, const char *place)
+{
+    int saved = errno;
+
+    if (place != given)
+        strcpy(strchr(given, '/') ? strrchr(given, '/') + 1 : given, strrchr(place, '/') + 1);
+    if (!failed)
+        changed(kind, AT_FDCWD, given);
+    errno = saved;
+}
+
+#define TEMPORARY(name, parameters, ...)                                        \
+    EXPORT int name parameters                                                  \
+    {                                                                           \
+        char place[PATH_MAX], *given = path;                                    \
+        int result;                                                             \
+        path = (char *)staged(AT_FDCWD, path, place);                           \
+        result = NEXT(name)(__VA_ARGS__);                                       \
+        note_temporary('W', result < 0, given, path);                           \
         return result;                                                          \
     }
 
-TEMPORARY(mkstemp, 'W', int, -1, (char *path), path)
-TEMPORARY(mkostemp, 'W', int, -1, (char *path, int flags), path, flags)
-TEMPORARY(mkstemps, 'W', int, -1, (char *path, int length), path, length)
-TEMPORARY(mkostemps, 'W', int, -1, (char *path, int length, int flags), path, length, flags)
-TEMPORARY(mkdtemp, 'D', char *, NULL, (char *path), path)
+TEMPORARY(mkstemp, (char *path), path)
+TEMPORARY(mkostemp, (char *path, int flags), path, flags)
+TEMPORARY(mkstemps, (char *path, int length), path, length)
+TEMPORARY(mkostemps, (char *path, int length, int flags), path, length, flags)
 #ifdef __GLIBC__
-TEMPORARY(mkstemp64, 'W', int, -1, (char *path), path)
-TEMPORARY(mkostemp64, 'W', int, -1, (char *path, int flags), path, flags)
+TEMPORARY(mkstemp64, (char *path), path)
+TEMPORARY(mkostemp64, (char *path, int flags), path, flags)
 #endif
+
+EXPORT char *mkdtemp(char *path)
+{
+    char place[PATH_MAX], *there = (char *)staged(AT_FDCWD, path, place), *result = NEXT(mkdtemp)(there);
+
+    note_temporary('D', !result, path, there);
+    return result ? path : NULL;
+}
 
 /* Sockets */
 
@@ -1390,23 +1607,23 @@ static int has_variable(char *const *variables, const char *variable)
         copy[at++] = log_variable;                                              \
         if (*links_variable)                                                    \
             copy[at++] = links_variable;                                        \
-        if (*hides_variable)                                                    \
-            copy[at++] = hides_variable;                                        \
+        if (*stage_variable)                                                    \
+            copy[at++] = stage_variable;                                        \
         copy[at] = NULL;                                                        \
         variables = copy;                                                       \
     } while (0)
 
-/* execvp() and posix_spawnp() look for a program where the C library is not observed. */
-static void note_search(const char *file)
+/* execvp() and posix_spawnp() look for a program where the C library is not observed; store where it is. */
+static void note_search(const char *file, char *candidate)
 {
     const char *path = strchr(file, '/') ? NULL : NEXT(getenv)("PATH");
-    char candidate[PATH_MAX];
     int saved = errno;
 
+    *candidate = 0;
     while (path && *path) {
         size_t length = strcspn(path, ":");
-        if (length + strlen(file) + 2 < sizeof candidate) {
-            snprintf(candidate, sizeof candidate, "%.*s%s%s", (int)length, path, length ? "/" : "", file);
+        if (length + strlen(file) + 2 < PATH_MAX) {
+            snprintf(candidate, PATH_MAX, "%.*s%s%s", (int)length, path, length ? "/" : "", file);
             if (is_there(candidate))
                 break;
             errno = ENOENT;
@@ -1415,6 +1632,50 @@ static void note_search(const char *file)
         path += length + (path[length] == ':');
     }
     errno = saved;
+}
+
+/* Tell whether a program loads this library: not if it is linked statically, for another processor or another user. */
+static int loads_library(const char *file, int depth)
+{
+    char start[4096] = "", place[PATH_MAX];
+    ElfW(Ehdr) *header = (ElfW(Ehdr) *)start;
+    struct stat status;
+    int descriptor = kernel()(SYS_openat, AT_FDCWD, staged(AT_FDCWD, file, place), O_RDONLY | O_CLOEXEC);
+    ssize_t size = descriptor < 0 ? 0 : kernel()(SYS_read, descriptor, start, sizeof start - 1);
+    int result = 1;
+
+    if (size > 2 && start[0] == '#' && start[1] == '!' && depth < 5) {
+        char *program = start + 2 + strspn(start + 2, " \t");
+        program[strcspn(program, " \t\n")] = 0;
+        result = loads_library(program, depth + 1);
+    } else if (size > (ssize_t)sizeof *header && !memcmp(start, ELFMAG, SELFMAG)) {
+        result = 0;
+        if (start[EI_CLASS] == (sizeof(void *) == 8 ? ELFCLASS64 : ELFCLASS32))
+            for (size_t at = 0; at < header->e_phnum; at++) {
+                ElfW(Phdr) *part = (ElfW(Phdr) *)(start + header->e_phoff + at * header->e_phentsize);
+                result |= (char *)(part + 1) <= start + size && part->p_type == PT_INTERP;
+            }
+    }
+    if (descriptor >= 0) {
+        if (!fstat(descriptor, &status) && status.st_mode & S_ISUID && status.st_uid != geteuid())
+            result = 0;
+        kernel()(SYS_close, descriptor);
+    }
+    return result;
+}
+
+/* Return 1 with EACCES if a program would find the last build in place of the stage. */
+static int finds_last_build(const char *file)
+{
+    int saved = errno;
+
+    if (stage && *file && !loads_library(file, 0)) {
+        note('B', file);
+        errno = EACCES;
+        return 1;
+    }
+    errno = saved;
+    return 0;
 }
 
 static void executing(char kind, const char *file)
@@ -1439,11 +1700,14 @@ static void executing(char kind, const char *file)
 EXPORT int execve(const char *file, char *const argv[], char *const envp[])
 {
     char *const *variables = envp;
+    char place[PATH_MAX];
     int result;
 
     WITH_OBSERVER(variables);
+    if (finds_last_build(file))
+        return -1;
     executing('X', file);
-    result = hidden(AT_FDCWD, file) ? -1 : NEXT(execve)(file, argv, (char *const *)variables);
+    result = NEXT(execve)(staged(AT_FDCWD, file, place), argv, (char *const *)variables);
     executing('F', file);
     missing(AT_FDCWD, file);
     return result;
@@ -1453,13 +1717,16 @@ EXPORT int execve(const char *file, char *const argv[], char *const envp[])
 EXPORT int execvpe(const char *file, char *const argv[], char *const envp[])
 {
     char *const *variables = envp;
+    char place[PATH_MAX];
     int result;
 
     WITH_OBSERVER(variables);
     if (map)
-        note_search(file);
+        note_search(file, place);
+    if (map && finds_last_build(strchr(file, '/') ? file : place))
+        return -1;
     executing('X', file);
-    result = NEXT(execvpe)(file, argv, (char *const *)variables);
+    result = NEXT(execvpe)(strchr(file, '/') ? staged(AT_FDCWD, file, place) : file, argv, (char *const *)variables);
     executing('F', file);
     return result;
 }
@@ -1526,14 +1793,17 @@ EXPORT int execle(const char *file, const char *first, ...)
                     const posix_spawnattr_t *attributes, char *const argv[], char *const envp[]) \
     {                                                                                     \
         char *const *variables = envp;                                                    \
-        char word[16];                                                                    \
+        char word[16], place[PATH_MAX];                                                   \
         pid_t own, *started = process ? process : &own;                                   \
         int result;                                                                       \
         WITH_OBSERVER(variables);                                                         \
+        *place = 0;                                                                       \
         if (map && searches)                                                              \
-            note_search(file);                                                            \
-        result = strchr(file, '/') && hidden(AT_FDCWD, file)                              \
-            ? ENOENT : NEXT(name)(started, file, actions, attributes, argv, (char *const *)variables); \
+            note_search(file, place);                                                     \
+        if (finds_last_build(strchr(file, '/') ? file : place))                           \
+            return errno;                                                                 \
+        result = NEXT(name)(started, strchr(file, '/') ? staged(AT_FDCWD, file, place) : file, actions, attributes, \
+                            argv, (char *const *)variables);                              \
         if (!result)                                                                      \
             say('S', word, snprintf(word, sizeof word, "%d", (int)*started));             \
         else if (result == ENOENT) {                                                      \
@@ -1550,7 +1820,8 @@ SPAWN(posix_spawnp, 1)
 EXPORT int posix_spawn_file_actions_addopen(posix_spawn_file_actions_t *actions, int descriptor, const char *path,
                                             int flags, mode_t mode)
 {
-    int result = NEXT(posix_spawn_file_actions_addopen)(actions, descriptor, path, flags, mode);
+    char place[PATH_MAX];
+    int result = NEXT(posix_spawn_file_actions_addopen)(actions, descriptor, staged(AT_FDCWD, path, place), flags, mode);
 
     if (!result && flags & WRITES)
         changed('W', AT_FDCWD, path);
@@ -1564,20 +1835,32 @@ EXPORT int posix_spawn_file_actions_addopen(posix_spawn_file_actions_t *actions,
 EXPORT long syscall(long number, ...)
 {
     long a, b, c, d, e, f, result;
+    char place[PATH_MAX];
     va_list arguments;
 
     va_start(arguments, number);
     a = va_arg(arguments, long), b = va_arg(arguments, long), c = va_arg(arguments, long);
     d = va_arg(arguments, long), e = va_arg(arguments, long), f = va_arg(arguments, long);
     va_end(arguments);
-    switch (map ? number : 0) {
-    case SYS_openat: case SYS_faccessat: case SYS_statx: case SYS_readlinkat:
-        if (hidden(a, (char *)b))
-            return -1;
-    }
-    result = kernel()(number, a, b, c, d, e, f);
     if (!map)
-        return result;
+        return kernel()(number, a, b, c, d, e, f);
+    result = -1;
+    switch (number) {
+#ifdef SYS_open
+    case SYS_open: case SYS_stat: case SYS_lstat: case SYS_access: case SYS_readlink:
+        result = kernel()(number, staged(AT_FDCWD, (char *)a, place), b, c, d, e, f);
+        break;
+    case SYS_newfstatat:
+#endif
+#ifdef SYS_openat2
+    case SYS_openat2:
+#endif
+    case SYS_openat: case SYS_faccessat: case SYS_statx: case SYS_readlinkat:
+        result = kernel()(number, a, staged(a, (char *)b, place), c, d, e, f);
+        break;
+    default:
+        result = kernel()(number, a, b, c, d, e, f);
+    }
     switch (number) {
 #ifdef SYS_open
     case SYS_open: opened(result, AT_FDCWD, (char *)a, b); break;

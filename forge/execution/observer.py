@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Protocol
 from forge.base.frozen import frozen
 from forge.build.observed_writes import append
 from forge.build.prefix import guarded_links, written_log
-from forge.engine.observation import HIDES_VARIABLE, LINKS_VARIABLE, LOG_VARIABLE
+from forge.engine.observation import LINKS_VARIABLE, LOG_VARIABLE, STAGE_VARIABLE
 from forge.engine.observer import compile_library
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ class Observer:
             **observed(variables, self.library, written_log(task.name, self.layout)),
             LINKS_VARIABLE: str(guarded_links(task.name, self.layout)),
         }
-        return {**found, HIDES_VARIABLE: "1"} if task.stage else found
+        return {**found, STAGE_VARIABLE: str(task.stage)} if task.stage else found
 
     def note_process(self, variables: Mapping[str, str], process: int, step: Step) -> None:
         """Log the start of a step."""

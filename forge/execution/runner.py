@@ -67,8 +67,8 @@ class TaskLifecycle:
         """Return the task with its steps in a stage, if it can be built so; called before the first step."""
         return task
 
-    def unstaged(self, _task: Task, *, failed: bool) -> Task | None:
-        """Return a staged task without the stage if its steps have to run again in place, else None."""
+    def unstaged(self, _task: Task, _failed: Step | None, *, stopped: bool) -> Task | None:
+        """Remove the stage and return the task as it has to run again in place, or None and do nothing."""
         return None
 
     def begin(self, task: Task, environment: Mapping[str, str]) -> None:
@@ -114,8 +114,8 @@ class TaskRunner:
                 if record is None:
                     task = lifecycle.staged(task)
                     failure = self._run_steps(task, self._open(task), put)
-                    if again := lifecycle.unstaged(task, failed=failure is not None):
-                        lifecycle.undo(task)
+                    failed_step = failure.step if isinstance(failure, Finished) else None
+                    if again := lifecycle.unstaged(task, failed_step, stopped=isinstance(failure, Aborted)):
                         task = again
                         failure = self._run_steps(task, self._open(task), put)
                     if failure is not None:
@@ -234,13 +234,10 @@ class LocalExecutor:
             step.record[0].unlink(missing_ok=True)
         for path in filter(os.path.islink, () if step.stage else step.replaces):
             Path(path).unlink()
-        if step.prefix:
+        if step.kind is StepKind.INSTALL:
             from forge.build.staging import next_install
 
-            following = next_install(step)
-            if following is None:
-                return 0  # the task will be run again in place
-            step = following
+            step = next_install(step, task)
         line = step_line(step, environment_file(task))
         write_if_changed(task.build_dir / task.scratch_dir / LAST_COMMAND, line + "\n")
         variables: Mapping[str, str] = {**environment, **dict(step.env)}

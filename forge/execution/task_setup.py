@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from forge.build.model import BuildRecord
     from forge.build.recording import PackageRecorder
     from forge.build.state import BuildState
-    from forge.build.tasks import Task
+    from forge.build.tasks import Step, Task
     from forge.cache.package_cache import PackageCache
     from forge.environment.dsv import Edit, Script
     from forge.toolchain.interpreter import Interpreter
@@ -94,6 +94,8 @@ class TaskSetup(TaskLifecycle):
 
     def begin(self, task: Task, environment: Mapping[str, str]) -> None:
         self._back_up(task)
+        if task.prepared:
+            return
         # What hooks of dependencies set, without path lists.
         usual = _FROM_NEEDS | self._config_variables(task).keys()
         set_by_needs = tuple(
@@ -117,12 +119,18 @@ class TaskSetup(TaskLifecycle):
         observes = self.observes and "DESTDIR" not in self.variables
         return staging.staged(task, self.layout) if observes else task
 
-    def unstaged(self, task: Task, *, failed: bool) -> Task | None:
-        if task.stage is None:
+    def unstaged(self, task: Task, failed: Step | None, *, stopped: bool) -> Task | None:
+        if task.stage is None or stopped:
             return None
         steps = self.recorder.read_steps(task)
-        uses_prefix = staging.needs_prefix(task, self.layout, steps, failed=failed)
-        return staging.without_stage(task) if uses_prefix else None
+        again = staging.in_place(task, self.layout, steps, failed)
+        if again is not None:
+            if again.prepared:
+                self.recorder.keep_steps(task)
+            else:
+                self.recorder.record_commands(task)
+            staging.end(task, self.layout)
+        return again
 
     def _back_up(self, task: Task) -> None:
         self.recorder.begin(task)

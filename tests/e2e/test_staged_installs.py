@@ -7,13 +7,17 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from tests import opt_ros
 from tests.conftest import Forge, Tree
-from tests.e2e.test_exact_installs import build, cmake, hold_against_clean, look
-from tests.packages import manifest_text
+from tests.e2e.test_exact_installs import LINKED, build, cmake, hold_against_clean, look
+from tests.e2e.test_opt_ros import shell
+from tests.packages import manifest_text, write_files
+from tests.rosidl import DEBIAN
 
 pytestmark = [pytest.mark.needs("cmake")]
 
@@ -145,6 +149,124 @@ def test_a_link_to_another_folder_is_installed_again(forge: Forge, tree: Tree) -
     hold_against_clean(forge, root)
 
 
+SCRIPT = "#!/bin/sh\nexit 0\n"
+AMENT = """find_package(ament_cmake REQUIRED)
+find_package(ament_cmake_python REQUIRED)
+install(DIRECTORY d DESTINATION share/a)
+install(PROGRAMS run DESTINATION lib/a)
+ament_python_install_package(a)
+ament_package()
+"""
+CODE = r"""
+configure_file(install.sh.in install.sh @ONLY)
+install(CODE "execute_process(COMMAND sh -e ${CMAKE_BINARY_DIR}/install.sh COMMAND_ERROR_IS_FATAL ANY)")
+install(CODE "file(COPY ${PROJECT_SOURCE_DIR}/d DESTINATION \${CMAKE_INSTALL_PREFIX}/share/a)")
+"""
+INSTALLER = """prefix=@CMAKE_INSTALL_PREFIX@
+mkdir -p "$prefix/lib/a" "$prefix/share"
+cp -p @PROJECT_SOURCE_DIR@/run "$prefix/lib/a/run"
+cd "$prefix/lib/a"
+./run
+pwd > ../../share/where
+(cd ../../../.. && ls src) >> ../../share/where
+cp -p run "$prefix/share/copy"
+ln -s copy ../../share/link
+mv "$prefix/share/copy" "$prefix/share/moved"
+ln -sf moved ../../share/link
+found=$(find "$prefix" | sort)
+echo "$found" > ../../share/list
+chmod 750 "$prefix/share/moved"
+"""
+
+
+def startable(program: Path) -> bool:
+    try:
+        return subprocess.run([program], check=False).returncode == 0
+    except OSError:
+        return False
+
+
+def never_fails(program: Path, build_often: Callable[[], None]) -> None:
+    """Start a program all the time during some builds."""
+    said, ended = [], threading.Event()
+
+    def run_often() -> None:
+        while not ended.is_set():
+            said.append(startable(program))
+            time.sleep(0.02)
+
+    starter = threading.Thread(target=run_often)
+    starter.start()
+    try:
+        build_often()
+    finally:
+        ended.set()
+        starter.join()
+    assert all(said)
+    assert len(said) > 1
+
+
+@pytest.mark.parametrize("options", [(), (LINKED,)], ids=["copies", "links"])
+@pytest.mark.parametrize("body", ["", CODE], ids=["rules", "code"])
+def test_rules_and_code_replace_only_what_has_changed(
+    forge: Forge, tree: Tree, body: str, options: tuple[str, ...]
+) -> None:
+    """Whatever names the prefix, at configure time or later, finds the stage there."""
+    rules = "install(DIRECTORY d DESTINATION share/a)\ninstall(PROGRAMS run DESTINATION lib/a)\n"
+    root = tree(
+        cmake("a", body or rules, **{"d/x": "1", "d/y": "1", "run": SCRIPT, "install.sh.in": INSTALLER})
+    )
+    (root / "src/a/run").chmod(0o755)
+    build(forge, root, *options)
+    before = inodes(root / "install/a")
+
+    def change() -> None:
+        for number in range(2, 5):
+            tree({"src/a/d/x": f"{number}", f"src/a/d/new{number}": ""})
+            (root / f"src/a/d/new{number - 1}").unlink(missing_ok=True)
+            build(forge, root, *options)
+            assert (root / "install/a/share/a/d/x").read_text() == f"{number}"
+
+    never_fails(root / "install/a/lib/a/run", change)
+    after = inodes(root / "install/a")
+    same = {"lib/a/run", "share/a/d/y", "share/where", "share/moved", "share/a/package.sh"}
+    assert all(after.get(path) == before.get(path) for path in same)
+    if body:
+        assert (root / "install/a/share/where").read_text() == f"{root}/install/a/lib/a\na\n"
+    hold_against_clean(forge, root, *options)
+
+
+@pytest.mark.needs(str(DEBIAN), "g++")
+@pytest.mark.parametrize("options", [(), (LINKED,)], ids=["copies", "links"])
+def test_ament_of_a_distribution_installs_while_programs_start(
+    tmp_path: Path, options: tuple[str, ...]
+) -> None:
+    """Its own links and its bytecode, for which it names the prefix."""
+    underlay, root = tmp_path / "opt/ros/humble", tmp_path / "ws"
+    opt_ros.install(underlay, tmp_path)
+    needs = ("ament_cmake", "ament_cmake_python")
+    write_files(root, cmake("a", AMENT, **{"d/x": "1", "a/__init__.py": "", "run": SCRIPT}))
+    manifest = manifest_text("a", *(f"<buildtool_depend>{need}</buildtool_depend>" for need in needs))
+    write_files(root, {"src/a/package.xml": manifest})
+    (root / "src/a/run").chmod(0o755)
+    command = " ".join((f". {underlay}/setup.sh && forge build", *options))
+    shell(command, root)
+
+    def change() -> None:
+        for number in range(2, 4):
+            files = {"src/a/d/x": f"{number}", f"src/a/d/y{number}": "", "src/a/a/__init__.py": f"{number}"}
+            write_files(root, files)
+            shell(command, root)
+
+    never_fails(root / "install/a/lib/a/run", change)
+    assert "unchanged" in shell(command, root)
+    found = look(root / "install")
+    for folder in ("build", "install"):
+        shutil.rmtree(root / folder)
+    shell(command, root)
+    assert found == look(root / "install")
+
+
 def test_what_came_from_the_cache_is_replaced_as_in_a_clean_build(forge: Forge, tree: Tree) -> None:
     root = tree(cmake("a", "install(DIRECTORY d/ DESTINATION share)", **{"d/x": "1", "d/y": "1"}))
     options = ("--cache", str(root / "cache"))
@@ -225,38 +347,53 @@ class Rules:
             path.write_text(text)
 
 
+@pytest.mark.parametrize("options", [(), (LINKED,)], ids=["isolated", "linked"])
 @pytest.mark.parametrize("seed", range(int(os.environ.get("FORGE_TEST_EXAMPLES", "3"))))
 def test_any_change_of_files_and_rules_installs_what_a_clean_build_does(
-    forge: Forge, tree: Tree, seed: int
+    forge: Forge, tree: Tree, seed: int, options: tuple[str, ...]
 ) -> None:
     names = [*(f"f{number}" for number in range(1, 7)), "d/g1", "d/g2", "d/s/g1", "e/g1"]
     root = tree(cmake("a", "", **dict.fromkeys(names, "0")))
     rules = Rules(random.Random(seed), root / "src/a")
     rules.write()
-    build(forge, root)
+    build(forge, root, *options)
     for _ in range(8):
         for _ in range(rules.chance.choice((1, 1, 2))):
             rules.change()
         rules.write()
-        build(forge, root)
+        build(forge, root, *options)
         clean = root.parent / "clean"
         shutil.rmtree(clean, ignore_errors=True)
         shutil.copytree(root / "src", clean / "src", symlinks=True)
-        build(forge, clean)
+        build(forge, clean, *options)
         found, expected = (
-            {path: look(place / "install/a/share" / path) for path in "pqr"} for place in (root, clean)
+            {
+                path: {each: said.replace(str(place), "") for each, said in shown.items()}
+                for path in "pqr"
+                for shown in (look(place / "install/a/share" / path),)
+            }
+            for place in (root, clean)
         )
         assert found == expected, rules.rules
 
 
-def test_a_kill_between_two_files_loses_none(forge: Forge, tree: Tree) -> None:
+@pytest.mark.parametrize(
+    "body",
+    [
+        "install(DIRECTORY d/ DESTINATION share)",
+        'install(CODE "file(COPY ${PROJECT_SOURCE_DIR}/d/ DESTINATION ${CMAKE_INSTALL_PREFIX}/share)")',
+    ],
+    ids=["rules", "code"],
+)
+def test_a_kill_between_two_files_loses_none(forge: Forge, tree: Tree, body: str) -> None:
     """The next build finishes what the killed one began."""
-    files = {f"d/{number}": "1" for number in range(FILES)}
-    root = tree(cmake("a", "install(DIRECTORY d/ DESTINATION share)", **files))
+    count = FILES if "DIRECTORY" in body else FILES // 5
+    files = {f"d/{number}": "1" for number in range(count)}
+    root = tree(cmake("a", body, **files))
     build(forge, root)
     chance = random.Random(1)
     for turn in range(KILLS):
-        tree({f"src/a/d/{number}": str(turn + 2) for number in range(FILES)})
+        tree({f"src/a/d/{number}": str(turn + 2) for number in range(count)})
         (root / "src/a/d" / f"more{turn}").write_text("1")
         running = subprocess.Popen(
             [sys.executable, "-m", "forge", "build"],
@@ -270,10 +407,10 @@ def test_a_kill_between_two_files_loses_none(forge: Forge, tree: Tree) -> None:
         time.sleep(chance.random() * 0.02)
         running.kill()
         running.wait()
-        texts = {(root / f"install/a/share/{number}").read_text() for number in range(FILES)}
+        texts = {(root / f"install/a/share/{number}").read_text() for number in range(count)}
         assert texts <= {str(turn + 1), str(turn + 2)}
         build(forge, root)
-        assert {(root / f"install/a/share/{number}").read_text() for number in range(FILES)} == {
+        assert {(root / f"install/a/share/{number}").read_text() for number in range(count)} == {
             str(turn + 2)
         }
     hold_against_clean(forge, root)
@@ -338,3 +475,18 @@ def test_a_setup_py_that_writes_its_prefix_installs_what_a_clean_build_does(forg
     build(forge, root)
     assert (root / "install/p/share/p/words.txt").read_text() == str(root / "install/p")
     hold_against_clean(forge, root)
+
+
+@pytest.mark.parametrize("options", [(), (LINKED,)], ids=["copies", "links"])
+def test_the_manifest_that_forge_installs_follows_its_source(
+    forge: Forge, tree: Tree, options: tuple[str, ...]
+) -> None:
+    files = python()
+    files["src/p/setup.py"] = files["src/p/setup.py"].replace('"package.xml", ', "")
+    root = tree(files)
+    build(forge, root, *options)
+    manifest = files["src/p/package.xml"]
+    tree({"src/p/package.xml": manifest.replace("</package>", "<!-- new --></package>")})
+    build(forge, root, *options)
+    assert "new" in (root / "install/p/share/p/package.xml").read_text()
+    hold_against_clean(forge, root, *options)

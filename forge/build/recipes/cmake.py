@@ -118,10 +118,7 @@ def recipe(package: Package, context: BuildContext) -> Recipe:
     env = (("CMAKE_INSTALL_ALWAYS", "1"),)
     if _links(package, context):
         env += (("CMAKE_INSTALL_MODE", "ABS_SYMLINK_OR_COPY"),)
-    prefix = (
-        None if context.layout.merged or _links(package, context) else context.layout.prefix(package.name)
-    )
-    steps.append(Step(StepKind.INSTALL, (cmake, "--install", str(build)), build, env, prefix=prefix))
+    steps.append(Step(StepKind.INSTALL, (cmake, "--install", str(build)), build, env))
     return Recipe(tuple(steps), files)
 
 

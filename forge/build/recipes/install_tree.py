@@ -25,7 +25,7 @@ def main(staged: Path, prefix: Path, manifest: Path) -> None:
     for source in _files(staged):
         target = prefix / source.relative_to(staged)
         if log:
-            with Path(log).open("ab") as stream:
+            with Path(f"{log}.notes").open("ab") as stream:
                 stream.write(b"W%s\0" % os.fsencode(target))
         target.parent.mkdir(parents=True, exist_ok=True)
         target.unlink(missing_ok=True)

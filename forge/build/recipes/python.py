@@ -29,8 +29,7 @@ def recipe(package: Package, context: BuildContext, *more: str) -> Recipe:
         *(("--target", layout.target) if layout.target else ()),
         *(("--link",) if links else ()),
     )
-    prefix = None if layout.merged or links or layout.target else layout.prefix(package.name)
-    return Recipe((Step(StepKind.INSTALL, argv, build, prefix=prefix),))
+    return Recipe((Step(StepKind.INSTALL, argv, build, prefix=layout.prefix(package.name)),))
 
 
 def plain_recipe(package: Package, context: BuildContext) -> Recipe:
