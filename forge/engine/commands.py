@@ -167,27 +167,25 @@ def commands_of(
         seen = observe(processes, blind)
         return replace(seen, missing=seen.missing.union(folders.missing_modules(seen)))
 
+    def as_read(seen: Observation, programs: Observation) -> Observation:
+        # Commands of packages may look how old a file is, as git does to see whether it has changed.
+        return replace(seen, read=seen.read | programs.found)
+
     for process in step.processes:
         kind = roots.get(process.pid) if process.parent is None else None
         if kind == "cmake":
             family = process.family()
             others.difference_update(family)
-            # CMake looks whether files exist; the programs that it starts may also look how old they are.
+            # CMake looks whether files exist.
             own = [each for each in family if each.programs and Path(each.programs[-1]).name == "cmake"]
-            seen = look(family, step.blind)
+            seen = as_read(look(family, step.blind), look(each for each in family if each not in own))
             accesses = folders.accesses(seen, family)
-            children = folders.accesses(look(each for each in family if each not in own))
-            configure = replace(
-                accesses,
-                read=accesses.read | children.found,
-                found=accesses.found - children.found,
-                searched=folders.paths(seen.missing),
-            )
+            configure = replace(accesses, searched=folders.paths(seen.missing))
             missing |= configure.searched
     for process in step.edges():
         family = process.family()
         seen = look(family, step.blind)
-        accesses = folders.accesses(seen, family)
+        accesses = folders.accesses(as_read(seen, seen), family)
         edge = edge_of(process, accesses.written)
         if edge is not None:
             others.difference_update(family)
@@ -195,12 +193,12 @@ def commands_of(
             # A server has written what the command itself did not.
             others_outputs = outputs - {path.rstrip("/") for path in accesses.written}
             blind = accesses.blind or any(map(os.path.lexists, others_outputs))
-            # A command may look how old a file is.
-            read = accesses.read | accesses.found
-            edges[output] = replace(accesses, read=read, found=frozenset(), blind=blind)
+            edges[output] = replace(accesses, found=frozenset(), blind=blind)
             missing |= folders.paths(seen.missing)
     copying = {each for each in others if each.parent is None and roots.get(each.pid) == "install"}
-    rest = folders.accesses(look(others, step.blind), others, copying)
+    started = [each for each in others if each.parent and folders.tools.isdisjoint(each.programs[-1:])]
+    seen = as_read(look(others, step.blind), look(started))
+    rest = folders.accesses(seen, others, copying)
     return ObservedCommands(configure, edges, frozenset(missing), rest)
 
 
@@ -300,7 +298,8 @@ class Folders:
             *filter(self._is_missing, seen.missing),
             *self._listed(processes),
         }
-        kinds = about_kinds(path for path in seen.found if path not in external and self._is_found(path))
+        only_found = (path for path in seen.found if path not in external or os.path.islink(path))
+        kinds = about_kinds(filter(self._is_found, only_found))
         used = (path.rpartition("/") for path in chain(seen.missing, seen.found, seen.executed, read))
         asked = about_programs({name for folder, _, name in used if folder in self._path})
         variables = seen.variables.union(*map(self._mentioned_by, processes))

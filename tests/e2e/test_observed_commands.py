@@ -1,5 +1,6 @@
 """Commands run again if something changed that they were observed to read, and only then."""
 
+import os
 import shutil
 import subprocess
 from collections.abc import Callable
@@ -462,3 +463,28 @@ def test_a_file_that_is_written_only_if_missing_depends_on_what_it_was_made_from
     edit(root, "value.txt", "4\n")
     built(forge, root)
     assert is_as_clean(forge, root)
+
+
+@pytest.mark.needs("git")
+@pytest.mark.parametrize("step", ["configure", "build"])
+def test_a_file_elsewhere_whose_age_a_program_compares_is_an_input(
+    forge: Forge, tree: Tree, step: str
+) -> None:
+    """As git does: it opens a file only if its time differs from that in the index."""
+    says = "git -C ${CMAKE_SOURCE_DIR}/../.. diff-files --name-only"
+    cmake = {
+        "configure": f"execute_process(COMMAND {says} OUTPUT_FILE ${{CMAKE_BINARY_DIR}}/version)\n",
+        "build": f"add_custom_command(OUTPUT version COMMAND {says} > ${{CMAKE_BINARY_DIR}}/version)\n"
+        "add_custom_target(v ALL DEPENDS version)\n",
+    }[step]
+    cmake = f"{HEAD}{cmake}install(FILES ${{CMAKE_BINARY_DIR}}/version DESTINATION share)\n"
+    root = tree({**FILES, "src/a/CMakeLists.txt": cmake, "elsewhere/x": "1"})
+    old = 1_600_000_000
+    os.utime(root / "elsewhere/x", (old, old))
+    for words in (("init",), ("add", "elsewhere", "src")):
+        subprocess.run(("git", *words), cwd=root, check=True, capture_output=True)
+    assert forge("build", cwd=root).code == 0
+    assert "0 packages finished" in forge("build", cwd=root).out
+    tree({"elsewhere/x": "2"})
+    assert forge("build", cwd=root).code == 0
+    assert (root / "install/a/share/version").read_text() == "elsewhere/x\n"
