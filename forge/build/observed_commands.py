@@ -34,7 +34,14 @@ _ESCAPE = re.compile(r"\$([ :$])")
 
 
 def observed_commands(
-    steps: ObservedSteps, build: Path, source: Path, layout: Layout, world: World, before: ObservedCommands
+    steps: ObservedSteps,
+    build: Path,
+    source: Path,
+    layout: Layout,
+    world: World,
+    before: ObservedCommands,
+    *,
+    workspace: Path | None = None,
 ) -> ObservedCommands:
     """Return what the steps of a package did, and what was done `before` in its build folder."""
     if not steps.kinds:
@@ -52,6 +59,7 @@ def observed_commands(
         own_cache(os.environ),
         frozenset(sources),
         source,
+        workspace,
     )
     found = commands_of(steps.observed, steps.kinds, EdgeFinder(graph), folders)
     outputs = frozenset(edge.outputs[0] for edge in graph.edges)

@@ -133,7 +133,9 @@ class PackageRecorder:
         source, world, build = self._state.source(task), self._state.world, task.build_dir
         begun = self._begun.get(task.name)
         before = begun[1].commands if begun else NOT_OBSERVED
-        commands = observed_commands(steps, build, source, self._layout, world, before)
+        commands = observed_commands(
+            steps, build, source, self._layout, world, before, workspace=self._state.root
+        )
         self._observed[task.name] = commands
         if begun and commands is not NOT_OBSERVED:
             add_commands(build, commands)

@@ -30,7 +30,7 @@ from forge.engine.world import (
     about_programs,
     about_variables,
 )
-from forge.workspace.source_names import is_source, is_source_folder
+from forge.workspace.source_names import ENVIRONMENT_MARKS, is_source, is_source_folder
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
@@ -214,13 +214,15 @@ class Folders:
         private: Path | None = None,
         sources: frozenset[str] = frozenset(),
         source: Path | None = None,
+        workspace: Path | None = None,
     ) -> None:
         """Keep what lies below the build folder or `others`; what lies below `known` is tracked otherwise.
 
         What commands of forge write below `private`, forge's own cache, is no output. `sources` are files
         that compilers take as source code. Of `source`, one of the `others`, files that do not count as
-        sources are like files elsewhere.
+        sources are like files elsewhere. Scripts of packages may lie anywhere in the `workspace`.
         """
+        self._workspace = f"{workspace}/" if workspace else "\0"
         self._private = f"{private}/" if private else "\0"
         self._build = f"{build}/"
         self._source = f"{source}/" if source else ""
@@ -245,6 +247,7 @@ class Folders:
         self._is_native = cache(self._look_for_native)
         self._is_found = cache(self._look_at_kind)
         self._is_no_source = cache(self._look_beside)
+        self._is_script = cache(self._look_for_script)
 
     def path(self, path: str) -> str | None:
         """Return a path below one of the folders as its name spells it, None if it is elsewhere."""
@@ -465,14 +468,25 @@ class Folders:
     def _mentioned_by(self, process: Process) -> frozenset[str]:
         """Return the variables that a process may have read from a copy of its environment."""
         found = [mentioned(program, process.command) for program in process.programs if process.command]
-        for program in filter(copies_environment, process.programs[-1:]):
-            for _, kind, path in process.records:
-                if kind == "R" and self.path(path) is not None:
-                    if (program, path) not in self._mentioned:
-                        text = _script(path).decode(errors="replace")
-                        self._mentioned[program, path] = mentioned(program, text)
-                    found.append(self._mentioned[program, path])
+        for number, kind, path in process.records:
+            program = process.program_at(number) if kind == "R" else ""
+            if program and copies_environment(program) and self._is_script(path):
+                if (program, path) not in self._mentioned:
+                    text = _script(path).decode(errors="replace")
+                    self._mentioned[program, path] = mentioned(program, text)
+                found.append(self._mentioned[program, path])
         return frozenset[str]().union(*found)
+
+    def _look_for_script(self, path: str) -> bool:
+        """Tell if a file is a package's own, and no module of an interpreter installed in the workspace."""
+        if self.path(path) is not None:
+            return True
+        folder = os.path.dirname(path)
+        while f"{folder}/".startswith(self._workspace):
+            if any(os.path.lexists(f"{folder}/{mark}") for mark in ENVIRONMENT_MARKS):
+                return False
+            folder = os.path.dirname(folder)
+        return path.startswith(self._workspace)
 
 
 def _script(path: str) -> bytes:

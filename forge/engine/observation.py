@@ -10,6 +10,7 @@ import os
 import re
 import struct
 import sys
+from bisect import bisect
 from collections import defaultdict
 from dataclasses import dataclass, field
 from heapq import merge
@@ -75,11 +76,20 @@ class Process:
     """What it runs, if its first program is a shell."""
     records: list[tuple[int, str, str]] = field(default_factory=list)
     children: list[Process] = field(default_factory=list)
+    starts: list[int] = field(default_factory=list)
+    """The number of the next record when each program began."""
 
     @property
     def is_ninja(self) -> bool:
         """Return True if the last program is ninja."""
         return bool(self.programs) and os.path.basename(self.programs[-1]) in _NINJA
+
+    def program_at(self, number: int) -> str:
+        """Return the program that made a record; a copy of a process runs that of its parent."""
+        begun = bisect(self.starts, number)
+        if not begun and self.parent:
+            return self.parent.program_at(number)
+        return self.programs[begun - 1] if self.programs else ""
 
     def above(self) -> Iterator[Process]:
         """Yield the parent, its parent and so on."""
@@ -174,6 +184,7 @@ def read_log(
             case "P":
                 spawned.pop(pid, None)
                 process.programs.append(word)
+                process.starts.append(number)
             case "O" if process.parent is None:
                 process.parent = running.get(int(word))
                 if process.parent:

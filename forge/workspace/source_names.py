@@ -28,7 +28,7 @@ _LITTER_OF_PROJECTS = frozenset(
 _INSTALLED = frozenset({"site-packages", "dist-packages", "node_modules"})
 """Folders into which package managers install the packages of others."""
 
-_ENVIRONMENT_MARKS = ("pyvenv.cfg", "conda-meta")
+ENVIRONMENT_MARKS = ("pyvenv.cfg", "conda-meta")
 """Names in the top folder of a virtual environment or conda environment."""
 
 _PROJECT_FILES = ("CMakeLists.txt", "package.xml", "setup.py", "pyproject.toml", "package.json")
@@ -64,7 +64,7 @@ def is_source_folder(name: str, beside: Callable[[str], bool]) -> bool:
 
 def is_environment(inside: Callable[[str], bool]) -> bool:
     """Tell whether a folder is a Python environment; `inside` tells whether a name exists in it."""
-    return any(map(inside, _ENVIRONMENT_MARKS))
+    return any(map(inside, ENVIRONMENT_MARKS))
 
 
 def may_contain_packages(name: str) -> bool:

@@ -310,6 +310,23 @@ def test_a_replaced_compiler_named_by_an_option_causes_a_rebuild(forge: Forge, t
     assert builds.same_as_clean()
 
 
+def test_variables_of_a_compiler_wrapper_in_the_workspace_are_inputs(forge: Forge, tree: Tree) -> None:
+    """Scripts that lie beside the packages, but not what an interpreter installed there reads."""
+    wrapper = (
+        '#!/bin/sh\n. "${0%/*}/venv/lib/more"\nexec gcc -DV="${WRAPPED-1}" -DW="$(. "${0%/*}/sub")" "$@"\n'
+    )
+    tools = {"tools/cc": wrapper, "tools/venv/pyvenv.cfg": "", "tools/venv/lib/more": ": ${UNRELATED-1}\n"}
+    tools["tools/sub"] = "echo ${SUBSHELL-1}\n"
+    root = tree(cmake("a", "") | tools)
+    (root / "tools/cc").chmod(0o755)
+    builds = Builds(forge, root, "--cmake-args", f"-DCMAKE_C_COMPILER={root}/tools/cc")
+    builds.build()
+    assert builds.build({"UNRELATED": "2"}) == []
+    assert builds.build({"SUBSHELL": "2"}) == ["a"]
+    assert builds.build({"WRAPPED": "2"}) == ["a"]
+    assert builds.same_as_clean({"WRAPPED": "2"})
+
+
 def test_package_arguments_can_select_another_compiler(forge: Forge, tree: Tree) -> None:
     """What is known of everybody's compiler is not handed to a package that has its own."""
     text = 'set(file ${CMAKE_BINARY_DIR}/c.txt)\nfile(WRITE ${file} "${CMAKE_C_COMPILER}")\n'
