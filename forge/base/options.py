@@ -6,7 +6,8 @@
 
 forge.cli.options adds an argument for each such field, and fills the dataclass. Other packages see only
 the dataclass. A field without an option gets the parser's value of that name, if there is one. GROUP is the
-title of the options in the help, USAGE and EPILOG replace argparse's.
+title of the options in the help, PREFIX what their names begin with instead of '--'. USAGE and EPILOG replace
+argparse's.
 """
 
 from __future__ import annotations

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from forge.base.env_vars import SEQUENTIAL, own_cache, without_secrets
 from forge.base.errors import WorkspaceError, print_problem, raise_if_any
@@ -19,7 +20,6 @@ from forge.build.recipes.extensions import active_extensions
 from forge.build.recording import PackageRecorder
 from forge.build.state import BuildState
 from forge.build.tasks import BuildPlan
-from forge.cache.package_cache import PackageCache
 from forge.cli.preparation import PreparedBuild
 from forge.cli.session import Session, open_session
 from forge.engine.variables import relevant_environment
@@ -39,6 +39,9 @@ from forge.toolchain.resources import LIBRARY_PATH_BELOW, gcc_heap, memory
 from forge.workspace.cmake_text import announced_downloads
 from forge.workspace.missing import Whereabouts, missing_dependencies
 from forge.workspace.resolve import GENERATORS
+
+if TYPE_CHECKING:
+    from forge.cache.package_cache import PackageCache
 
 
 def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:

@@ -47,7 +47,7 @@ def add_options(parser: argparse.ArgumentParser, cls: Any) -> None:
                 group = exclusive.setdefault(each.conflicts, None) or group.add_mutually_exclusive_group()
                 exclusive[each.conflicts] = group
             group.add_argument(
-                *filter(None, (each.short, _flag(declared, each))), **_argument(declared, each)
+                *filter(None, (each.short, _flag(cls, declared, each))), **_argument(declared, each)
             )
 
 
@@ -60,7 +60,7 @@ def read_options(cls: Callable[..., _Options], namespace: argparse.Namespace) ->
         if nested := nested_options(declared):
             values[name] = read_options(nested, namespace)
         elif each := option_of(declared):
-            flag = _flag(declared, each)
+            flag = _flag(cls, declared, each)
             value = getattr(namespace, flag.removeprefix("--").replace("-", "_"))
             if isinstance(value, list):
                 # A leading space shields what starts with a dash.
@@ -90,8 +90,9 @@ def add_verb(
     set_command(verbs.add_parser(word, **{"help": summary, "description": summary, **more}), cls, run)
 
 
-def _flag(declared: Field[Any], each: Option) -> str:
-    return each.flag or (declared.name if each.positional else f"--{declared.name.replace('_', '-')}")
+def _flag(cls: Any, declared: Field[Any], each: Option) -> str:
+    word = f"{getattr(cls, 'PREFIX', '--')}{declared.name.replace('_', '-')}"
+    return each.flag or (declared.name if each.positional else word)
 
 
 def _argument(declared: Field[Any], each: Option) -> Mapping[str, Any]:

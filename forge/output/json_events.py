@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict
+from typing import TYPE_CHECKING
 
 from forge.base.errors import EXIT_INTERRUPTED, Problem
 from forge.base.graph import reduced
@@ -28,8 +29,10 @@ from forge.build.events import (
 )
 from forge.build.tasks import BuildPlan, Step
 from forge.output.console import ConsoleReporter
-from forge.testing.failures import Failure
 from forge.workspace.model import Package
+
+if TYPE_CHECKING:
+    from forge.testing.failures import Failure
 
 
 class JsonEvents:

@@ -32,8 +32,8 @@ FilterResult = tuple[str, frozenset[str]]
 _NAME: Mapping[str, Any] = {"parse": str.lstrip, "metavar": "PKG"}
 
 
-def _names(flag: str, help: str, *, default: tuple[str, ...] | None = (), **more: Any) -> Any:
-    return option(help, flag=flag, default=default, nargs="*", **_NAME, **more)
+def _names(help: str, *, default: tuple[str, ...] | None = (), **more: Any) -> Any:
+    return option(help, default=default, nargs="*", **_NAME, **more)
 
 
 def _pattern(text: str) -> str:
@@ -45,8 +45,8 @@ def _pattern(text: str) -> str:
     return text
 
 
-def _patterns(flag: str, help: str, *, default: tuple[str, ...] | None = (), **more: Any) -> Any:
-    return option(help, flag=flag, default=default, nargs="*", parse=_pattern, metavar="REGEX", **more)
+def _patterns(help: str, *, default: tuple[str, ...] | None = (), **more: Any) -> Any:
+    return option(help, default=default, nargs="*", parse=_pattern, metavar="REGEX", **more)
 
 
 def _depth(words: Sequence[str]) -> tuple[int, tuple[str, ...]]:
@@ -87,94 +87,68 @@ class Query:
     """The package options of a command line; None and () for options that were not given."""
 
     GROUP = "package selection"
+    PREFIX = "--packages-"
+
     search: SearchPaths = options_of(SearchPaths)
     ignore: tuple[str, ...] = _names(
-        "--packages-ignore", "ignore these packages, as if they did not exist", group=SearchPaths.GROUP
+        "ignore these packages, as if they did not exist", group=SearchPaths.GROUP
     )
     ignore_regex: tuple[str, ...] = _patterns(
-        "--packages-ignore-regex",
-        "ignore packages whose name matches one of these patterns",
-        group=SearchPaths.GROUP,
+        "ignore packages whose name matches one of these patterns", group=SearchPaths.GROUP
     )
     no_test_dependencies: bool = flag(
         "ignore dependencies that only tests need; for build, do not build the tests that need them",
         group=SearchPaths.GROUP,
+        flag="--no-test-dependencies",
     )
-    select: tuple[str, ...] | None = _names("--packages-select", "process only these packages", default=None)
+    select: tuple[str, ...] | None = _names("process only these packages", default=None)
     select_regex: tuple[str, ...] | None = _patterns(
-        "--packages-select-regex",
         "process only packages whose name matches one of these patterns (from the beginning of the name)",
         default=None,
     )
-    skip: tuple[str, ...] = _names("--packages-skip", "skip these packages")
-    skip_regex: tuple[str, ...] = _patterns(
-        "--packages-skip-regex", "skip packages whose name matches one of these patterns"
-    )
-    up_to: tuple[str, ...] = _names(
-        "--packages-up-to", "process these packages and their recursive dependencies"
-    )
+    skip: tuple[str, ...] = _names("skip these packages")
+    skip_regex: tuple[str, ...] = _patterns("skip packages whose name matches one of these patterns")
+    up_to: tuple[str, ...] = _names("process these packages and their recursive dependencies")
     up_to_regex: tuple[str, ...] = _patterns(
-        "--packages-up-to-regex",
-        "process packages whose name matches one of these patterns, and their recursive dependencies",
+        "process packages whose name matches one of these patterns, and their recursive dependencies"
     )
     above: tuple[str, ...] = _names(
-        "--packages-above", "process these packages and all packages that depend on them, recursively"
+        "process these packages and all packages that depend on them, recursively"
     )
     above_and_dependencies: tuple[str, ...] = _names(
-        "--packages-above-and-dependencies",
-        "process these packages, their recursive dependents, and their dependencies",
+        "process these packages, their recursive dependents, and their dependencies"
     )
     select_by_dep: tuple[str, ...] = _names(
-        "--packages-select-by-dep",
-        "process only packages that depend on one of these, directly or indirectly",
+        "process only packages that depend on one of these, directly or indirectly"
     )
-    skip_by_dep: tuple[str, ...] = _names(
-        "--packages-skip-by-dep", "skip packages that depend on one of these, directly or indirectly"
-    )
-    skip_up_to: tuple[str, ...] = _names(
-        "--packages-skip-up-to", "skip these packages and their recursive dependencies"
-    )
+    skip_by_dep: tuple[str, ...] = _names("skip packages that depend on one of these, directly or indirectly")
+    skip_up_to: tuple[str, ...] = _names("skip these packages and their recursive dependencies")
     above_depth: tuple[int, tuple[str, ...]] = option(
         "process these packages and their dependents, up to N levels",
         default=(0, ()),
-        flag="--packages-above-depth",
         nargs="+",
         combine=_depth,
         **{**_NAME, "metavar": ("N", "PKG")},
     )
-    start: str | None = option(
-        "skip packages before this one in topological order", flag="--packages-start", **_NAME
-    )
-    end: str | None = option(
-        "skip packages after this one in topological order", flag="--packages-end", **_NAME
-    )
-    select_build_failed: bool = flag(
-        "process only packages whose last build failed",
-        flag="--packages-select-build-failed",
-        conflicts="results",
-    )
-    skip_build_finished: bool = flag(
-        "skip packages whose last build succeeded", flag="--packages-skip-build-finished", conflicts="results"
-    )
+    start: str | None = option("skip packages before this one in topological order", **_NAME)
+    end: str | None = option("skip packages after this one in topological order", **_NAME)
+    select_build_failed: bool = flag("process only packages whose last build failed", conflicts="results")
+    skip_build_finished: bool = flag("skip packages whose last build succeeded", conflicts="results")
     select_test_failures: bool = flag(
-        "process only packages with failures in their last test run",
-        flag="--packages-select-test-failures",
-        conflicts="results",
+        "process only packages with failures in their last test run", conflicts="results"
     )
-    skip_test_passed: bool = flag(
-        "skip packages whose last test run passed", flag="--packages-skip-test-passed", conflicts="results"
-    )
+    skip_test_passed: bool = flag("skip packages whose last test run passed", conflicts="results")
     select_changed: bool = flag(
-        "process only packages with files changed since --since, including untracked files",
-        flag="--packages-select-changed",
+        "process only packages with files changed since --since, including untracked files"
     )
-    above_changed: bool = flag(
-        "process changed packages and all packages that depend on them", flag="--packages-above-changed"
+    above_changed: bool = flag("process changed packages and all packages that depend on them")
+    since: str = option(
+        "git revision to compare with (default: HEAD)", default="HEAD", metavar="REV", flag="--since"
     )
-    since: str = option("git revision to compare with (default: HEAD)", default="HEAD", metavar="REV")
     strict: bool = flag(
         "treat unknown package names as errors; for build, also files that two packages install with "
         "different contents",
+        flag="--strict",
     )
     build_base: str = "build"
     """The folder with the results of earlier builds and tests."""

@@ -5,31 +5,23 @@ from __future__ import annotations
 import re
 import sys
 from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
-from pathlib import PurePath
-from typing import TYPE_CHECKING
+from pathlib import Path, PurePath
 
-from forge.base.errors import GroupedProblems, Location, Problem
+from forge.base.errors import GroupedProblems, Location, Problem, Severity
 from forge.base.frozen import frozen
 from forge.base.graph import closure
-from forge.doctor.checks.model import CheckResult
+from forge.doctor.checks.model import CheckContext, CheckResult
 from forge.environment.prefixes import installed_packages
 from forge.environment.underlays import overridden
 from forge.workspace.cmake_text import calls, package_references
 from forge.workspace.discovery import discover_embedded
-from forge.workspace.model import TEST_KINDS, DependencyKind
+from forge.workspace.model import TEST_KINDS, DependencyKind, Package
 from forge.workspace.python_metadata import imported_modules, mentioned_modules
 from forge.workspace.resolve import ALL_KINDS, INTERFACE_GROUP, is_ros_name, provided_names
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
-    from pathlib import Path
-
-    from forge.base.errors import Severity
-    from forge.doctor.checks.model import CheckContext
-    from forge.workspace.model import Package
-
-    Finding = tuple[Severity, Problem]
+Finding = tuple[Severity, Problem]
 
 _CODE = (".c", ".cc", ".cpp", ".cu", ".cxx", ".h", ".hh", ".hpp", ".ipp", ".tpp", ".py", ".pyi", ".sh")
 _BUILDING = (".txt", ".cmake", ".in", ".cfg", ".toml")

@@ -23,7 +23,6 @@ from forge.toolchain.interpreter import find_interpreter
 from forge.workspace.resolve import is_ros_name, resembles_ros_name
 
 _PYTHON_FOLDER = re.compile(r"python(\d+)\.(\d+)")
-_MODULES = ("lib", "local/lib")
 _PATHS = ("CMAKE_PREFIX_PATH", "PYTHONPATH", "LD_LIBRARY_PATH")
 _FILES = ("COLCON_DEFAULTS_FILE", "COLCON_PYTHON_EXECUTABLE", "COLCON_HOME", "CMAKE_COMMAND", "CTEST_COMMAND")
 _SCRIPT_VARIABLES = ("AMENT_CURRENT_PREFIX", "COLCON_CURRENT_PREFIX")

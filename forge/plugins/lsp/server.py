@@ -6,11 +6,12 @@ import logging
 import os
 import re
 import sys
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout
 from functools import lru_cache, partial
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from urllib.parse import quote
 
 from lsprotocol import types as lsp
@@ -23,24 +24,19 @@ from forge.base.errors import ForgeError
 from forge.plugins.lsp.completion import complete
 from forge.plugins.lsp.diagnostics import diagnose
 from forge.plugins.lsp.hover import hover
-from forge.plugins.lsp.index import is_known
+from forge.plugins.lsp.index import Index, is_known
 from forge.plugins.lsp.navigation import definition, references
 from forge.plugins.lsp.rename import renamable, rename
+from forge.plugins.lsp.text import Place, Span
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
-
-    from forge.plugins.lsp.index import Index
-    from forge.plugins.lsp.text import Place, Span
-
-    _AtPosition = (
-        lsp.HoverParams
-        | lsp.DefinitionParams
-        | lsp.ReferenceParams
-        | lsp.CompletionParams
-        | lsp.PrepareRenameParams
-        | lsp.RenameParams
-    )
+_AtPosition = (
+    lsp.HoverParams
+    | lsp.DefinitionParams
+    | lsp.ReferenceParams
+    | lsp.CompletionParams
+    | lsp.PrepareRenameParams
+    | lsp.RenameParams
+)
 
 _SEVERITIES = {
     "error": lsp.DiagnosticSeverity.Error,

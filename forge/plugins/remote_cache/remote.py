@@ -6,21 +6,15 @@ import contextlib
 import threading
 import time
 from collections import deque
-from typing import TYPE_CHECKING, Final
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Final, TypeVar
 
-from forge.cache.model import BlobError, StoreError, WritingRefused
+from forge.cache.model import ActionResult, BlobError, Digest, RemoteOptions, StoreError, WritingRefused
 from forge.plugins.remote_cache.deadline import RATE
-from forge.plugins.remote_cache.store import Store
+from forge.plugins.remote_cache.store import Backend, Store
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-    from pathlib import Path
-    from typing import TypeVar
-
-    from forge.cache.model import ActionResult, Digest, RemoteOptions
-    from forge.plugins.remote_cache.store import Backend
-
-    _Answer = TypeVar("_Answer")
+_Answer = TypeVar("_Answer")
 
 _TOLERATED_SECONDS: Final = 1.0
 """Response time in seconds that does not count as slow."""

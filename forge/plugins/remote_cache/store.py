@@ -4,22 +4,16 @@ from __future__ import annotations
 
 import hashlib
 import re
+from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import closing
-from typing import TYPE_CHECKING, Final, Protocol
+from pathlib import Path
+from typing import Final, Protocol, TypeVar
 
 from forge.cache.action_result import MAX_SIZE, decode, encode
-from forge.cache.model import BlobError, StoreError
-from forge.plugins.remote_cache.deadline import DeadlineExceeded, TimeoutExecutor
+from forge.cache.model import ActionResult, BlobError, Digest, StoreError
+from forge.plugins.remote_cache.deadline import Deadline, DeadlineExceeded, TimeoutExecutor
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Generator, Iterable, Iterator
-    from pathlib import Path
-    from typing import TypeVar
-
-    from forge.cache.model import ActionResult, Digest
-    from forge.plugins.remote_cache.deadline import Deadline
-
-    _Answer = TypeVar("_Answer")
+_Answer = TypeVar("_Answer")
 
 _BLOCK: Final = 1 << 16
 """Bytes to send at a time."""
