@@ -170,7 +170,8 @@ class PrefixExchange:
 
     def in_the_way(self, paths: Iterable[str]) -> Iterator[Problem]:
         """Yield a problem for each file of somebody else where the package is about to install one."""
-        others = {path: status for path, status in self._known_others()[0].items() if os.path.lexists(path)}
+        known, unclaimed = self._known_others()
+        others = {path for path in known if os.path.lexists(path)}
         above = {parent: path for path in others for parent in folders_above(path, self._prefix)}
         base = os.path.realpath(self._layout.install)
         found: dict[str, str] = {}
@@ -179,6 +180,8 @@ class PrefixExchange:
                 (other for other in (path, *folders_above(path, self._prefix)) if other in others), None
             )
             passes = blocking and blocking != path and os.path.isdir(blocking)
+            if blocking == path and path in unclaimed:
+                continue
             if blocking and not (passes and not _leads_out(blocking, base)):
                 found.setdefault(blocking, path)
             elif path in above:

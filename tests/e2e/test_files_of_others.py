@@ -678,10 +678,14 @@ def test_what_unobserved_code_installed_is_restored_although_the_record_was_lost
     (root / "build/forge_journal.jsonl").unlink()
     (root / "src/a/x").write_text("2")
     assert forge("build", *options, cwd=root).code == 0
+    path = root / "install/a/share/a/code"
+    path.write_text("edited")
+    (root / "build/forge_journal.jsonl").unlink()
+    assert "came from the cache" in forge("build", *options, cwd=root).out
     for folder in ("build", "install"):
         shutil.rmtree(root / folder)
     assert "came from the cache" in forge("build", *options, cwd=root).out
-    assert (root / "install/a/share/a/code").read_text() == "1"
+    assert path.read_text() == "1"
 
 
 def test_code_of_a_merged_package_that_is_not_observed_leaves_no_copies(
