@@ -7,6 +7,7 @@ import os
 import stat
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 from forge.base.distributions import EMBEDDED, OLDEST, SINCE, VARIABLE, definition_folders, has_definitions
@@ -52,6 +53,7 @@ def discover(
     return walk.workspace()
 
 
+@cache
 def discover_embedded(rosdistro: str = OLDEST) -> Mapping[str, Package]:
     """Return the packages that forge has for a ROS distribution; an invalid one is a bug in forge."""
     folders = sorted(path.parent for path in EMBEDDED.glob("*/package.xml"))
