@@ -28,7 +28,8 @@ from forge.base.layout import (
     UNITS_FAILED_FILE,
 )
 from forge.base.xml import mentions
-from forge.build.inputs.fingerprints import Changes, compare, contents_of, digest_strings
+from forge.build.inputs.depfiles import written_by_backend
+from forge.build.inputs.fingerprints import Changes, compare, contents_of, digest_strings, tree_stats
 from forge.build.inputs.native_graph import cmake_edge, read_native_graph
 from forge.build.records import begin_record, read_record
 from forge.build.reuse import (
@@ -48,7 +49,7 @@ from forge.toolchain.programs import CMAKE_TYPES
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
-    from forge.build.inputs.fingerprints import FileState, FileTable
+    from forge.build.inputs.fingerprints import FileState, FileTable, Manifest
     from forge.build.inputs.native_graph import NativeGraph
     from forge.build.installed_states import InstalledStates
     from forge.build.model import BuildRecord
@@ -307,6 +308,39 @@ def written_since(path: str, when: int) -> bool:
     except OSError:
         return False
     return max(status.st_mtime_ns, status.st_ctime_ns) >= when
+
+
+def saved_during_build(
+    build: Path,
+    source: Path,
+    last: FolderRecord | None,
+    begun: FolderRecord,
+    externals: Manifest,
+    table: FileTable,
+    observed: frozenset[str],
+) -> frozenset[str]:
+    """Return the inputs that were written since the build has begun, even if with the same content.
+
+    Files that the steps were `observed` to write, or a build backend, are excluded, and so are files that
+    were also written during the `last` build and have the same content: the build writes them.
+    """
+    then, now = begun.sources, tree_stats(str(source))
+    written = observed.union(written_by_backend(build))
+    again: frozenset[str] = last.saved if last else frozenset()
+    before = (last.externals if last else None) or {}
+    changed = {
+        path
+        for path in then.keys() | now.keys()
+        if (path not in then or then[path].stats != now.get(path)) and path not in written
+    }
+    contents = contents_of(sorted(changed & again & then.keys()), table)
+    changed -= {path for path, content in contents.items() if content == then[path].content}
+    return frozenset(changed).union(
+        path
+        for path in externals.keys() - written
+        if written_since(path, begun.began)
+        and not (path in again and path in before and before[path].content == externals[path].content)
+    )
 
 
 def generated_digest(build: Path) -> str:

@@ -2,8 +2,8 @@
 
 The first line is the format version. A line {"externals": [...]} extends the table of files outside the
 workspace, which later lines refer to by index. A line {"package": ...} replaces the earlier record of that
-package. A package that started and did not finish has an incomplete record and is not up to date. Unreadable
-lines and files of another version are ignored with a note; the affected packages are rebuilt. A line
+package, and a line {"started": ...} makes it incomplete: it is not up to date until it has finished.
+Unreadable lines and files of another version are ignored; the affected packages are rebuilt. A line
 {"ended": false} means that a build started to change the install folder; without a following {"ended": true}
 it was killed before it wrote the workspace's scripts. A line {"scripts": ...} contains the stamp of these
 scripts.
@@ -15,7 +15,8 @@ import contextlib
 import json
 import time
 from dataclasses import fields, replace
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from forge.base.files import naming, replace_file
 from forge.base.layout import BUILD_RESULT, JOURNAL_FILE
@@ -23,15 +24,16 @@ from forge.build.events import Aborted, Finished, Started
 from forge.build.model import BuildInputs, BuildRecord, Fingerprint
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
     from io import FileIO
     from pathlib import Path
-    from typing import Any
 
     from forge.build.events import Event
     from forge.build.tasks import BuildPlan
 
 _HEADER = {"forge_journal": 6}
+_MUCH = 1 << 20
+"""The number of characters up to which obsolete lines do not matter."""
 _INVALID_ENTRY = (ArithmeticError, LookupError, TypeError, ValueError)
 """Exceptions raised by torn lines and lines that forge did not write."""
 
@@ -51,6 +53,10 @@ class Journal:
         """The stamp of the workspace's scripts as last written."""
         self._externals: dict[str, int] = {}
         self._lines = 0
+        self._size = 0
+        """The number of characters in the file."""
+        self._sizes: dict[str, int] = {}
+        """Those of the last record of each package."""
         self._stream: FileIO | None = None
 
     def record(self, event: Event, plan: BuildPlan) -> None:
@@ -58,8 +64,9 @@ class Journal:
         match event:
             case Started(name, inputs):
                 self.end(ended=False)
-                before = self.records.get(name) or BuildRecord(inputs)
-                self.set_record(name, replace(before, inputs=inputs, complete=False, began=time.time()))
+                began = time.time()
+                self._start(name, inputs, began)
+                self._append({"started": name, "inputs": _data(inputs), "began": began})
             case Finished(name, code):
                 if event.record is not None:
                     self.set_record(name, event.record)
@@ -103,7 +110,11 @@ class Journal:
         if new:
             self._append({"externals": new})
             self._number(new)
-        self._append(self._entry(name, record))
+        self._sizes[name] = self._append(self._entry(name, record))
+
+    def _start(self, name: str, inputs: BuildInputs, began: float) -> None:
+        before = self.records.get(name) or BuildRecord(inputs)
+        self.records[name] = replace(before, inputs=inputs, complete=False, began=began)
 
     def forget(self, name: str) -> None:
         """Remove the record of a package."""
@@ -111,11 +122,12 @@ class Journal:
             self._append({"package": name})
 
     def close(self) -> None:
-        """Close the file; compact it if it has grown long."""
+        """Close the file; compact it if most of it is obsolete."""
         if self._stream:
             self._stream.close()
             self._stream = None
-        if self._lines > 3 * len(self.records) + 100:
+        sizes = sum(self._sizes.get(name, 0) for name in self.records)
+        if self._lines > 3 * len(self.records) + 100 or self._size > 3 * sizes + _MUCH:
             used = sorted({path for record in self.records.values() for path in record.externals})
             self._externals.clear()
             self._number(used)
@@ -131,7 +143,7 @@ class Journal:
         lines = text.splitlines()
         if not lines or _parsed(lines[0]) != _HEADER:
             return
-        self._lines = len(lines)
+        self._lines, self._size = len(lines), len(text)
         table: list[str] = []
         for line in lines[1:]:
             entry = _parsed(line)
@@ -144,8 +156,14 @@ class Journal:
                     self.scripts = _text(entry["scripts"])
                 elif "externals" in entry and "package" not in entry:
                     table += _texts(entry["externals"])
+                elif "started" in entry:
+                    inputs, began = _value(BuildInputs, entry["inputs"]), float(entry["began"])
+                    self._start(_text(entry["started"]), inputs, began)
                 elif "inputs" in entry:
-                    self.records[_text(entry["package"])] = _record(entry, table)
+                    externals = [table[number] for number in entry["externals"]]
+                    name = _text(entry["package"])
+                    self.records[name] = _value(BuildRecord, {**entry, "externals": externals})
+                    self._sizes[name] = len(line)
                 else:
                     self.records.pop(entry["package"], None)
         self._number(table)
@@ -155,29 +173,25 @@ class Journal:
             self._externals.setdefault(path, len(self._externals))
 
     def _entry(self, name: str, record: BuildRecord) -> Mapping[str, object]:
-        # Not asdict(), which would make a deep copy of the record.
-        data = {field.name: getattr(record, field.name) for field in fields(record)}
-        for part in ("inputs", "sources", "installed"):
-            data[part] = {field.name: getattr(data[part], field.name) for field in fields(data[part])}
-        data["externals"] = [self._externals[path] for path in record.externals]
-        return {"package": name, **data}
+        externals = [self._externals[path] for path in record.externals]
+        return {"package": name, **_data(record), "externals": externals}
 
-    def _append(self, line: Mapping[str, object]) -> None:
+    def _append(self, line: Mapping[str, object]) -> int:
+        """Write a line, unbuffered; return its length. Raises OSError if it cannot be written completely."""
         with naming(self.path):
+            new = not self._lines
+            content = b""
             if self._stream is None:
-                new = not self._lines
                 self._stream = self.path.open("wb" if new else "ab", buffering=0)
                 # Terminate a torn last line before appending.
-                self._write(_HEADER if new else None)
-            self._write(line)
+                content = json.dumps(_HEADER).encode() + b"\n" if new else b"\n"
+            text = json.dumps(line).encode() + b"\n"
+            content += text
+            while content:
+                content = content[self._stream.write(content) or 0 :]
         self._lines += 1
-
-    def _write(self, line: Mapping[str, object] | None) -> None:
-        """Write one line, or an empty one, unbuffered; raises OSError if it cannot be written completely."""
-        assert self._stream is not None
-        content = b"\n" if line is None else json.dumps(line).encode() + b"\n"
-        while content:
-            content = content[self._stream.write(content) or 0 :]
+        self._size += len(text)
+        return len(text)
 
 
 def open_journal(build: Path) -> Journal:
@@ -188,41 +202,18 @@ def open_journal(build: Path) -> Journal:
     return journal
 
 
-def _record(entry: Mapping[str, Any], table: list[str]) -> BuildRecord:
-    """Return the record in a line; raises one of _INVALID_ENTRY if it is invalid."""
-    inputs = entry["inputs"]
-    return BuildRecord(
-        inputs=BuildInputs(
-            forge=_text(inputs["forge"]),
-            options=_texts(inputs["options"]),
-            tools=_pairs(inputs["tools"]),
-            environment=_pairs(inputs["environment"]),
-            sources=_text(inputs["sources"]),
-            needs=_pairs(inputs["needs"]),
-            underlays=_text(inputs["underlays"]),
-        ),
-        complete=entry["complete"] is True,
-        sources=_fingerprint(entry["sources"]),
-        installed=_fingerprint(entry["installed"]),
-        files=_texts(entry["files"]),
-        externals=tuple(table[number] for number in entry["externals"]),
-        external=_text(entry["external"]),
-        seconds=float(entry["seconds"]),
-        began=float(entry["began"]),
-        tree=_text(entry.get("tree", "")),
-        saved=_texts(entry["saved"]),
-        from_empty=entry["from_empty"] is True,
-        read_from=_texts(entry["read_from"]),
-        folders=_texts(entry["folders"]),
-    )
+def _data(value: BuildRecord | BuildInputs | Fingerprint) -> dict[str, object]:
+    """Return a value as JSON data; unlike asdict(), without a deep copy."""
+    found = ((field.name, getattr(value, field.name)) for field in fields(value))
+    return {
+        name: _data(each) if isinstance(each, BuildInputs | Fingerprint) else each for name, each in found
+    }
 
 
-def _pairs(data: list[list[str]]) -> tuple[tuple[str, str], ...]:
-    return tuple((_text(name), _text(value)) for name, value in data)
-
-
-def _fingerprint(data: Mapping[str, object]) -> Fingerprint:
-    return Fingerprint(**{name: _text(value) for name, value in data.items()})
+def _value(type_: type[_Type], data: Mapping[str, Any]) -> _Type:
+    """Return the value of a frozen class; raises one of _INVALID_ENTRY for invalid data."""
+    found: dict[str, Any] = {field.name: _READ[field.type](data[field.name]) for field in fields(type_)}
+    return type_(**found)
 
 
 def _texts(data: object) -> tuple[str, ...]:
@@ -233,10 +224,27 @@ def _texts(data: object) -> tuple[str, ...]:
     return tuple(data)
 
 
+def _pairs(data: list[list[str]]) -> tuple[tuple[str, str], ...]:
+    return tuple((_text(name), _text(value)) for name, value in data)
+
+
 def _text(data: object) -> str:
     if not isinstance(data, str):
         raise TypeError("expected a string")
     return data
+
+
+_Type = TypeVar("_Type", BuildRecord, BuildInputs, Fingerprint)
+_READ: Mapping[Any, Callable[[Any], object]] = {
+    "BuildInputs": partial(_value, BuildInputs),
+    "Fingerprint": partial(_value, Fingerprint),
+    "Pairs": _pairs,
+    "bool": lambda data: data is True,
+    "float": float,
+    "str": _text,
+    "tuple[str, ...]": _texts,
+}
+"""How the fields of records are read, by their types."""
 
 
 def _parsed(line: str) -> dict[str, Any]:

@@ -81,18 +81,6 @@ class BuildRecord:
 
 
 @frozen
-class CachedBuild:
-    """Metadata of the build that produced a cached result; the fields are those of BuildRecord."""
-
-    seconds: float
-    tree: str
-    externals: tuple[str, ...]
-    external: str
-    has_tests: bool
-    """Whether tests that need the build folder were built."""
-
-
-@frozen
 class Snapshot:
     """The current state on disk, beside the records of earlier builds.
 

@@ -13,7 +13,7 @@ from forge.base.layout import own_folders
 from forge.build.inputs.depfiles import cmake_root
 from forge.build.inputs.native_graph import read_native_graph
 from forge.engine.commands import NOT_OBSERVED, Folders, commands_of
-from forge.engine.world import about_packages
+from forge.engine.world import PACKAGE_FOUND
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -66,7 +66,7 @@ def observed_commands(
     # Which commands ran is unknown if a part of the log is missing.
     commands = (NOT_OBSERVED if steps.observed.blind else before).merged(found, outputs)
     packages = _PACKAGE.findall(text_or_nothing(build / "CMakeCache.txt", errors="surrogateescape"))
-    asked = frozenset(about_packages(packages)).union(*(each.asked for each in commands.all))
+    asked = {f"{PACKAGE_FOUND}{name}" for name in packages}.union(*(each.asked for each in commands.all))
     return replace(commands, answers=world.answers(asked))
 
 

@@ -1,17 +1,18 @@
-"""Take a snapshot of the sources and installed files before a build."""
+"""Take a snapshot of the sources and installed files before a build, and name what differs from the last one.
+
+The digests of the journal tell that something changed. Which files those are is read from the records of the
+build folders, since the file table only knows what changed since the last run of forge.
+"""
 
 from __future__ import annotations
 
 import os
 from typing import TYPE_CHECKING
 
-from forge.build.change_texts import (
-    changed_external_files,
-    changed_installed_files,
-    changed_sources,
-    recently_changed,
-)
 from forge.build.inputs.fingerprints import (
+    DIR_LISTING_SUFFIX,
+    Changes,
+    compare,
     contents_of,
     digest_of,
     fingerprint_files,
@@ -22,16 +23,31 @@ from forge.build.install_manifests import ManifestFiles, installed_links
 from forge.build.installed_states import InstalledStates
 from forge.build.model import Snapshot
 from forge.build.records import read_record
+from forge.build.up_to_date import UNKNOWN_INSTALLED, UNKNOWN_SOURCES, InputChange, InputKind
+from forge.engine.world import KIND, MODULES, PACKAGE_FOUND, PROCESSOR, PROGRAM, VARIABLE
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Container
+    from collections.abc import Callable, Collection, Container, Iterable, Mapping
     from pathlib import Path
 
     from forge.base.layout import Layout
-    from forge.build.inputs.fingerprints import FileTable
+    from forge.build.inputs.fingerprints import FileTable, Manifest
     from forge.build.journal import Journal
+    from forge.build.model import BuildRecord
     from forge.build.records import FolderRecord
     from forge.workspace.model import Package
+
+
+_MISSING = "missing"
+_QUESTIONS = (
+    (InputKind.VARIABLE, "environment variable", VARIABLE),
+    (InputKind.TOOL, "tool", PROGRAM),
+    (InputKind.OTHER, "place of the package", PACKAGE_FOUND),
+    (InputKind.OTHER, "processor", PROCESSOR),
+    (InputKind.OUTSIDE, "kind, mode or size of", KIND),
+    (InputKind.OTHER, "place of one of Python's modules", MODULES),
+)
+UNKNOWN_EXTERNAL = "a file outside of the package that its last build read has changed"
 
 
 def take_snapshot(
@@ -113,3 +129,111 @@ def find_changed_externals(journal: Journal, table: FileTable) -> tuple[str, ...
         for name, record in journal.records.items()
         if record.external and digest_of(record.externals, contents) != record.external
     )
+
+
+def changed_sources(home: str, now: Manifest, last: FolderRecord | None, table: FileTable) -> str:
+    """Return which sources of a package below `home` changed since its last build, if that is known."""
+    if last is None:
+        recent = frozenset(path for path in recently_changed(table) if path.startswith(f"{home}/"))
+        changes = Changes(modified=recent)
+    else:
+        changes = compare(last.sources, now, lambda one, other: one.content != other.content)
+    return described(changes, lambda path: path.removeprefix(f"{home}/")) or UNKNOWN_SOURCES
+
+
+def recently_changed(table: FileTable) -> tuple[str, ...]:
+    """Return the files of which the table had another digest, without those that it did not know."""
+    return tuple(path for path, before in table.changed_files.items() if before is not None)
+
+
+def changed_installed_files(
+    record: BuildRecord, then: Mapping[str, str] | None, table: FileTable, root: Path, sources: str
+) -> str:
+    """Return which installed files differ from those of the last build, whose contents were `then`.
+
+    Links to sources change with them: then `sources`, the change of the package's sources, is the reason.
+    """
+    paths = (*record.files, *record.folders)
+    now = contents_of(paths, table)
+    if then is None or not all(path in then for path in paths):
+        gone = frozenset(path for path in paths if not os.path.lexists(path))
+        return described(Changes(removed=gone), _from(root)) or UNKNOWN_INSTALLED
+    changed = {path for path in paths if then[path] != now[path]}
+    linked = {path for path in changed if _leads_as_before(path, then[path])}
+    if linked == changed and sources:
+        return sources
+    changed = {os.path.realpath(path) if path in linked else path for path in changed}
+    gone = frozenset(path for path in changed if not os.path.lexists(path))
+    return described(Changes(removed=gone, modified=frozenset(changed) - gone), _from(root))
+
+
+def changed_external_files(
+    last: FolderRecord | None, record: BuildRecord, table: FileTable, root: Path, recent: Iterable[str]
+) -> InputChange:
+    """Return which files outside the package changed; `recent` are files known to have changed lately."""
+    now = contents_of(record.externals, table)
+    then = last.externals if last else None
+    if then is not None:
+        before = {path: then[path].content for path in record.externals if path in then}
+        changed = {path for path in before if before[path] != now[path]}
+    else:
+        before = {}
+        gone = {path for path in record.externals if now[path] == _MISSING}
+        changed = gone or {*record.externals}.intersection(recent)
+    if questions := [each for each in changed if not each.startswith("/")]:
+        return _changed_answers(questions, before)
+    inside = bool(changed) and all(path.startswith(f"{root}/") for path in changed)
+    kind = InputKind.OWN if inside else InputKind.OUTSIDE
+    files = sorted(path for path in changed if not path.endswith(DIR_LISTING_SUFFIX))
+    if not files:
+        shown = _from(root)
+        folders = [shown(path.removesuffix(DIR_LISTING_SUFFIX)) for path in sorted(changed)]
+        if not folders:
+            return InputChange(kind, UNKNOWN_EXTERNAL)
+        return InputChange(kind, f"files were added to or removed from {_named(folders)}")
+    added = frozenset(path for path in files if before.get(path) == _MISSING)
+    removed = frozenset(path for path in files if now[path] == _MISSING)
+    text = described(Changes(added, removed, frozenset(files) - added - removed), _from(root))
+    return InputChange(kind, text if inside else f"the external input {text}")
+
+
+def _changed_answers(questions: Collection[str], before: Mapping[str, str]) -> InputChange:
+    """Return the change of some answers about the surroundings, of which `before` has the former ones."""
+    kind, what, start = next(
+        row for row in _QUESTIONS if any(question.startswith(row[-1]) for question in questions)
+    )
+    if start == MODULES:
+        return InputChange(kind, "Python finds other modules than in its last build")
+    names = {each.removeprefix(start): each for each in sorted(questions) if each.startswith(start)}
+    added = frozenset(name for name, question in names.items() if before.get(question) == "")
+    first = "".join(f" '{name}'" for name in [*names][:1] if name)
+    return InputChange(kind, f"the {what}{first} changed", tuple(names), added)
+
+
+def described(changes: Changes, shown: Callable[[str], str]) -> str:
+    """Return the changes as a sentence, '' for none; folders are only named without files."""
+    parts = []
+    for paths, verb in ((changes.modified, ""), (changes.added, "added"), (changes.removed, "removed")):
+        files = sorted(path for path in paths if not path.endswith("/")) or sorted(paths)
+        if files:
+            were = f"{'was' if len(files) == 1 else 'were'} {verb}" if verb else "changed"
+            parts.append(f"{_named([shown(path) for path in files])} {were}")
+    return ", ".join(parts)
+
+
+def _named(names: list[str]) -> str:
+    rest = f" and {len(names) - 1} more" if len(names) > 1 else ""
+    return f"'{names[0]}'{rest}"
+
+
+def _from(root: Path) -> Callable[[str], str]:
+    """Return a function that shows paths in the workspace relative to its root."""
+    return lambda path: path.removeprefix(f"{root}/")
+
+
+def _leads_as_before(path: str, content: str) -> bool:
+    """Tell whether a path was and is a link to the same file, which then is what changed."""
+    try:
+        return content.startswith(f"link {os.readlink(path)} ")  # noqa: PTH115
+    except OSError:
+        return False

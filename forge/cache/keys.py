@@ -170,3 +170,54 @@ def _umask() -> int:
     mask = os.umask(0o077)
     os.umask(mask)
     return mask
+
+
+class ExternalInputs:
+    """Files outside one workspace that builds have read, such as system headers, by relocatable path.
+
+    Many packages read the same files. While a build only restores packages, each file is checked once; from
+    the first step that runs, it is checked each time, since a step may write anywhere.
+    """
+
+    def __init__(self, relocator: Relocator, table: FileTable, programs: FileTable) -> None:
+        """Look up contents in `table`, those of programs in `programs`, which outlives build folders."""
+        self._relocator = relocator
+        self._table = table
+        self._programs = programs
+        self._read_programs: set[str] = set()
+        self._known: dict[str, tuple[str, str]] = {}
+        self._caching = True
+
+    def stop_caching(self) -> None:
+        """Check every file each time from now on, since a step is about to run."""
+        self._caching = False
+        self._known = {}
+
+    def look(self, words: Iterable[str]) -> dict[str, tuple[str, str]]:
+        """Return path and content of files by relocatable path; the same ones make a key and a record."""
+        known = self._known if self._caching else {}
+        found = {}
+        for word in words:
+            if word not in known:
+                known[word] = self._look(word)
+            found[word] = known[word]
+        return found
+
+    def contents(self, words: Iterable[str]) -> dict[str, str]:
+        """Return the content of each file by its relocatable path."""
+        return {word: content for word, (_, content) in self.look(words).items()}
+
+    def _look(self, word: str) -> tuple[str, str]:
+        path = self._relocator.absolutize_input(word)
+        if not os.access(path, os.X_OK) or os.path.isdir(path):  # noqa: PTH112
+            return path, contents_of((path,), self._table)[path]
+        # Compilers and CMake have tens of megabytes: clean builds should not read them again.
+        self._read_programs.add(path)
+        return path, contents_of((path,), self._programs)[path]
+
+    def save(self) -> None:
+        """Save the table of programs, restricted to those of this build."""
+        if self._read_programs:
+            self._programs.forget_others(self._read_programs)
+            with contextlib.suppress(OSError):  # a read-only home folder
+                self._programs.save()

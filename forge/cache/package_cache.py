@@ -19,9 +19,9 @@ from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem
 from forge.base.frozen import frozen
+from forge.build.inputs.fingerprints import digest_of
 from forge.build.tests.detection import has_ctests
 from forge.cache import keys
-from forge.cache.external_inputs import ExternalInputs
 from forge.cache.model import RESTORED, ActionResult, Digest, OutputFile, StoreError
 from forge.cache.restoring import CachedTree, Contents, TreeWriter
 from forge.cache.scripts import scripts_digest
@@ -36,7 +36,6 @@ if TYPE_CHECKING:
     from forge.build.inputs.fingerprints import FileTable
     from forge.build.model import BuildRecord
     from forge.build.tasks import Task
-    from forge.cache.external_inputs import FileSnapshot
     from forge.cache.folder_store import FolderStore
     from forge.cache.model import RemoteStore
     from forge.cache.relocation import Relocator
@@ -96,7 +95,7 @@ class PackageCache:
         self._local = local
         self._remote = remote
         self._warn = warn
-        self._external_inputs = ExternalInputs(context.relocator, context.table, context.programs)
+        self._external_inputs = keys.ExternalInputs(context.relocator, context.table, context.programs)
         self._lock = threading.Lock()
         self._shared_inputs: tuple[str, ...] | None = None
         self._keys: dict[str, str] = {}
@@ -259,7 +258,7 @@ class PackageCache:
             name: self._context.relocator.relativize_word(os.path.realpath(path))
             for name, path in paths.items()
         }
-        contents = self._external_inputs.look(words.values()).contents
+        contents = self._external_inputs.contents(words.values())
         return [f"{os.path.basename(name)} {contents[word]}" for name, word in sorted(words.items())]  # noqa: PTH119
 
     def _find_in(self, first: str, remote: RemoteStore | None) -> CachedTree | None:
@@ -275,7 +274,9 @@ class PackageCache:
             for words in lists:
                 seen = self._external_inputs.look(words)
                 for root in self._roots:
-                    second = keys.result_key(first, words, seen.contents, root)
+                    second = keys.result_key(
+                        first, words, {word: content for word, (_, content) in seen.items()}, root
+                    )
                     result = store.result(second)
                     if result is None or not self._is_valid_here(first, result, root):
                         continue
@@ -304,7 +305,7 @@ class PackageCache:
         return False
 
     def _fetch_result(
-        self, remote: RemoteStore | None, result: ActionResult, seen: FileSnapshot
+        self, remote: RemoteStore | None, result: ActionResult, seen: Mapping[str, tuple[str, str]]
     ) -> CachedTree | None:
         """Return a result with its verified blobs, copied to the local folder; None if one is missing.
 
@@ -329,7 +330,10 @@ class PackageCache:
                 return None
             opened.pop_all()
         os.close(index)
-        return CachedTree(tree, Contents(pack, descriptors), *seen.record)
+        externals = dict(seen.values())
+        return CachedTree(
+            tree, Contents(pack, descriptors), tuple(externals), digest_of(externals, externals)
+        )
 
     def _open(self, remote: RemoteStore | None, digest: Digest, opened: ExitStack) -> int | None:
         """Open a verified blob of the local folder; fetch it from `remote` if it is missing."""
@@ -370,7 +374,7 @@ class PackageCache:
         If a build elsewhere had another result, its own is marked, so that no further build shows anything.
         """
         root, first, words = self._context.relocator.root, pending.first, pending.words
-        contents = self._external_inputs.look(words).contents
+        contents = self._external_inputs.contents(words)
         second, own = (keys.result_key(first, words, contents, path) for path in ("", root))
         scripts = keys.scripts_key(self._settings[pending.package], words, contents, pending.scripts)
         before, tree = self._published(second)

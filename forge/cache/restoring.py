@@ -9,7 +9,6 @@ from mmap import ACCESS_READ, mmap
 from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
-from forge.build.model import CachedBuild
 from forge.cache.folder_store import copy_bytes
 
 if TYPE_CHECKING:
@@ -157,13 +156,6 @@ class CachedTree:
     contents: Contents
     externals: tuple[str, ...]
     external: str
-
-    @property
-    def build(self) -> CachedBuild:
-        """The metadata of the build that produced it."""
-        return CachedBuild(
-            self.tree.seconds, self.tree.digest, self.externals, self.external, self.tree.has_tests
-        )
 
     def close(self) -> None:
         """Close the contents."""

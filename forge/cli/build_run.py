@@ -17,7 +17,6 @@ from forge.build.compile_commands import merge_compile_commands
 from forge.build.compiler_probe import Surroundings, Toolchain
 from forge.build.recipes.cmake import common_arguments
 from forge.build.recipes.extensions import active_extensions
-from forge.build.recording import PackageRecorder
 from forge.build.state import BuildState
 from forge.build.tasks import BuildPlan
 from forge.cli.preparation import PreparedBuild
@@ -100,14 +99,12 @@ def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
             if compiles and not remote and job_pool.local:
                 variables |= gcc_heap(memory(), job_pool.local)
         variables |= ninja_first(context.ninja, context.layout.build / PROGRAMS_DIR, build.variables)
-        recorder = PackageRecorder(state)
         lifecycle = TaskSetup(
             build.loaded.resolution,
             context.layout,
             build.interpreter,
             variables,
             state,
-            recorder,
             cache,
             _toolchain(plan, build, state, observer.library),
             audit,
@@ -140,7 +137,7 @@ def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
             state.finish(plan, build.variables)
             if options.report.handlers["compile_commands"]:
                 merge_compile_commands(context.layout.build)
-            mode.warn(recorder.kept)
+            mode.warn(lifecycle.kept)
             session.report.launcher_summaries = launcher_stats.finish()
             if cache is not None:
                 cache.finish()

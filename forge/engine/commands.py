@@ -23,11 +23,11 @@ from forge.engine.observed import is_intact
 from forge.engine.variables import copies_environment, mentioned
 from forge.engine.world import (
     CPU_INFO,
+    KIND,
     PROCESSOR,
+    PROGRAM,
     ModuleSearch,
-    about_kinds,
     about_modules,
-    about_programs,
     about_variables,
 )
 from forge.workspace.source_names import ENVIRONMENT_MARKS, is_source, is_source_folder
@@ -302,9 +302,9 @@ class Folders:
             *self._listed(processes),
         }
         only_found = (path for path in seen.found if path not in external or os.path.islink(path))
-        kinds = about_kinds(filter(self._is_found, only_found))
+        kinds = (f"{KIND}{path}" for path in only_found if self._is_found(path))
         used = (path.rpartition("/") for path in chain(seen.missing, seen.found, seen.executed, read))
-        asked = about_programs({name for folder, _, name in used if folder in self._path})
+        asked = {f"{PROGRAM}{name}" for folder, _, name in used if folder in self._path}
         variables = seen.variables.union(*map(self._mentioned_by, processes))
         # What is installed is copied, whatever it says.
         compiling = [process for process in processes if process not in copying]

@@ -163,11 +163,6 @@ def _kind(path: str) -> str:
     return f"{target}{'folder' if stat.S_ISDIR(status.st_mode) else 'special'}"
 
 
-def about_kinds(paths: Iterable[str]) -> Iterator[str]:
-    """Yield the questions about files that were found, but not opened."""
-    return (f"{KIND}{path}" for path in paths)
-
-
 def about_modules(found: Iterable[tuple[tuple[str, ...], str]]) -> Iterator[str]:
     """Yield the questions about modules that Python looked for in some folders."""
     names: dict[tuple[str, ...], list[str]] = {}
@@ -181,13 +176,3 @@ def about_modules(found: Iterable[tuple[tuple[str, ...], str]]) -> Iterator[str]
 def about_variables(names: Iterable[str]) -> Iterator[str]:
     """Yield the questions about those variables that are inputs."""
     return (f"{VARIABLE}{name}" for name in names if is_tracked(name))
-
-
-def about_programs(names: Iterable[str]) -> Iterator[str]:
-    """Yield the questions about programs on PATH."""
-    return (f"{PROGRAM}{name}" for name in names)
-
-
-def about_packages(names: Iterable[str]) -> Iterator[str]:
-    """Yield the questions about packages that CMake may find beside the folders of PATH."""
-    return (f"{PACKAGE_FOUND}{name}" for name in names)

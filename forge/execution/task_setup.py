@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import os
+import re
 import shlex
 from contextlib import closing
 from dataclasses import field, replace
@@ -11,12 +12,36 @@ from typing import TYPE_CHECKING
 
 from forge.base.errors import WorkspaceError, raise_if_any
 from forge.base.frozen import frozen
+from forge.base.layout import TOOLCHAIN_DIR
 from forge.build import installation, staging
+from forge.build.build_dir import generated_digest, last_record, prepare_build_dir, saved_during_build
+from forge.build.build_types import build_type_of
+from forge.build.copies import status_of
 from forge.build.deferred import defer_build, tests_need_build
-from forge.build.installed_lists import package_markers
-from forge.build.prefix import PrefixExchange
+from forge.build.inputs.depfiles import reported_inputs
+from forge.build.inputs.fingerprints import (
+    contents_of,
+    digest_of,
+    digest_strings,
+    file_manifest,
+    fingerprint_files,
+    fingerprint_tree,
+)
+from forge.build.inputs.native_graph import read_native_graph
+from forge.build.installation import InstalledFiles
+from forge.build.installed_files import remove_stale, set_file_times
+from forge.build.installed_lists import package_markers, write_installed_list
+from forge.build.model import BuildRecord
+from forge.build.observed_commands import observed_commands
+from forge.build.observed_writes import read_steps
+from forge.build.prefix import PrefixExchange, written_log
+from forge.build.records import FolderRecord, add_commands, complete_record
 from forge.build.reuse import Reuse
+from forge.build.tasks import StepKind
+from forge.build.up_to_date import UNKNOWN
+from forge.engine.commands import NOT_OBSERVED, is_for_this_processor
 from forge.engine.variables import FOR_COMPILERS
+from forge.engine.world import PROCESSOR, VARIABLE
 from forge.environment.hooks import config_folders, config_variables
 from forge.environment.sourcing import build_environment, package_edits
 from forge.execution.runner import TaskLifecycle, changed_variables
@@ -26,21 +51,29 @@ from forge.toolchain.programs import CMAKE_TYPES
 from forge.workspace.model import RUN_KINDS
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Iterable, Iterator, Mapping
     from pathlib import Path
 
+    from forge.base.errors import Problem
     from forge.base.frozen import Pairs
     from forge.base.layout import Layout
     from forge.build.audit import Audit
     from forge.build.compiler_probe import Toolchain
+    from forge.build.inputs.fingerprints import Stats
     from forge.build.model import BuildRecord
-    from forge.build.recording import PackageRecorder
+    from forge.build.observed_writes import ObservedSteps
     from forge.build.state import BuildState
     from forge.build.tasks import Step, Task
     from forge.cache.package_cache import PackageCache
+    from forge.engine.commands import ObservedCommands
     from forge.environment.dsv import Edit, Script
     from forge.toolchain.interpreter import Interpreter
     from forge.workspace.resolve import DependencyResolution
+
+
+_OTHER = "other"
+"""The stamp of sources that have changed between the plan and the start of the package."""
+_METADATA = re.compile(r"-packages/[^/]+\.(dist|egg)-info/")
 
 
 @frozen
@@ -52,7 +85,6 @@ class TaskSetup(TaskLifecycle):
     interpreter: Interpreter
     variables: Mapping[str, str]
     state: BuildState
-    recorder: PackageRecorder
     cache: PackageCache | None = None
     toolchain: Toolchain | None = None
     """Lets new build folders skip CMake's compiler checks."""
@@ -64,7 +96,14 @@ class TaskSetup(TaskLifecycle):
         default_factory=lambda: functools.cache(package_edits)
     )
     """Returns an installed package's changes of the environment; cached, as only dependents request it."""
+    kept: list[Problem] = field(default_factory=list)
+    """Files that packages no longer install, but that stay because somebody has edited them."""
     _configs: dict[str, Pairs] = field(default_factory=dict)
+    _begun: dict[str, tuple[FolderRecord | None, FolderRecord]] = field(default_factory=dict)
+    """The last record of each build folder that is being built in, and that of this build."""
+    _steps: dict[str, ObservedSteps] = field(default_factory=dict)
+    _earlier_steps: dict[str, ObservedSteps] = field(default_factory=dict)
+    _observed: dict[str, ObservedCommands] = field(default_factory=dict)
 
     def environment(self, task: Task) -> Mapping[str, str]:
         below = ((need, self.layout.prefix(need)) for need in task.needs)
@@ -103,8 +142,37 @@ class TaskSetup(TaskLifecycle):
             for name, value in sorted(environment.items())
             if self.variables.get(name) != value and name not in usual
         )
+        state, build, inputs = self.state, task.build_dir, task.inputs
+        source, records = str(state.source(task)), state.journal.records
+        last = last_record(build)
+        sources, stamp = state.manifests.pop(task.name, None), task.sources.stamp
+        if sources is None and last and stamp and last.stamp == stamp:
+            sources = last.sources if next(iter(last.sources), "").startswith(f"{source}/") else None
+        if sources is None:
+            found, sources = fingerprint_tree(source, state.table)
+            stamp = found.stamp if found.digest == task.sources.digest else _OTHER
+        pairs = map("=".join, (*inputs.tools, *inputs.environment, *set_by_needs))
+        needs = ((need, records.get(need)) for need in task.needs)
+        record = FolderRecord(
+            base=digest_strings(inputs.forge, os.path.realpath(source), *pairs),
+            shape=digest_strings(*inputs.options, inputs.underlays),
+            needs={need: each.installed.digest if each else UNKNOWN for need, each in needs},
+            sources=sources,
+            stamp=stamp,
+        )
         from_empty = task.from_empty or self.audit is not None
-        if self.recorder.prepare(task, set_by_needs, from_empty=from_empty) is Reuse.NOTHING:
+        reuse, record = prepare_build_dir(
+            build,
+            last,
+            record,
+            state.installed_states,
+            state.table,
+            kept=() if from_empty else tuple(task.kept),
+            can_reuse=task.package.build_type in CMAKE_TYPES and not from_empty,
+            reconfigure=task.reconfigure,
+        )
+        self._begun[task.name] = last, record
+        if reuse is Reuse.NOTHING:
             # With the folder goes the knowledge of what the last install step has read.
             staging.forget_sources(task)
         # The package's own arguments and the hooks of its dependencies may select another compiler.
@@ -122,24 +190,34 @@ class TaskSetup(TaskLifecycle):
     def unstaged(self, task: Task, failed: Step | None, *, stopped: bool) -> Task | None:
         if task.stage is None or stopped:
             return None
-        steps = self.recorder.read_steps(task)
+        steps = self._read_steps(task)
         again = staging.in_place(task, self.layout, steps, failed)
         if again is not None:
             if again.prepared:
-                self.recorder.keep_steps(task)
+                # The installation follows once more.
+                self._earlier_steps[task.name] = self._steps.pop(task.name).without(StepKind.INSTALL.value)
             else:
-                self.recorder.record_commands(task)
+                self._record_commands(task)
             staging.end(task, self.layout)
         return again
 
+    def _read_steps(self, task: Task) -> ObservedSteps:
+        """Return what the steps of a package did; they have ended."""
+        if task.name not in self._steps:
+            steps = read_steps(written_log(task.name, self.layout))
+            earlier = self._earlier_steps.pop(task.name, None)
+            self._steps[task.name] = earlier.followed_by(steps) if earlier else steps
+        return self._steps[task.name]
+
     def _back_up(self, task: Task) -> None:
-        self.recorder.begin(task)
+        record = self.state.journal.records.get(task.name)
+        self.state.scripts.begin(task.name, record.files if record else ())
         if task.stage:
             staging.begin(task, self.layout)
             return
         shared = self.state.merged_prefix.shared_files(task)
         exchange = PrefixExchange(task.name, self.layout)
-        self.recorder.kept += exchange.begin(task.earlier, shared)
+        self.kept.extend(exchange.begin(task.earlier, shared))
         raise_if_any(exchange.in_the_way(package_markers(task.name, self.layout)), WorkspaceError)
 
     def restore(self, task: Task) -> BuildRecord | None:
@@ -155,9 +233,17 @@ class TaskSetup(TaskLifecycle):
             exchange.announce(paths)
             files, empty = self.cache.restore(task, found)
             staging.forget_sources(task)
-            record = self.recorder.restored_record(task, found.build, files, empty)
+            known = {path: status for path, status in files.items() if status is not None}
+            stats = set_file_times(task, tuple(files), self.layout, self.state.table, known)
+            installed = InstalledFiles(tuple(files), empty)
+            # The build folder does not belong to the record: the next build starts from empty.
+            record = replace(
+                self._record(task, installed, stats, found.externals, found.external),
+                seconds=found.tree.seconds,
+                tree=found.tree.digest,
+            )
             if tests_need_build(task.package):
-                has_tests = found.build.has_tests
+                has_tests = found.tree.has_tests
                 variables = changed_variables(self.environment(task)) if has_tests else ()
                 defer_build(task, variables, has_tests=has_tests)
         self._commit(task)
@@ -167,7 +253,7 @@ class TaskSetup(TaskLifecycle):
         if task.stage:
             staging.end(task, self.layout)
             return
-        self.recorder.kept += PrefixExchange(task.name, self.layout).commit()
+        self.kept.extend(PrefixExchange(task.name, self.layout).commit())
 
     def remark(self, task: Task) -> str:
         return self.cache.remark(task.name) if self.cache else ""
@@ -177,10 +263,10 @@ class TaskSetup(TaskLifecycle):
         # A dependency that an embedded package provides under another name is recorded by the package's name.
         packages = self.resolution.packages
         needs |= {need for need in self.resolution.needs[task.name] if packages[need].embedded}
-        self.recorder.record_commands(task)
+        self._record_commands(task)
         if task.stage:
             installed, kept = staging.commit(task, self.layout)
-            self.recorder.kept += kept
+            self.kept.extend(kept)
         else:
             installed = installation.installed_files(task.package, self.layout, task.earlier)
         staging.note_installed(task, installed)
@@ -190,23 +276,136 @@ class TaskSetup(TaskLifecycle):
         files = tuple(sorted({*installed.files, *own}))
         installed = replace(installed, files=files)
         if task.stage:
-            self.recorder.kept += staging.remove_other_stale(task, self.layout, installed)
-        record = self.recorder.make_record(task, installed)
+            self.kept.extend(staging.remove_other_stale(task, self.layout, installed))
+        build = task.build_dir
+        if task.stage:  # what has not changed was not touched
+            stats: Stats = {path: status for path in installed.files if (status := status_of(path))}
+        else:
+            stats = set_file_times(task, installed.files, self.layout, self.state.table)
+        prefixes = map(self.layout.prefix, (task.name, *task.needs))
+        declared = (self.state.source(task), build, self.layout.build / TOOLCHAIN_DIR, *prefixes)
+        graph = read_native_graph(build)
+        reported = reported_inputs(build, graph, declared)
+        observed = self._observed.pop(task.name, NOT_OBSERVED)
+        asked = [question for question, _ in observed.answers]
+        # Plugins whose builds forge stages, such as cargo's, report their files themselves.
+        every = () if build_type_of(task.package).staged else observed.all
+        asked += self._about_processor(task, observed)
+        found = tuple(sorted(reported.union(asked, *(each.external for each in every))))
+        read = graph.known().union(*(each.read for each in observed.all))
+        found = (*found, *self._undeclared(task, read, declared))
+        externals = file_manifest(found, self.state.table)
+        last, begun = self._begun.pop(task.name)
+        written = frozenset[str]().union(*(each.written for each in observed.all))
+        source = self.state.source(task)
+        saved = saved_during_build(build, source, last, begun, externals, self.state.table, written)
+        complete_record(build, externals, saved, generated_digest(build))
+        names = (path.removeprefix(f"{source}/") for path in sorted(saved))
+        contents = {path: state.content for path, state in externals.items()}
+        record = replace(
+            self._record(task, installed, stats, tuple(externals), digest_of(externals, contents)),
+            began=begun.began / 1e9,
+            # The cache key has the sources as planned.
+            saved=(*names, *((str(task.package.path),) if begun.stamp == _OTHER else ())),
+            from_empty=begun.from_empty,
+            read_from=self._owners_of(task, externals),
+        )
         if self.audit is not None:
             self.audit.collect(task)
         self._commit(task)
         return self.cache.keep(task, record) if self.cache else record
 
+    def _record_commands(self, task: Task) -> None:
+        """Record what the steps of a package have read and written, successful or not."""
+        build, begun = task.build_dir, self._begun.get(task.name)
+        steps = self._read_steps(task)
+        del self._steps[task.name]
+        commands = self._observed[task.name] = observed_commands(
+            steps,
+            build,
+            self.state.source(task),
+            self.layout,
+            self.state.world,
+            begun[1].commands if begun else NOT_OBSERVED,
+            workspace=self.state.root,
+        )
+        if begun and commands is not NOT_OBSERVED:
+            add_commands(build, commands)
+
+    def _record(
+        self,
+        task: Task,
+        installed: InstalledFiles,
+        stats: Stats,
+        externals: tuple[str, ...],
+        external: str,
+    ) -> BuildRecord:
+        """Remove stale files and return the record; `stats` are those of some files."""
+        files, paths = installed.files, (*installed.files, *installed.folders)
+        state = self.state
+        remove_stale(task, files, self.layout, state.journal.records)
+        state.scripts.end(task.name, files, stats)
+        contents = contents_of(paths, state.table, stats)
+        found = fingerprint_files(paths, state.table, stats=stats, contents=contents)
+        state.installed_states.keep(task.name, found.digest, contents)
+        own = {path: contents[path] for path in files}
+        unclaimed, root = installed.unclaimed, str(state.root)
+        write_installed_list(task.name, self.layout, own, installed.folders, unclaimed, root)
+        return BuildRecord(
+            inputs=task.inputs,
+            complete=True,
+            sources=task.sources,
+            installed=found,
+            files=files,
+            folders=installed.folders,
+            externals=externals,
+            external=external,
+        )
+
+    def _about_processor(self, task: Task, observed: ObservedCommands) -> Iterator[str]:
+        """Yield the question about the processor if options or variables name it, or not all is known."""
+        asked = {question.removeprefix(VARIABLE) for question, _ in observed.answers}
+        values = map(self.state.world.value, {*dict(task.inputs.environment), *asked})
+        is_named = any(map(is_for_this_processor, (*task.inputs.options, *values)))
+        if is_named or not observed.all or any(each.blind for each in observed.all):
+            yield PROCESSOR
+
+    def _undeclared(self, task: Task, read: Iterable[str], declared: Iterable[Path]) -> Iterator[str]:
+        """Yield what a build read of packages of this workspace that it does not depend on."""
+        layout, records = self.layout, self.state.journal.records
+        build, install = f"{layout.build}/", f"{layout.install}/"
+        # In a merged prefix, only the lists of files tell packages apart.
+        own = tuple(f"{path}/" for path in declared if not (layout.merged and path == layout.install))
+        near = [path for path in read if path.startswith((build, install)) and not path.startswith(own)]
+        # Python reads the metadata of all distributions in search of plugins.
+        near = [path for path in near if not _METADATA.search(path)]
+        names = (task.name, *task.needs) if layout.merged and near else ()
+        known = {path for name in names if name in records for path in records[name].files}
+        rest = sorted(path for path in near if path not in known and os.path.isfile(path))  # noqa: PTH113
+        owned = frozenset[str]().union(*(record.files for record in records.values())) if rest else ()
+        for path in rest:
+            if path in owned or (path.startswith(build) and path[len(build) :].partition("/")[0] in records):
+                yield path
+
+    def _owners_of(self, task: Task, paths: Iterable[str]) -> tuple[str, ...]:
+        """Return the other packages of this workspace that own some of `paths`."""
+        build, install = f"{self.layout.build}/", f"{self.layout.install}/"
+        records = self.state.journal.records
+        names = {path[len(build) :].partition("/")[0] for path in paths if path.startswith(build)}
+        if installed := {path for path in paths if path.startswith(install)}:
+            names |= {name for name, record in records.items() if not installed.isdisjoint(record.files)}
+        return tuple(sorted(names & records.keys() - {task.name}))
+
     def check(self, task: Task) -> None:
         raise_if_any(PrefixExchange(task.name, self.layout).refused(), WorkspaceError)
 
     def undo(self, task: Task) -> None:
-        self.recorder.record_commands(task)
+        self._record_commands(task)
         if task.stage:
             staging.end(task, self.layout)
             return
         try:
-            self.recorder.kept += PrefixExchange(task.name, self.layout).roll_back()
+            self.kept.extend(PrefixExchange(task.name, self.layout).roll_back())
         except OSError:
             # The backup still exists. Until a build restores it, the package must not look installed.
             installation.uninstall_markers(task.name, self.layout)

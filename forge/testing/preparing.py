@@ -19,10 +19,10 @@ from forge.base.graph import closures, ordered_names
 from forge.base.layout import FILE_TABLE, TEST_SCRATCH_DIR, Layout
 from forge.base.text import listed
 from forge.build.build_types import build_type_of, by_toolchain, unknown_types
-from forge.build.change_texts import changed_sources
 from forge.build.inputs.fingerprints import FileTable, fingerprint_tree
 from forge.build.journal import open_journal
 from forge.build.records import read_record
+from forge.build.snapshot import changed_sources
 from forge.build.tasks import BuildPlan, Task
 from forge.build.tests.detection import requirements_of_tests
 from forge.build.tests.options import TestOptions

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
 from forge.build.inputs.fingerprints import DIR_LISTING_SUFFIX
-from forge.engine.world import about_programs, about_variables
+from forge.engine.world import PROGRAM, about_variables
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -69,7 +69,12 @@ def external_inputs(traced: Traced, inside: Sequence[str]) -> tuple[str, ...]:
     programs = {name for name in traced.started if os.sep not in name}
     return tuple(
         sorted(
-            {*filter(is_input, files), *folders, *about_programs(programs), *about_variables(traced.asked)}
+            {
+                *filter(is_input, files),
+                *folders,
+                *(f"{PROGRAM}{name}" for name in programs),
+                *about_variables(traced.asked),
+            }
         )
     )
 

@@ -15,7 +15,6 @@ from forge.build.inputs.fingerprints import FileTable, file_manifest, fingerprin
 from forge.build.installed_states import InstalledStates
 from forge.build.observed_commands import observed_commands
 from forge.build.observed_writes import append, begin_log, read_steps
-from forge.build.recording import saved_during_build
 from forge.build.records import FolderRecord, add_commands, complete_record, read_record
 from forge.build.reuse import Reuse
 from forge.engine.observation import LOG_VARIABLE
@@ -122,7 +121,7 @@ class Probe:
         assert self.begun is not None
         table = self.table()
         externals = file_manifest(self.externals, table)
-        saved = saved_during_build(
+        saved = build_dir.saved_during_build(
             self.build, self.source, self.last, self.begun, externals, table, frozenset()
         )
         complete_record(self.build, externals, saved, build_dir.generated_digest(self.build))
