@@ -100,6 +100,15 @@ def text_or_nothing(path: str | Path, errors: str = "replace") -> str:
         return ""
 
 
+def current_umask() -> int:
+    """Return the umask; /proc provides it without changing it temporarily."""
+    if found := re.search(r"^Umask:\s*([0-7]+)$", text_or_nothing("/proc/self/status"), re.MULTILINE):
+        return int(found[1], 8)
+    mask = os.umask(0o077)
+    os.umask(mask)
+    return mask
+
+
 def listed_paths(path: str | Path) -> Iterator[str]:
     """Yield the absolute paths in a list of installed files, one per line; none if there is no list.
 

@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING
 
 from forge.base.ament_index import INDEX
 from forge.base.errors import WorkspaceError, raise_if_any
-from forge.base.files import BYTECODE, has_text, read_file, replace_file, tree_below, write_if_changed
+from forge.base.files import (
+    BYTECODE,
+    current_umask,
+    has_text,
+    read_file,
+    replace_file,
+    tree_below,
+    write_if_changed,
+)
 from forge.base.frozen import frozen
 from forge.base.layout import INSTALL_STATE_FILE
 from forge.build.build_types import build_type_of
@@ -66,10 +74,11 @@ def install_package(
     exchange = PrefixExchange(package.name, layout)
     raise_if_any(exchange.in_the_way(own), WorkspaceError)
     exchange.announce(own)
+    mode = 0o666 & ~current_umask()
     if is_registered:
         _write_implicit(package, prefix, files, symlink=layout.symlink)
     for name, line in hooks.items():
-        write_if_changed(share / "hook" / f"{name}.dsv", scripts.render_dsv([line]))
+        write_if_changed(share / "hook" / f"{name}.dsv", scripts.render_dsv([line]), mode=mode)
     sources = [f"share/{package.name}/hook/{name}.dsv" for name in hooks]
     setups = (f"share/{package.name}/local_setup.{extension}" for extension in _SETUP_EXTENSIONS)
     sources += (path for path in (*setups, *package.hooks) if (prefix / path).is_file())
@@ -82,8 +91,8 @@ def install_package(
     edits = own_edits(package.name, prefix, files) if layout.merged else package_edits(package.name, prefix)
     for shell in SHELLS:
         text = scripts.package_setup(shell, prefix, PackageEdits(package.name, "", edits))
-        write_if_changed(share / f"package.{shell}", text)
-    write_if_changed(marker, os.pathsep.join(sorted(set(run_dependencies))))
+        write_if_changed(share / f"package.{shell}", text, mode=mode)
+    write_if_changed(marker, os.pathsep.join(sorted(set(run_dependencies))), mode=mode)
     return own
 
 

@@ -245,6 +245,7 @@ COMMON_OPTIONS = (
 _LAYOUT = COMMON_OPTIONS.index(INSTALL_LAYOUT)
 SYMLINK_INSTALL = "--symlink-install"
 ROSDISTRO = "--rosdistro="
+TARGET, UMASK = "--cmake-target=", "umask="
 PATH_MAPS, FAST_ROSIDL = "path maps", "fast rosidl"
 _NO_FAST_ROSIDL = "--no-fast-rosidl"
 _NEGATIVE = {

@@ -14,13 +14,11 @@ import hashlib
 import json
 import os
 import platform
-import re
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from forge import __version__
-from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
 from forge.base.layout import NO_CODE, PACKAGE, own_folders
 from forge.build.inputs.fingerprints import contents_of, digest_of, source_files
@@ -59,7 +57,7 @@ class Origin:
 
 
 def shared_inputs(tools: Pairs, table: FileTable) -> tuple[str, ...]:
-    """Return the inputs shared by all packages: forge's files, the programs, the system and the umask.
+    """Return the inputs shared by all packages: forge's files, the programs and the system.
 
     `table` is used for these files only, and saved.
     """
@@ -76,7 +74,6 @@ def shared_inputs(tools: Pairs, table: FileTable) -> tuple[str, ...]:
         f"{__version__} {forge_digest}",
         *(f"{name} {found[path]}" for name, path in sorted(programs.items())),
         *_system(),
-        f"umask {_umask():03o}",
     )
 
 
@@ -161,15 +158,6 @@ def _system() -> tuple[str, ...]:
         release = {}
     words = (platform.system(), platform.machine(), *platform.libc_ver())
     return (*words, release.get("ID", ""), release.get("VERSION_ID", ""))
-
-
-def _umask() -> int:
-    """Return the umask; /proc provides it without changing it temporarily."""
-    if found := re.search(r"^Umask:\s*([0-7]+)$", text_or_nothing("/proc/self/status"), re.MULTILINE):
-        return int(found[1], 8)
-    mask = os.umask(0o077)
-    os.umask(mask)
-    return mask
 
 
 class ExternalInputs:

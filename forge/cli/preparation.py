@@ -28,6 +28,7 @@ from forge.base.errors import (
     raise_if_any,
 )
 from forge.base.extensions import RECIPES, UNDERLAYS, find, installed
+from forge.base.files import current_umask
 from forge.base.frozen import frozen
 from forge.base.graph import closure
 from forge.base.layout import NO_CODE, OWN_CACHE_DIR, PACKAGE, own_folders
@@ -292,6 +293,7 @@ def prepare(options: BuildOptions, layout: Layout, mode: BuildMode) -> PreparedB
         ninja=tools.ninja if tools else None,
         make=tools.make if tools else None,
         only_make=tools.only_make if tools else frozenset(),
+        umask=current_umask(),
         load_limit=options.jobs.load_limit or read_make_flags(variables.get("MAKEFLAGS", "")).load,
         cmake_args=shared_args,
         ament_cmake_args=cmake.ament_cmake_args,

@@ -38,7 +38,7 @@ from forge.build.prefix import PrefixExchange, written_log
 from forge.build.records import FolderRecord, add_commands, complete_record
 from forge.build.reuse import Reuse
 from forge.build.tasks import StepKind
-from forge.build.up_to_date import UNKNOWN
+from forge.build.up_to_date import TARGET, UMASK, UNKNOWN
 from forge.engine.commands import NOT_OBSERVED, is_for_this_processor
 from forge.engine.variables import FOR_COMPILERS
 from forge.engine.world import PROCESSOR, VARIABLE
@@ -152,9 +152,11 @@ class TaskSetup(TaskLifecycle):
             found, sources = fingerprint_tree(source, state.table)
             stamp = found.stamp if found.digest == task.sources.digest else _OTHER
         pairs = map("=".join, (*inputs.tools, *inputs.environment, *set_by_needs))
+        # What another target has made, or files with other permissions, would stay in the folder.
+        whole = (option for option in inputs.options if option.startswith((TARGET, UMASK)))
         needs = ((need, records.get(need)) for need in task.needs)
         record = FolderRecord(
-            base=digest_strings(inputs.forge, os.path.realpath(source), *pairs),
+            base=digest_strings(inputs.forge, os.path.realpath(source), *pairs, *whole),
             shape=digest_strings(*inputs.options, inputs.underlays),
             needs={need: each.installed.digest if each else UNKNOWN for need, each in needs},
             sources=sources,

@@ -525,3 +525,31 @@ def test_folders_are_copied_with_their_new_modes(forge: Forge, tree: Tree, body:
         build(forge, root)
         assert stat.S_IMODE((root / "install/a/share" / name).stat().st_mode) == mode
     hold_against_clean(forge, root)
+
+
+def test_another_umask_gives_what_steps_install_other_rights(forge: Forge, tree: Tree) -> None:
+    body = (
+        "file(WRITE ${CMAKE_BINARY_DIR}/d/x 1)\n"
+        "install(DIRECTORY ${CMAKE_BINARY_DIR}/d DESTINATION . USE_SOURCE_PERMISSIONS)"
+    )
+    root = tree(cmake("a", body))
+    build(forge, root)
+    before = os.umask(0o027)
+    try:
+        build(forge, root)
+        found = look(root / "install/a")
+        assert (found["d"], found["d/x"]) == ("folder 750", "640 b'1'")
+        assert {text[:3] for text in found.values() if not text.startswith("folder")} == {"640"}
+        assert "Starting" not in build(forge, root).out
+    finally:
+        os.umask(before)
+
+
+@pytest.mark.needs("g++")
+def test_what_only_another_target_makes_is_not_installed_later(forge: Forge, tree: Tree) -> None:
+    body = "add_executable(x EXCLUDE_FROM_ALL x.c)\ninstall(TARGETS x OPTIONAL DESTINATION bin)"
+    root = tree(cmake("a", body, languages="C", **{"x.c": "int main(void) { return 0; }"}))
+    build(forge, root, "--cmake-target", "x")
+    assert (root / "install/a/bin/x").is_file()
+    hold_against_clean(forge, root)
+    assert not (root / "install/a/bin/x").exists()

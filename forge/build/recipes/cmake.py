@@ -12,7 +12,7 @@ from forge.base.layout import CONFIGURED_FILE, SCRATCH_DIR
 from forge.build.recipes.context import Recipe, common_options
 from forge.build.recipes.extensions import active_extensions
 from forge.build.tasks import Step, StepKind
-from forge.build.up_to_date import PATH_MAPS, ROSDISTRO
+from forge.build.up_to_date import PATH_MAPS, ROSDISTRO, TARGET
 from forge.workspace.resolve import GENERATORS
 
 if TYPE_CHECKING:
@@ -31,7 +31,8 @@ def options(package: Package, context: BuildContext) -> tuple[str, ...]:
     variables = _ament_variables(package, context)
     named = (f"{_OPTIONS[name]}{value}" for name, value in variables if name in _OPTIONS)
     extended = (option for each in active_extensions(context) for option in each.options(package, context))
-    return (*common_options(package, context), *context.cmake_args, *mapped, *named, *extended)
+    target = (f"{TARGET}{context.target}",) if context.target else ()
+    return (*common_options(package, context), *context.cmake_args, *mapped, *named, *extended, *target)
 
 
 _OPTIONS = {"AMENT_TEST_RESULTS_DIR": "--test-result-base=", "FORGE_ROSDISTRO": ROSDISTRO}

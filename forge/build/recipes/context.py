@@ -15,7 +15,7 @@ from forge.base.frozen import frozen
 from forge.base.layout import PACKAGE
 from forge.base.text import digest
 from forge.build.tasks import Step, StepKind
-from forge.build.up_to_date import LINKS, MANIFEST
+from forge.build.up_to_date import LINKS, MANIFEST, UMASK
 from forge.toolchain.cmake_variables import BUILD_TESTING, defined
 
 if TYPE_CHECKING:
@@ -61,6 +61,7 @@ class BuildContext:
     """The names that embedded packages have in this workspace, instead of those of a distribution."""
     test_results: Path | None = None
     """The folder for the results of ament tests, instead of the build folders."""
+    umask: int = 0
     force_configure: bool = False
     clean_cache: bool = False
     clean_first: bool = False
@@ -174,6 +175,7 @@ def common_options(package: Package, context: BuildContext) -> tuple[str, ...]:
         f"{layout.word}{LINKS if layout.symlink and not package.embedded else ''}",
         str(context.python),
         context.site_packages,
+        *((f"{UMASK}{context.umask:03o}",) if context.umask else ()),
         *(option for name, option in context.toolchains if name == package.build_type),
         *(() if package.embedded else (f"{MANIFEST} {_manifest(package)}",)),
     )
