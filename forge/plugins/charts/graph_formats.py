@@ -9,6 +9,7 @@ from pathlib import Path
 
 from forge.base.frozen import frozen
 from forge.base.graph import closures, reduced
+from forge.base.templating import render
 from forge.workspace.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS, Package
 from forge.workspace.selection import name_of
 
@@ -78,7 +79,7 @@ def dot(
         start, end = (labels[node][0] for node in (edge.start, edge.end))
         yield f'  "{start}" -> "{end}" [color="{colours}"{style}];'
     if legend:
-        yield from _legend()
+        yield from render("charts/templates/legend.dot.j2", colours=_COLOURS).splitlines()
     yield "}"
 
 
@@ -208,24 +209,6 @@ def _clusters(
         yield from (f"{indent}{labels[node][1]};" for node in members)
         if frame:
             yield "  }"
-
-
-def _legend() -> Iterator[str]:
-    """Yield an edge of each kind between invisible nodes."""
-    yield "  subgraph cluster_legend {"
-    yield "    color=gray"
-    yield '    label="Legend";'
-    yield "    margin=0;"
-    yield '    node [label="", shape=none];'
-    points = ["_legend_first", *(f"_legend_{word}" for word in _COLOURS), "_legend_last"]
-    for (word, colour), start, end in zip(_COLOURS.items(), points, points[1:], strict=False):
-        yield f'    {start} -> {end} [label="{word} dep.", color="{colour}"];'
-    yield f'    {points[-2]} -> {points[-1]} [label="indirect dep.", style="dashed"];'
-    yield "    {"
-    yield "      rank=same;"
-    yield from (f"      {point};" for point in points)
-    yield "    }"
-    yield "  }"
 
 
 def _in_mermaid(text: str) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import pickle
 import threading
-import time
 import uuid
 from dataclasses import replace
 from functools import partial
@@ -16,7 +15,7 @@ from forge.build.events import Aborted, Finished, Output, StepStarted
 from forge.execution.runner import GRACE_SECONDS, changed_variables
 from forge.plugins.dask import worker
 from forge.plugins.dask.messages import ACK_INTERVAL, FINISH, INTERRUPT, KILL, RemoteTask, Router, TaskRequest
-from forge.plugins.dask.step_runner import try_lock
+from forge.plugins.dask.step_runner import locked
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -243,10 +242,9 @@ def _later(seconds: float, do: Callable[[], object]) -> None:
 
 def _await_release(lock: Path) -> None:
     """Wait until no program of an earlier attempt runs; raise HostError if this takes too long."""
-    until = time.monotonic() + _RELEASE_SECONDS
-    with lock.open("a") as stream:
-        while not try_lock(stream.fileno()):
-            if time.monotonic() > until:
-                hint = "end the processes that still run on the lost worker, then build again"
-                raise HostError(Problem(f"'{lock}' is still locked by a lost worker", hint=hint))
-            time.sleep(0.05)
+    try:
+        with locked(lock, _RELEASE_SECONDS):
+            pass
+    except TimeoutError:
+        hint = "end the processes that still run on the lost worker, then build again"
+        raise HostError(Problem(f"'{lock}' is still locked by a lost worker", hint=hint)) from None

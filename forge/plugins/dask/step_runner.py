@@ -58,7 +58,11 @@ def run_task(argv: list[str], source: BinaryIO, target: BinaryIO) -> None:
     executor = LocalExecutor(job_pool, StartedProcesses(Path(folder)) if folder else None)
     threading.Thread(target=_listen, args=(source, executor), name=COMMANDS_THREAD, daemon=True).start()
     put = partial(_write, target, threading.Lock())
-    with contextlib.closing(job_pool), _locked(remote_task.lock), job_pool.package() as has_begun:
+    with (
+        contextlib.closing(job_pool),
+        locked(remote_task.lock, _PATIENCE_SECONDS),
+        job_pool.package() as has_begun,
+    ):
         task = remote_task.task
         stopped = None if has_begun else Aborted(task.name, 0.0)
         put(stopped or executor.run(task, remote_task.environment, put) or Finished(task.name, 0, 0.0))
@@ -102,24 +106,19 @@ def _listen(source: BinaryIO, executor: LocalExecutor) -> None:
 
 
 @contextlib.contextmanager
-def _locked(lock: Path) -> Iterator[None]:
-    """Hold a lock, so that a later attempt of the same task waits for the end of this one."""
-    with lock.open("w") as stream:
-        until = time.monotonic() + _PATIENCE_SECONDS
-        while not try_lock(stream.fileno()):
-            if time.monotonic() > until:
-                raise TimeoutError(f"'{lock}' is still held by an earlier attempt")
-            time.sleep(0.05)
+def locked(lock: Path, seconds: float) -> Iterator[None]:
+    """Hold a lock, which an earlier attempt of the same task releases at its end; raises TimeoutError."""
+    until = time.monotonic() + seconds
+    with lock.open("a") as stream:
+        while True:
+            try:
+                fcntl.flock(stream.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except BlockingIOError:
+                if time.monotonic() > until:
+                    raise TimeoutError(f"'{lock}' is still held by an earlier attempt") from None
+                time.sleep(0.05)
         yield
-
-
-def try_lock(descriptor: int) -> bool:
-    """Lock a file without waiting; return False if it is already locked."""
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    return True
 
 
 if __name__ == "__main__":

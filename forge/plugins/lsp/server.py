@@ -29,14 +29,8 @@ from forge.plugins.lsp.navigation import definition, references
 from forge.plugins.lsp.rename import renamable, rename
 from forge.plugins.lsp.text import Place, Span
 
-_AtPosition = (
-    lsp.HoverParams
-    | lsp.DefinitionParams
-    | lsp.ReferenceParams
-    | lsp.CompletionParams
-    | lsp.PrepareRenameParams
-    | lsp.RenameParams
-)
+_Cursor = tuple[Index, Path, int, int]
+"""A file in an index, and a line and a column in it."""
 
 _SEVERITIES = {
     "error": lsp.DiagnosticSeverity.Error,
@@ -89,18 +83,21 @@ class InterfaceServer(LanguageServer):
             lsp.TEXT_DOCUMENT_DID_CLOSE: self._did_close,
             lsp.TEXT_DOCUMENT_DID_SAVE: self._did_save,
             lsp.WORKSPACE_DID_CHANGE_WATCHED_FILES: self._did_change_files,
-            lsp.TEXT_DOCUMENT_HOVER: self._hover,
-            lsp.TEXT_DOCUMENT_DEFINITION: self._definition,
-            lsp.TEXT_DOCUMENT_REFERENCES: self._references,
         }
         for method, handler in handlers.items():
             # pygls stores attributes in what it registers, which a method does not accept.
             self.feature(method)(partial(handler))
         triggers = lsp.CompletionOptions(trigger_characters=["/", ":", "<", ">", " ", "="])
-        self.feature(lsp.TEXT_DOCUMENT_COMPLETION, triggers)(partial(self._completion))
-        self.feature(lsp.TEXT_DOCUMENT_PREPARE_RENAME)(partial(self._prepare_rename))
-        renaming = lsp.RenameOptions(prepare_provider=True)
-        self.feature(lsp.TEXT_DOCUMENT_RENAME, renaming)(partial(self._rename))
+        questions: dict[str, tuple[Callable[[Any, _Cursor], object], Any]] = {
+            lsp.TEXT_DOCUMENT_HOVER: (self._hover, None),
+            lsp.TEXT_DOCUMENT_DEFINITION: (self._definition, None),
+            lsp.TEXT_DOCUMENT_REFERENCES: (self._references, None),
+            lsp.TEXT_DOCUMENT_COMPLETION: (self._completion, triggers),
+            lsp.TEXT_DOCUMENT_PREPARE_RENAME: (self._prepare_rename, None),
+            lsp.TEXT_DOCUMENT_RENAME: (self._rename, lsp.RenameOptions(prepare_provider=True)),
+        }
+        for method, (answer, options) in questions.items():
+            self.feature(method, options)(partial(self._at_cursor, answer))
 
     def _initialized(self, _: lsp.InitializedParams) -> None:
         """Read the workspace, and ask the editor to report changed files."""
@@ -165,27 +162,31 @@ class InterfaceServer(LanguageServer):
             self._index(path).refresh(path)
         self._publish()
 
-    def _hover(self, params: lsp.HoverParams) -> lsp.Hover | None:
-        asked = self._cursor(params)
-        text = hover(*asked) if asked else None
+    def _at_cursor(self, answer: Callable[[Any, _Cursor], object], params: Any) -> object:
+        """Answer a question about what is under a cursor; None in a file of another kind."""
+        path = _path(params.text_document.uri)
+        if path is None:
+            return None
+        index = self._index(path)
+        codec, lines = self.workspace.position_codec, index.text(path).splitlines()
+        position = codec.position_from_client_units(lines, params.position)
+        return answer(params, (index, path, position.line, position.character))
+
+    def _hover(self, _: lsp.HoverParams, cursor: _Cursor) -> lsp.Hover | None:
+        text = hover(*cursor)
         return lsp.Hover(lsp.MarkupContent(lsp.MarkupKind.Markdown, text)) if text else None
 
-    def _definition(self, params: lsp.DefinitionParams) -> lsp.Location | None:
-        asked = self._cursor(params)
-        found = definition(*asked) if asked else None
-        return self._location(asked[0], found) if asked and found else None
+    def _definition(self, _: lsp.DefinitionParams, cursor: _Cursor) -> lsp.Location | None:
+        found = definition(*cursor)
+        return self._location(cursor[0], found) if found else None
 
-    def _references(self, params: lsp.ReferenceParams) -> list[lsp.Location]:
-        asked = self._cursor(params)
-        found = references(*asked, declaration=params.context.include_declaration) if asked else []
-        return [self._location(asked[0], each) for each in found] if asked else []
+    def _references(self, params: lsp.ReferenceParams, cursor: _Cursor) -> list[lsp.Location]:
+        found = references(*cursor, declaration=params.context.include_declaration)
+        return [self._location(cursor[0], each) for each in found]
 
-    def _completion(self, params: lsp.CompletionParams) -> lsp.CompletionList | None:
-        asked = self._cursor(params)
-        if asked is None:
-            return None
-        found = complete(*asked)
-        where = self._range(asked[0], asked[1], found.span)
+    def _completion(self, _: lsp.CompletionParams, cursor: _Cursor) -> lsp.CompletionList:
+        found = complete(*cursor)
+        where = self._range(cursor[0], cursor[1], found.span)
         items = [
             lsp.CompletionItem(
                 each.label,
@@ -199,25 +200,23 @@ class InterfaceServer(LanguageServer):
         ]
         return lsp.CompletionList(is_incomplete=not found.complete, items=items)
 
-    def _prepare_rename(self, params: lsp.PrepareRenameParams) -> lsp.PrepareRenamePlaceholder | None:
-        asked = self._cursor(params)
+    def _prepare_rename(
+        self, _: lsp.PrepareRenameParams, cursor: _Cursor
+    ) -> lsp.PrepareRenamePlaceholder | None:
         with _refusing():
-            found = renamable(*asked) if asked else None
-        if asked is None or found is None:
+            found = renamable(*cursor)
+        if found is None:
             return None
         self._require_moves(moves=found.file is not None)
-        return lsp.PrepareRenamePlaceholder(self._range(asked[0], asked[1], found.span), found.name)
+        return lsp.PrepareRenamePlaceholder(self._range(cursor[0], cursor[1], found.span), found.name)
 
-    def _rename(self, params: lsp.RenameParams) -> lsp.WorkspaceEdit | None:
-        asked = self._cursor(params)
-        if asked is None:
-            return None
+    def _rename(self, params: lsp.RenameParams, cursor: _Cursor) -> lsp.WorkspaceEdit:
+        index = cursor[0]
         with _refusing():
-            found = rename(*asked, params.new_name)
+            found = rename(*cursor, params.new_name)
         self._require_moves(moves=bool(found.moves))
         if found.remark:
             self.window_show_message(lsp.ShowMessageParams(lsp.MessageType.Warning, found.remark))
-        index = asked[0]
         by_path: dict[Path, list[lsp.TextEdit | lsp.AnnotatedTextEdit | lsp.SnippetTextEdit]] = {}
         for edit in found.edits:
             change = lsp.TextEdit(self._range(index, edit.path, edit.span), edit.text)
@@ -246,16 +245,6 @@ class InterfaceServer(LanguageServer):
     def _uri(self, path: Path) -> str:
         name = str(path)
         return self._opened.get(path) or f"file://{name if _PLAIN.fullmatch(name) else quote(name)}"
-
-    def _cursor(self, params: _AtPosition) -> tuple[Index, Path, int, int] | None:
-        """Return where a question is about, None in a file of another kind."""
-        path = _path(params.text_document.uri)
-        if path is None:
-            return None
-        index = self._index(path)
-        codec, lines = self.workspace.position_codec, index.text(path).splitlines()
-        position = codec.position_from_client_units(lines, params.position)
-        return index, path, position.line, position.character
 
     def _location(self, index: Index, place: Place) -> lsp.Location:
         return lsp.Location(self._uri(place.path), self._range(index, place.path, place.span))
