@@ -107,6 +107,8 @@ class ObservedCommands:
         known = accesses.read | accesses.found
         return (
             not accesses.read.isdisjoint(modified)
+            # It would write its own content again, as CMake does to a file among the sources.
+            or not accesses.written.isdisjoint(modified)
             # Of a folder, that is its mode, which is copied with it.
             or any(path[:-1] in known | accesses.listed for path in modified if path.endswith("/"))
             or any(path.rstrip("/") in known for path in removed)

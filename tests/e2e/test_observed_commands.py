@@ -488,3 +488,13 @@ def test_a_file_elsewhere_whose_age_a_program_compares_is_an_input(
     tree({"elsewhere/x": "2"})
     assert forge("build", cwd=root).code == 0
     assert (root / "install/a/share/version").read_text() == "elsewhere/x\n"
+
+
+def test_an_edited_file_that_cmake_writes_into_the_sources_is_written_again(forge: Forge, tree: Tree) -> None:
+    cmake = f"{HEAD}file(WRITE made.txt 1)\ninstall(FILES made.txt DESTINATION share)\n"
+    root = tree({**FILES, "src/a/CMakeLists.txt": cmake})
+    built(forge, root)
+    built(forge, root)
+    edit(root, "made.txt", "2")
+    built(forge, root)
+    assert (root / "install/a/share/made.txt").read_text() == "1"
