@@ -166,10 +166,12 @@ def test_a_missing_package_stops_only_what_requires_it(forge: Forge, tree: Tree)
     ran = forge("build", "--continue-on-error", cwd=root)
     assert (ran.code, sorted(path.name for path in root.glob("install/[a-z]*/"))) == (1, ["tools"]), ran.err
     assert "warning: 'node', 'tools' need 'rclcpp', which is neither in" in ran.err
-    assert "hint: source a ROS installation that contains 'rclcpp'" in ran.err
+    assert "hint: 'forge fetch' downloads it; or source an installation that contains it" in ran.err
     tried = forge("build", "--skip-keys", "rclcpp tf2", "--skip-keys", "rmw", cwd=root)
     assert tried.code == 1
-    assert "hint: source a ROS installation that contains 'rclcpp'" in tried.err
+    assert (
+        "hint: 'forge fetch' downloads it; or source a ROS installation that contains 'rclcpp'" in tried.err
+    )
     assert "which is neither in" not in tried.err
 
 
