@@ -11,6 +11,7 @@ forge.build.prefix, as they are without the library, or if code of the package t
 
 from __future__ import annotations
 
+import contextlib
 import filecmp
 import json
 import os
@@ -20,7 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from forge.base.errors import Problem
-from forge.base.files import listed_paths, remove_tree, replace_file, tree_below
+from forge.base.files import BYTECODE, listed_paths, remove_tree, replace_file, tree_below
 from forge.base.layout import INSTALLED_STATES_DIR, SCRATCH_DIR
 from forge.base.text import digest
 from forge.build.copies import status_of
@@ -28,7 +29,13 @@ from forge.build.inputs.fingerprints import content_digest
 from forge.build.install_manifests import MANIFESTS, listed_files
 from forge.build.install_scripts import folder_modes, installed_entries, read_install_scripts
 from forge.build.installation import InstalledFiles
-from forge.build.installed_lists import InstalledList, identity, list_file, read_installed_list
+from forge.build.installed_lists import (
+    InstalledList,
+    folders_above,
+    identity,
+    list_file,
+    read_installed_list,
+)
 from forge.build.observed_writes import begin_log, remove_log
 from forge.build.prefix import (
     guarded_links,
@@ -62,10 +69,13 @@ _OF_STAGING = frozenset({".links", ".notes", ".stage", ".written"})
 # Around the steps
 
 
-def staged(task: Task, layout: Layout) -> Task:
-    """Return the task with a stage, if it is known what is installed now."""
+def staged(task: Task, layout: Layout, shared: Collection[str]) -> Task:
+    """Return the task with a stage, if it is known what is installed now, and that it is the package's alone.
+
+    Other packages have installed the `shared` files as well.
+    """
     known, listed = read_json(_notes_file(task.build_dir)), read_installed_list(task.name, layout)
-    if layout.merged or not known.keys() >= {"scripts", "files", "folders"} or not task.prefix.is_dir():
+    if shared or not known.keys() >= {"scripts", "files", "folders"} or not task.prefix.is_dir():
         return task
     if listed is None or listed.unclaimed:
         return task
@@ -89,8 +99,23 @@ def begin(task: Task, layout: Layout) -> None:
     """Let the steps find the stage instead of the prefix."""
     remove_tree(str(task.stage))
     begin_log(written_log(task.name, layout))
-    prefixes = dict.fromkeys((str(task.prefix), os.path.realpath(task.prefix)))
-    guarded_links(task.name, layout).write_bytes(b"".join(b"%s\0" % os.fsencode(path) for path in prefixes))
+    words: list[str] = [*dict.fromkeys((str(task.prefix), os.path.realpath(task.prefix)))]
+    if layout.merged:
+        skip = len(str(task.prefix)) + 1
+        words += ("", *sorted((path[skip:] for path in _own_entries(task, layout)), key=os.fsencode))
+    guarded_links(task.name, layout).write_bytes(b"".join(b"%s\0" % os.fsencode(word) for word in words))
+
+
+def _own_entries(task: Task, layout: Layout) -> set[str]:
+    """Return the files of a package, and the folders in which nobody else has anything."""
+    listed = read_installed_list(task.name, layout) or InstalledList({})
+    own = {*listed.files, *(folder.rstrip("/") for folder in listed.folders)}
+    above = {folder for path in own for folder in folders_above(path, str(task.prefix))}
+    for folder in sorted(above, key=len, reverse=True):  # the innermost first
+        with contextlib.suppress(OSError), os.scandir(folder) as entries:
+            if all(entry.path in own or entry.name == BYTECODE for entry in entries):
+                own.add(folder)
+    return own
 
 
 def end(task: Task, layout: Layout) -> None:
@@ -117,8 +142,9 @@ def in_place(task: Task, layout: Layout, steps: ObservedSteps, failed: Step | No
         for _, kind, path in process.records
     ]
     # What a step before the installation wrote there is not written again by the next build.
+    using = frozenset("WDU") if layout.merged else _FOUND
     uses = any(
-        kind == "B" or (kind in _FOUND and f"{path}/".startswith(own))
+        kind == "B" or (kind in using and f"{path}/".startswith(own))
         for is_installing, kind, path in records
         if not is_installing
     )
@@ -145,8 +171,10 @@ def _fits(task: Task, layout: Layout, *, has_code: bool) -> bool:
     listed = read_installed_list(task.name, layout)
     stage = str(task.stage)
     files, folders = tree_below(stage)
-    if not all(path.startswith((f"{task.prefix}/", f"{stage}/")) for path in listed_files(task.build_dir)):
-        return False
+    for path in listed_files(task.build_dir):
+        # CMake installs a file into a folder of its name.
+        if not path.startswith((f"{task.prefix}/", f"{stage}/")) or _is_folder(path):
+            return False
     for path, status in files:
         target = _target(task, path)
         is_foreign = os.path.lexists(target) and (listed is None or target not in listed.files)
@@ -259,6 +287,9 @@ def commit(task: Task, layout: Layout) -> tuple[InstalledFiles, tuple[Problem, .
     else:
         now = frozenset(_target(task, path) for path, _ in files)
         folders = frozenset(f"{_target(task, path)}/" for path in empty)
+        if layout.merged:  # the others were there before
+            own = {f"{path}/" for path in _own_entries(task, layout)}
+            folders = frozenset(path for path in folders if path in own or not os.path.isdir(path))
         kept = remove_stale(task, layout, (before | folders_before) - now - folders)
         installed = InstalledFiles(tuple(sorted(now)), tuple(sorted(folders)))
     _announce(task, layout, (path for path, _ in files))
@@ -324,14 +355,18 @@ def remove_other_stale(task: Task, layout: Layout, installed: InstalledFiles) ->
     return remove_stale(task, layout, stale, installed.folders)
 
 
-def note_installed(task: Task, installed: InstalledFiles) -> None:
-    """Note what the install step has installed, and from what, for the next build."""
+def note_installed(task: Task, installed: InstalledFiles, *, observed: bool) -> None:
+    """Note what the install step has installed, and from what, for the next build.
+
+    Steps of which not all was observed are not run in a stage the next time.
+    """
     following, notes = task.build_dir / SCRATCH_DIR / _NEXT, _notes_file(task.build_dir)
     data = read_json(following)
     below = f"{task.prefix}/"
     if data and data["scripts"] == read_json(notes).get("in place"):
         return
-    if not data or installed.unclaimed or not all(path.startswith(below) for path in installed.files):
+    is_known = observed and bool(data) and not installed.unclaimed
+    if not is_known or not all(path.startswith(below) for path in installed.files):
         notes.unlink(missing_ok=True)
         return
     paths = {"files": installed.files, "folders": installed.folders}

@@ -41,7 +41,9 @@
  *
  * With FORGE_OBSERVER_STAGE, that file has spellings of the prefix instead, and each path below it means the same
  * path in the stage: the step neither finds nor changes the last build, but knows no other path than the prefix.
- * What cannot be led to the stage is said as B.
+ * What cannot be led to the stage is said as B. If several packages share the prefix, an empty word follows, and
+ * the paths of this package alone, sorted, relative to the prefix: all others mean what is in the prefix, until
+ * there is something in the stage. To change files of others is refused.
  */
 #define _GNU_SOURCE
 #include <alloca.h>
@@ -129,7 +131,7 @@ static char library[PATH_MAX];
 static char backups[2 * PATH_MAX], moved[PATH_MAX]; /* the folder of the log, also without links; a name below */
 static char *map;
 static size_t map_size;
-static const char *links, *links_end, *stage;
+static const char *links, *links_end, *stage, *own, *own_end; /* the last two if the prefix is shared */
 
 static struct {
     uint64_t at, end;
@@ -400,10 +402,60 @@ static int resolve_parents(char *absolute)
     return 1;
 }
 
-/* Return what a path means: the path itself, or one in `place` if it lies below the prefix while there is a stage. */
-static const char *staged(int folder, const char *path, char *place)
+static int is_own(const char *path)
+{
+    for (const char *low = own, *high = own_end, *each; low < high;) {
+        int order;
+        for (each = low + (high - low) / 2; each > low && each[-1];)
+            each--;
+        order = strcmp(path, each);
+        if (!order)
+            return 1;
+        if (order < 0)
+            high = each;
+        else
+            low = each + strlen(each) + 1;
+    }
+    return 0;
+}
+
+/* Tell if others have something at a path in a shared prefix; `rest` is its part below the prefix. */
+static int is_of_others(const char *absolute, const char *rest, struct stat *status)
+{
+    return own && (!*rest || !is_own(rest + 1)) && !NEXT(fstatat)(AT_FDCWD, absolute, status, AT_SYMLINK_NOFOLLOW);
+}
+
+/* Create the folder of a path in the stage, as far as there are such folders in the shared prefix. */
+static void make_parents(char *place)
 {
     char absolute[PATH_MAX];
+    struct stat status;
+
+    for (char *at = place + strlen(stage); at; at = strchr(at + 1, '/')) {
+        char rest = *at;
+        *at = 0;
+        snprintf(absolute, sizeof absolute, "%s%s", links, place + strlen(stage));
+        if (!is_of_others(absolute, place + strlen(stage), &status) || !S_ISDIR(status.st_mode))
+            at = NULL;
+        else if (!kernel()(SYS_mkdirat, AT_FDCWD, place, 0700))
+            kernel()(SYS_fchmodat, AT_FDCWD, place, status.st_mode & 07777);
+        if (!at) {
+            place[strlen(place)] = rest;
+            return;
+        }
+        *at = rest;
+        if (!rest)
+            return;
+    }
+}
+
+enum { LOOKS, CREATES, ALTERS };
+
+/* Return what a path means: the path itself, or one in `place` if it lies below the prefix while there is a stage. */
+static const char *lead(int folder, const char *path, char *place, int purpose)
+{
+    char absolute[PATH_MAX];
+    struct stat status;
     const char *result = path;
     int saved = errno;
 
@@ -414,7 +466,22 @@ static const char *staged(int folder, const char *path, char *place)
             const char *end = path[size - 1] == '/' || (size > 1 && !strcmp(path + size - 2, "/.")) ? "/" : "";
             for (const char *prefix = links; prefix < links_end; prefix += strlen(prefix) + 1)
                 if (is_below(absolute, prefix) && strlen(stage) + strlen(absolute) + 2 < PATH_MAX + strlen(prefix)) {
-                    snprintf(place, PATH_MAX, "%s%s%s", stage, absolute + strlen(prefix), end);
+                    const char *rest = absolute + strlen(prefix);
+                    int is_others;
+                    if (own && (is_below(absolute, backups) || is_below(absolute, backups + PATH_MAX)))
+                        break;
+                    snprintf(place, PATH_MAX, "%s%s", stage, rest);
+                    is_others = (!own || !*rest || NEXT(fstatat)(AT_FDCWD, place, &status, AT_SYMLINK_NOFOLLOW))
+                        && is_of_others(absolute, rest, &status);
+                    if (is_others && !(purpose == ALTERS && S_ISDIR(status.st_mode) && *rest))
+                        strcpy(place, absolute);
+                    else if (own && purpose != LOOKS) {
+                        make_parents(place);
+                        if (is_others && !kernel()(SYS_mkdirat, AT_FDCWD, place, 0700))
+                            kernel()(SYS_fchmodat, AT_FDCWD, place, status.st_mode & 07777);
+                    }
+                    if (strlen(place) + 2 < PATH_MAX)
+                        strcat(place, end);
                     errno = saved;
                     return place;
                 }
@@ -426,16 +493,21 @@ static const char *staged(int folder, const char *path, char *place)
     return result;
 }
 
-#define IN_STAGE(folder)                                                        \
+static const char *staged(int folder, const char *path, char *place)
+{
+    return lead(folder, path, place, LOOKS);
+}
+
+#define IN_STAGE(folder, purpose)                                               \
     char place[PATH_MAX];                                                       \
     const char *given = path;                                                   \
-    path = staged(folder, path, place)
+    path = lead(folder, path, place, purpose)
 
 /* Say that a step has used something of the last build. */
 static void note_last_build(const char *path)
 {
     for (const char *prefix = links; stage && prefix < links_end; prefix += strlen(prefix) + 1)
-        if (is_below(path, prefix))
+        if (is_below(path, prefix) && !is_below(path, stage) && (!own || is_own(path + strlen(prefix) + 1)))
             note('B', "what is installed");
 }
 
@@ -541,6 +613,24 @@ static int is_guarded(int folder, const char *path, char *absolute)
     return 0;
 }
 
+/* Return 1 with EACCES if what others have in a shared prefix would be changed while there is a stage. */
+static int belongs_to_others(int folder, const char *path, int with_folders)
+{
+    char absolute[PATH_MAX], place[PATH_MAX];
+    struct stat status;
+
+    if (!own || !locate(folder, path, absolute) || is_below(absolute, backups) || is_below(absolute, backups + PATH_MAX))
+        return 0;
+    for (const char *prefix = links; prefix < links_end; prefix += strlen(prefix) + 1)
+        if (is_below(absolute, prefix) && !is_below(staged(AT_FDCWD, absolute, place), stage)
+            && is_of_others(absolute, absolute + strlen(prefix), &status) && (with_folders || !S_ISDIR(status.st_mode))) {
+            note('B', "files of others");
+            errno = EACCES;
+            return 1;
+        }
+    return 0;
+}
+
 /* Return 1 with EACCES if a link of somebody else leads out of the prefix here. */
 static int refused(int folder, const char *path)
 {
@@ -552,6 +642,8 @@ static int refused(int folder, const char *path)
         errno = EACCES;
         return 1;
     }
+    if (belongs_to_others(folder, path, 0))
+        return 1;
     errno = saved;
     return 0;
 }
@@ -563,6 +655,8 @@ static int holds_copies(int folder, const char *path)
     char absolute[PATH_MAX];
     int saved = errno;
 
+    if (belongs_to_others(folder, path, 1))
+        return 1;
     if (*backups && locate(folder, path, absolute))
         for (int at = 0; at < 2; at++) {
             size_t length = strlen(backups + at * PATH_MAX);
@@ -818,8 +912,14 @@ static void start(long parent)
             size_t size;
             links = map_file(links_variable + strlen(LINKS), 0, &size);
             links_end = links ? links + size : NULL;
-            if (links && store_variable(STAGE, stage_variable, sizeof stage_variable))
+            if (links && store_variable(STAGE, stage_variable, sizeof stage_variable)) {
+                const char *word = links;
+                while (word < links_end && *word)
+                    word += strlen(word) + 1;
+                if (word < links_end)
+                    own = word + 1, own_end = links_end, links_end = word;
                 stage = stage_variable + strlen(STAGE);
+            }
         }
         if (map) {
             guard_copies();
@@ -934,7 +1034,7 @@ static void opened(int result, int folder, const char *path, int flags)
         va_start(arguments, flags);                                             \
         mode = mode_of(flags, arguments);                                       \
         va_end(arguments);                                                      \
-        IN_STAGE(AT_FDCWD);                                                           \
+        IN_STAGE(AT_FDCWD, flags & O_CREAT ? CREATES : LOOKS);                                                           \
         result = flags & WRITES && refused(AT_FDCWD, given) ? -1 : NEXT(name)(path, flags, mode); \
         opened(result, AT_FDCWD, given, flags);                                       \
         return result;                                                          \
@@ -949,7 +1049,7 @@ static void opened(int result, int folder, const char *path, int flags)
         va_start(arguments, flags);                                             \
         mode = mode_of(flags, arguments);                                       \
         va_end(arguments);                                                      \
-        IN_STAGE(folder);                                                       \
+        IN_STAGE(folder, flags & O_CREAT ? CREATES : LOOKS);                                                       \
         result = flags & WRITES && refused(folder, given) ? -1 : NEXT(name)(folder, path, flags, mode); \
         opened(result, folder, given, flags);                                   \
         return result;                                                          \
@@ -958,7 +1058,7 @@ static void opened(int result, int folder, const char *path, int flags)
 #define CREAT(name)                                                             \
     EXPORT int name(const char *path, mode_t mode)                              \
     {                                                                           \
-        IN_STAGE(AT_FDCWD);                                                     \
+        IN_STAGE(AT_FDCWD, CREATES);                                                     \
         int result = refused(AT_FDCWD, given) ? -1 : NEXT(name)(path, mode);    \
         opened(result, AT_FDCWD, given, O_WRONLY | O_CREAT | O_TRUNC);          \
         return result;                                                          \
@@ -975,7 +1075,7 @@ static int flags_of(const char *mode)
     EXPORT FILE *name(const char *path, const char *mode)                       \
     {                                                                           \
         int flags = flags_of(mode);                                             \
-        IN_STAGE(AT_FDCWD);                                                     \
+        IN_STAGE(AT_FDCWD, flags & O_CREAT ? CREATES : LOOKS);                                                     \
         FILE *result = flags & WRITES && refused(AT_FDCWD, given) ? NULL : NEXT(name)(path, mode); \
         opened(result ? fileno(result) : -1, AT_FDCWD, given, flags);           \
         return result;                                                          \
@@ -985,7 +1085,7 @@ static int flags_of(const char *mode)
     EXPORT FILE *name(const char *path, const char *mode, FILE *stream)         \
     {                                                                           \
         int flags = flags_of(mode);                                             \
-        IN_STAGE(AT_FDCWD);                                                     \
+        IN_STAGE(AT_FDCWD, flags & O_CREAT ? CREATES : LOOKS);                                                     \
         FILE *result = path && flags & WRITES && refused(AT_FDCWD, given) ? NULL : NEXT(name)(path, mode, stream); \
         if (path)                                                               \
             opened(result ? fileno(result) : -1, AT_FDCWD, given, flags);       \
@@ -1024,7 +1124,7 @@ static void looked(int result, int folder, const char *path)
 #define LOOK(name, folder, parameters, ...)                                     \
     EXPORT int name parameters                                                  \
     {                                                                           \
-        IN_STAGE(folder);                                                       \
+        IN_STAGE(folder, LOOKS);                                                       \
         int result = NEXT(name)(__VA_ARGS__);                                   \
         looked(result, folder, given);                                          \
         return result;                                                          \
@@ -1082,7 +1182,7 @@ static ssize_t unstaged_target(ssize_t result, char *target, size_t size)
 #define READ_LINK(name, folder, parameters, ...)                                \
     EXPORT ssize_t name parameters                                              \
     {                                                                           \
-        IN_STAGE(folder);                                                       \
+        IN_STAGE(folder, LOOKS);                                                       \
         ssize_t result = NEXT(name)(__VA_ARGS__);                               \
         looked(result < 0 ? -1 : 0, folder, given);                             \
         return unstaged_target(result, target, size);                           \
@@ -1126,7 +1226,7 @@ static char *unstaged_path(char *result, char *resolved)
 #define RESOLVE(name, resolved, parameters, ...)                                \
     EXPORT char *name parameters                                                \
     {                                                                           \
-        IN_STAGE(AT_FDCWD);                                                     \
+        IN_STAGE(AT_FDCWD, LOOKS);                                                     \
         char *result = unstaged_path(NEXT(name)(__VA_ARGS__), resolved);        \
         resolved_to(result, given);                                             \
         return result;                                                          \
@@ -1162,10 +1262,126 @@ EXPORT char *__getcwd_chk(char *path, size_t size, size_t whole) { return getcwd
 
 /* List */
 
+/* Open folders of a shared prefix, with the folder that has the rest of the names. */
+static struct listing {
+    DIR *dir, *other, *real, *staged;
+    char *rest; /* below the prefix */
+} listings[64];
+static pthread_mutex_t listing_lock = PTHREAD_MUTEX_INITIALIZER;
+
+static struct listing *listing_of(DIR *dir)
+{
+    if (own)
+        for (struct listing *each = listings; each < listings + sizeof listings / sizeof *listings; each++)
+            if (each->dir == dir)
+                return each;
+    return NULL;
+}
+
+static void join_names(DIR *dir, int folder, const char *path)
+{
+    char absolute[PATH_MAX], place[PATH_MAX], link[40];
+    int saved = errno, is_staged = 0;
+    ssize_t size;
+
+    if (dir && own && locate(folder, path, absolute))
+        for (const char *prefix = links; prefix < links_end; prefix += strlen(prefix) + 1)
+            if (is_below(absolute, prefix)) {
+                const char *rest = absolute + strlen(prefix);
+                struct listing *listing;
+                struct stat status;
+                DIR *other = NULL;
+                snprintf(link, sizeof link, "/proc/self/fd/%d", dirfd(dir));
+                size = kernel()(SYS_readlinkat, AT_FDCWD, link, place, sizeof place - 1);
+                place[size > 0 ? size : 0] = 0;
+                is_staged = is_below(place, stage);
+                if (!is_staged && strlen(stage) + strlen(rest) < sizeof place) {
+                    snprintf(place, sizeof place, "%s%s", stage, rest);
+                    other = NEXT(opendir)(place);
+                } else if (is_of_others(absolute, rest, &status))
+                    other = NEXT(opendir)(absolute);
+                pthread_mutex_lock(&listing_lock);
+                listing = listing_of(NULL);
+                if (listing)
+                    *listing = (struct listing){dir, other, is_staged ? other : dir, is_staged ? dir : other, strdup(rest)};
+                pthread_mutex_unlock(&listing_lock);
+                if (!listing)
+                    note('B', "many open folders");
+                break;
+            }
+    errno = saved;
+}
+
+/* Tell if a name is to be told: not one of this package in the prefix, nor one that both folders have. */
+static int is_listed(struct listing *listing, int in_real, const char *name)
+{
+    char path[PATH_MAX];
+    struct stat status;
+
+    if (!strcmp(name, ".") || !strcmp(name, ".."))
+        return in_real == (listing->dir == listing->real);
+    if (!in_real)
+        return 1;
+    snprintf(path, sizeof path, "%s%s%s", listing->rest[0] ? listing->rest + 1 : "", listing->rest[0] ? "/" : "", name);
+    return !is_own(path)
+        && !(listing->staged && !NEXT(fstatat)(dirfd(listing->staged), name, &status, AT_SYMLINK_NOFOLLOW));
+}
+
+#define READ_FOLDER(name, entry)                                                \
+    EXPORT struct entry *name(DIR *dir)                                         \
+    {                                                                           \
+        struct listing *listing = listing_of(dir);                              \
+        struct entry *result;                                                   \
+        DIR *from = dir;                                                        \
+        if (!listing)                                                           \
+            return NEXT(name)(dir);                                             \
+        for (;;) {                                                              \
+            int saved = errno;                                                  \
+            while ((result = NEXT(name)(from)))                                 \
+                if (is_listed(listing, from == listing->real, result->d_name))  \
+                    return result;                                              \
+            if (from == listing->other || !listing->other)                      \
+                return NULL;                                                    \
+            errno = saved;                                                      \
+            from = listing->other;                                              \
+        }                                                                       \
+    }
+
+READ_FOLDER(readdir, dirent)
+#ifdef __GLIBC__
+READ_FOLDER(readdir64, dirent64)
+#endif
+
+EXPORT int closedir(DIR *dir)
+{
+    struct listing *listing;
+
+    pthread_mutex_lock(&listing_lock);
+    listing = listing_of(dir);
+    if (listing) {
+        if (listing->other)
+            NEXT(closedir)(listing->other);
+        free(listing->rest);
+        *listing = (struct listing){NULL, NULL, NULL, NULL, NULL};
+    }
+    pthread_mutex_unlock(&listing_lock);
+    return NEXT(closedir)(dir);
+}
+
+EXPORT void rewinddir(DIR *dir)
+{
+    struct listing *listing = listing_of(dir);
+
+    if (listing && listing->other)
+        NEXT(rewinddir)(listing->other);
+    NEXT(rewinddir)(dir);
+}
+
 EXPORT DIR *opendir(const char *path)
 {
-    IN_STAGE(AT_FDCWD);
+    IN_STAGE(AT_FDCWD, LOOKS);
     DIR *result = NEXT(opendir)(path);
+    join_names(result, AT_FDCWD, given);
     if (result)
         listed(AT_FDCWD, given);
     else
@@ -1176,6 +1392,7 @@ EXPORT DIR *opendir(const char *path)
 EXPORT DIR *fdopendir(int descriptor)
 {
     DIR *result = NEXT(fdopendir)(descriptor);
+    join_names(result, descriptor, ".");
     if (result)
         listed(descriptor, ".");
     return result;
@@ -1185,8 +1402,10 @@ EXPORT DIR *fdopendir(int descriptor)
     EXPORT int name(const char *path, struct entry ***names, int (*select)(const struct entry *), \
                     int (*compare)(const struct entry **, const struct entry **)) \
     {                                                                           \
-        IN_STAGE(AT_FDCWD);                                                     \
+        IN_STAGE(AT_FDCWD, LOOKS);                                                     \
         int result = NEXT(name)(path, names, select, compare);                  \
+        if (own && path != given)                                               \
+            note('B', "scandir");                                               \
         if (result < 0)                                                         \
             missing(AT_FDCWD, given);                                           \
         else                                                                    \
@@ -1236,10 +1455,11 @@ static int note_visit(const char *path, const struct stat *status, int kind, str
 /* The C library walks by itself, and tells the paths. */
 static void note_walk(const char *path)
 {
-    char place[PATH_MAX];
+    char absolute[PATH_MAX];
 
-    if (staged(AT_FDCWD, path, place) != path)
-        note('B', "a walk");
+    for (const char *prefix = links; stage && prefix < links_end; prefix += strlen(prefix) + 1)
+        if (locate(AT_FDCWD, path, absolute) && (is_below(absolute, prefix) || is_below(prefix, absolute)))
+            note('B', "a walk");
 }
 
 /* What is walked is walked before, to note it. */
@@ -1350,7 +1570,7 @@ static void renamed(int folder, const char *path)
 }
 
 #define BOTH_IN_STAGE(from, folder)                                             \
-    IN_STAGE(folder);                                                           \
+    IN_STAGE(folder, CREATES);                                                           \
     char old_place[PATH_MAX];                                                   \
     const char *given_old = old;                                                \
     old = staged(from, old, old_place)
@@ -1380,7 +1600,7 @@ RENAME(renameat2, from, folder, (int from, const char *old, int folder, const ch
 #define CHANGE(name, kind, guard, folder, parameters, ...)                      \
     EXPORT int name parameters                                                  \
     {                                                                           \
-        IN_STAGE(folder);                                                       \
+        IN_STAGE(folder, kind == 'D' ? CREATES : kind == 'W' ? ALTERS : LOOKS);                                                       \
         int keep = (guard) && (refused(folder, given) || (kind == 'U' && holds_copies(folder, given))); \
         int result = keep ? -1 : NEXT(name)(__VA_ARGS__);                       \
         if (!result)                                                            \
@@ -1425,7 +1645,7 @@ LINK(linkat, from, folder, (int from, const char *old, int folder, const char *p
 #define CREATE(name, folder, parameters, ...)                                   \
     EXPORT int name parameters                                                  \
     {                                                                           \
-        IN_STAGE(folder);                                                       \
+        IN_STAGE(folder, CREATES);                                                       \
         int result = refused(folder, given) ? -1 : NEXT(name)(__VA_ARGS__);     \
         if (!result) {                                                          \
             found('n', folder, given);                                          \
@@ -1445,7 +1665,7 @@ CREATE(mknod, AT_FDCWD, (const char *path, mode_t mode, dev_t device), path, mod
     EXPORT type name parameters                                                 \
     {                                                                           \
         char place[PATH_MAX];                                                   \
-        path = staged(folder, path, place);                                     \
+        path = lead(folder, path, place, ALTERS);                                     \
         return NEXT(name)(__VA_ARGS__);                                         \
     }
 
@@ -1482,7 +1702,7 @@ static void note_temporary(char kind, int failed, char *given, const char *place
     {                                                                           \
         char place[PATH_MAX], *given = path;                                    \
         int result;                                                             \
-        path = (char *)staged(AT_FDCWD, path, place);                           \
+        path = (char *)lead(AT_FDCWD, path, place, CREATES);                           \
         result = NEXT(name)(__VA_ARGS__);                                       \
         note_temporary('W', result < 0, given, path);                           \
         return result;                                                          \
@@ -1499,7 +1719,7 @@ TEMPORARY(mkostemp64, (char *path, int flags), path, flags)
 
 EXPORT char *mkdtemp(char *path)
 {
-    char place[PATH_MAX], *there = (char *)staged(AT_FDCWD, path, place), *result = NEXT(mkdtemp)(there);
+    char place[PATH_MAX], *there = (char *)lead(AT_FDCWD, path, place, CREATES), *result = NEXT(mkdtemp)(there);
 
     note_temporary('D', !result, path, there);
     return result ? path : NULL;
@@ -1880,7 +2100,11 @@ EXPORT long syscall(long number, ...)
 #endif
     case SYS_faccessat: case SYS_statx: looked(result, a, (char *)b); break;
     case SYS_readlinkat: looked(result < 0 ? -1 : 0, a, (char *)b); break;
-    case SYS_getdents64: found('L', a, "."); break;
+    case SYS_getdents64:
+        if (own)
+            note('B', "a system call");
+        found('L', a, ".");
+        break;
 #ifdef SYS_openat2
     case SYS_openat2: opened(result, a, (char *)b, *(uint64_t *)c); break;
 #endif

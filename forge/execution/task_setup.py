@@ -187,7 +187,8 @@ class TaskSetup(TaskLifecycle):
     def staged(self, task: Task) -> Task:
         # With DESTDIR, nothing is installed into the prefix.
         observes = self.observes and "DESTDIR" not in self.variables
-        return staging.staged(task, self.layout) if observes else task
+        shared = self.state.merged_prefix.shared_files(task)
+        return staging.staged(task, self.layout, shared) if observes else task
 
     def unstaged(self, task: Task, failed: Step | None, *, stopped: bool) -> Task | None:
         if task.stage is None or stopped:
@@ -265,13 +266,14 @@ class TaskSetup(TaskLifecycle):
         # A dependency that an embedded package provides under another name is recorded by the package's name.
         packages = self.resolution.packages
         needs |= {need for need in self.resolution.needs[task.name] if packages[need].embedded}
+        is_observed = self._read_steps(task).complete
         self._record_commands(task)
         if task.stage:
             installed, kept = staging.commit(task, self.layout)
             self.kept.extend(kept)
         else:
             installed = installation.installed_files(task.package, self.layout, task.earlier)
-        staging.note_installed(task, installed)
+        staging.note_installed(task, installed, observed=is_observed)
         own = installation.install_package(
             task.package, self.layout, tuple(sorted(needs)), self.interpreter, installed.files
         )

@@ -14,7 +14,7 @@ import pytest
 
 from tests import opt_ros
 from tests.conftest import Forge, Tree
-from tests.e2e.test_exact_installs import LINKED, build, cmake, hold_against_clean, look
+from tests.e2e.test_exact_installs import LINKED, MERGED, build, cmake, hold_against_clean, look
 from tests.e2e.test_opt_ros import shell
 from tests.packages import manifest_text, write_files
 from tests.rosidl import DEBIAN
@@ -168,15 +168,26 @@ cp -p @PROJECT_SOURCE_DIR@/run "$prefix/lib/a/run"
 cd "$prefix/lib/a"
 ./run
 pwd > ../../share/where
-(cd ../../../.. && ls src) >> ../../share/where
+(cd ../../.. && pwd) >> ../../share/where
 cp -p run "$prefix/share/copy"
 ln -s copy ../../share/link
 mv "$prefix/share/copy" "$prefix/share/moved"
 ln -sf moved ../../share/link
-found=$(find "$prefix" | sort)
+found=$(find "$prefix/lib/a" "$prefix/share/b" 2> /dev/null | sort)
 echo "$found" > ../../share/list
 chmod 750 "$prefix/share/moved"
 """
+
+
+LAYOUTS = pytest.mark.parametrize(
+    "options",
+    [(), (LINKED,), (MERGED,), (LINKED, MERGED)],
+    ids=["copies", "links", "merged", "merged-links"],
+)
+
+
+def prefix_of(root: Path, name: str, options: tuple[str, ...]) -> Path:
+    return root / "install" / ("" if MERGED in options else name)
 
 
 def startable(program: Path) -> bool:
@@ -206,7 +217,7 @@ def never_fails(program: Path, build_often: Callable[[], None]) -> None:
     assert len(said) > 1
 
 
-@pytest.mark.parametrize("options", [(), (LINKED,)], ids=["copies", "links"])
+@LAYOUTS
 @pytest.mark.parametrize("body", ["", CODE], ids=["rules", "code"])
 def test_rules_and_code_replace_only_what_has_changed(
     forge: Forge, tree: Tree, body: str, options: tuple[str, ...]
@@ -214,30 +225,33 @@ def test_rules_and_code_replace_only_what_has_changed(
     """Whatever names the prefix, at configure time or later, finds the stage there."""
     rules = "install(DIRECTORY d DESTINATION share/a)\ninstall(PROGRAMS run DESTINATION lib/a)\n"
     root = tree(
-        cmake("a", body or rules, **{"d/x": "1", "d/y": "1", "run": SCRIPT, "install.sh.in": INSTALLER})
+        cmake("a", body or rules, "b", **{"d/x": "1", "d/y": "1", "run": SCRIPT, "install.sh.in": INSTALLER})
     )
     (root / "src/a/run").chmod(0o755)
+    tree(cmake("b", "install(FILES x DESTINATION share/b)\ninstall(FILES x DESTINATION lib/a)", **{"x": "b"}))
     build(forge, root, *options)
-    before = inodes(root / "install/a")
+    prefix = prefix_of(root, "a", options)
+    before = inodes(prefix)
 
     def change() -> None:
         for number in range(2, 5):
             tree({"src/a/d/x": f"{number}", f"src/a/d/new{number}": ""})
             (root / f"src/a/d/new{number - 1}").unlink(missing_ok=True)
             build(forge, root, *options)
-            assert (root / "install/a/share/a/d/x").read_text() == f"{number}"
+            assert (prefix / "share/a/d/x").read_text() == f"{number}"
 
-    never_fails(root / "install/a/lib/a/run", change)
-    after = inodes(root / "install/a")
+    never_fails(prefix / "lib/a/run", change)
+    after = inodes(prefix)
     same = {"lib/a/run", "share/a/d/y", "share/where", "share/moved", "share/a/package.sh"}
     assert all(after.get(path) == before.get(path) for path in same)
+    assert "in place" not in (root / "build/.forge_installed/a/install_step").read_text()
     if body:
-        assert (root / "install/a/share/where").read_text() == f"{root}/install/a/lib/a\na\n"
+        assert (prefix / "share/where").read_text() == f"{prefix}/lib/a\n{prefix.parent}\n"
     hold_against_clean(forge, root, *options)
 
 
 @pytest.mark.needs(str(DEBIAN), "g++")
-@pytest.mark.parametrize("options", [(), (LINKED,)], ids=["copies", "links"])
+@LAYOUTS
 def test_ament_of_a_distribution_installs_while_programs_start(
     tmp_path: Path, options: tuple[str, ...]
 ) -> None:
@@ -258,13 +272,58 @@ def test_ament_of_a_distribution_installs_while_programs_start(
             write_files(root, files)
             shell(command, root)
 
-    never_fails(root / "install/a/lib/a/run", change)
+    never_fails(prefix_of(root, "a", options) / "lib/a/run", change)
     assert "unchanged" in shell(command, root)
     found = look(root / "install")
     for folder in ("build", "install"):
         shutil.rmtree(root / folder)
     shell(command, root)
     assert found == look(root / "install")
+
+
+@pytest.mark.needs("cargo")
+@pytest.mark.parametrize("options", [(), (MERGED,)], ids=["isolated", "merged"])
+def test_programs_of_cargo_start_while_they_are_built_again(
+    forge: Forge, tree: Tree, options: tuple[str, ...]
+) -> None:
+    main = "src/p/src/main.rs"
+    toml = '[package]\nname = "p"\nversion = "0.1.0"\nedition = "2021"\n'
+    manifest = manifest_text("p", build_type="ament_cargo")
+    root = tree({"src/p/package.xml": manifest, "src/p/Cargo.toml": toml, main: "fn main() {}\n"})
+    build(forge, root, *options)
+
+    def change() -> None:
+        tree({main: "fn main() { println!(); }\n"})
+        build(forge, root, *options)
+        tree({main: "fn main() { broken }\n"})
+        assert forge("build", *options, cwd=root).code == 1
+
+    program = prefix_of(root, "p", options) / "bin/p"
+    never_fails(program, change)
+    assert subprocess.run([program], capture_output=True, check=True).stdout == b"\n"
+
+
+@pytest.mark.needs("gcc")
+@pytest.mark.parametrize("options", [(), (MERGED,)], ids=["isolated", "merged"])
+def test_a_program_that_cannot_be_observed_is_started_once(
+    forge: Forge, tree: Tree, options: tuple[str, ...]
+) -> None:
+    """After it was seen, the package is not built in a stage, whose steps would run again in place."""
+    body = (
+        "add_custom_command(OUTPUT made COMMAND ${PROJECT_SOURCE_DIR}/copy DEPENDS words.txt)\n"
+        "add_custom_target(all_of_it ALL DEPENDS made)\n"
+        "install(FILES ${CMAKE_BINARY_DIR}/made DESTINATION share)\n"
+    )
+    root = tree(cmake("a", body, **{"words.txt": "1"}))
+    tree({"c.c": '#include <stdio.h>\nint main(void) { puts("copied"); return !fopen("made", "w"); }\n'})
+    argv = ["gcc", "-static", "-o", root / "src/a/copy", root / "c.c"]
+    subprocess.run(argv, check=True)
+    build(forge, root, *options)
+    tree({"src/a/words.txt": "2"})
+    ran = build(forge, root, *options)
+    assert "denied" not in ran.out + ran.err
+    log = (root / "log/latest_build/a/stdout_stderr.log").read_text()
+    assert log.count("copied") == 1
 
 
 def test_what_came_from_the_cache_is_replaced_as_in_a_clean_build(forge: Forge, tree: Tree) -> None:
@@ -347,7 +406,7 @@ class Rules:
             path.write_text(text)
 
 
-@pytest.mark.parametrize("options", [(), (LINKED,)], ids=["isolated", "linked"])
+@LAYOUTS
 @pytest.mark.parametrize("seed", range(int(os.environ.get("FORGE_TEST_EXAMPLES", "3"))))
 def test_any_change_of_files_and_rules_installs_what_a_clean_build_does(
     forge: Forge, tree: Tree, seed: int, options: tuple[str, ...]
@@ -370,7 +429,7 @@ def test_any_change_of_files_and_rules_installs_what_a_clean_build_does(
             {
                 path: {each: said.replace(str(place), "") for each, said in shown.items()}
                 for path in "pqr"
-                for shown in (look(place / "install/a/share" / path),)
+                for shown in (look(prefix_of(place, "a", options) / "share" / path),)
             }
             for place in (root, clean)
         )
