@@ -15,10 +15,13 @@ HOME = os.path.dirname(os.path.abspath(__file__))  # noqa: PTH100, PTH120  (path
 
 def main() -> int:
     """Carry out the command of this process, which ends then; returns its exit code."""
-    own_modules_first()
-    from forge.__main__ import main as command
+    try:
+        own_modules_first()
+        from forge.__main__ import main as command
 
-    return command()
+        return command()
+    except KeyboardInterrupt:  # before the command could take care of it
+        return 130
 
 
 def own_modules_first() -> None:

@@ -45,8 +45,8 @@ EXIT_INTERRUPTED = 130
 
 _DISK_FULL = "free some space, or choose other folders with '--build-base', '--install-base' and '--log-base'"
 _NETWORK = "the file system's server does not answer; check the mount"
-_FOR_WRITING = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS})
-_NOT_THERE = frozenset({errno.ENOENT, errno.ENOTDIR, errno.ESTALE})
+_FOR_WRITING = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM})
+_NOT_THERE = frozenset({errno.ENOENT, errno.ESTALE})
 _OF_OUTPUT = frozenset({errno.EBADF, errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO})
 _HINTS = {
     errno.EACCES: "if another user created it, for example with sudo, change its owner or remove it",
@@ -246,6 +246,9 @@ def problem_from_oserror(error: OSError) -> Problem | None:
     """Return a problem for the user, or None for an error that is a bug in forge."""
     if isinstance(error, NotRegularFileError):
         return Problem(f"cannot read '{error.filename}': {error.strerror}")
+    if error.errno == errno.ENOTDIR and error.filename:
+        message = f"cannot read or write '{error.filename}': a file lies where one of its folders belongs"
+        return Problem(message, hint="move that file, or let its package install it elsewhere")
     if error.errno in _NOT_THERE and error.filename:
         message = f"'{error.filename}' disappeared while forge was using it"
         return Problem(message, hint="another program may have removed or moved it; try again")

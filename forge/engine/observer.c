@@ -1734,11 +1734,35 @@ EXPORT int socket(int domain, int type, int protocol)
     return NEXT(socket)(domain, type, protocol);
 }
 
-EXPORT int getaddrinfo(const char *host, const char *service, const struct addrinfo *hints, struct addrinfo **found)
-{
-    note_channel("the network");
-    return NEXT(getaddrinfo)(host, service, hints, found);
-}
+/* Names of hosts come from a server, whichever function asks for them. */
+#define RESOLVES(name, type, parameters, ...)                                   \
+    EXPORT type name parameters                                                 \
+    {                                                                           \
+        note_channel("the network");                                            \
+        return NEXT(name)(__VA_ARGS__);                                         \
+    }
+
+RESOLVES(getaddrinfo, int,
+         (const char *host, const char *service, const struct addrinfo *hints, struct addrinfo **result),
+         host, service, hints, result)
+RESOLVES(getnameinfo, int,
+         (const struct sockaddr *address, socklen_t size, char *host, socklen_t hosts, char *service, socklen_t services,
+          int flags),
+         address, size, host, hosts, service, services, flags)
+RESOLVES(gethostbyname, struct hostent *, (const char *host), host)
+RESOLVES(gethostbyname2, struct hostent *, (const char *host, int family), host, family)
+RESOLVES(gethostbyaddr, struct hostent *, (const void *address, socklen_t size, int family), address, size, family)
+RESOLVES(gethostbyname_r, int,
+         (const char *host, struct hostent *entry, char *buffer, size_t size, struct hostent **result, int *code),
+         host, entry, buffer, size, result, code)
+RESOLVES(gethostbyname2_r, int,
+         (const char *host, int family, struct hostent *entry, char *buffer, size_t size, struct hostent **result,
+          int *code),
+         host, family, entry, buffer, size, result, code)
+RESOLVES(gethostbyaddr_r, int,
+         (const void *address, socklen_t length, int family, struct hostent *entry, char *buffer, size_t size,
+          struct hostent **result, int *code),
+         address, length, family, entry, buffer, size, result, code)
 
 EXPORT int shm_open(const char *name, int flags, mode_t mode)
 {

@@ -11,6 +11,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import resource
 import stat
 import tempfile
 import time
@@ -121,7 +122,9 @@ class CachedTests:
         mask = os.umask(0o22)
         os.umask(mask)
         processors = sorted(os.sched_getaffinity(0))
-        self._machine = repr((*os.uname(), os.getuid(), os.getgroups(), processors, mask))
+        limits = [getattr(resource, name) for name in sorted(dir(resource)) if name.startswith("RLIMIT_")]
+        limits = [resource.getrlimit(limit) for limit in limits]
+        self._machine = repr((*os.uname(), os.getuid(), os.getgroups(), processors, mask, limits))
         self._running: dict[str, _Run] = {}
         self._ended: dict[str, tuple[_Run, ObservedStep]] = {}
         self.remarks: dict[str, str] = {}

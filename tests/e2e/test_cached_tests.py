@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import resource
 import shutil
 import subprocess
 import time
@@ -224,6 +225,8 @@ def test_a_configuration_may_ask_for_it_and_other_runs_are_not_replayed(forge: F
 NOT_RECORDED = {
     "the network": ("import socket; socket.socket().close()", "they use the network"),
     "a host": ("import socket; socket.getaddrinfo('localhost', 1)", "they use the network"),
+    "a host, as getent": ("import socket; socket.gethostbyname_ex('localhost')", "they use the network"),
+    "an address": ("import socket; socket.getnameinfo(('127.0.0.1', 1), 0)", "they use the network"),
     "a device": ("open('/dev/zero').close(); open('/dev/kmsg', 'w').close()", "they use /dev/kmsg"),
     "a server": (
         "import contextlib, socket\n"
@@ -311,6 +314,15 @@ def test_a():
     (root / "build/p/out/more").unlink()
     assert why(run(forge, root)).endswith("out/more' has disappeared")
     assert why(run(forge, root)) == "cached"
+
+
+def test_the_limits_of_the_shell_are_inputs(forge: Forge, root: Path) -> None:
+    soft, hard = resource.getrlimit(resource.RLIMIT_CORE)
+    resource.setrlimit(resource.RLIMIT_CORE, (4096 if soft != 4096 else 0, hard))
+    try:
+        assert why(run(forge, root)) == "tests ran: this machine has changed"
+    finally:
+        resource.setrlimit(resource.RLIMIT_CORE, (soft, hard))
 
 
 def test_a_pass_does_not_depend_on_runs_before(forge: Forge, tree: Tree) -> None:

@@ -553,3 +553,15 @@ def test_what_only_another_target_makes_is_not_installed_later(forge: Forge, tre
     assert (root / "install/a/bin/x").is_file()
     hold_against_clean(forge, root)
     assert not (root / "install/a/bin/x").exists()
+
+
+def test_a_file_where_forge_needs_a_folder_is_named(forge: Forge, tree: Tree) -> None:
+    root = tree(
+        cmake(
+            "a", "file(WRITE ${CMAKE_BINARY_DIR}/a)\ninstall(FILES ${CMAKE_BINARY_DIR}/a DESTINATION share)"
+        )
+    )
+    ran = forge("build", cwd=root)
+    assert ran.code == 2
+    assert "a file lies where one of its folders belongs" in ran.err
+    assert "hint: move that file, or let its package install it elsewhere" in ran.err

@@ -1,6 +1,7 @@
 """forge builds packages that are called like its own modules and libraries, and is not led astray by them."""
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -144,3 +145,14 @@ def test_the_environment_of_child_processes_is_unchanged(tmp_path: Path, foreign
     words = f"{SHOW}; import os; print(os.environ['PYTHONPATH'])"
     said = run(tmp_path, sys.executable, "-c", words, python_path=f"{foreign}:").splitlines()
     assert said[-1] == f"{foreign}:"
+
+
+def test_an_interrupt_while_forge_starts_leaves_no_traceback(tmp_path: Path) -> None:
+    """Even before it has imported what handles signals."""
+    (tmp_path / "forge").mkdir()
+    (tmp_path / "forge/__init__.py").write_text("import signal\nsignal.raise_signal(signal.SIGINT)\n")
+    shutil.copy(HOME / "_ros_forge.py", tmp_path)
+    ran = subprocess.run(
+        [sys.executable, tmp_path / "_ros_forge.py", "build"], capture_output=True, text=True, check=False
+    )
+    assert (ran.returncode, ran.stderr) == (130, "")
