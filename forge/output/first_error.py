@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from itertools import islice, takewhile
 
 from forge.base.frozen import frozen
 from forge.execution.worker_client import DECLINED_PREFIX
@@ -18,6 +19,10 @@ _LINKER = re.compile(
 _OTHER = re.compile(
     r"^(error: |/.+: error: |forge: |\w*(Error|Exception): |(ninja|make): \*\*\* )", re.IGNORECASE
 )
+_FAILED = "FAILED: "
+_NINJA = re.compile(rf"\[\d+/\d+\] |{_FAILED}|ninja: ")
+"""How Ninja goes on after a command."""
+_MAX_SAID = 8
 COLOUR = re.compile(r"\x1b\[[0-9;]*[A-Za-z]")
 
 _VISIBLE_LINES = 20
@@ -48,7 +53,12 @@ def first_error(output: Sequence[str], folder: str = "") -> FirstError | None:
                     if other.strip():
                         rest.append(other)
                 return FirstError((with_paths(line, folder), *rest), pattern is _INTERFACE)
-    return None
+    failed = next((index for index, line in enumerate(plain) if line.startswith(_FAILED)), None)
+    if failed is None:
+        return None
+    # Ninja prints the command, and then what that has printed.
+    said = takewhile(lambda line: not _NINJA.match(line), plain[failed + 2 :])
+    return FirstError((*islice(filter(str.strip, said), _MAX_SAID),) or (plain[failed],))
 
 
 def with_paths(output: str, folder: str) -> str:

@@ -41,3 +41,23 @@ def test_paths_of_cmakelists_can_be_opened_by_editors(line: str, shown: str) -> 
     error = first_error([line], "src/a b")
     assert error is not None
     assert error.lines == (shown,)
+
+
+@pytest.mark.parametrize(
+    ("printed", "shown"),
+    [
+        (
+            ["cat: none: No such file", "", "cat: other: No such file"],
+            ("cat: none: No such file", "cat: other: No such file"),
+        ),
+        ([], ("FAILED: [code=1] CMakeFiles/t ",)),
+    ],
+)
+def test_what_a_failed_command_of_ninja_has_printed_is_an_error(
+    printed: list[str], shown: tuple[str, ...]
+) -> None:
+    output = ["[1/2] made x", "FAILED: [code=1] CMakeFiles/t ", "cd build && cat none other", *printed]
+    for after in ("ninja: build stopped: subcommand failed.", "[2/2] made y", "FAILED: [code=2] z"):
+        error = first_error([*output, after, "more"])
+        assert error is not None
+        assert error.lines == shown
