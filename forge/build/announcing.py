@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from forge.build.up_to_date import InputKind, reason_to_build
+from forge.build.up_to_date import InputKind
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -24,15 +24,9 @@ def announcements(plan: BuildPlan, snapshot: Snapshot) -> Iterator[str]:
     """
     groups: dict[object, list[InputChange]] = {}
     for task in plan.tasks.values():
-        record = snapshot.records.get(task.name)
-        if (
-            task.embedded
-            or task.conditional
-            or record is None
-            or record.inputs.sources != task.inputs.sources
-        ):
+        record, change = snapshot.records.get(task.name), task.change
+        if task.embedded or record is None or record.inputs.sources != task.inputs.sources:
             continue
-        change = reason_to_build(task.name, task.inputs, record, snapshot)
         if change is not None and change.kind is not InputKind.OWN:
             is_option = change.kind is InputKind.OPTION
             groups.setdefault(is_option or change.names or change.text, []).append(change)

@@ -18,8 +18,7 @@ from forge.base.frozen import frozen
 from forge.base.layout import BACKUP_DIR, PACKAGE, own_folders
 from forge.base.text import counted
 from forge.build.inputs.depfiles import cmake_root
-from forge.build.inputs.native_graph import Edge, read_native_graph
-from forge.build.observed_commands import EdgeFinder
+from forge.build.inputs.native_graph import Edge, EdgeFinder, read_native_graph
 from forge.build.observed_writes import read_steps
 from forge.build.prefix import written_log
 from forge.build.tasks import StepKind

@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import filecmp
 import os
+import re
 import time
 from dataclasses import replace
 from functools import cache
@@ -16,6 +17,7 @@ from operator import ne
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from forge.base.env_vars import own_cache
 from forge.base.files import delete_tree, text_or_nothing
 from forge.base.layout import (
     BUILD_RESULT,
@@ -26,11 +28,19 @@ from forge.base.layout import (
     TEST_SCRATCH_DIR,
     TRASH_DIR,
     UNITS_FAILED_FILE,
+    own_folders,
 )
 from forge.base.xml import mentions
-from forge.build.inputs.depfiles import written_by_backend
-from forge.build.inputs.fingerprints import Changes, compare, contents_of, digest_strings, tree_stats
-from forge.build.inputs.native_graph import cmake_edge, read_native_graph
+from forge.build.inputs.depfiles import cmake_root, written_by_backend
+from forge.build.inputs.fingerprints import (
+    Changes,
+    compare,
+    content_differs,
+    contents_of,
+    digest_strings,
+    tree_stats,
+)
+from forge.build.inputs.native_graph import EdgeFinder, cmake_edge, read_native_graph
 from forge.build.records import begin_record, read_record
 from forge.build.reuse import (
     Decision,
@@ -43,19 +53,23 @@ from forge.build.reuse import (
     would_only_link,
 )
 from forge.build.up_to_date import changed_input
-from forge.engine.commands import NOT_OBSERVED
+from forge.engine.commands import NOT_OBSERVED, Folders, commands_of
+from forge.engine.world import PACKAGE_FOUND
 from forge.toolchain.programs import CMAKE_TYPES
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
+    from collections.abc import Iterator, Mapping
 
-    from forge.build.inputs.fingerprints import FileState, FileTable, Manifest
+    from forge.base.layout import Layout
+    from forge.build.inputs.fingerprints import FileTable, Manifest
     from forge.build.inputs.native_graph import NativeGraph
     from forge.build.installed_states import InstalledStates
     from forge.build.model import BuildRecord
+    from forge.build.observed_writes import ObservedSteps
     from forge.build.records import FolderRecord
     from forge.build.tasks import Task
     from forge.engine.commands import ObservedCommands
+    from forge.engine.world import World
 
 _GENERATED = (
     "CMakeCache.txt",
@@ -71,6 +85,10 @@ _KEPT = (
     *("pytest.xml", "unittest.xml", ".coverage", "coverage.html", "coverage.xml", ".pytest_cache"),
 )
 """What tests and other tools wrote: kept when the folder is emptied, like JUnit files elsewhere in it."""
+_CACHES = ("~/.cache", "~/.ccache")
+_CACHE_VARIABLES = ("CCACHE_DIR", "SCCACHE_DIR")
+_PACKAGE = re.compile(r"^([^/#:]+)_DIR:PATH=", re.MULTILINE)
+"""The packages that CMake has searched, found or not."""
 _CLOCK_NANOSECONDS = 2_000_000_000
 """The tolerated difference between the clocks of this machine and of a file server."""
 
@@ -113,7 +131,14 @@ def prepare_build_dir(
         remaining = (
             each.remaining - {output} for output, each in seen.edges.items() if output in decision.dropped
         )
-        _remove_below(build, decision.dropped.difference(*remaining))
+        for path in sorted(decision.dropped.difference(*remaining), reverse=True):
+            if not path.startswith(f"{build}/") or not os.path.lexists(path.rstrip("/")):
+                continue
+            if path.endswith("/"):  # others may lie in it
+                with contextlib.suppress(OSError):
+                    os.rmdir(path)
+            else:
+                _discard(Path(path))
         _touch_build_ninja(build)
     else:
         made = _begin_empty(build, reuse, kept)
@@ -146,7 +171,10 @@ def _restore(build: Path, before: Path) -> None:
     record, last = read_record(build), read_record(before)
     dropped = record.dropped if record else frozenset[str]()
     graph, then = read_native_graph(build), read_native_graph(before, build)
-    seen = _of_same_commands(last.commands if record and last else NOT_OBSERVED, then, graph)
+    seen = last.commands if record and last else NOT_OBSERVED
+    texts = {edge.outputs: edge.text for edge in then.edges}
+    same = {edge.outputs[0] for edge in graph.edges if texts.get(edge.outputs) == edge.text}
+    seen = replace(seen, edges={name: each for name, each in seen.edges.items() if name in same})
     graph = replace(graph, reported=then.reported)
     dropped |= affected_outputs(graph, _generated_changes(build, before), seen)
     dropped = with_all_written(graph, dropped | _readers_of_generated(build, before, graph, seen), seen)
@@ -155,20 +183,17 @@ def _restore(build: Path, before: Path) -> None:
             if path.startswith(f"{build}/"):
                 _move(path, path.replace(str(build), str(before), 1))
     for path in record.read_by_commands if record else ():
-        _restore_time(path, path.replace(str(build), str(before), 1))
+        earlier = path.replace(str(build), str(before), 1)
+        with contextlib.suppress(OSError):
+            if filecmp.cmp(path, earlier, shallow=False):
+                status = os.stat(earlier)
+                os.utime(path, ns=(status.st_atime_ns, status.st_mtime_ns))
     for name in (".ninja_deps", ".ninja_log"):
         _move(str(build / name), str(before / name))
     _touch_build_ninja(build)
     _trash(build).parent.mkdir(exist_ok=True)
     before.rename(_trash(build))
     _discard(_trash(build))
-
-
-def _of_same_commands(seen: ObservedCommands, then: NativeGraph, now: NativeGraph) -> ObservedCommands:
-    """Return what is known of the commands that are still the same."""
-    texts = {edge.outputs: edge.text for edge in then.edges}
-    same = {edge.outputs[0] for edge in now.edges if texts.get(edge.outputs) == edge.text}
-    return replace(seen, edges={name: each for name, each in seen.edges.items() if name in same})
 
 
 def _readers_of_generated(
@@ -225,7 +250,8 @@ def _decision(
         or last.saved - now.sources.keys()
         or needed_changes is None
         or not graph.tool
-        or _in_future(build, last.began)
+        # The clock was set back since the last build, which makes file times useless.
+        or max(last.began, _modified(str(build / ".ninja_log"))) > time.time_ns() + _CLOCK_NANOSECONDS
         # Damaged, or written by a run of CMake that forge does not know.
         or (last.complete and last.generated != generated_digest(build))
         or _externals_changed(build, last, graph, table)
@@ -233,7 +259,7 @@ def _decision(
     ):
         return _NOTHING
     # After a build that did not finish, a file that was written since may have had other content in between.
-    differ = _content_differs if last.complete else ne
+    differ = content_differs if last.complete else ne
     own = compare(last.sources, now.sources, differ) | Changes(modified=last.saved)
     if last.needs.keys() != now.needs.keys():
         # Other prefixes are in the search paths: nothing was looked for in them.
@@ -243,10 +269,6 @@ def _decision(
     if must_configure and decision.reuse is Reuse.EVERYTHING:
         return Decision(Reuse.PRODUCTS if graph.tool == "ninja" else Reuse.NOTHING, decision.dropped)
     return decision
-
-
-def _content_differs(then: FileState, now: FileState) -> bool:
-    return then.content != now.content
 
 
 def dependency_changes(
@@ -310,6 +332,43 @@ def written_since(path: str, when: int) -> bool:
     return max(status.st_mtime_ns, status.st_ctime_ns) >= when
 
 
+def observed_commands(
+    steps: ObservedSteps,
+    build: Path,
+    source: Path,
+    layout: Layout,
+    world: World,
+    before: ObservedCommands,
+    *,
+    workspace: Path | None = None,
+) -> ObservedCommands:
+    """Return what the steps of a package did, and what was done `before` in its build folder."""
+    if not steps.kinds:
+        return NOT_OBSERVED
+    graph = read_native_graph(build)
+    own = (f"{folder}/" for folder in own_folders())
+    caches = (*_CACHES, *filter(None, map(world.value, _CACHE_VARIABLES)))
+    tracked = (*own, cmake_root(build), *(f"{os.path.expanduser(folder)}/" for folder in caches))
+    sources = {path for edge in graph.edges if edge.compiles for path in graph.inputs_of(edge)}
+    folders = Folders(
+        build,
+        (source, layout.install, layout.build),
+        filter(None, tracked),
+        world,
+        own_cache(os.environ),
+        frozenset(sources),
+        source,
+        workspace,
+    )
+    found = commands_of(steps.observed, steps.kinds, EdgeFinder(graph), folders)
+    outputs = frozenset(edge.outputs[0] for edge in graph.edges)
+    # Which commands ran is unknown if a part of the log is missing.
+    commands = (NOT_OBSERVED if steps.observed.blind else before).merged(found, outputs)
+    packages = _PACKAGE.findall(text_or_nothing(build / "CMakeCache.txt", errors="surrogateescape"))
+    asked = {f"{PACKAGE_FOUND}{name}" for name in packages}.union(*(each.asked for each in commands.all))
+    return replace(commands, answers=world.answers(asked))
+
+
 def saved_during_build(
     build: Path,
     source: Path,
@@ -347,14 +406,6 @@ def generated_digest(build: Path) -> str:
     """Return a digest of what CMake generated in a build folder."""
     texts = (text_or_nothing(build / name, errors="surrogateescape") for name in _GENERATED)
     return digest_strings(*texts)
-
-
-def _in_future(build: Path, begun: int) -> bool:
-    """Return True if the clock was set back since the last build, which makes file times useless."""
-    latest = [begun]
-    with contextlib.suppress(OSError):
-        latest.append((build / ".ninja_log").stat().st_mtime_ns)
-    return max(latest) > time.time_ns() + _CLOCK_NANOSECONDS
 
 
 def _begin_empty(build: Path, reuse: Reuse, more: tuple[str, ...]) -> frozenset[str]:
@@ -416,24 +467,6 @@ def _modified(path: str) -> int:
         return 0
 
 
-def _remove_below(build: Path, paths: Iterable[str]) -> None:
-    """Remove files, and folders of which only the names are given; of those that end with '/', empty ones."""
-    for path in sorted(paths, reverse=True):
-        if path.startswith(f"{build}/") and os.path.lexists(path.rstrip("/")):
-            if path.endswith("/"):
-                with contextlib.suppress(OSError):
-                    os.rmdir(path)
-            else:
-                _discard_path(path)
-
-
-def _discard_path(path: str) -> None:
-    if os.path.isdir(path) and not os.path.islink(path):
-        delete_tree(path)
-    else:
-        os.unlink(path)
-
-
 def _move(path: str, source: str) -> None:
     """Move a file back; of a folder that ends with '/', only the folder itself: others may lie in it."""
     if path.endswith("/"):
@@ -442,14 +475,6 @@ def _move(path: str, source: str) -> None:
     elif os.path.lexists(source) and not os.path.lexists(path):
         os.makedirs(os.path.dirname(path), exist_ok=True)
         os.rename(source, path)
-
-
-def _restore_time(path: str, source: str) -> None:
-    """Restore the time of a file whose content has not changed."""
-    with contextlib.suppress(OSError):
-        if filecmp.cmp(path, source, shallow=False):
-            status = os.stat(source)
-            os.utime(path, ns=(status.st_atime_ns, status.st_mtime_ns))
 
 
 def _generated_changes(build: Path, before: Path) -> Changes:
@@ -482,8 +507,8 @@ def _trash(build: Path) -> Path:
     return build.parent / TRASH_DIR / build.name
 
 
-def _discard(folder: Path) -> None:
-    if folder.is_symlink() or folder.is_file():
-        folder.unlink()
-    elif folder.is_dir():
-        delete_tree(folder)
+def _discard(path: Path) -> None:
+    if path.is_dir() and not path.is_symlink():
+        delete_tree(path)
+    else:
+        path.unlink(missing_ok=True)

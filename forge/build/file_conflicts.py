@@ -13,7 +13,7 @@ from forge.build.inputs.fingerprints import fingerprint_files
 from forge.build.installed_states import InstalledStates
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping
+    from collections.abc import Collection, Iterator, Mapping
 
     from forge.base.layout import Layout
     from forge.build.inputs.fingerprints import FileTable
@@ -30,22 +30,53 @@ class MergedPrefix:
         self._layout = layout
         self._journal = journal
 
-    def conflicts(self, names: Collection[str]) -> tuple[Problem, ...]:
-        """Return a problem for each file that one of `names` and another package install differently."""
-        found = conflicting_files(self._layout, self._journal.records, names)
-        return tuple(_problem(path, owners, self._layout) for path, owners in found.items())
+    def conflicting_files(self, names: Collection[str]) -> Mapping[str, list[str]]:
+        """Return, by path, the packages that install a file differently, one of `names` among them."""
+        if not self._layout.merged or not names:
+            return {}
+        records = self._journal.records
+        owners: dict[str, list[str]] = {}
+        for name in sorted(records):
+            if records[name].complete:
+                for path in records[name].files:
+                    owners.setdefault(path, []).append(name)
+        shared = {
+            path: owners
+            for path, owners in sorted(owners.items())
+            if len(owners) > 1 and not frozenset(names).isdisjoint(owners)
+        }
+        states = InstalledStates(self._layout.build)
+        contents = {
+            name: states.contents(name, records[name].installed.digest) or {}
+            for name in {name for owners in shared.values() for name in owners}
+        }
+        return {
+            path: owners
+            for path, owners in shared.items()
+            # Only the content digest, without mode and link target.
+            if len({contents[name].get(path, "").rpartition(" ")[2] for name in owners}) > 1
+        }
+
+    def conflicts(self, names: Collection[str]) -> Iterator[Problem]:
+        """Yield a problem for each file that one of `names` and another package install differently."""
+        for path, owners in self.conflicting_files(names).items():
+            packages = f"{', '.join(map(repr, owners[:-1]))} and {owners[-1]!r}"
+            relative = path.removeprefix(f"{self._layout.install}/")
+            hint = "the last one wins; rename the file in one of them, or build without '--merge-install'"
+            yield Problem(f"{packages} install '{relative}' with different contents", hint=hint)
 
     def shared_files(self, task: Task) -> frozenset[str]:
         """Return those files of a task that other packages have installed, too."""
-        if not task.earlier or not self._layout.merged:
-            return frozenset()
-        return owned_by_others(task.name, frozenset(task.earlier), self._journal.records)
+        earlier = frozenset(task.earlier if self._layout.merged else ())
+        return owned_by_others(task.name, earlier, self._journal.records) if earlier else earlier
 
     def packages_to_reinstall(self, plan: BuildPlan) -> frozenset[str]:
-        """Return the up-to-date packages that must be installed again because a task overwrites a file."""
-        if not self._layout.merged or not plan.tasks:
-            return frozenset()
-        return packages_to_reinstall(plan, self._layout, self._journal.records)
+        """Return the up-to-date packages that install a file differently from one that is built.
+
+        They must be installed again in order, so that the result is that of a clean build.
+        """
+        found = self.conflicting_files(plan.tasks).values()
+        return frozenset(name for owners in found for name in owners).intersection(plan.fresh)
 
     def refresh_stamps(self, plan: BuildPlan, table: FileTable) -> None:
         """Accept files that a later package has just overwritten as unchanged.
@@ -56,7 +87,13 @@ class MergedPrefix:
         if not self._layout.merged:
             return
         records = self._journal.records
-        for name in sorted(overwritten(plan, self._layout, records)):
+        overwritten: set[str] = set()
+        for owners in self.conflicting_files(plan.tasks).values():
+            built = [plan.tasks[name] for name in owners if name in plan.tasks]
+            overwritten.update(
+                name for name in owners if name in plan.tasks or any(name in task.needs for task in built)
+            )
+        for name in sorted(overwritten):
             record = records[name]
             stamp = fingerprint_files((*record.files, *record.folders), table).stamp
             if stamp != record.installed.stamp:
@@ -74,65 +111,7 @@ class MergedPrefix:
                 self._journal.set_record(name, replace(record, installed=replace(record.installed, stamp="")))
 
 
-def conflicting_files(
-    layout: Layout, records: Mapping[str, BuildRecord], names: Collection[str]
-) -> Mapping[str, list[str]]:
-    """Return, by path, the packages that install a file differently, one of `names` among them."""
-    if not layout.merged:
-        return {}
-    owners: dict[str, list[str]] = {}
-    for name in sorted(records):
-        if records[name].complete:
-            for path in records[name].files:
-                owners.setdefault(path, []).append(name)
-    shared = {
-        path: owners
-        for path, owners in sorted(owners.items())
-        if len(owners) > 1 and not frozenset(names).isdisjoint(owners)
-    }
-    states = InstalledStates(layout.build)
-    contents = {
-        name: states.contents(name, records[name].installed.digest) or {}
-        for name in {name for owners in shared.values() for name in owners}
-    }
-    return {
-        path: owners
-        for path, owners in shared.items()
-        # Only the content digest, without mode and link target.
-        if len({contents[name].get(path, "").rpartition(" ")[2] for name in owners}) > 1
-    }
-
-
 def owned_by_others(name: str, paths: frozenset[str], records: Mapping[str, BuildRecord]) -> frozenset[str]:
     """Return those of a package's paths that other packages have installed, too."""
     others = (record for other, record in list(records.items()) if other != name)
     return frozenset[str]().union(*(paths.intersection(record.files) for record in others))
-
-
-def packages_to_reinstall(
-    plan: BuildPlan, layout: Layout, records: Mapping[str, BuildRecord]
-) -> frozenset[str]:
-    """Return the up-to-date packages of a plan that install a file differently from one that is built.
-
-    They must be installed again in order, so that the result is that of a clean build.
-    """
-    found = conflicting_files(layout, records, plan.tasks)
-    return frozenset(name for owners in found.values() for name in owners).intersection(plan.fresh)
-
-
-def overwritten(plan: BuildPlan, layout: Layout, records: Mapping[str, BuildRecord]) -> frozenset[str]:
-    """Return the packages of which a file may have been overwritten by a plan, as in a clean build."""
-    found: set[str] = set()
-    for owners in conflicting_files(layout, records, plan.tasks).values():
-        built = [plan.tasks[name] for name in owners if name in plan.tasks]
-        found.update(
-            name for name in owners if name in plan.tasks or any(name in task.needs for task in built)
-        )
-    return frozenset(found)
-
-
-def _problem(path: str, owners: list[str], layout: Layout) -> Problem:
-    packages = f"{', '.join(map(repr, owners[:-1]))} and {owners[-1]!r}"
-    relative = path.removeprefix(f"{layout.install}/")
-    hint = "the last one wins; rename the file in one of them, or build without '--merge-install'"
-    return Problem(f"{packages} install '{relative}' with different contents", hint=hint)

@@ -16,7 +16,6 @@ from forge.build.model import BuildInputs, Fingerprint
 from forge.build.tasks import BuildPlan, StepKind, Task
 from forge.build.up_to_date import (
     DependencyHashes,
-    changed_input,
     reason_to_build,
 )
 from forge.engine.variables import FOR_COMPILERS
@@ -25,9 +24,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Mapping
 
     from forge.base.frozen import Pairs
-    from forge.build.model import BuildRecord, Snapshot
+    from forge.build.model import Snapshot
     from forge.build.recipes.context import BuildContext
-    from forge.build.tasks import Step
     from forge.workspace.model import Package, Selection
     from forge.workspace.resolve import DependencyResolution
 
@@ -70,21 +68,40 @@ def make_plan(
     hashes = DependencyHashes(
         resolution.needs, {name: fingerprint.digest for name, fingerprint in snapshot.installed.items()}
     )
+    tools, variables = global_inputs.tools, global_inputs.environment
     tasks: dict[str, Task] = {}
     for name in names:
         needs = closed[name]
         package = resolution.packages[name]
         need_hashes = hashes.needs_of(name, needs)
-        inputs = _inputs(package, need_hashes or (), snapshot, context, global_inputs)
-        reason = _reason(inputs, need_hashes, snapshot, forced=global_inputs.forced(name), name=name)
+        inputs = BuildInputs(
+            forge=global_inputs.forge,
+            options=build_type_of(package).options(package, context.of(package)),
+            tools=tuple(pair for pair in tools if not package.embedded or pair[0] in _CONFIGURING),
+            environment=tuple(
+                pair for pair in variables if not (package.embedded and pair[0] in FOR_COMPILERS)
+            ),
+            sources=snapshot.sources[name].digest,
+            needs=need_hashes or (),
+            underlays=global_inputs.underlays,
+        )
+        record = snapshot.records.get(name)
+        forced = global_inputs.force if name in global_inputs.selected else ""
+        # What depends on pending packages is decided when these have ended.
+        now = replace(inputs, needs=record.inputs.needs) if need_hashes is None and record else inputs
+        change = reason_to_build(name, now, record, snapshot)
+        reason = change.text if change else (f"requested by {forced}" if forced else None)
         after = read_from.get(name, frozenset()) & tasks.keys()
         if reason is not None or need_hashes is None or after:
             hashes.expect(name)
-            from_empty = global_inputs.forced(name) == "--force"
-            task = replace(
-                _task(package, needs, inputs, snapshot, context), after=after, from_empty=from_empty
+            tasks[name] = replace(
+                _task(package, needs, inputs, snapshot, context),
+                change=change,
+                reason=reason or "one of its dependencies is being rebuilt and may change",
+                conditional=reason is None,
+                after=after,
+                from_empty=forced == "--force",
             )
-            tasks[name] = task if reason is None else replace(task, reason=reason, conditional=False)
     return BuildPlan(tasks, tuple(name for name in names if name not in tasks)), hashes
 
 
@@ -124,35 +141,6 @@ class GlobalInputs:
     force: str = ""
     selected: frozenset[str] = frozenset()
 
-    def tools_of(self, package: Package) -> Pairs:
-        """Return the tools that a package is built with; embedded packages need no compilers."""
-        return tuple(pair for pair in self.tools if not package.embedded or pair[0] in _CONFIGURING)
-
-    def environment_of(self, package: Package) -> Pairs:
-        """Return the variables that affect a package."""
-        return tuple(pair for pair in self.environment if not (package.embedded and pair[0] in FOR_COMPILERS))
-
-    def forced(self, name: str) -> str:
-        """Return the option that forces a rebuild of the package even if it is up to date, or ''."""
-        return self.force if name in self.selected else ""
-
-
-def finalize_task(
-    task: Task, hashes: DependencyHashes, record: BuildRecord | None, *, reads_other: bool = False
-) -> Task | None:
-    """Return the task with the hashes of its dependencies, or None if it is up to date.
-
-    All dependencies must have finished. `reads_other` is True if the content of an external file that its
-    last build read has changed.
-    """
-    need_hashes = hashes.needs_of(task.name, task.needs)
-    task = replace(task, inputs=replace(task.inputs, needs=need_hashes or ()))
-    if reads_other:
-        return task
-    if task.conditional and record is not None and changed_input(task.inputs, record.inputs) is None:
-        return None
-    return task
-
 
 def make_whole_plan(
     names: Sequence[str],
@@ -179,31 +167,6 @@ def make_whole_plan(
     return plan, hashes
 
 
-def _inputs(
-    package: Package, needs: Pairs, snapshot: Snapshot, context: BuildContext, global_inputs: GlobalInputs
-) -> BuildInputs:
-    return BuildInputs(
-        forge=global_inputs.forge,
-        options=build_type_of(package).options(package, context.of(package)),
-        tools=global_inputs.tools_of(package),
-        environment=global_inputs.environment_of(package),
-        sources=snapshot.sources[package.name].digest,
-        needs=needs,
-        underlays=global_inputs.underlays,
-    )
-
-
-def _reason(
-    inputs: BuildInputs, need_hashes: Pairs | None, snapshot: Snapshot, *, forced: str, name: str
-) -> str | None:
-    """Return why the package must be built; None if it need not be or that depends on pending packages."""
-    record = snapshot.records.get(name)
-    if need_hashes is None and record is not None:
-        inputs = replace(inputs, needs=record.inputs.needs)
-    change = reason_to_build(name, inputs, record, snapshot)
-    return change.text if change else (f"requested by {forced}" if forced else None)
-
-
 def _task(
     package: Package,
     needs: Collection[str],
@@ -211,7 +174,7 @@ def _task(
     snapshot: Snapshot,
     context: BuildContext,
 ) -> Task:
-    """Return the task as conditional on its dependencies: to be run only if one of them changes."""
+    """Return the task, without the reason for it."""
     name = package.name
     record = snapshot.records.get(name)
     recipe = cache(partial(build_type_of(package).recipe, package, context.of(package)))
@@ -223,12 +186,16 @@ def _task(
         prefix=context.layout.prefix(name),
         build_dir=context.layout.build_dir(name),
         needs=needs,
-        steps=_LazyTuple(lambda: _replacing(earlier, recipe().steps)),
-        reason="one of its dependencies is being rebuilt and may change",
+        steps=_LazyTuple(
+            lambda: tuple(
+                replace(step, replaces=earlier) if step.kind is StepKind.INSTALL else step
+                for step in recipe().steps
+            )
+        ),
+        reason="",
         inputs=inputs,
         sources=snapshot.sources[name],
         files=_LazyTuple(lambda: recipe().files),
-        conditional=True,
         earlier=earlier,
         intact=record is not None
         and name in snapshot.present
@@ -236,11 +203,6 @@ def _task(
         kept=_LazyTuple(lambda: recipe().kept),
         reconfigure=context.force_configure or context.clean_cache,
     )
-
-
-def _replacing(earlier: tuple[str, ...], steps: tuple[Step, ...]) -> tuple[Step, ...]:
-    """Return the steps with the earlier installed files added to the installation."""
-    return tuple(replace(step, replaces=earlier) if step.kind is StepKind.INSTALL else step for step in steps)
 
 
 def _not_installed(
@@ -251,7 +213,13 @@ def _not_installed(
 ) -> Iterable[Problem]:
     """Yield a problem for each selected package with a dependency that is neither installed nor planned."""
     available = snapshot.present | frozenset(names)
-    without_tests = cache(partial(_without_tests, resolution))
+
+    @cache
+    def without_tests() -> dict[str, frozenset[str]]:
+        """Return the dependencies that builds need."""
+        packages = resolution.packages
+        return {name: needs - packages[name].only_tested_with for name, needs in resolution.needs.items()}
+
     for name in names:
         absent = sorted(need for need in below[name] if need not in available and need in resolution.packages)
         if absent:
@@ -262,13 +230,6 @@ def _not_installed(
             if not (closure(without_tests(), {name}) & {*absent}):
                 hint += ", or pass '--no-test-dependencies': only tests need them"
             yield Problem(message, hint=hint)
-
-
-def _without_tests(resolution: DependencyResolution) -> dict[str, frozenset[str]]:
-    """Return the dependencies that builds need."""
-    return {
-        name: needs - resolution.packages[name].only_tested_with for name, needs in resolution.needs.items()
-    }
 
 
 _Item_co = TypeVar("_Item_co", covariant=True)

@@ -30,6 +30,10 @@ _VERSION = 1
 _INVALID = (ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError)
 
 
+UNPLANNED = "unplanned"
+"""The stamp of sources that have changed between the plan and the start of the package."""
+
+
 @frozen
 class FolderRecord:
     """What the contents of a build folder were made from.
@@ -62,6 +66,11 @@ class FolderRecord:
     """Inputs that were written while the build ran."""
     generated: str = ""
     """A digest of what CMake generated for the native tool."""
+
+    @property
+    def settled(self) -> Manifest:
+        """The sources if none of them may have been written again without a change of its times."""
+        return self.sources if self.stamp not in {"", UNPLANNED} else {}
 
 
 def begin_record(build: Path, record: FolderRecord) -> None:

@@ -7,12 +7,14 @@ build folders, since the file table only knows what changed since the last run o
 from __future__ import annotations
 
 import os
+from functools import cache, partial
 from typing import TYPE_CHECKING
 
 from forge.build.inputs.fingerprints import (
     DIR_LISTING_SUFFIX,
     Changes,
     compare,
+    content_differs,
     contents_of,
     digest_of,
     fingerprint_files,
@@ -60,15 +62,21 @@ def take_snapshot(
     recent = recently_changed(table)
     states = InstalledStates(layout.build)
 
+    @cache
     def last_record(name: str) -> FolderRecord | None:
         """Return what the build folder was made from, None if the package came from the cache."""
         return read_record(layout.build_dir(name)) if records[name].began else None
+
+    def settled_sources(name: str) -> Manifest:
+        last = last_record(name) if name in records else None
+        return last.settled if last else {}
 
     for package in packages:
         name = package.name
         record = records.get(name)
         home = str(root / package.path)
-        sources[name], manifest = fingerprint_tree(home, table, record.sources if record else None)
+        known = record.sources if record else None
+        sources[name], manifest = fingerprint_tree(home, table, known, partial(settled_sources, name))
         if manifest:
             manifests[name] = manifest
         if record:
@@ -137,7 +145,7 @@ def changed_sources(home: str, now: Manifest, last: FolderRecord | None, table: 
         recent = frozenset(path for path in recently_changed(table) if path.startswith(f"{home}/"))
         changes = Changes(modified=recent)
     else:
-        changes = compare(last.sources, now, lambda one, other: one.content != other.content)
+        changes = compare(last.sources, now, content_differs)
     return described(changes, lambda path: path.removeprefix(f"{home}/")) or UNKNOWN_SOURCES
 
 

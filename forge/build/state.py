@@ -15,10 +15,9 @@ from forge.build.file_conflicts import MergedPrefix
 from forge.build.inputs.fingerprints import FileTable, contents_of, digest_of, stamp_inputs
 from forge.build.installed_states import InstalledStates
 from forge.build.journal import open_journal
-from forge.build.planning import finalize_task
 from forge.build.prefix import copy_others_of_merged, drop_others_of_merged
 from forge.build.snapshot import find_changed_externals
-from forge.build.up_to_date import UNKNOWN
+from forge.build.up_to_date import UNKNOWN, changed_input
 from forge.build.workspace_scripts import WorkspaceScripts
 from forge.engine.world import World
 
@@ -30,7 +29,7 @@ if TYPE_CHECKING:
     from forge.build.events import Event
     from forge.build.inputs.fingerprints import Manifest
     from forge.build.journal import Journal
-    from forge.build.model import BuildRecord, Snapshot
+    from forge.build.model import Snapshot
     from forge.build.tasks import BuildPlan, Task
     from forge.build.up_to_date import DependencyHashes
     from forge.toolchain.interpreter import Interpreter
@@ -101,10 +100,18 @@ class BuildState:
         """Return the task with its final inputs, or None if none of its dependencies changed."""
         assert self._hashes is not None
         record = self.journal.records.get(task.name)
-        reads_other = bool(task.after) and record is not None and self._reads_other(record)
-        decided = finalize_task(task, self._hashes, record, reads_other=reads_other)
-        if decided is None or record is None or reads_other or not task.conditional:
+        # It may have read a file of a package that it does not declare as a dependency.
+        reads_other = bool(task.after) and record is not None
+        if reads_other and record is not None:
+            contents = contents_of(record.externals, self.table)
+            reads_other = digest_of(record.externals, contents) != record.external
+        decided = replace(
+            task, inputs=replace(task.inputs, needs=self._hashes.needs_of(task.name, task.needs) or ())
+        )
+        if record is None or reads_other or not task.conditional:
             return decided
+        if changed_input(decided.inputs, record.inputs) is None:
+            return None
         from forge.build.build_dir import relinking_is_redundant
 
         records = self.journal.records
@@ -113,10 +120,6 @@ class BuildState:
             return decided
         self.journal.set_record(task.name, replace(record, inputs=decided.inputs))
         return None
-
-    def _reads_other(self, record: BuildRecord) -> bool:
-        """Return True if the content of a file outside the package that its build read has changed."""
-        return digest_of(record.externals, contents_of(record.externals, self.table)) != record.external
 
     def record_event(self, event: Event, plan: BuildPlan) -> None:
         """Record an event."""

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Mapping, Sequence
 
     from forge.base.frozen import Pairs
+    from forge.build.up_to_date import InputChange
     from forge.workspace.model import Package
 
 TEST_FAILURES = "test failures"
@@ -92,6 +93,8 @@ class Task:
     needs: Collection[str]
     steps: Sequence[Step]
     reason: str
+    change: InputChange | None = None
+    """The change of its inputs for which it is built, if there is one."""
     inputs: BuildInputs = BuildInputs()  # without `needs` while the task is conditional
     sources: Fingerprint = Fingerprint()
     files: Sequence[tuple[Path, str]] = ()

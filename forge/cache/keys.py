@@ -69,11 +69,17 @@ def shared_inputs(tools: Pairs, table: FileTable) -> tuple[str, ...]:
     table.forget_others({*data, *found})
     with contextlib.suppress(OSError):  # a read-only home folder
         table.save()
+    try:
+        release = platform.freedesktop_os_release()
+    except OSError:
+        release = {}
     forge_digest = hashlib.sha256("\n".join(own_digests).encode(errors="surrogateescape")).hexdigest()
     return (
         f"{__version__} {forge_digest}",
         *(f"{name} {found[path]}" for name, path in sorted(programs.items())),
-        *_system(),
+        # Results are not shared between different systems.
+        *(platform.system(), platform.machine(), *platform.libc_ver()),
+        *(release.get("ID", ""), release.get("VERSION_ID", "")),
     )
 
 
@@ -137,27 +143,14 @@ def decode_origin(data: bytes) -> Origin:
         found = Origin(**json.loads(data))
     except (TypeError, RecursionError) as error:
         raise ValueError("invalid origin of a result") from error
-    if not (type(found.shown) is bool and all(map(_is_text, (found.root, found.different, found.scripts)))):
+    texts = {type(text) for text in (found.root, found.different, found.scripts)}
+    if type(found.shown) is not bool or texts != {str}:
         raise ValueError("invalid origin of a result")
     return found
 
 
-def _is_text(value: object) -> bool:
-    return isinstance(value, str)
-
-
 def _key(*data: object) -> str:
     return hashlib.sha256(json.dumps([_VERSION, *data]).encode()).hexdigest()
-
-
-def _system() -> tuple[str, ...]:
-    """Return the identity of the system: results are not shared between different systems."""
-    try:
-        release = platform.freedesktop_os_release()
-    except OSError:
-        release = {}
-    words = (platform.system(), platform.machine(), *platform.libc_ver())
-    return (*words, release.get("ID", ""), release.get("VERSION_ID", ""))
 
 
 class ExternalInputs:

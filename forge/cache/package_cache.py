@@ -23,7 +23,7 @@ from forge.build.inputs.fingerprints import digest_of
 from forge.build.tests.detection import has_ctests
 from forge.cache import keys
 from forge.cache.model import RESTORED, ActionResult, Digest, OutputFile, StoreError
-from forge.cache.restoring import CachedTree, Contents, TreeWriter
+from forge.cache.restoring import CachedTree, TreeWriter
 from forge.cache.scripts import scripts_digest
 from forge.cache.trees import TICK, Uncacheable, decode_index, encode_index, scan_tree, unrecorded_files
 from forge.toolchain.programs import CMAKE_TYPES, condensed, program_of
@@ -137,7 +137,7 @@ class PackageCache:
         and those of empty folders.
         """
         writer = TreeWriter(task.prefix, self._context.relocator)
-        writer.write_tree(found.tree, found.contents)
+        writer.write_tree(found)
         stats = {}
         for path, status, digest in writer.written:
             self._context.table.learn(path, status, digest)
@@ -204,29 +204,34 @@ class PackageCache:
         if unknown:
             self.notes[task.name] = f"not looked up: there is no build record of its dependency '{unknown}'"
             return None
-        self._keys[task.name] = key = self._first_key(task)
+        context = self._context
+        with self._lock:  # several packages start at the same time
+            if self._shared_inputs is None:
+                self._shared_inputs = keys.shared_inputs(context.tools, context.own)
+        needs = self._dependencies(task)
+        shared = (*self._shared_inputs, *self._package_programs(task))
+        settings = keys.settings_key(task, shared, context.relocator, context.values)
+        self._settings[task.name] = settings
+        self._keys[task.name] = key = keys.input_key(settings, task, needs)
         if task.name in self._context.forced:
             return None
         found = self._find_in(key, None)
         if found is None and self._remote is not None:
             found = self._find_in(key, self._remote)
         self.notes[task.name] = RESTORED if found else ""
-        self._miss_reasons[task.name] = "" if found else self._miss_reason(key)
+        reason = "" if found else "not in the cache"
+        if reason and (origin := self._elsewhere.get(key)):
+            reason += f" for this path: only built in '{origin.root}' so far"
+            if origin.different:
+                reason = f"not in the cache for this path: '{origin.different}' depends on it"
+        elif reason and self._lists.get(key):
+            reason += ": a file outside the workspace differs"
+        self._miss_reasons[task.name] = reason
         (self.restored if found else self.missed).add(task.name)
         if found:
             # Another machine may have built it since the miss.
             self.missed.discard(task.name)
         return found
-
-    def _first_key(self, task: Task) -> str:
-        with self._lock:  # several packages start at the same time
-            if self._shared_inputs is None:
-                self._shared_inputs = keys.shared_inputs(self._context.tools, self._context.own)
-        needs = self._dependencies(task)
-        shared = (*self._shared_inputs, *self._package_programs(task))
-        settings = keys.settings_key(task, shared, self._context.relocator, self._context.values)
-        self._settings[task.name] = settings
-        return keys.input_key(settings, task, needs)
 
     def _dependencies(self, task: Task) -> tuple[tuple[str, str], ...]:
         """Return the direct dependencies of a task with the keys of their installed files.
@@ -266,19 +271,24 @@ class PackageCache:
 
         Without `remote`, the store is the local folder.
         """
-        store = remote or self._local
+        store, relocator = remote or self._local, self._context.relocator
+        # Scripts that are written for a path without blanks may lack the quotes that another one needs.
+        roots = ("", relocator.root) if relocator.is_plain else (relocator.root,)
         try:
             known = store.result(first)
             lists = keys.decode_lists(known.stdout) if known else ()
             self._lists[first] = tuple(dict.fromkeys((*self._lists.get(first, ()), *lists)))
             for words in lists:
                 seen = self._external_inputs.look(words)
-                for root in self._roots:
-                    second = keys.result_key(
-                        first, words, {word: content for word, (_, content) in seen.items()}, root
-                    )
+                contents = {word: content for word, (_, content) in seen.items()}
+                for root in roots:
+                    second = keys.result_key(first, words, contents, root)
                     result = store.result(second)
-                    if result is None or not self._is_valid_here(first, result, root):
+                    if result is None:
+                        continue
+                    origin = keys.decode_origin(result.stdout)
+                    if not (root or origin.shown or origin.root == relocator.root):
+                        self._elsewhere[first] = origin
                         continue
                     if found := self._fetch_result(remote, result, seen):
                         if remote:
@@ -287,22 +297,6 @@ class PackageCache:
         except (StoreError, OSError, ValueError) as fault:
             self._warn_once(fault)
         return None
-
-    @property
-    def _roots(self) -> tuple[str, ...]:
-        """What keys of results contain, in order: nothing, or the path of this workspace.
-
-        Scripts that are written for a path without blanks may lack the quotes that another one needs.
-        """
-        relocator = self._context.relocator
-        return ("", relocator.root) if relocator.is_plain else (relocator.root,)
-
-    def _is_valid_here(self, first: str, result: ActionResult, root: str) -> bool:
-        origin = keys.decode_origin(result.stdout)
-        if root or origin.shown or origin.root == self._context.relocator.root:
-            return True
-        self._elsewhere[first] = origin
-        return False
 
     def _fetch_result(
         self, remote: RemoteStore | None, result: ActionResult, seen: Mapping[str, tuple[str, str]]
@@ -331,9 +325,7 @@ class PackageCache:
             opened.pop_all()
         os.close(index)
         externals = dict(seen.values())
-        return CachedTree(
-            tree, Contents(pack, descriptors), tuple(externals), digest_of(externals, externals)
-        )
+        return CachedTree(tree, pack, descriptors, tuple(externals), digest_of(externals, externals))
 
     def _open(self, remote: RemoteStore | None, digest: Digest, opened: ExitStack) -> int | None:
         """Open a verified blob of the local folder; fetch it from `remote` if it is missing."""
@@ -461,13 +453,6 @@ class PackageCache:
                 blobs[leaf.path] = Digest(leaf.hash, leaf.size)
                 self._local.put(blobs[leaf.path], prefix / leaf.path)
         return blobs
-
-    def _miss_reason(self, first: str) -> str:
-        if origin := self._elsewhere.get(first):
-            if origin.different:
-                return f"not in the cache for this path: '{origin.different}' depends on it"
-            return f"not in the cache for this path: only built in '{origin.root}' so far"
-        return f"not in the cache{': a file outside the workspace differs' if self._lists.get(first) else ''}"
 
     def _warn_once(self, fault: Exception) -> None:
         """Warn once that the cache is unusable or contains invalid data."""

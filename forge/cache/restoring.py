@@ -8,7 +8,6 @@ import stat
 from mmap import ACCESS_READ, mmap
 from typing import TYPE_CHECKING
 
-from forge.base.frozen import frozen
 from forge.cache.folder_store import copy_bytes
 
 if TYPE_CHECKING:
@@ -19,25 +18,32 @@ if TYPE_CHECKING:
     from forge.cache.trees import Leaf, Tree
 
 
-class Contents:
-    """The open, verified blobs of one tree; later changes of the store do not affect them."""
+class CachedTree:
+    """A cached tree with its open, verified blobs; later changes of the store do not affect them."""
 
-    def __init__(self, pack: int, large: Mapping[str, int]) -> None:
-        """Take ownership of the descriptors of the pack, and of each large file by its digest."""
+    def __init__(
+        self,
+        tree: Tree,
+        pack: int,
+        large: Mapping[str, int],
+        externals: tuple[str, ...] = (),
+        external: str = "",
+    ) -> None:
+        """Take ownership of the descriptors of the pack, and of each large file by its digest.
+
+        `externals` are the files outside the workspace that its build read, `external` is the digest of their
+        contents.
+        """
+        self.tree, self.externals, self.external = tree, externals, external
+        self.large = large
         self._descriptors = (pack, *large.values())
-        self._large = large
         self._pack = mmap(pack, 0, access=ACCESS_READ) if os.fstat(pack).st_size else b""
 
     def small(self, leaf: Leaf) -> bytes:
         """Return the bytes of a file in the pack."""
         return self._pack[leaf.offset : leaf.offset + leaf.size]
 
-    def large(self, leaf: Leaf) -> int:
-        """Return the descriptor of a large file."""
-        return self._large[leaf.hash]
-
     def close(self) -> None:
-        """Close all descriptors."""
         for descriptor in self._descriptors:
             os.close(descriptor)
 
@@ -54,16 +60,16 @@ class TreeWriter:
         self._created: dict[str, bool] = {}
         """Existing folders, and whether this object created them: then they contain nothing else."""
 
-    def write_tree(self, tree: Tree, contents: Contents) -> None:
+    def write_tree(self, found: CachedTree) -> None:
         """Write a whole tree; files that are already identical keep their time.
 
         Raises OSError, also if a symbolic link leads out of the prefix.
         """
-        for leaf in tree.leaves:
+        for leaf in found.tree.leaves:
             new = self._folder(leaf.path.rpartition("/")[0])
             path = f"{self._prefix}/{leaf.path}"
             if leaf.target is None:
-                self._write(path, leaf, contents, new=new)
+                self._write(path, leaf, found, new=new)
                 continue
             target = self._relocator.absolutize_word(leaf.target)
             if os.path.lexists(path):
@@ -71,9 +77,9 @@ class TreeWriter:
                     continue
                 os.unlink(path)
             os.symlink(target, path)
-        for folder, _ in tree.folders:
+        for folder, _ in found.tree.folders:
             self._folder(folder)
-        for folder, mode in reversed(tree.folders):
+        for folder, mode in reversed(found.tree.folders):
             if mode and self._created[folder]:
                 os.chmod(f"{self._prefix}/{folder}", mode)
 
@@ -102,11 +108,11 @@ class TreeWriter:
         if not os.path.isdir(real) or not f"{real}/".startswith(f"{os.path.realpath(self._prefix)}/"):
             raise NotADirectoryError(20, "not a folder below the prefix", path)
 
-    def _write(self, path: str, leaf: Leaf, contents: Contents, *, new: bool) -> None:
+    def _write(self, path: str, leaf: Leaf, found: CachedTree, *, new: bool) -> None:
         """Write a file, unless it is small and identical; `new` tells that its folder was empty."""
         content = None
         if leaf.offset >= 0:
-            content = contents.small(leaf)
+            content = found.small(leaf)
             content = self._relocator.absolutize(content) if leaf.relocatable else content
         if not new and os.path.lexists(path):
             if content is not None and _has_content(path, leaf.mode, content):
@@ -116,7 +122,7 @@ class TreeWriter:
         descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, leaf.mode)
         try:
             if content is None:
-                copy_bytes(contents.large(leaf), descriptor, leaf.size)
+                copy_bytes(found.large[leaf.hash], descriptor, leaf.size)
             rest = memoryview(content or b"")
             while rest:
                 rest = rest[os.write(descriptor, rest) :]
@@ -142,21 +148,3 @@ def _has_content(path: str, mode: int, content: bytes) -> bool:
             return stream.read() == content
     except OSError:
         return False
-
-
-@frozen
-class CachedTree:
-    """A cached tree with its open, verified contents.
-
-    `externals` are the files outside the workspace that its build read, `external` is the digest of their
-    contents.
-    """
-
-    tree: Tree
-    contents: Contents
-    externals: tuple[str, ...]
-    external: str
-
-    def close(self) -> None:
-        """Close the contents."""
-        self.contents.close()

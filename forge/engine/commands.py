@@ -308,8 +308,17 @@ class Folders:
         used = (path.rpartition("/") for path in chain(seen.missing, seen.found, seen.executed, read))
         asked = {f"{PROGRAM}{name}" for folder, _, name in used if folder in self._path}
         variables = seen.variables.union(*map(self._mentioned_by, processes))
+        # Of modules elsewhere, it is compared which of them Python finds.
+        modules = {
+            (tuple(entry for entry in entries if self._is_external(f"{entry}/")), name)
+            for entries, name in seen.modules
+        }
         # What is installed is copied, whatever it says.
         compiling = [process for process in processes if process not in copying]
+        by_ledger: dict[bool, set[str]] = {True: set(), False: set()}
+        for process in processes if seen.ledgers else ():
+            keeps = any(kind == "J" for _, kind, _ in process.records)
+            by_ledger[keeps].update(path for _, kind, path in process.records if kind == "W")
         ledgers = [
             (digest, self.path(path)) for digest, _, path in (each.partition(" ") for each in seen.ledgers)
         ]
@@ -320,21 +329,13 @@ class Folders:
             searched=frozenset(path.rpartition("/")[0] for path in self.paths(seen.missing)),
             written=written,
             external=frozenset(external),
-            asked=frozenset((*asked, *about_variables(variables), *self._about_modules(seen), *kinds))
+            asked=frozenset((*asked, *about_variables(variables), *about_modules(modules), *kinds))
             | self.about_processor(compiling),
-            kept=written & self._kept(processes) if seen.ledgers else frozenset(),
+            kept=written & self.paths(by_ledger[True] - by_ledger[False]) if seen.ledgers else frozenset(),
             ledgers=frozenset(f"{digest} {path}" for digest, path in ledgers),
             outside=len(written) < len(kept) or any(not path.startswith(self._build) for path in written),
             blind=bool(seen.blind),
         )
-
-    def _kept(self, processes: Iterable[Process]) -> frozenset[str]:
-        """Return what only processes with a ledger have written."""
-        written: dict[bool, set[str]] = {True: set(), False: set()}
-        for process in processes:
-            keeps = any(kind == "J" for _, kind, _ in process.records)
-            written[keeps].update(path for _, kind, path in process.records if kind == "W")
-        return self.paths(written[True] - written[False])
 
     def missing_modules(self, seen: Observation) -> Iterator[str]:
         """Yield the files that Python would have read first as modules, in the folders that matter."""
@@ -346,15 +347,6 @@ class Folders:
                 if self.path(f"{entry}/") is not None:
                     path = f"{entry}/{name.replace('.', '/')}"
                     yield from (path, f"{path}.py")
-
-    def _about_modules(self, seen: Observation) -> Iterator[str]:
-        """Yield the questions about modules elsewhere: which of them Python finds is compared."""
-        return about_modules(
-            {
-                (tuple(entry for entry in entries if self._is_external(f"{entry}/")), name)
-                for entries, name in seen.modules
-            }
-        )
 
     def _is_external(self, path: str) -> bool:
         if path.startswith(self._known):
@@ -449,15 +441,16 @@ class Folders:
             is_for_this_processor(process.command)
             # CMake reads it whenever it starts.
             or any(
-                kind == "R" and (self._is_native(path) or (path == CPU_INFO and not self._is_tool(process)))
+                kind == "R"
+                and (
+                    self._is_native(path)
+                    or (path == CPU_INFO and self.tools.isdisjoint(process.programs[-1:]))
+                )
                 for _, kind, path in process.records
             )
             for process in processes
         )
         return frozenset({PROCESSOR} if is_asked else ())
-
-    def _is_tool(self, process: Process) -> bool:
-        return bool(process.programs) and process.programs[-1] in self.tools
 
     def _look_for_native(self, path: str) -> bool:
         if path in self._sources or path.startswith(self._known):

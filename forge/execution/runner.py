@@ -211,13 +211,14 @@ class LocalExecutor:
         if self._started and self._last_signal is None:
             self._started.note_descendants()
         self._signal(signal.SIGKILL if kill else signal.SIGINT)
-        if not kill:
-            threading.Thread(target=self._escalate, daemon=True).start()
 
-    def _escalate(self) -> None:
-        for signal_number in (signal.SIGTERM, signal.SIGKILL):
-            time.sleep(GRACE_SECONDS)
-            self._signal(signal_number)
+        def escalate() -> None:
+            for signal_number in (signal.SIGTERM, signal.SIGKILL):
+                time.sleep(GRACE_SECONDS)
+                self._signal(signal_number)
+
+        if not kill:
+            threading.Thread(target=escalate, daemon=True).start()
 
     def _signal(self, number: signal.Signals) -> None:
         with self._lock:
@@ -242,6 +243,12 @@ class LocalExecutor:
         write_if_changed(task.build_dir / task.scratch_dir / LAST_COMMAND, line + "\n")
         variables: Mapping[str, str] = {**environment, **dict(step.env)}
         put(StepStarted(task.name, step, changed_variables(variables)))
+
+        def put_output(text: bytes, stderr: bool) -> None:
+            if step.stage:  # users know the prefix
+                text = text.replace(os.fsencode(step.stage), os.fsencode(task.prefix))
+            put(Output(task.name, text, stderr=stderr))
+
         tools = self._job_pool.tools(step, variables) if self._job_pool else nullcontext((variables, ()))
         with tools as (variables, descriptors):
             if self._observer:
@@ -273,9 +280,7 @@ class LocalExecutor:
                     self._observer.note_process(variables, process.pid, step)
                 try:
                     with process:  # which closes both pipes in the end
-                        _read_lines(
-                            process, lambda text, stderr: put(_output(task, step, text, stderr=stderr))
-                        )
+                        _read_lines(process, put_output)
                     code = process.returncode
                 finally:
                     with self._lock:
@@ -288,13 +293,6 @@ class LocalExecutor:
             write_if_changed(*step.record)
         put(StepFinished(task.name, step, code))
         return code
-
-
-def _output(task: Task, step: Step, text: bytes, *, stderr: bool) -> Output:
-    """Return output of a step, with the prefix where it names the stage."""
-    if step.stage:
-        text = text.replace(os.fsencode(step.stage), os.fsencode(task.prefix))
-    return Output(task.name, text, stderr=stderr)
 
 
 def _signal_group(group: int, number: signal.Signals) -> None:

@@ -14,7 +14,13 @@ from forge.base.errors import WorkspaceError, raise_if_any
 from forge.base.frozen import frozen
 from forge.base.layout import TOOLCHAIN_DIR
 from forge.build import installation, staging
-from forge.build.build_dir import generated_digest, last_record, prepare_build_dir, saved_during_build
+from forge.build.build_dir import (
+    generated_digest,
+    last_record,
+    observed_commands,
+    prepare_build_dir,
+    saved_during_build,
+)
 from forge.build.build_types import build_type_of
 from forge.build.copies import status_of
 from forge.build.deferred import defer_build, tests_need_build
@@ -32,10 +38,9 @@ from forge.build.installation import InstalledFiles
 from forge.build.installed_files import remove_stale, set_file_times
 from forge.build.installed_lists import package_markers, write_installed_list
 from forge.build.model import BuildRecord
-from forge.build.observed_commands import observed_commands
 from forge.build.observed_writes import read_steps
 from forge.build.prefix import PrefixExchange, written_log
-from forge.build.records import FolderRecord, add_commands, complete_record
+from forge.build.records import UNPLANNED, FolderRecord, add_commands, complete_record
 from forge.build.reuse import Reuse
 from forge.build.tasks import StepKind
 from forge.build.up_to_date import TARGET, UMASK, UNKNOWN
@@ -71,8 +76,6 @@ if TYPE_CHECKING:
     from forge.workspace.resolve import DependencyResolution
 
 
-_OTHER = "other"
-"""The stamp of sources that have changed between the plan and the start of the package."""
 _METADATA = re.compile(r"-packages/[^/]+\.(dist|egg)-info/")
 
 
@@ -150,7 +153,7 @@ class TaskSetup(TaskLifecycle):
             sources = last.sources if next(iter(last.sources), "").startswith(f"{source}/") else None
         if sources is None:
             found, sources = fingerprint_tree(source, state.table)
-            stamp = found.stamp if found.digest == task.sources.digest else _OTHER
+            stamp = found.stamp if found.digest == task.sources.digest else UNPLANNED
         pairs = map("=".join, (*inputs.tools, *inputs.environment, *set_by_needs))
         # What another target has made, or files with other permissions, would stay in the folder.
         whole = (option for option in inputs.options if option.startswith((TARGET, UMASK)))
@@ -310,7 +313,7 @@ class TaskSetup(TaskLifecycle):
             self._record(task, installed, stats, tuple(externals), digest_of(externals, contents)),
             began=begun.began / 1e9,
             # The cache key has the sources as planned.
-            saved=(*names, *((str(task.package.path),) if begun.stamp == _OTHER else ())),
+            saved=(*names, *((str(task.package.path),) if begun.stamp == UNPLANNED else ())),
             from_empty=begun.from_empty,
             read_from=self._owners_of(task, externals),
         )

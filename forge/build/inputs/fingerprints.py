@@ -91,6 +91,10 @@ class Changes:
         return self.added | self.removed
 
 
+def content_differs(then: FileState, now: FileState) -> bool:
+    return then.content != now.content
+
+
 def compare(
     then: Mapping[str, _State], now: Mapping[str, _State], differ: Callable[[_State, _State], bool] = ne
 ) -> Changes:
@@ -174,11 +178,15 @@ class FileTable:
 
 
 def fingerprint_tree(
-    root: str, table: FileTable, known: Fingerprint | None = None
+    root: str,
+    table: FileTable,
+    known: Fingerprint | None = None,
+    last: Callable[[], Manifest] = dict,
 ) -> tuple[Fingerprint, Manifest]:
     """Return the fingerprint of the source tree at `root`, and the state of each source.
 
-    If the stamp is the `known` one, no contents are read, and no states are returned.
+    If the stamp is the `known` one, no contents are read, and no states are returned. `last` returns earlier
+    states, whose contents are known if their stats are the same.
     """
     started, cut = time.time_ns(), len(root) + 1
     entries = [(path, status, _stats(path, status)) for path, status, _ in _walk(root)]
@@ -194,7 +202,11 @@ def fingerprint_tree(
     stamp = _digest(lines.encode(errors="surrogateescape")) if is_stable else ""
     if known is not None and stamp and known.stamp == stamp:
         return known, {}
-    manifest = {path: FileState(stats, _content(path, status, table)) for path, status, stats in entries}
+    then, manifest = last(), {}
+    for path, status, stats in entries:
+        state = then.get(path)
+        same = state is not None and state.stats == stats
+        manifest[path] = state if state and same else FileState(stats, _content(path, status, table))
     lines = "".join(f"{path[cut:]}\0{state.content}\n" for path, state in manifest.items())
     return Fingerprint(stamp, _digest(lines.encode(errors="surrogateescape"))), manifest
 

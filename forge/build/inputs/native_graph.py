@@ -21,6 +21,8 @@ from forge.base.frozen import frozen
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
+    from forge.engine.observation import Process
+
 _text = partial(text_or_nothing, errors="surrogateescape")
 _READ_BY_CMAKE = re.compile(r'^  "([^"]+)"$', re.MULTILINE)
 _SIGNATURE = b"# ninjadeps\n"
@@ -33,6 +35,7 @@ _WORKDIR = "${cmake_ninja_workdir}"
 _COMPILES = re.compile(r"(C|CXX|ASM\w*|CUDA|HIP|OBJC|OBJCXX|ISPC|RC)_COMPILER_")
 _LINKS = re.compile(r"\w+_(STATIC_LIBRARY|SHARED_LIBRARY|SHARED_MODULE|MODULE_LIBRARY|EXECUTABLE)_LINKER_")
 _LINKS_DYNAMICALLY = re.compile(r"\w+_(SHARED_LIBRARY|SHARED_MODULE|MODULE_LIBRARY|EXECUTABLE)_LINKER_")
+_COMMAND = re.compile(r"^  COMMAND = (.*)$", re.MULTILINE)
 _MAKE_WORD = re.compile(r"(?:\\.|[^\\\s])+")
 
 
@@ -91,6 +94,28 @@ class NativeGraph:
     def known(self) -> frozenset[str]:
         """Return every path that is an input of some edge."""
         return frozenset(path for edge in self.edges for path in self.inputs_of(edge))
+
+
+class EdgeFinder:
+    """Finds the edge that a process below ninja runs."""
+
+    def __init__(self, graph: NativeGraph) -> None:
+        self._by_output = {output: edge for edge in graph.edges for output in edge.outputs}
+        self._by_command = {
+            _ESCAPE.sub(r"\1", match[1]): edge
+            for edge in graph.edges
+            if (match := _COMMAND.search(edge.text)) is not None
+        }
+
+    def __call__(self, process: Process, written: frozenset[str]) -> tuple[str, frozenset[str]] | None:
+        """Return the first output of the edge and all of its outputs; None if it is unknown."""
+        edge = self.edge(process, written)
+        return None if edge is None else (edge.outputs[0], frozenset(edge.outputs))
+
+    def edge(self, process: Process, written: frozenset[str]) -> Edge | None:
+        """Return the edge of a process that wrote some files; None if it is unknown."""
+        edge = self._by_command.get(process.command)
+        return edge or next((self._by_output[path] for path in written if path in self._by_output), None)
 
 
 def read_native_graph(folder: Path, build: Path | None = None) -> NativeGraph:

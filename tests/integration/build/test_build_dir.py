@@ -13,7 +13,6 @@ from forge.base.layout import RECORD_FILE, SCRATCH_DIR, Layout
 from forge.build import build_dir
 from forge.build.inputs.fingerprints import FileTable, file_manifest, fingerprint_tree
 from forge.build.installed_states import InstalledStates
-from forge.build.observed_commands import observed_commands
 from forge.build.observed_writes import append, begin_log, read_steps
 from forge.build.records import FolderRecord, add_commands, complete_record, read_record
 from forge.build.reuse import Reuse
@@ -112,7 +111,9 @@ class Probe:
         layout, world = Layout(self.root / "build", self.root / "install", None), World(os.environ)
         assert self.begun is not None
         before = self.begun.commands
-        commands = observed_commands(read_steps(self.log), self.build, self.source, layout, world, before)
+        commands = build_dir.observed_commands(
+            read_steps(self.log), self.build, self.source, layout, world, before
+        )
         add_commands(self.build, commands)
         return out
 

@@ -15,7 +15,7 @@ from forge.base.files import tree_below
 from forge.base.layout import Layout
 from forge.build.model import BuildInputs, BuildRecord
 from forge.cache.relocation import Relocator
-from forge.cache.restoring import Contents, TreeWriter
+from forge.cache.restoring import CachedTree, TreeWriter
 from forge.cache.trees import LARGE, Tree, Uncacheable, decode_index, encode_index, scan_tree
 
 HASH = "0" * 64
@@ -49,9 +49,9 @@ def planted(tree: Tree, pack: Path, source: Path, root: Path) -> Layout:
         for leaf in tree.leaves
         if leaf.offset < 0 and leaf.hash
     }
-    contents = Contents(os.open(pack, os.O_RDONLY), large)
-    TreeWriter(layout.prefix("a"), Relocator(root, layout)).write_tree(tree, contents)
-    contents.close()
+    found = CachedTree(tree, os.open(pack, os.O_RDONLY), large)
+    TreeWriter(layout.prefix("a"), Relocator(root, layout)).write_tree(found)
+    found.close()
     return layout
 
 
