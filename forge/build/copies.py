@@ -116,10 +116,6 @@ def status_of(path: str) -> os.stat_result | None:
         return None
 
 
-_INODE, _MODE = 2, 3
-"""Indexes in `_stats`."""
-
-
 def stats_of(path: str) -> list[int]:
     """Return what tells whether a file was written: time, size, inode and mode."""
     status = status_of(path)

@@ -275,7 +275,7 @@ def commit(task: Task, layout: Layout) -> tuple[InstalledFiles, tuple[Problem, .
 
     Return all files that the steps have installed, and a problem for each edited file that stays.
     """
-    Path(str(task.stage)).mkdir(exist_ok=True)
+    os.makedirs(str(task.stage), exist_ok=True)
     files, empty = tree_below(str(task.stage))
     notes = read_json(_notes_file(task.build_dir))
     before, folders_before = (

@@ -436,6 +436,7 @@ def test_any_change_of_files_and_rules_installs_what_a_clean_build_does(
         assert found == expected, rules.rules
 
 
+@pytest.mark.parametrize("options", [(), (MERGED,)], ids=["isolated", "merged"])
 @pytest.mark.parametrize(
     "body",
     [
@@ -444,35 +445,35 @@ def test_any_change_of_files_and_rules_installs_what_a_clean_build_does(
     ],
     ids=["rules", "code"],
 )
-def test_a_kill_between_two_files_loses_none(forge: Forge, tree: Tree, body: str) -> None:
+def test_a_kill_between_two_files_loses_none(
+    forge: Forge, tree: Tree, body: str, options: tuple[str, ...]
+) -> None:
     """The next build finishes what the killed one began."""
     count = FILES if "DIRECTORY" in body else FILES // 5
     files = {f"d/{number}": "1" for number in range(count)}
     root = tree(cmake("a", body, **files))
-    build(forge, root)
-    chance = random.Random(1)
+    build(forge, root, *options)
+    chance, share = random.Random(1), prefix_of(root, "a", options) / "share"
     for turn in range(KILLS):
         tree({f"src/a/d/{number}": str(turn + 2) for number in range(count)})
         (root / "src/a/d" / f"more{turn}").write_text("1")
         running = subprocess.Popen(
-            [sys.executable, "-m", "forge", "build"],
+            [sys.executable, "-m", "forge", "build", *options],
             cwd=root,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
         )
-        newest = root / "install/a/share/0"
+        newest = share / "0"
         while newest.read_text() == str(turn + 1) and running.poll() is None:
             pass
         time.sleep(chance.random() * 0.02)
         running.kill()
         running.wait()
-        texts = {(root / f"install/a/share/{number}").read_text() for number in range(count)}
+        texts = {(share / f"{number}").read_text() for number in range(count)}
         assert texts <= {str(turn + 1), str(turn + 2)}
-        build(forge, root)
-        assert {(root / f"install/a/share/{number}").read_text() for number in range(count)} == {
-            str(turn + 2)
-        }
-    hold_against_clean(forge, root)
+        build(forge, root, *options)
+        assert {(share / f"{number}").read_text() for number in range(count)} == {str(turn + 2)}
+    hold_against_clean(forge, root, *options)
 
 
 SETUP = """import {imported}
