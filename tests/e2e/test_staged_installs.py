@@ -316,8 +316,7 @@ def test_a_program_that_cannot_be_observed_is_started_once(
     )
     root = tree(cmake("a", body, **{"words.txt": "1"}))
     tree({"c.c": '#include <stdio.h>\nint main(void) { puts("copied"); return !fopen("made", "w"); }\n'})
-    argv = ["gcc", "-static", "-o", root / "src/a/copy", root / "c.c"]
-    subprocess.run(argv, check=True)
+    subprocess.run(["gcc", "-static", "-o", root / "src/a/copy", root / "c.c"], check=True)
     build(forge, root, *options)
     tree({"src/a/words.txt": "2"})
     ran = build(forge, root, *options)

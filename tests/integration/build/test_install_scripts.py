@@ -65,6 +65,7 @@ def test_the_installed_files_are_those_that_the_scripts_name(tree: Tree, *, newe
     subprocess.run([cmake, "--install", build], check=True, capture_output=True)
     scripts = read_install_scripts(build)
     assert scripts is not None
+    assert scripts.rules is not None
     entries = installed_entries(scripts.rules)
     assert entries is not None
     prefix = root / "install"
@@ -78,6 +79,7 @@ def test_the_installed_files_are_those_that_the_scripts_name(tree: Tree, *, newe
     configure(root, cmake, EVERYTHING)
     scripts = read_install_scripts(build)
     assert scripts is not None
+    assert scripts.rules is not None
     assert installed_entries(scripts.rules) is None
 
 
