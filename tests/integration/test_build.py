@@ -95,7 +95,7 @@ def test_options_that_lead_to_a_package_let_it_be_found(forge: Forge, tree: Tree
     ran = forge("build", cwd=root)
     assert ran.code == 1
     assert "warning: 'node' needs 'rclcpp', which is neither in the workspace nor" in ran.err
-    assert "hint: source a ROS installation that contains 'rclcpp'" in ran.err
+    assert "hint: 'forge fetch' downloads it; or source a ROS installation that contains 'rclcpp'" in ran.err
     ran = forge("build", "--cmake-args", f"-Drclcpp_DIR={root / 'elsewhere'}", cwd=root)
     assert ran.code == 0, ran.err
 
