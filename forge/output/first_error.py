@@ -57,8 +57,9 @@ def first_error(output: Sequence[str], folder: str = "") -> FirstError | None:
     if failed is None:
         return None
     # Ninja prints the command, and then what that has printed.
-    said = takewhile(lambda line: not _NINJA.match(line), plain[failed + 2 :])
-    return FirstError((*islice(filter(str.strip, said), _MAX_SAID),) or (plain[failed],))
+    printed = takewhile(lambda line: not _NINJA.match(line), plain[failed + 2 :])
+    said = (line for line in printed if line.strip() and not line.startswith(DECLINED_PREFIX))
+    return FirstError((*islice(said, _MAX_SAID),) or (plain[failed],))
 
 
 def with_paths(output: str, folder: str) -> str:

@@ -169,7 +169,7 @@ def test_global_options_can_be_set_in_files(forge: Forge, root: Path) -> None:
 
 def test_configuration_tables_are_printed(forge: Forge) -> None:
     shown = forge("extensions").out
-    assert shown.startswith("commands (entry points 'forge.commands'):\n  deps ")
+    assert shown.startswith("commands (entry points 'forge.commands'):\n  add ")
     assert "\nbuild types (entry points 'forge.build_types'):\n  ament_cargo   ros-forge " in shown
     assert "\ninterface targets (entry points 'forge.interfaces.targets'):\n  c " in shown
     assert "\nexecutors (entry points 'forge.executors'):\n  dask        ros-forge " in shown
