@@ -14,13 +14,16 @@ import platform
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
 from forge.base.errors import HostError, Problem
 from forge.base.files import read_file, replace_file, text_or_nothing
+from forge.base.layout import Layout
 from forge.base.text import counted, digest
+from forge.cli.preparation import without_own
+from forge.environment.prefixes import installed_packages
 from forge.plugins.fetch.lock import LOCK_FILE, Lock, cache_folder, read_lock
 from forge.plugins.fetch.python import prepare_interpreter
 from forge.plugins.fetch.sources import (
@@ -61,6 +64,14 @@ def build(
         return ()
     cache = cache_folder(variables)
     foreign = [path for path in underlays if not is_underlay(path, cache)]
+    if foreign:
+        _download(lock, cache)
+        manifests = (source_folder(cache, each) / "package.xml" for each in lock.packages)
+        others = _declared(manifests, variables).difference(each.name for each in lock.packages)
+        for path in [each for each in foreign if others.isdisjoint(_names_in(each))]:
+            # Another workspace in this shell, which the packages do not need, makes no other underlay.
+            foreign.remove(path)
+            variables = without_own(variables, Layout(path, path, None))
     key = digest(
         platform.machine(),
         *map(str, foreign),
@@ -76,6 +87,7 @@ def build(
     folder.mkdir(parents=True, exist_ok=True)
     with _locked(folder):
         if not _commits(folder / _BUILT).items() >= commits.items():
+            _download(lock, cache)
             _extend(folder, lock, cache)
             _run_build(folder, lock, cache, variables, jobs)
             known = _commits(folder / _BUILT)
@@ -121,14 +133,27 @@ def _locked(folder: Path) -> Iterator[None]:
         yield
 
 
-def _extend(folder: Path, lock: Lock, cache: Path) -> None:
-    """Download what is missing, and link the sources of the packages into the underlay."""
+def _declared(manifests: Iterable[Path], variables: Mapping[str, str]) -> set[str]:
+    """Return the names of all build and run dependencies."""
+    found = (parse_manifest(read_file(path), path, variables) for path in manifests)
+    return {name for each in found for name in each.names(BUILD_KINDS | RUN_KINDS)}
+
+
+def _names_in(root: Path) -> set[str]:
+    return {each.name for each in installed_packages(root)}
+
+
+def _download(lock: Lock, cache: Path) -> None:
     problems = [
         *download_packages(lock.packages, cache, lambda _: None),
         *download_clones(lock.clones, cache),
     ]
     if problems:
         raise HostError(*problems)
+
+
+def _extend(folder: Path, lock: Lock, cache: Path) -> None:
+    """Link the sources of the packages into the underlay."""
     (folder / "src").mkdir(exist_ok=True)
     replace_file(folder / "forge.toml", _SETTINGS.encode())
     for each in lock.packages:
@@ -154,11 +179,8 @@ def _run_build(folder: Path, lock: Lock, cache: Path, variables: Mapping[str, st
         file=sys.stderr,
         flush=True,
     )
-    # What a package declares and the lock leaves out is optional: other middlewares, for example.
-    declared = (
-        parse_manifest(read_file(path), path, own) for path in sorted(folder.glob("src/*/package.xml"))
-    )
-    optional = {name for each in declared for name in each.names(BUILD_KINDS | RUN_KINDS)}
+    # What packages declare and no lock has is optional: other middlewares, for example.
+    optional = _declared(folder.glob("src/*/package.xml"), own)
     words = ["--rosdistro", lock.distribution, "--python", python, *(("--jobs", str(jobs)) if jobs else ())]
     words += ["--event-handlers", "console_start_end-", "--skip-keys", *sorted(optional)]
     process = subprocess.Popen(own_command("build", *words), cwd=folder, env=own)

@@ -62,6 +62,8 @@ def test_fetch_and_build_lead_from_nothing_to_the_installed_package(
 def test_second_workspace_uses_what_is_built(ros: Ros, forge: Forge, tmp_path: Path) -> None:
     env = ros.variables()
     for name in ("one", "two"):
+        # Another workspace that happens to be sourced is no reason to build the packages again.
+        env["COLCON_PREFIX_PATH"] = str(tmp_path / "one/install")
         workspace = new_workspace(tmp_path / name)
         assert forge("fetch", cwd=workspace, env=env).code == 0
         ran = forge("build", cwd=workspace, env=env)
