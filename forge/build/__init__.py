@@ -1,6 +1,6 @@
 """Decide which packages must be built and why, and record what each build read and installed.
 
-Start with `planning`, `up_to_date` and `recipes/`. Within a build folder, `inputs.input_manifest` lists the
+Start with `planning`, `up_to_date` and `recipes/`. Within a build folder, `inputs.fingerprints` lists the
 inputs file by file, `inputs.native_graph` reads the dependency graphs of ninja and make, `reuse` decides
 which outputs remain valid, and `build_dir` applies that decision. Imports nothing from `execution`, `cache`
 or `cli`.

@@ -1,12 +1,12 @@
 """Install a package again: into a stage, from where changed files are renamed into the prefix.
 
-Until its steps have succeeded, the prefix stays as it is and can be used. The steps neither see it nor write
-to it, as if the package was built for the first time: the library of forge.engine hides it from them. Then
-each changed file is renamed into place; what has not changed is not touched. After a kill, every file is of
-the last build or of the new one, and the next build finishes.
+Until its steps have succeeded, the prefix stays as it is and can be used. The steps find an empty stage in
+its place, as if the package was built for the first time: the library of forge.engine leads each path below
+the prefix there. Then each changed file is renamed into place; what has not changed is not touched. After a
+kill, every file is of the last build or of the new one, and the next build finishes.
 
 A step that uses the prefix nevertheless needs the new files in place. Then all files are exchanged by
-forge.build.prefix, as they are without the library, or if code of the package takes part in its installation.
+forge.build.prefix, as they are without the library.
 """
 
 from __future__ import annotations
@@ -56,7 +56,6 @@ if TYPE_CHECKING:
     from forge.build.observed_writes import ObservedSteps
     from forge.build.tasks import Step, Task
 
-_STAGE = "stage"
 _NEXT = "install_next.json"
 """The notes of the install step that runs."""
 _CHANGED = "install_changed.cmake"

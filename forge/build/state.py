@@ -1,6 +1,6 @@
 """The state of a workspace during a build: journal, file table and dependency hashes, kept consistent.
 
-Owned by the build loop. Worker threads only read it, through forge.build.recording.
+Owned by the build loop. Worker threads only read it, through forge.execution.task_setup.
 """
 
 from __future__ import annotations

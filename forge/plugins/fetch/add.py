@@ -7,11 +7,11 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
-from forge.base.errors import Problem, SelectionError, WorkspaceError, raise_if_any
+from forge.base.errors import Location, Problem, SelectionError, WorkspaceError, raise_if_any
 from forge.base.files import read_file, replace_file, text_or_nothing
 from forge.base.frozen import frozen
 from forge.base.names import did_you_mean, is_safe_name
-from forge.base.options import option, options_of
+from forge.base.options import flag, option, options_of
 from forge.base.xml import parse_xml
 from forge.cli import options as shared
 from forge.toolchain.programs import CMAKE_TYPES
@@ -34,10 +34,10 @@ class Options:
     package: str | None = option(
         "package to change (default: that of the current folder, or the only one)", metavar="PKG"
     )
-    build: bool = option("needed only to build the package", default=False, conflicts="kind")
-    exec: bool = option("needed only to run it", default=False, conflicts="kind")
-    test: bool = option("needed only to test it", default=False, conflicts="kind")
-    cmake: bool = option("also write 'find_package' to CMakeLists.txt", default=False)
+    build: bool = flag("needed only to build the package", conflicts="kind")
+    exec: bool = flag("needed only to run it", conflicts="kind")
+    test: bool = flag("needed only to test it", conflicts="kind")
+    cmake: bool = flag("also write 'find_package' to CMakeLists.txt")
     query: Query = options_of(Query)
     origin: str = os.curdir
 
@@ -67,7 +67,7 @@ def run(options: Options) -> int:
         if name not in added:
             print(f"{shown} already has {name}")
     if package.build_type in CMAKE_TYPES and not options.exec:
-        _find_packages(options, package, added)
+        _find_packages(options, package)
     if any(name not in loaded.workspace.packages for name in added):
         print("if 'forge build' does not find them, 'forge fetch' fetches them")
     return 0
@@ -93,7 +93,10 @@ def with_dependencies(
         for name in dict.fromkeys(names)
         if not {(each, name) for each in tags} <= present and ("depend", name) not in present
     )
-    text = content.decode()
+    try:
+        text = content.decode()
+    except UnicodeDecodeError:
+        raise WorkspaceError(Problem("the manifest is not UTF-8", Location(path))) from None
     dependencies = [each for each in root.children if each.tag in DEPENDENCY_KINDS]
     alike = [each for each in dependencies if each.tag in tags] or dependencies
     newline = "\r\n" if "\r\n" in text else "\n"
@@ -140,7 +143,7 @@ def _package(options: Options, loaded: LoadedWorkspace) -> Package:
     return candidates[0]
 
 
-def _find_packages(options: Options, package: Package, added: tuple[str, ...]) -> None:
+def _find_packages(options: Options, package: Package) -> None:
     """Print or write the lines of CMake that find the dependencies."""
     path = package.path / "CMakeLists.txt"
     text = text_or_nothing(path)

@@ -22,7 +22,7 @@ from forge.base.files import read_file, replace_file
 from forge.base.formats import yaml_text
 from forge.base.frozen import frozen
 from forge.base.layout import Layout
-from forge.base.options import option, options_of
+from forge.base.options import flag, option, options_of
 from forge.base.text import counted, listed
 from forge.cli import options as shared
 from forge.cli.preparation import build_variables, known_rosdistro
@@ -33,7 +33,7 @@ from forge.plugins.fetch.lock import LOCK_FILE, Lock, LockedPackage, cache_folde
 from forge.plugins.fetch.python import REQUIREMENTS
 from forge.plugins.fetch.sources import (
     clone_folder,
-    copy_source,
+    copy_sources,
     download_clones,
     download_packages,
     lock_clones,
@@ -63,12 +63,12 @@ class Options:
         "else cyclonedds)",
         metavar="NAME",
     )
-    test: bool = option("include the dependencies of tests", default=False)
+    test: bool = flag("include the dependencies of tests")
     update: tuple[str, ...] | None = option(
         "move these packages, or all, to the versions of the index", nargs="*", metavar="PKG"
     )
-    locked: bool = option(f"exit with code 2 if {LOCK_FILE} would change", default=False)
-    offline: bool = option("use what was downloaded before, and no network", default=False)
+    locked: bool = flag(f"exit with code 2 if {LOCK_FILE} would change")
+    offline: bool = flag("use what was downloaded before, and no network")
     vendor: str | None = option("copy the sources to this folder of the workspace", metavar="DIR")
     export: str | None = option("write the repositories and tags for vcs to this file", metavar="FILE.repos")
     index: str | None = option(
@@ -110,8 +110,7 @@ def run(options: Options) -> int:
             write_lock(root, lock)
         return 0
     lock = _download(options, lock, cache, problems)
-    folders = [source_folder(cache, each) for each in packages]
-    sources = list(_sources(folders))
+    sources = list(_sources(source_folder(cache, each) for each in packages))
     if note := announced_downloads(sources, {each.repository for each in lock.clones}):
         print_warnings([note])
     for line in _system_packages(sources, lock):
@@ -123,8 +122,7 @@ def run(options: Options) -> int:
         replace_file(Path(options.export), yaml_text({"repositories": entries}).encode())
         print(f"wrote {options.export}")
     if options.vendor:
-        for package, folder in zip(packages, folders, strict=True):
-            copy_source(folder, root / options.vendor / package.name)
+        copy_sources(packages, cache, root / options.vendor)
         print(f"copied the packages to '{options.vendor}': the workspace builds them as its own")
     elif not options.locked and write_lock(root, lock):
         print(f"wrote {LOCK_FILE}; 'forge build' builds the packages once, for all workspaces")

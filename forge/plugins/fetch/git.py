@@ -16,6 +16,11 @@ from forge.base.errors import ForgeError, HostError, Problem
 _BATCH = 100
 """Tags in one request, for the length of a command line."""
 
+_SETTINGS = ("core.hooksPath=/dev/null", "core.autocrlf=false", "core.fsmonitor=", "gc.auto=0")
+_PLAIN = tuple(word for setting in _SETTINGS for word in ("-c", setting))
+_REFS = (("tags", "^{}"), ("tags", ""), ("heads", ""))
+"""Kinds of references and endings, the most specific first: 'NAME^{}' is what an annotated tag refers to."""
+
 
 class GitError(ForgeError):
     """git failed, for example because a repository does not exist."""
@@ -27,17 +32,13 @@ def commits_of(url: str, tags: Iterable[str]) -> dict[str, str]:
     commits: dict[str, str] = {}
     for start in range(0, len(names), _BATCH):
         batch = names[start : start + _BATCH]
-        # A peeled tag, 'NAME^{}', is the commit to which an annotated tag refers.
         patterns = [f"refs/{kind}/{name}{end}" for name in batch for kind, end in _REFS]
-        found = dict(line.split("\t")[::-1] for line in _git("ls-remote", url, *patterns).splitlines())
+        found = dict(line.split("\t")[::-1] for line in _git("ls-remote", "--", url, *patterns).splitlines())
         for name in batch:
             refs = [f"refs/{kind}/{name}{end}" for kind, end in _REFS]
             if commit := next((found[ref] for ref in refs if ref in found), None):
                 commits[name] = commit
     return commits
-
-
-_REFS = (("tags", "^{}"), ("tags", ""), ("heads", ""))
 
 
 def check_out(url: str, ref: str, commit: str, folder: Path) -> None:
@@ -61,15 +62,11 @@ def mirror(url: str, ref: str, commit: str, folder: Path) -> None:
 
 def _receive(url: str, ref: str, commit: str, repository: Path) -> None:
     _git("init", "--quiet", "--bare", "--initial-branch=main", "--template=", os.fspath(repository))
-    _git(f"--git-dir={repository}", *_PLAIN, "fetch", "--quiet", "--depth=1", "--no-tags", url, ref)
+    _git(f"--git-dir={repository}", *_PLAIN, "fetch", "--quiet", "--depth=1", "--no-tags", "--", url, ref)
     received = _git(f"--git-dir={repository}", "rev-parse", "--verify", "FETCH_HEAD^{commit}").strip()
     if received != commit:
         message = f"the tag '{ref}' of '{without_passwords(url)}' was moved: it is {received}, not {commit}"
         raise GitError(Problem(message, hint="if that is right: forge fetch --update"))
-
-
-_SETTINGS = ("core.hooksPath=/dev/null", "core.autocrlf=false", "core.fsmonitor=", "gc.auto=0")
-_PLAIN = tuple(word for setting in _SETTINGS for word in ("-c", setting))
 
 
 def _git(*words: str) -> str:

@@ -13,7 +13,7 @@ from forge.base.errors import HostError, Location, Problem, WorkspaceError
 from forge.base.files import read_file, replace_file
 from forge.base.formats import read_toml
 from forge.base.frozen import frozen
-from forge.base.names import is_package_name
+from forge.base.names import is_package_name, is_safe_name
 
 LOCK_FILE = "forge.lock"
 _FORMAT = 1
@@ -102,9 +102,11 @@ def read_lock(root: Path) -> Lock | None:
         if not _COMMIT.fullmatch(commit):
             message = f"malformed lock: '{commit}' is no commit"
             raise WorkspaceError(Problem(message, Location(path), hint))
-    for name in (each.name for each in lock.packages):
-        if not is_package_name(name):
-            raise WorkspaceError(Problem(f"malformed lock: invalid name '{name}'", Location(path), hint))
+    for each in lock.packages:
+        # Both are names of folders in the cache.
+        if not (is_package_name(each.name) and is_safe_name(each.version)):
+            message = f"malformed lock: invalid name or version: '{each.name}', '{each.version}'"
+            raise WorkspaceError(Problem(message, Location(path), hint))
     return lock
 
 

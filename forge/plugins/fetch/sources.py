@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from forge.base.env_vars import without_passwords
-from forge.base.errors import ForgeError, Problem, SelectionError
+from forge.base.errors import ForgeError, Problem, SelectionError, raise_if_any
 from forge.base.files import delete_tree, text_or_nothing
 from forge.plugins.fetch import git
 from forge.plugins.fetch.index import Release, Snapshot
@@ -174,17 +174,19 @@ class _new_folder:
             delete_tree(self._draft)
 
 
-def copy_source(source: Path, folder: Path) -> None:
-    """Copy a package to a new folder, for the user to edit; raises SelectionError if the folder exists."""
-    if os.path.lexists(folder):
-        hint = "remove it, or choose another folder with '--vendor'"
-        raise SelectionError(Problem(f"'{folder}' exists already", hint=hint))
-    with _new_folder(folder) as draft:
-        shutil.copytree(source, draft, symlinks=True, dirs_exist_ok=True)
-        for place, _, names in os.walk(draft):
-            for path in (Path(place, name) for name in names):
-                if not path.is_symlink():
-                    path.chmod(path.stat().st_mode | 0o200)
+def copy_sources(packages: Iterable[LockedPackage], cache: Path, folder: Path) -> None:
+    """Copy packages into a folder, for the user to edit; raises SelectionError if one is there already."""
+    copies = {folder / each.name: source_folder(cache, each) for each in packages}
+    hint = "remove it, or choose another folder with '--vendor'"
+    present = (path for path in copies if os.path.lexists(path))
+    raise_if_any((Problem(f"'{path}' exists already", hint=hint) for path in present), SelectionError)
+    for path, source in copies.items():
+        with _new_folder(path) as draft:
+            shutil.copytree(source, draft, symlinks=True, dirs_exist_ok=True)
+            for place, _, names in os.walk(draft):
+                for file in (Path(place, name) for name in names):
+                    if not file.is_symlink():
+                        file.chmod(file.stat().st_mode | 0o200)
 
 
 def _make_read_only(folder: Path) -> None:

@@ -1,5 +1,6 @@
 """`forge fetch` and `forge build` from an empty cache to an installed package, on a distribution on disk."""
 
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -164,6 +165,18 @@ def test_lock_of_a_newer_forge_is_refused(ros: Ros, forge: Forge, tmp_path: Path
         assert "written by a newer forge" in ran.err
 
 
+@pytest.mark.parametrize("name", ["version", "name"])
+def test_lock_names_no_folder_outside_of_the_cache(ros: Ros, forge: Forge, tmp_path: Path, name: str) -> None:
+    workspace, env = new_workspace(tmp_path / "ws"), ros.variables()
+    assert forge("fetch", cwd=workspace, env=env).code == 0
+    lock = workspace / "forge.lock"
+    lock.write_text(re.sub(rf'^{name} = ".*"$', f'{name} = "../../../x"', lock.read_text(), flags=re.M))
+    for command in ("fetch", "build"):
+        ran = forge(command, cwd=workspace, env=env)
+        assert ran.code == 2
+        assert "malformed lock: invalid name or version" in ran.err
+
+
 def test_nothing_is_fetched_that_forge_embeds(ros: Ros, forge: Forge, tmp_path: Path) -> None:
     ros.release("std_msgs")
     workspace = new_workspace(tmp_path / "ws", *depends("std_msgs"))
@@ -193,6 +206,7 @@ def test_vendored_sources_are_packages_of_the_workspace(ros: Ros, forge: Forge, 
     ran = forge("fetch", "--vendor", "src/ros", cwd=workspace, env=env)
     assert ran.code == 2
     assert "src/ros/turtle' exists already" in ran.err
+    assert [path.name for path in (workspace / "src/ros/turtle").iterdir()] == []
 
 
 def test_lock_is_emptied_when_nothing_is_needed(ros: Ros, forge: Forge, tmp_path: Path) -> None:
