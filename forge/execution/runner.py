@@ -21,7 +21,7 @@ from forge.build.events import Aborted, Finished, Output, StepFinished, StepStar
 from forge.build.model import BuildInputs, BuildRecord
 from forge.build.tasks import TEST_FAILURES, StepCondition, StepKind, environment_file, step_line
 from forge.execution.jobserver import without_jobserver_notices
-from forge.execution.started import BUILD_FOLDER_VARIABLE
+from forge.execution.started import BUILD_FOLDER_VARIABLE, START_VARIABLE
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -253,11 +253,12 @@ class LocalExecutor:
         with tools as (variables, descriptors):
             if self._observer:
                 variables = self._observer.variables(task, variables)
+            token = self._started.announce() if self._started else ""
             try:
                 process = subprocess.Popen(
                     step.argv,
                     cwd=step.cwd,
-                    env=variables,
+                    env={**variables, START_VARIABLE: token} if token else variables,
                     pass_fds=descriptors,
                     stdin=subprocess.DEVNULL,
                     stdout=subprocess.PIPE,
@@ -271,7 +272,7 @@ class LocalExecutor:
                 code = _NOT_STARTED
             else:
                 if self._started:
-                    self._started.note(process.pid)
+                    self._started.note(process.pid, token)
                 with self._lock:
                     self._groups.add(process.pid)
                     if self._last_signal is not None:  # it started during an interrupt

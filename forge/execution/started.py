@@ -1,9 +1,10 @@
 """Record the processes started by a build, so that the next build can terminate those left over by a kill.
 
 A killed forge cannot terminate its child processes, which would continue to write into the build folders. So
-each process is recorded by its id and start time, and the next forge terminates the recorded ones. No other
-process is ever signalled: neither one that merely has the variables of a build, such as a shell that has
-sourced its `environment.sh`, nor an ancestor of this forge.
+each process is recorded by its id and start time, and the next forge terminates the recorded ones. The id is
+known only after the start, and forge may be killed in between, so a token is recorded before, which the
+process has in its environment. No other process is ever signalled: neither one that merely has the variables
+of a build, such as a shell that has sourced its `environment.sh`, nor an ancestor of this forge.
 """
 
 from __future__ import annotations
@@ -23,7 +24,11 @@ if TYPE_CHECKING:
 
 BUILD_FOLDER_VARIABLE = "FORGE_BUILD_FOLDER"
 """An environment variable of the programs of a build: the absolute path of the build folder."""
+START_VARIABLE = "FORGE_START"
+"""An environment variable of a process that forge starts: the token recorded before."""
 
+_ANNOUNCED = "start"
+_STARTED = "started"
 _TIMEOUT_SECONDS = 5.0
 _GENTLE_SECONDS = 1.0
 _PROCESSES = Path("/proc")
@@ -41,6 +46,17 @@ class Process:
     ended: bool
 
 
+@frozen
+class _Recorded:
+    """The start times of processes by id, and the tokens of processes whose id was not recorded."""
+
+    processes: Mapping[int, set[int]]
+    tokens: frozenset[str]
+
+    def __bool__(self) -> bool:
+        return bool(self.processes or self.tokens)
+
+
 class StartedProcesses:
     """The recorded processes of one build folder."""
 
@@ -48,31 +64,37 @@ class StartedProcesses:
         self._build = build
         self._machine = _machine()
 
-    def note(self, number: int) -> None:
-        """Record a child process that has just been started; does nothing without /proc."""
+    def announce(self) -> str:
+        """Record a token that the next process will have as START_VARIABLE, and return it."""
+        token = f"{os.getpid()}.{time.monotonic_ns()}"
+        self._append(f"{_ANNOUNCED} {token} {self._machine}\n")
+        return token
+
+    def note(self, number: int, token: str = "") -> None:
+        """Record a process that has been started, perhaps with a token; does nothing without /proc."""
         process = _read_process(number)
         if process is not None and self._machine:
-            self._write([process])
+            started = f"{_STARTED} {token} {self._machine}\n" if token else ""
+            self._append(self._line(process) + started)
 
     def note_descendants(self) -> None:
         """Record the descendants of recorded processes, which are unknown once their parents have ended."""
         recorded = self._read()
         if recorded:
             table = _all()
-            self._write(_with_descendants(_noted_processes(table, recorded, self._build), table))
+            living = _with_descendants(_noted_processes(table, recorded, self._build), table)
+            self._append("".join(map(self._line, living)))
 
     def end(self, *, gently: bool = False) -> None:
         """Kill all recorded processes and their descendants, and wait a limited time for them to end.
 
         With `gently`, send SIGTERM first and SIGKILL after a while.
         """
-        recorded = self._read()
-        if not recorded:
-            return
         begun = time.monotonic()
         found: set[tuple[int, int]] = set()
         terminated: set[tuple[int, int]] = set()
-        while time.monotonic() < begun + _TIMEOUT_SECONDS:
+        # Read each time: the workers of a killed forge record processes, too.
+        while (recorded := self._read()) and time.monotonic() < begun + _TIMEOUT_SECONDS:
             table = _all()
             known = [process for process in table.values() if (process.number, process.started) in found]
             living = _with_descendants((*known, *_noted_processes(table, recorded, self._build)), table)
@@ -97,9 +119,11 @@ class StartedProcesses:
     def _path(self) -> Path:
         return self._build / PROCESSES_FILE
 
-    def _write(self, processes: Iterable[Process]) -> None:
+    def _line(self, process: Process) -> str:
+        return f"{process.number} {process.started} {self._machine}\n"
+
+    def _append(self, lines: str) -> None:
         """Append lines in one write, so that writers do not interleave; ignore errors such as a full disk."""
-        lines = "".join(f"{process.number} {process.started} {self._machine}\n" for process in processes)
         with contextlib.suppress(OSError):
             descriptor = os.open(self._path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC, 0o600)
             try:
@@ -107,18 +131,25 @@ class StartedProcesses:
             finally:
                 os.close(descriptor)
 
-    def _read(self) -> dict[int, set[int]]:
-        """Return the start times of the processes recorded on this machine, by process id."""
-        recorded: dict[int, set[int]] = {}
+    def _read(self) -> _Recorded:
+        """Return what was recorded on this machine since it was booted."""
+        processes: dict[int, set[int]] = {}
+        announced, started = set(), set()
         try:
             lines = self._path.read_text(encoding="utf-8", errors="replace").splitlines()
         except OSError:
-            return recorded
+            lines = []
         for line in lines:
-            number, started, machine = (*line.split(" ", 2), "", "", "")[:3]
-            if machine == self._machine and number.isdecimal() and started.isdecimal():
-                recorded.setdefault(int(number), set()).add(int(started))
-        return recorded
+            first, second, machine = (*line.split(" ", 2), "", "", "")[:3]
+            if machine != self._machine:
+                continue
+            if first == _ANNOUNCED:
+                announced.add(second)
+            elif first == _STARTED:
+                started.add(second)
+            elif first.isdecimal() and second.isdecimal():
+                processes.setdefault(int(first), set()).add(int(second))
+        return _Recorded(processes, frozenset(announced - started))
 
 
 def _machine() -> str:
@@ -153,26 +184,32 @@ def _all() -> dict[int, Process]:
     return {number: process for number in numbers if (process := _read_process(number))}
 
 
-def _noted_processes(
-    table: Mapping[int, Process], recorded: Mapping[int, set[int]], build: Path
-) -> Iterator[Process]:
+def _noted_processes(table: Mapping[int, Process], recorded: _Recorded, build: Path) -> Iterator[Process]:
     """Yield the recorded processes, and those in groups and sessions that these lead or led."""
     mark = f"{BUILD_FOLDER_VARIABLE}={build}".encode(errors="surrogateescape")
+    tokens = {f"{START_VARIABLE}={token}".encode() for token in recorded.tokens}
     for process in table.values():
-        for number in {process.number, process.group, process.session} & recorded.keys():
+        if tokens and not tokens.isdisjoint(_variables(process)):
+            yield process
+            continue
+        for number in {process.number, process.group, process.session} & recorded.processes.keys():
+            begun = recorded.processes[number]
             if (leader := table.get(number)) is not None:
-                is_noted = leader.started in recorded[number]
+                is_noted = leader.started in begun
             else:
                 # The leader has ended. Its id is not reused while the group has members, but these may belong
                 # to a newer group with a reused id. So the process must also have the build folder in its
                 # environment.
-                variables = b""
-                with contextlib.suppress(OSError):
-                    variables = (_PROCESSES / str(process.number) / "environ").read_bytes()
-                is_noted = process.started >= min(recorded[number]) and mark in variables.split(b"\0")
+                is_noted = process.started >= min(begun) and mark in _variables(process)
             if is_noted:
                 yield process
                 break
+
+
+def _variables(process: Process) -> list[bytes]:
+    with contextlib.suppress(OSError):
+        return (_PROCESSES / str(process.number) / "environ").read_bytes().split(b"\0")
+    return []
 
 
 def _with_descendants(processes: Iterable[Process], table: Mapping[int, Process]) -> list[Process]:

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from forge.base.layout import PROCESSES_FILE
-from forge.execution.started import BUILD_FOLDER_VARIABLE, StartedProcesses
+from forge.execution.started import BUILD_FOLDER_VARIABLE, START_VARIABLE, StartedProcesses
 
 SLEEP = ["sleep", "60"]
 ENDS_AND_LEAVES = ["sh", "-c", "sleep 60 >/dev/null & echo $!"]
@@ -147,3 +147,29 @@ def test_a_process_never_kills_its_own_parents(tmp_path: Path) -> None:
         ["sh", "-c", line, ENDS_ITS_OWN], capture_output=True, text=True, check=True, timeout=30
     )
     assert done.stdout == "there still\nthe shell as well\n"
+
+
+def test_a_process_whose_start_could_not_be_recorded_is_killed(
+    tmp_path: Path, started: list[subprocess.Popen[str]]
+) -> None:
+    """Its forge was killed between the start and the record."""
+    token = StartedProcesses(tmp_path).announce()
+    process = subprocess.Popen(SLEEP, env={**os.environ, START_VARIABLE: token}, text=True)
+    started.append(process)
+    StartedProcesses(tmp_path).end()
+    assert process.wait(timeout=5) == -signal.SIGKILL
+
+
+def test_a_daemon_of_a_recorded_process_keeps_running(
+    tmp_path: Path, started: list[subprocess.Popen[str]]
+) -> None:
+    """For example the server of a compiler cache."""
+    token = StartedProcesses(tmp_path).announce()
+    environment = {**os.environ, START_VARIABLE: token}
+    process = subprocess.Popen(SLEEP, env=environment, text=True, start_new_session=True)
+    daemon = subprocess.Popen(SLEEP, env=environment, text=True, start_new_session=True)
+    started += [process, daemon]
+    StartedProcesses(tmp_path).note(process.pid, token)
+    StartedProcesses(tmp_path).end()
+    assert process.wait(timeout=5) == -signal.SIGKILL
+    assert daemon.poll() is None
