@@ -1,15 +1,17 @@
-"""Detect packages that install the same file of a merged tree with different contents.
+"""Decide whose file it is if several packages install it into a merged tree with different contents.
 
-The tree contains only the last version. Digests of each package's own files are in its last installed state.
+The last package in the order of the build has it. Digests of each package's own files are in its last
+installed state.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem
-from forge.build.inputs.fingerprints import fingerprint_files
+from forge.build.inputs.fingerprints import contents_of, fingerprint_files
 from forge.build.installed_states import InstalledStates
 
 if TYPE_CHECKING:
@@ -29,6 +31,7 @@ class MergedPrefix:
         """Store the layout and the journal with the installed files of each package."""
         self._layout = layout
         self._journal = journal
+        self._states = InstalledStates(layout.build)
 
     def conflicting_files(self, names: Collection[str]) -> Mapping[str, list[str]]:
         """Return, by path, the packages that install a file differently, one of `names` among them."""
@@ -45,9 +48,8 @@ class MergedPrefix:
             for path, owners in sorted(owners.items())
             if len(owners) > 1 and not frozenset(names).isdisjoint(owners)
         }
-        states = InstalledStates(self._layout.build)
         contents = {
-            name: states.contents(name, records[name].installed.digest) or {}
+            name: self._states.contents(name, records[name].installed.digest) or {}
             for name in {name for owners in shared.values() for name in owners}
         }
         return {
@@ -78,21 +80,40 @@ class MergedPrefix:
         found = self.conflicting_files(plan.tasks).values()
         return frozenset(name for owners in found for name in owners).intersection(plan.fresh)
 
-    def refresh_stamps(self, plan: BuildPlan, table: FileTable) -> None:
+    def in_order(self, plan: BuildPlan) -> BuildPlan:
+        """Return the plan with each package after those whose files it is known to overwrite."""
+        tasks = dict(plan.tasks)
+        for owners in self.conflicting_files(plan.tasks).values():
+            built = [name for name in plan.tasks if name in owners]
+            for before, name in pairwise(built):
+                tasks[name] = replace(tasks[name], after=tasks[name].after | {before})
+        return replace(plan, tasks=tasks)
+
+    def refresh_stamps(self, plan: BuildPlan, table: FileTable) -> bool:
         """Accept files that a later package has just overwritten as unchanged.
 
         The digest of the package remains that of its own files; only the stamp is updated. The next build
-        compares the content of a file that the later package no longer installs.
+        compares the content of a file that the later package no longer installs. Return True if an earlier
+        package has overwritten a file, which the next build gives back to the later one.
         """
         if not self._layout.merged:
-            return
+            return False
         records = self._journal.records
-        overwritten: set[str] = set()
-        for owners in self.conflicting_files(plan.tasks).values():
-            built = [plan.tasks[name] for name in owners if name in plan.tasks]
+        overwritten, deprived = set[str](), set[str]()
+        for path, owners in self.conflicting_files(plan.tasks).items():
+            built = [name for name in plan.tasks if name in owners and records[name].complete]
             overwritten.update(
-                name for name in owners if name in plan.tasks or any(name in task.needs for task in built)
+                name
+                for name in owners
+                if name in built or any(name in plan.tasks[each].needs for each in built)
             )
+            states = self._states.contents(built[-1], records[built[-1]].installed.digest) if built else None
+            if states and contents_of([path], table)[path] != states.get(path):
+                deprived.add(built[-1])
+        for name in deprived:
+            record = records[name]
+            self._journal.set_record(name, replace(record, installed=replace(record.installed, stamp="")))
+        overwritten -= deprived
         for name in sorted(overwritten):
             record = records[name]
             stamp = fingerprint_files((*record.files, *record.folders), table).stamp
@@ -109,6 +130,7 @@ class MergedPrefix:
         for name, record in sorted(records.items() if left else ()):
             if record.installed.stamp and not left.isdisjoint(record.files):
                 self._journal.set_record(name, replace(record, installed=replace(record.installed, stamp="")))
+        return bool(deprived)
 
 
 def owned_by_others(name: str, paths: frozenset[str], records: Mapping[str, BuildRecord]) -> frozenset[str]:

@@ -55,6 +55,8 @@ class BuildState:
         self._interpreter = interpreter
         self._hashes: DependencyHashes | None = None
         self._ran = False
+        self.is_final = True
+        """False after a build in which a package has overwritten a file that is a later one's."""
 
     def confirm_up_to_date(self, plan: BuildPlan, snapshot: Snapshot, hashes: DependencyHashes) -> None:
         """Record the new stamps of the up-to-date packages, so that the next build compares equal."""
@@ -156,7 +158,7 @@ class BuildState:
             drop_others_of_merged(self.layout)
         self.scripts.write(self._interpreter.path, variables, built=self._ran or bool(plan.tasks))
         if self._ran:
-            self.merged_prefix.refresh_stamps(plan, self.table)
+            self.is_final = not self.merged_prefix.refresh_stamps(plan, self.table)
             self.journal.clear_stamp()
         if not self.journal.stamp:
             # Take the stamp first, so that the next build detects any later change.

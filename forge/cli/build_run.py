@@ -149,7 +149,8 @@ def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
             session.conclude(seconds)
     if options.query.strict:
         raise_if_any(state.merged_prefix.conflicts((*plan.tasks, *plan.fresh)), WorkspaceError)
-    mode.warn(state.merged_prefix.conflicts(plan.tasks))
+    if state.is_final or session.report.exit_code:
+        mode.warn(state.merged_prefix.conflicts(plan.tasks))
     untracked = False
     if audit:
         records = state.journal.records

@@ -359,6 +359,7 @@ def make_plan(build: PreparedBuild, state: BuildState) -> tuple[BuildPlan, Snaps
         shared_inputs,
         state.merged_prefix.packages_to_reinstall,
     )
+    plan = state.merged_prefix.in_order(plan)
     state.confirm_up_to_date(plan, snapshot, hashes)
     return plan, snapshot
 

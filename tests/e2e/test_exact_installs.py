@@ -490,6 +490,24 @@ def test_two_packages_that_install_the_same_file_reach_a_stable_state(
     hold_against_clean(forge, root, *options)
 
 
+@pytest.mark.parametrize(
+    "options", [(), (LINKED,), ("--no-observer",)], ids=["copied", "linked", "unobserved"]
+)
+def test_the_last_package_wins_even_if_an_earlier_one_takes_longer(
+    forge: Forge, tree: Tree, options: tuple[str, ...]
+) -> None:
+    slow = "execute_process(COMMAND sleep 1)\ninstall(FILES c.txt DESTINATION share)"
+    root = tree({**cmake("a", slow, **{"c.txt": "a"}), **contested("b", text="b")})
+    for _ in range(2):
+        build(forge, root, MERGED, *options)
+        assert (root / "install/share/c.txt").read_text() == "b"
+    assert "Starting" not in build(forge, root, MERGED, *options).out
+    tree(cmake("a", slow, **{"c.txt": "edited"}))
+    build(forge, root, MERGED, *options)
+    assert (root / "install/share/c.txt").read_text() == "b"
+    hold_against_clean(forge, root, MERGED, *options)
+
+
 # --- what else an install step copies
 
 

@@ -14,6 +14,7 @@ from forge.base.env_vars import compiled_templates
 from forge.base.errors import WorkspaceError, raise_if_any
 from forge.base.layout import TEMPLATES_DIR
 from forge.base.templating import keep_compiled
+from forge.base.text import listed
 from forge.build.cleaning import stale_package_warnings
 from forge.build.markers import create_output_folders, other_layout
 from forge.build.state import open_state
@@ -87,6 +88,17 @@ def build(options: BuildOptions, mode: BuildMode) -> int:
             if options.dry_run:
                 return 0
             code = run_plan(plan, prepared, state)
+            if code == 0 and not state.is_final:
+                # Only a build shows which files packages have in common; now their order is known.
+                plan, _ = make_plan(prepared, state)
+                if not mode.quiet:
+                    names = listed([*plan.tasks])
+                    print(
+                        f"note: installing {names} again, in order: they install the same file",
+                        file=sys.stderr,
+                        flush=True,
+                    )
+                code = run_plan(plan, prepared, state)
         elif not options.dry_run:
             _finish_up_to_date(plan, prepared, state)
         return code
