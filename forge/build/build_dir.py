@@ -160,11 +160,13 @@ def restore_outputs(build: Path) -> None:
     """Move products of the earlier build that the new build graph still contains back into the build folder.
 
     Files that CMake generated again with identical content get their old times, so that they cause no
-    rebuild. Does nothing unless a folder was set aside.
+    rebuild. Nothing is moved unless a folder was set aside.
     """
     before = set_aside_path(build)
     if before.is_dir():
         _restore(build, before)
+    # Ninja would run CMake over and over if a file that CMake read is dated in the future.
+    _touch_build_ninja(build)
 
 
 def _restore(build: Path, before: Path) -> None:
@@ -190,7 +192,6 @@ def _restore(build: Path, before: Path) -> None:
                 os.utime(path, ns=(status.st_atime_ns, status.st_mtime_ns))
     for name in (".ninja_deps", ".ninja_log"):
         _move(str(build / name), str(before / name))
-    _touch_build_ninja(build)
     _trash(build).parent.mkdir(exist_ok=True)
     before.rename(_trash(build))
     _discard(_trash(build))

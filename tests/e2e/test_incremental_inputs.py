@@ -560,3 +560,17 @@ def test_a_new_source_recompiles_nothing_else(forge: Forge, tree: Tree) -> None:
     after = {path.name: path.stat().st_ino for path in (root / "build/a/CMakeFiles/x.dir").glob("*.o")}
     assert after.keys() - before.keys() == {"part_new.c.o"}
     assert {name: after[name] for name in before} == before
+
+
+def test_sources_dated_in_the_future_are_built_as_others(forge: Forge, tree: Tree) -> None:
+    """For example after the clock of a board without a battery was wrong."""
+    root = tree({**packages(a=BUILD), "src/a/x.c": PROGRAM})
+    future = time.time() + 1e8
+    for name in ("CMakeLists.txt", "x.c"):
+        os.utime(root / "src/a" / name, (future, future))
+    assert forge("build", cwd=root).code == 0
+    assert "Starting" not in forge("build", cwd=root).out
+    (root / "src/a/CMakeLists.txt").write_text("project(a C)\ninstall(FILES x.c DESTINATION share)\n")
+    os.utime(root / "src/a/CMakeLists.txt", (future, future))
+    assert forge("build", cwd=root).code == 0
+    assert (root / "install/a/share/x.c").is_file()
