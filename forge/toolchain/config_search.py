@@ -22,6 +22,7 @@ class ConfigSearch:
 
     def __init__(self) -> None:
         self._entries: dict[str, list[tuple[str, str]]] = {}
+        self._found_bases: dict[str, tuple[str, ...]] = {}
 
     def folder(self, prefix: str, name: str) -> str:
         """Return the real folder of a package's config file below a prefix, '' if there is none."""
@@ -36,11 +37,16 @@ class ConfigSearch:
         yield from (f"{prefix}{below}" for below in _INSIDE)
         for entry in self._named(prefix, name):
             yield from (f"{prefix}/{entry}{below}" for below in _INSIDE)
-        bases = [f"{prefix}/lib/{entry}" for _, entry in self._listed(f"{prefix}/lib") if "-linux-" in entry]
-        for base in (*bases, *(f"{prefix}/{folder}" for folder in _LIBRARIES)):
+        for base in self._bases(prefix):
             yield from (f"{base}/cmake/{entry}" for entry in self._named(f"{base}/cmake", name))
             for entry in self._named(base, name):
                 yield from (f"{base}/{entry}{below}" for below in _INSIDE)
+
+    def _bases(self, prefix: str) -> tuple[str, ...]:
+        if prefix not in self._found_bases:
+            native = (f"lib/{entry}" for _, entry in self._listed(f"{prefix}/lib") if "-linux-" in entry)
+            self._found_bases[prefix] = tuple(f"{prefix}/{below}" for below in (*native, *_LIBRARIES))
+        return self._found_bases[prefix]
 
     def _named(self, folder: str, name: str) -> Iterator[str]:
         listed = self._listed(folder)

@@ -20,7 +20,6 @@ from forge.build.cleaning import (
     Removable,
     built_packages,
     is_of_workspace,
-    is_removed_package,
     package_removables,
     packages_of_others,
     remaining_entries,
@@ -33,6 +32,7 @@ from forge.build.compile_commands import merge_compile_commands
 from forge.build.folder_marks import bases_of, is_own_build_base, is_own_install_base, recorded_layout
 from forge.build.installation import finish_workspace
 from forge.build.journal import Journal, open_journal
+from forge.build.stale_packages import is_removed_package
 from forge.cli import options as shared
 from forge.cli.options import FolderOptions, OptionSources
 from forge.cli.preparation import build_variables, check_bases
