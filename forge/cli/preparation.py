@@ -167,7 +167,7 @@ def _locked_underlays(options: BuildOptions, layout: Layout) -> tuple[Path, ...]
     build = find(UNDERLAYS, LOCK_FILE, "file", ("build",)).build
     variables = without_own(os.environ, layout)
     chain = find_underlays(variables, layout.install).chain
-    underlays: tuple[Path, ...] = build(Path.cwd(), chain, variables, options.jobs.jobs)
+    underlays: tuple[Path, ...] = build(Path.cwd(), chain, variables, options)
     return underlays
 
 

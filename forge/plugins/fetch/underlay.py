@@ -12,18 +12,21 @@ import json
 import os
 import platform
 import shutil
-import subprocess
 import sys
+import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from forge.base.env_vars import expand_home
 from forge.base.errors import HostError, Problem
 from forge.base.files import read_file, replace_file, text_or_nothing
 from forge.base.layout import Layout
-from forge.base.text import counted, digest
+from forge.base.text import digest, duration, listed
+from forge.cli.build_options import BuildOptions
 from forge.cli.preparation import without_own
 from forge.environment.prefixes import installed_packages
+from forge.plugins.fetch import nested
 from forge.plugins.fetch.lock import LOCK_FILE, Lock, cache_folder, read_lock
 from forge.plugins.fetch.python import prepare_interpreter
 from forge.plugins.fetch.sources import (
@@ -42,8 +45,14 @@ _SETTINGS = """\
 merge-install = true
 cmake-args = ["-DBUILD_TESTING=OFF", "-DTRACETOOLS_DISABLED=ON"]
 """
-_BUILT = "built.json"
-"""The commits of the packages of the last successful build, by name."""
+BUILT = "built.json"
+"""The sources of the packages that are built, by name; absent while a build has not looked at them yet.
+
+Its time is that of the last use.
+"""
+_NEEDS = "needs.json"
+"""What the packages of the latest locks declare and do not contain, by a digest of the packages."""
+_MAX_STORED_NEEDS = 20
 
 
 def is_underlay(path: Path, cache: Path) -> bool:
@@ -52,7 +61,7 @@ def is_underlay(path: Path, cache: Path) -> bool:
 
 
 def build(
-    root: Path, underlays: Sequence[Path], variables: Mapping[str, str], jobs: int | None
+    root: Path, underlays: Sequence[Path], variables: Mapping[str, str], options: BuildOptions
 ) -> tuple[Path, ...]:
     """Return the install folder of the underlay of a workspace's lock, after building what it lacks.
 
@@ -65,71 +74,81 @@ def build(
     cache = cache_folder(variables)
     foreign = [path for path in underlays if not is_underlay(path, cache)]
     if foreign:
-        _download(lock, cache)
-        manifests = (source_folder(cache, each) / "package.xml" for each in lock.packages)
-        others = _declared(manifests, variables).difference(each.name for each in lock.packages)
+        others = _outer_needs(lock, cache, variables)
         for path in [each for each in foreign if others.isdisjoint(_names_in(each))]:
             # Another workspace in this shell, which the packages do not need, makes no other underlay.
             foreign.remove(path)
             variables = without_own(variables, Layout(path, path, None))
     key = digest(
         platform.machine(),
+        str(cache),  # the package cache compares results of folders with different names
         *map(str, foreign),
         *(
             os.path.realpath(shutil.which(name, path=variables.get("PATH")) or name)
             for name in _programs(variables)
         ),
     )
-    commits = {each.name: each.commit for each in lock.packages}
-    folder = _fitting_folder(cache / "underlays", f"{lock.distribution}-{key}", commits)
-    if _commits(folder / _BUILT).items() >= commits.items():
-        return (folder / "install",)
-    folder.mkdir(parents=True, exist_ok=True)
-    with _locked(folder):
-        if not _commits(folder / _BUILT).items() >= commits.items():
+    wanted = {each.name: source_folder(cache, each).name for each in lock.packages}
+    while True:
+        folder = _fitting_folder(cache / "underlays", f"{lock.distribution}-{key}", wanted)
+        if built_packages(folder).items() >= wanted.items():
+            with suppress(OSError):
+                os.utime(folder / BUILT)
+            return (folder / "install",)
+        folder.mkdir(parents=True, exist_ok=True)
+        with locked(folder):
+            # The forge that had the lock may have built these packages, or others with the same names.
+            if built_packages(folder).items() >= wanted.items() or not _fits(folder, wanted):
+                continue
             _download(lock, cache)
             _extend(folder, lock, cache)
-            _run_build(folder, lock, cache, variables, jobs)
-            known = _commits(folder / _BUILT)
-            replace_file(folder / _BUILT, json.dumps({**known, **commits}, indent=1, sort_keys=True).encode())
-    return (folder / "install",)
+            _run_build(folder, lock, cache, variables, options)
 
 
 def _programs(variables: Mapping[str, str]) -> tuple[str, ...]:
     return (variables.get("CC") or "cc", variables.get("CXX") or "c++", "python3")
 
 
-def _fitting_folder(base: Path, name: str, commits: Mapping[str, str]) -> Path:
-    """Return the first underlay of this name that has no package at another commit."""
+def _fitting_folder(base: Path, name: str, wanted: Mapping[str, str]) -> Path:
+    """Return the first underlay of this name that has no package in another version."""
     number = 0
-    while True:
-        folder = base / (f"{name}-{number}" if number else name)
-        there = {link.name: link.resolve().name for link in _links(folder)}
-        if all(there[each].endswith(commit[:12]) for each, commit in commits.items() if each in there):
-            return folder
+    while not _fits(folder := base / (f"{name}-{number}" if number else name), wanted):
         number += 1
+    return folder
 
 
-def _links(folder: Path) -> list[Path]:
-    return sorted((folder / "src").glob("*"))
+def _fits(folder: Path, wanted: Mapping[str, str]) -> bool:
+    return all(wanted.get(name, path.name) == path.name for name, path in linked_sources(folder).items())
 
 
-def _commits(path: Path) -> dict[str, str]:
+def linked_sources(folder: Path) -> dict[str, Path]:
+    """Return the folders in the cache that an underlay's packages link to, which may be gone, by name."""
+    links = sorted((folder / "src").glob("*"))
+    return {link.name: link.readlink() for link in links if link.is_symlink()}
+
+
+def built_packages(folder: Path) -> dict[str, str]:
     try:
-        commits: dict[str, str] = json.loads(text_or_nothing(path) or "{}")
+        packages: dict[str, str] = json.loads(text_or_nothing(folder / BUILT) or "{}")
     except ValueError:
         return {}
-    return commits
+    return packages
+
+
+def lock_path(folder: Path) -> Path:
+    """Return the lock of an underlay; it lies beside the folder, which may be removed."""
+    return folder.parent / f".{folder.name}.lock"
 
 
 @contextmanager
-def _locked(folder: Path) -> Iterator[None]:
-    with (folder / ".lock").open("w") as file:
+def locked(folder: Path) -> Iterator[None]:
+    with lock_path(folder).open("w") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             print(f"waiting for another forge that builds in '{folder}'", file=sys.stderr, flush=True)
             fcntl.flock(file, fcntl.LOCK_EX)
+        folder.mkdir(exist_ok=True)
         yield
 
 
@@ -137,6 +156,28 @@ def _declared(manifests: Iterable[Path], variables: Mapping[str, str]) -> set[st
     """Return the names of all build and run dependencies."""
     found = (parse_manifest(read_file(path), path, variables) for path in manifests)
     return {name for each in found for name in each.names(BUILD_KINDS | RUN_KINDS)}
+
+
+def _outer_needs(lock: Lock, cache: Path, variables: Mapping[str, str]) -> set[str]:
+    """Return the names that the locked packages declare and the lock does not have.
+
+    They are stored for the next build, which would read each manifest to find the same.
+    """
+    names = {each.name for each in lock.packages}
+    key = digest(lock.distribution, *(f"{each.name} {each.commit}" for each in lock.packages))
+    stored: dict[str, list[str]] = {}
+    with suppress(ValueError):
+        stored = json.loads(text_or_nothing(cache / _NEEDS) or "{}")
+        if key in stored:
+            return set(stored[key])
+    _download(lock, cache)
+    # The conditions of manifests are about the distribution.
+    known = {**variables, "ROS_DISTRO": lock.distribution}
+    found = _declared((source_folder(cache, each) / "package.xml" for each in lock.packages), known) - names
+    latest = [*stored.items()][1 - _MAX_STORED_NEEDS :]
+    with suppress(OSError):
+        replace_file(cache / _NEEDS, json.dumps({**dict(latest), key: sorted(found)}).encode())
+    return found
 
 
 def _names_in(root: Path) -> set[str]:
@@ -156,13 +197,19 @@ def _extend(folder: Path, lock: Lock, cache: Path) -> None:
     """Link the sources of the packages into the underlay."""
     (folder / "src").mkdir(exist_ok=True)
     replace_file(folder / "forge.toml", _SETTINGS.encode())
+    for name, source in linked_sources(folder).items():
+        if not source.is_dir():
+            (folder / "src" / name).unlink()
     for each in lock.packages:
         link = folder / "src" / each.name
         if not link.is_symlink():
             link.symlink_to(source_folder(cache, each))
 
 
-def _run_build(folder: Path, lock: Lock, cache: Path, variables: Mapping[str, str], jobs: int | None) -> None:
+def _run_build(
+    folder: Path, lock: Lock, cache: Path, variables: Mapping[str, str], options: BuildOptions
+) -> None:
+    began = time.monotonic()
     python = prepare_interpreter(folder, lock, variables)
     # Users set it for their nodes; packages of ROS that ask for it would be built anew whenever it changes.
     own = {name: value for name, value in variables.items() if name != "RMW_IMPLEMENTATION"}
@@ -173,23 +220,50 @@ def _run_build(folder: Path, lock: Lock, cache: Path, variables: Mapping[str, st
     }
     own |= {f"GIT_CONFIG_VALUE_{i}": each.repository for i, each in enumerate(lock.clones)}
     own |= {"GIT_CONFIG_COUNT": str(len(lock.clones))} if lock.clones else {}
-    print(
-        f"building {counted(len(lock.packages), 'package')} of ROS {lock.distribution} in '{folder}', "
-        "once for all workspaces",
-        file=sys.stderr,
-        flush=True,
-    )
+    if options.cache.remote_cache:
+        own["FORGE_REMOTE_CACHE"] = options.cache.remote_cache  # as an option, all users could see a password
+    sources = linked_sources(folder)
     # What packages declare and no lock has is optional: other middlewares, for example.
-    optional = _declared(folder.glob("src/*/package.xml"), own)
-    words = ["--rosdistro", lock.distribution, "--python", python, *(("--jobs", str(jobs)) if jobs else ())]
-    words += ["--event-handlers", "console_start_end-", "--skip-keys", *sorted(optional)]
-    process = subprocess.Popen(own_command("build", *words), cwd=folder, env=own)
-    try:
-        code = process.wait()
-    except KeyboardInterrupt:
-        process.wait()  # it got the signal as well, and ends its own processes
-        raise
+    optional = _declared((folder / "src" / name / "package.xml" for name in sources), own)
+    words = ["--rosdistro", lock.distribution, "--python", python, "--json", *_passed_on(options)]
+    words += ["--skip-keys", *sorted(optional)]
+
+    def record(good: set[str]) -> None:
+        built = {name: path.name for name, path in sources.items() if name in good}
+        replace_file(folder / BUILT, json.dumps(built, indent=1).encode())
+
+    report = nested.Report(folder, show=options.report.handlers["console_start_end"])
+    what = nested.title(len(sources), lock.distribution)
+    if report.show:
+        print(f"building {what} in '{folder}', once for all workspaces", file=sys.stderr, flush=True)
+    # Until the build has looked at all packages, none counts as built, also if this forge is killed.
+    (folder / BUILT).unlink(missing_ok=True)
+    code = nested.run(own_command("build", *words), own, report, record)
+    if report.failed:
+        names = listed(report.failed)
+        hint = f"see above; 'forge build' tries again, and the workspace of the packages is '{folder}'"
+        raise HostError(Problem(f"{names} of '{LOCK_FILE}' could not be built", hint=hint))
     if code:
+        sys.stderr.write("".join(report.text))
         message = f"the packages of '{LOCK_FILE}' could not be built"
-        hint = f"mend what the messages above say and build again; the logs are in '{folder / 'log'}'"
-        raise HostError(Problem(message, hint=hint))
+        raise HostError(Problem(message, hint=f"see above; the workspace of the packages is '{folder}'"))
+    if report.show:
+        print(f"built {what} [{duration(time.monotonic() - began)}]", file=sys.stderr, flush=True)
+
+
+def _passed_on(options: BuildOptions) -> Iterator[str]:
+    """Yield the options of the outer build that hold for the packages of ROS as well: jobs and caches."""
+    jobs, cache, limit = options.jobs, options.cache, options.jobs.memory_limit
+    values = {
+        "--jobs": jobs.jobs,
+        "--parallel-workers": jobs.parallel_workers or None,
+        "--load-limit": jobs.load_limit,
+        "--memory-limit": limit and (f"{100 * limit.share}%" if limit.share else limit.size or "none"),
+        "--cache": cache.cache and expand_home(cache.cache).absolute(),
+        "--cache-timeout": cache.cache_timeout,
+        "--cache-size": cache.cache_size,
+        "--compiler-launcher": options.cmake.compiler_launcher,
+    }
+    yield from (f"{name}={value}" for name, value in values.items() if value is not None)
+    yield from ("--cache-read-only",) if cache.cache_read_only else ()
+    yield from ("--continue-on-error",) if options.continue_on_error else ()

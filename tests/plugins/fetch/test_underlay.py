@@ -1,0 +1,240 @@
+"""The build of locked packages inside of `forge build`: what it prints, ends, repeats and shares."""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from forge.toolchain.interpreter import own_command
+from tests.conftest import Forge
+from tests.packages import manifest_text, write_files
+from tests.plugins.fetch.ros import CMAKE, Ros, depends, small_ros
+
+pytestmark = pytest.mark.needs("cmake", "git")
+
+
+@pytest.fixture
+def ros(tmp_path: Path) -> Ros:
+    return small_ros(tmp_path / "ros")
+
+
+def new_workspace(root: Path, needs: str = "rclmini") -> Path:
+    """Write a workspace with one package that needs another."""
+    manifest = manifest_text("hello", *depends(needs), build_type="cmake")
+    text = CMAKE.format(name="hello", version="1", lines=f"find_package({needs} REQUIRED)")
+    return write_files(root, {"src/hello/package.xml": manifest, "src/hello/CMakeLists.txt": text})
+
+
+def underlay(tmp_path: Path) -> Path:
+    (folder,) = (tmp_path / "ros/user cache/forge/ros/underlays").glob("humble-*")
+    return folder
+
+
+def built(tmp_path: Path) -> set[str]:
+    return set(json.loads((underlay(tmp_path) / "built.json").read_text()))
+
+
+@pytest.mark.parametrize("words", [(), ("--json",), ("--event-handlers", "console_start_end-")])
+def test_underlay_is_built_in_two_lines(
+    ros: Ros, forge: Forge, tmp_path: Path, words: tuple[str, ...]
+) -> None:
+    workspace, env = new_workspace(tmp_path / "ws"), ros.variables()
+    assert forge("fetch", cwd=workspace, env=env).code == 0
+    ran = forge("build", *words, cwd=workspace, env=env)
+    assert ran.code == 0
+    lines = ran.err.splitlines()
+    if "--event-handlers" in words:
+        assert lines == []
+    else:
+        where = underlay(tmp_path)
+        assert lines[0] == f"building 4 packages of ROS humble in '{where}', once for all workspaces"
+        assert lines[1].startswith("built 4 packages of ROS humble [")
+        assert len(lines) == 2
+    assert "rclmini" not in ran.out
+    if "--json" in words:
+        assert {json.loads(line).get("package", "hello") for line in ran.out.splitlines()} == {"hello"}
+    (log,) = underlay(tmp_path).glob("log/build_*")
+    assert (log / "rclmini/stdout_stderr.log").is_file()
+
+
+def test_failure_in_the_underlay_is_shown_in_full(ros: Ros, forge: Forge, tmp_path: Path) -> None:
+    ros.release("rclmini", *depends("lib_vendor"), cmake='message(FATAL_ERROR "broken on purpose")')
+    workspace, env = new_workspace(tmp_path / "ws"), ros.variables()
+    assert forge("fetch", cwd=workspace, env=env).code == 0
+    ran = forge("build", "--json", cwd=workspace, env=env)
+    assert (ran.code, ran.out) == (2, "")
+    lines = ran.err.splitlines()
+    assert lines[1].startswith("Failed   <<< rclmini [")
+    assert "exited with code 1" in lines[1]
+    assert any("broken on purpose" in line for line in lines)
+    (log,) = (line.removeprefix("  log: ") for line in lines if line.startswith("  log: "))
+    assert "broken on purpose" in Path(log).read_text()
+    assert "error: 'rclmini' of 'forge.lock' could not be built" in lines
+    assert built(tmp_path) == {"lib_vendor"}
+
+
+def test_problem_that_prevents_the_build_of_the_underlay_is_shown(
+    ros: Ros, forge: Forge, tmp_path: Path
+) -> None:
+    workspace, env = new_workspace(tmp_path / "ws"), ros.variables()
+    assert forge("fetch", cwd=workspace, env=env).code == 0
+    assert forge("build", cwd=workspace, env=env).code == 0
+    (underlay(tmp_path) / "built.json").unlink()
+    write_files(underlay(tmp_path), {"src/more/package.xml": "<package>"})
+    ran = forge("build", cwd=workspace, env=env)
+    assert ran.code == 2
+    assert "src/more/package.xml:1" in ran.err
+    assert "error: the packages of 'forge.lock' could not be built" in ran.err
+
+
+def test_extension_that_fails_halfway_leaves_no_broken_package_as_built(
+    ros: Ros, forge: Forge, tmp_path: Path
+) -> None:
+    both = (
+        "find_package(rmw_fastrtps_cpp QUIET)\nif(rmw_fastrtps_cpp_FOUND)\nmessage(FATAL_ERROR both)\nendif()"
+    )
+    ros.release("rmw_implementation", *depends("rmw_cyclonedds_cpp", "rmw_fastrtps_cpp"), cmake=both)
+    env = ros.variables()
+    first, second = new_workspace(tmp_path / "first"), new_workspace(tmp_path / "second")
+    assert forge("fetch", cwd=first, env=env).code == 0
+    assert forge("build", cwd=first, env=env).code == 0
+    assert forge("fetch", "rmw_fastrtps_cpp", cwd=second, env=env).code == 0
+    ran = forge("build", cwd=second, env=env)
+    assert ran.code == 2
+    assert "Failed   <<< rmw_implementation" in ran.err
+    assert built(tmp_path) == {"lib_vendor", "rmw_cyclonedds_cpp", "rmw_fastrtps_cpp", "fastdds"}
+    ran = forge("build", cwd=first, env=env)
+    assert ran.code == 2, "its underlay is broken, which a build has to say"
+
+
+def test_second_workspace_builds_no_package_of_the_underlay_again(
+    ros: Ros, forge: Forge, tmp_path: Path
+) -> None:
+    env = ros.variables()
+    for name in ("first", "second"):
+        workspace = new_workspace(tmp_path / name)
+        assert forge("fetch", cwd=workspace, env=env).code == 0
+        ran = forge("build", cwd=workspace, env=env)
+        assert ran.code == 0
+        assert "1 package finished" in ran.out
+    assert ran.err == ""
+    assert len([*underlay(tmp_path).glob("log/build_*")]) == 1, "a second build would have a second log"
+
+
+def test_underlay_that_was_killed_is_looked_at_and_not_built_again(
+    ros: Ros, forge: Forge, tmp_path: Path
+) -> None:
+    workspace, env = new_workspace(tmp_path / "ws"), ros.variables()
+    assert forge("fetch", cwd=workspace, env=env).code == 0
+    assert forge("build", cwd=workspace, env=env).code == 0
+    before = built(tmp_path)
+    (underlay(tmp_path) / "built.json").unlink()
+    assert forge("build", cwd=workspace, env=env).code == 0
+    assert built(tmp_path) == before
+    assert len([*underlay(tmp_path).glob("log/build_*")]) == 1
+
+
+def test_sourced_ros_costs_no_manifest_when_nothing_changed(ros: Ros, forge: Forge, tmp_path: Path) -> None:
+    foreign, env = tmp_path / "opt/ros", ros.variables()
+    write_files(foreign, {"share/ament_index/resource_index/packages/fastdds": ""})
+    env |= {"AMENT_PREFIX_PATH": str(foreign), "CMAKE_PREFIX_PATH": str(foreign)}
+    workspace = new_workspace(tmp_path / "ws")
+    assert forge("fetch", cwd=workspace, env=env).code == 0
+    assert forge("build", cwd=workspace, env=env).code == 0
+    # No build that reads a manifest could do without these.
+    shutil.rmtree(tmp_path / "ros/user cache/forge/ros/sources")
+    shutil.rmtree(tmp_path / "ros/repositories")
+    ran = forge("build", cwd=workspace, env=env)
+    assert (ran.code, ran.err) == (0, "")
+    assert "1 package unchanged" in ran.out
+
+
+def test_workspace_without_a_lock_neither_imports_nor_looks_for_the_plugin(
+    ros: Ros, forge: Forge, tmp_path: Path
+) -> None:
+    workspace, env = new_workspace(tmp_path / "ws"), ros.variables()
+    assert forge("fetch", cwd=workspace, env=env).code == 0
+    (workspace / "forge.lock").unlink()
+    write_files(workspace, {"src/hello/package.xml": manifest_text("hello", build_type="cmake")})
+    write_files(workspace, {"src/hello/CMakeLists.txt": CMAKE.format(name="hello", version="1", lines="")})
+    script = """\
+import sys
+seen = []
+sys.addaudithook(lambda name, arguments: name != "compile" and seen.append(f"{name} {arguments}"))
+from forge.cli.main import main
+code = main(["build"])
+print([name for name in sys.modules if "fetch" in name or name in ("rosdistro", "tomllib")])
+print([each for each in seen if "forge.lock" in each or "/forge/ros" in each or "'git'" in each])
+sys.exit(code)
+"""
+    ran = subprocess.run(
+        [sys.executable, "-c", script],
+        cwd=workspace,
+        env={**os.environ, **env},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert ran.stdout.endswith("[]\n[]\n")
+
+
+def test_interrupt_ends_the_build_of_the_underlay_once(ros: Ros, forge: Forge, tmp_path: Path) -> None:
+    started = tmp_path / "started"
+    slow = f"file(TOUCH {started})\nexecute_process(COMMAND sleep 600.25)"
+    ros.release("rclmini", *depends("lib_vendor"), cmake=slow)
+    workspace, env = new_workspace(tmp_path / "ws"), ros.variables()
+    assert forge("fetch", cwd=workspace, env=env).code == 0
+    process = subprocess.Popen(
+        own_command("build"),
+        cwd=workspace,
+        env={**os.environ, **env},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    deadline = time.monotonic() + 120
+    while not started.exists() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=120)
+    assert process.returncode == 130
+    assert out == ""
+    assert err.splitlines()[1:] == []
+    assert built(tmp_path) == {"lib_vendor"}
+    commands = [path.read_bytes() for path in Path("/proc").glob("[0-9]*/cmdline") if path.exists()]
+    assert b"sleep\x00600.25\x00" not in commands
+
+
+def test_underlay_joins_the_jobserver_of_a_parent_make(ros: Ros, forge: Forge, tmp_path: Path) -> None:
+    asked = "add_custom_target(ask ALL COMMAND printenv MAKEFLAGS > ${CMAKE_INSTALL_PREFIX}/flags)"
+    ros.release("rclmini", *depends("lib_vendor"), cmake=asked)
+    workspace, env = new_workspace(tmp_path / "ws"), ros.variables()
+    assert forge("fetch", cwd=workspace, env=env).code == 0
+    write_files(
+        workspace, {"Makefile": f"all:\n\t+@{' '.join(own_command('build'))}\n\t@echo $(MAKEFLAGS)\n"}
+    )
+    variables = {**os.environ, **env, "CMAKE_GENERATOR": "Unix Makefiles"}
+    ran = subprocess.run(
+        ["make", "-j3"], cwd=workspace, env=variables, capture_output=True, text=True, check=False
+    )
+    assert (ran.returncode, "warning" in ran.stderr) == (0, False)
+    auth = next(word for word in ran.stdout.split() if word.startswith("--jobserver-auth="))
+    (flags,) = underlay(tmp_path).rglob("flags")
+    assert auth in flags.read_text().split()
+
+
+def test_limits_of_jobs_hold_in_the_underlay(ros: Ros, forge: Forge, tmp_path: Path) -> None:
+    asked = "add_custom_target(ask ALL COMMAND printenv MAKEFLAGS > ${CMAKE_INSTALL_PREFIX}/flags)"
+    ros.release("rclmini", *depends("lib_vendor"), cmake=asked)
+    workspace, env = new_workspace(tmp_path / "ws"), {**ros.variables(), "CMAKE_GENERATOR": "Unix Makefiles"}
+    assert forge("fetch", cwd=workspace, env=env).code == 0
+    ran = forge("build", "--jobs", "5", "--memory-limit", "75%", "--load-limit", "90", cwd=workspace, env=env)
+    assert ran.code == 0, ran.err
+    (flags,) = underlay(tmp_path).rglob("flags")
+    assert "-j5" in flags.read_text()
