@@ -230,7 +230,8 @@ class Folders:
         self._source = f"{source}/" if source else ""
         self._known = (*known, *_VOLATILE)
         self._path = world.path if world else frozenset[str]()
-        self._unwatched = self._path | {tempfile.gettempdir()}
+        self._temporary = tempfile.gettempdir()
+        self._unwatched = self._path | {self._temporary}
         self._sources = sources
         self._searched = world.searched_for_packages if world else lambda _: False
         self.tools: frozenset[str] = frozenset()
@@ -424,11 +425,17 @@ class Folders:
         return not is_above and os.path.lexists(path)
 
     def _listed(self, processes: Iterable[Process]) -> Iterator[str]:
-        """Yield the folders elsewhere whose names were read, except by CMake in search of packages."""
+        """Yield the folders elsewhere whose names were read, except by CMake in search of packages.
+
+        That of temporary files is none of them: gcc optimizes at link time by a makefile in it, and make lists
+        the folders of makefiles.
+        """
         for process in processes:
             for _, kind, path in process.records:
-                is_input = kind == "L" and self._is_external(f"{path}/") and not self._searched(path)
-                if is_input and not _NO_INPUT.search(path) and os.path.isdir(path):
+                is_listed = kind == "L" and path != self._temporary and self._is_external(f"{path}/")
+                if not is_listed or self._searched(path) or _NO_INPUT.search(path):
+                    continue
+                if os.path.isdir(path):
                     yield f"{path}/."
 
     def about_processor(self, processes: Iterable[Process]) -> frozenset[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -103,6 +104,21 @@ def test_the_children_of_ninja_are_the_commands(tmp_path: Path) -> None:
         step, {1: "build"}, lambda *_: (str(output), frozenset({str(output), str(external)})), folders
     )
     assert not found.edges[str(output)].outputs_known
+
+
+def test_the_names_in_the_folder_of_temporary_files_are_no_input(tmp_path: Path) -> None:
+    (tmp_path / "names").mkdir()
+    cmake = process(1, None, "/usr/bin/cmake")
+    listed = [("L", tempfile.gettempdir()), ("L", str(tmp_path / "names"))]
+    ninja = process(2, cmake, "/usr/bin/ninja", ("R", str(tmp_path / "b/build.ninja")))
+    process(3, ninja, "/usr/bin/make", *listed)
+    found = commands_of(
+        ObservedStep((cmake, ninja, *ninja.children)),
+        {1: "build"},
+        lambda _, written: ("x.so", written),
+        Folders(tmp_path / "b", (tmp_path / "s",)),
+    )
+    assert found.edges["x.so"].external == {f"{tmp_path}/names/."}
 
 
 def test_an_inner_ninja_belongs_to_the_command_that_starts_it(tmp_path: Path) -> None:
