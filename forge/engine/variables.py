@@ -84,6 +84,8 @@ _UNTRACKED_BEGINNINGS = (
     *("FORGE_", "LC_", "XDG_"),
     # Those that matter are relevant for every package; the others are for debugging.
     "PYTHON",
+    # How git reaches repositories: credentials that last for an hour, and mirrors.
+    *("GIT_CONFIG_COUNT", "GIT_CONFIG_KEY_", "GIT_CONFIG_VALUE_"),
     # gcc sets it for the programs that it starts.
     "COLLECT_",
 )

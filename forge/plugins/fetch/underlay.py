@@ -45,6 +45,8 @@ _SETTINGS = """\
 merge-install = true
 cmake-args = ["-DBUILD_TESTING=OFF", "-DTRACETOOLS_DISABLED=ON"]
 """
+_CLONES = "clones.json"
+"""The repositories that the packages of all locks clone while they are built, and their folders."""
 BUILT = "built.json"
 """The sources of the packages that are built, by name; absent while a build has not looked at them yet.
 
@@ -213,13 +215,7 @@ def _run_build(
     python = prepare_interpreter(folder, lock, variables)
     # Users set it for their nodes; packages of ROS that ask for it would be built anew whenever it changes.
     own = {name: value for name, value in variables.items() if name != "RMW_IMPLEMENTATION"}
-    # Commands of git that packages run get what the lock pins, without any network.
-    own |= {
-        f"GIT_CONFIG_KEY_{i}": f"url.{clone_folder(cache, each).as_uri()}.insteadOf"
-        for i, each in enumerate(lock.clones)
-    }
-    own |= {f"GIT_CONFIG_VALUE_{i}": each.repository for i, each in enumerate(lock.clones)}
-    own |= {"GIT_CONFIG_COUNT": str(len(lock.clones))} if lock.clones else {}
+    own |= _clone_settings(folder, lock, cache, own)
     if options.cache.remote_cache:
         own["FORGE_REMOTE_CACHE"] = options.cache.remote_cache  # as an option, all users could see a password
     sources = linked_sources(folder)
@@ -249,6 +245,27 @@ def _run_build(
         raise HostError(Problem(message, hint=f"see above; the workspace of the packages is '{folder}'"))
     if report.show:
         print(f"built {what} [{duration(time.monotonic() - began)}]", file=sys.stderr, flush=True)
+
+
+def _clone_settings(folder: Path, lock: Lock, cache: Path, variables: Mapping[str, str]) -> dict[str, str]:
+    """Return the variables by which git clones what locks pin, without any network.
+
+    Other locks may have pinned what packages clone that are built again with these. Settings that the
+    variables already contain are kept.
+    """
+    folders: dict[str, str] = {}
+    with suppress(ValueError):
+        folders = json.loads(text_or_nothing(folder / _CLONES) or "{}")
+    folders |= {each.repository: str(clone_folder(cache, each)) for each in lock.clones}
+    replace_file(folder / _CLONES, json.dumps(folders, indent=1, sort_keys=True).encode())
+    present = {url: Path(path) for url, path in sorted(folders.items()) if Path(path).is_dir()}
+    count = variables.get("GIT_CONFIG_COUNT", "")
+    first = int(count) if count.isdecimal() else 0
+    settings = {"GIT_CONFIG_COUNT": str(first + len(present))}
+    for number, (url, path) in enumerate(present.items(), first):
+        settings[f"GIT_CONFIG_KEY_{number}"] = f"url.{path.as_uri()}.insteadOf"
+        settings[f"GIT_CONFIG_VALUE_{number}"] = url
+    return settings
 
 
 def _passed_on(options: BuildOptions) -> Iterator[str]:

@@ -11,7 +11,7 @@ import pytest
 from forge.base.formats import read_toml, read_yaml
 from tests.conftest import Forge
 from tests.packages import manifest_text, write_files
-from tests.plugins.fetch.ros import CMAKE, Ros, depends, small_ros
+from tests.plugins.fetch.ros import CMAKE, SERVER, Ros, depends, small_ros
 
 pytestmark = pytest.mark.needs("cmake", "git")
 
@@ -70,6 +70,36 @@ def test_second_workspace_uses_what_is_built(ros: Ros, forge: Forge, tmp_path: P
         ran = forge("build", cwd=workspace, env=env)
         assert ran.code == 0
         assert ("building 4 packages of ROS" in ran.err) == (name == "one")
+
+
+def test_more_clones_build_nothing_again_and_all_are_given_to_later_builds(
+    ros: Ros, forge: Forge, tmp_path: Path
+) -> None:
+    ros.commit("more", {"more.txt": "more\n"}, "v2")
+    clone = f"""\
+include(FetchContent)
+FetchContent_Declare(more GIT_REPOSITORY {SERVER}more.git GIT_TAG v2)
+FetchContent_Populate(more)"""
+    ros.release("more_vendor", cmake=clone)
+    one, two, env = tmp_path / "one", tmp_path / "two", ros.variables()
+    for workspace, name in ((one, "lib_vendor"), (two, "more_vendor")):
+        workspace.mkdir()
+        assert forge("fetch", name, cwd=workspace, env=env).code == 0
+    shutil.rmtree(tmp_path / "ros/repositories")
+    # Some CI systems pass credentials so, other ones for each run.
+    settings = {f"GIT_CONFIG_{name}_0": f"user.{name}".lower() for name in ("KEY", "VALUE")}
+    for workspace in (one, two):
+        ran = forge("build", cwd=workspace, env={**env, "GIT_CONFIG_COUNT": "1", **settings})
+        assert ran.code == 0, ran.err
+        settings["GIT_CONFIG_VALUE_0"] = "another one"
+    (underlay,) = (tmp_path / "ros/user cache/forge/ros/underlays").glob("humble-*")
+    assert {path.name for path in (underlay / "log/latest_build").glob("*_vendor")} == {"more_vendor"}
+    for name in ("build", "install"):
+        shutil.rmtree(underlay / name)
+    (underlay / "built.json").unlink()
+    ran = forge("build", cwd=two, env=env)
+    assert ran.code == 0, ran.err
+    assert (underlay / "install/share/lib_vendor/lib.txt").is_file()
 
 
 def test_named_packages_are_added_and_remembered(ros: Ros, forge: Forge, tmp_path: Path) -> None:
