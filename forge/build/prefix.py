@@ -18,6 +18,7 @@ import json
 import os
 import shutil
 import stat
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -530,6 +531,7 @@ def _scripts(share: Path) -> Iterator[str]:
     return (str(path) for path in files if path.suffix in _SCRIPTS)
 
 
+@lru_cache(maxsize=1024)  # an exchange asks for all of them
 def _folder(name: str, layout: Layout, kind: str = "") -> Path:
     """Return an entry of a package in the backup folder; package names contain no dots."""
     return layout.install / BACKUP_DIR / (f"{name}.{kind}" if kind else name)

@@ -13,7 +13,7 @@ import sys
 from bisect import bisect
 from collections import defaultdict
 from dataclasses import dataclass, field
-from heapq import merge
+from itertools import chain
 from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
@@ -268,7 +268,7 @@ def observe(processes: Iterable[Process], blind: tuple[str, ...] = ()) -> Observ
     words: dict[str, set[str]] = defaultdict(set)
     unknown = dict.fromkeys(blind)
     ledgers: dict[str, str] = {}
-    for _, kind, word in merge(*(process.records for process in processes)):
+    for _, kind, word in sorted(chain.from_iterable(process.records for process in processes)):
         if kind == "B":
             unknown[word] = None
         elif kind == "J":
