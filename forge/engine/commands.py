@@ -427,8 +427,8 @@ class Folders:
     def _listed(self, processes: Iterable[Process]) -> Iterator[str]:
         """Yield the folders elsewhere whose names were read, except by CMake in search of packages.
 
-        That of temporary files is none of them: gcc optimizes at link time by a makefile in it, and make lists
-        the folders of makefiles.
+        That of temporary files is none of them: gcc optimizes at link time by a makefile in it, and make
+        lists the folders of makefiles.
         """
         for process in processes:
             for _, kind, path in process.records:
