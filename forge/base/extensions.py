@@ -30,6 +30,7 @@ REPORTERS = "forge.reporters"
 RECIPES = "forge.recipes"
 TOOLCHAINS = "forge.toolchains"
 UNDERLAYS = "forge.underlays"
+CACHES = "forge.caches"
 
 OWN: Mapping[str, Mapping[str, str]] = {
     COMMANDS: {
@@ -57,6 +58,7 @@ OWN: Mapping[str, Mapping[str, str]] = {
     },
     EXECUTORS: {"dask": "forge.plugins.dask.executor"},
     UNDERLAYS: {"forge.lock": "forge.plugins.fetch.underlay"},
+    CACHES: {"ros": "forge.plugins.fetch.cache"},
     RECIPES: {"fast_rosidl": "forge.plugins.fast_rosidl.recipe"},
     REPORTERS: {
         "coverage": "forge.plugins.coverage.reporter",

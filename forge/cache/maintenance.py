@@ -18,9 +18,10 @@ from forge.cache.action_result import decode
 from forge.cache.folder_store import DRAFT, sha256_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterable, Iterator
 
     from forge.cache.folder_store import FolderStore
+    from forge.cache.model import CacheEntry
 
 DEFAULT_SIZE = 20 << 30
 """The default maximum size of a folder store in bytes."""
@@ -58,13 +59,14 @@ def scan_store(store: FolderStore) -> StoreContents:
     return StoreContents(tuple(results), {kept.path.name: kept for kept in _files(store.folder / "cas")})
 
 
-def prune(store: FolderStore, size: int) -> tuple[int, int]:
+def prune(store: FolderStore, size: int, since: float = 0.0) -> tuple[int, int]:
     """Remove results until the store takes at most `size` bytes, and unreferenced blobs.
 
-    Returns the number of removed files and bytes.
+    Results that were not used `since` then are removed as well. Returns the number of removed files and
+    bytes.
     """
     contents = scan_store(store)
-    if contents.size <= size:
+    if contents.size <= size and all(result.used >= since for result in contents.results):
         return 0, 0
     left, kept, referenced = size, set[str](), set[str]()
     removed = []
@@ -73,7 +75,7 @@ def prune(store: FolderStore, size: int) -> tuple[int, int]:
         needed = result.size + sum(
             contents.blobs[name].size for name in blobs - kept if name in contents.blobs
         )
-        if needed > left:
+        if needed > left or result.used < since:
             removed.append(result)
             referenced |= blobs
         else:
@@ -89,6 +91,24 @@ def prune(store: FolderStore, size: int) -> tuple[int, int]:
         with contextlib.suppress(FileNotFoundError):
             file.path.unlink()
     return len(removed), sum(file.size for file in removed)
+
+
+def prune_entries(
+    entries: Iterable[CacheEntry], remove: Callable[[CacheEntry], bool], size: int, since: float = 0.0
+) -> list[CacheEntry]:
+    """Remove the least recently used entries until they take at most `size` bytes, and return them.
+
+    Entries that were not used `since` then are removed as well. Those of the last hour stay, since a build
+    may use them; `remove` tells whether it could remove an entry.
+    """
+    ordered = sorted(entries, key=lambda entry: entry.used)
+    left, young = sum(entry.size for entry in ordered), time.time() - _YOUNG_SECONDS
+    removed = []
+    for entry in ordered:
+        if (left > size or entry.used < since) and entry.used < young and remove(entry):
+            left -= entry.size
+            removed.append(entry)
+    return removed
 
 
 def _blobs(result: StoredFile) -> set[str]:

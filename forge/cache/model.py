@@ -15,6 +15,19 @@ RESTORED = "from the cache"
 
 
 @frozen
+class CacheEntry:
+    """Something that a plugin keeps in the user's cache and can make again."""
+
+    kind: str
+    """A noun in the singular, such as 'source'."""
+    name: str
+    path: Path
+    size: int
+    used: float
+    """The time of the last use."""
+
+
+@frozen
 class Digest:
     """The name of a blob: the SHA-256 of its bytes in lower-case hex, and its size in bytes."""
 

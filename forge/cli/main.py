@@ -54,7 +54,7 @@ COMMANDS = {
     "run": "run an executable of an installed package",
     "env": "print the environment variables that sourcing the workspace sets",
     "shell": "start a shell or a command in the environment of the workspace",
-    "cache": "inspect, prune and verify the package cache",
+    "cache": "inspect, prune and verify what forge keeps for all workspaces",
     "bundle": "pack the install folder into an archive for deployment",
     "help": "print the help of a command",
 }

@@ -1,25 +1,38 @@
-"""`forge cache`: inspect, prune and verify the package cache."""
+"""`forge cache`: inspect, prune and verify the package cache, and what plugins keep for all workspaces."""
 
 from __future__ import annotations
 
 import os
+import time
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 from forge.base.errors import HostError, Problem, SelectionError, raise_if_any
+from forge.base.extensions import CACHES, call, entry_points, find, installed
 from forge.base.frozen import frozen
 from forge.base.options import option, options_of
 from forge.base.text import counted
 from forge.cache.folder_store import FolderStore
-from forge.cache.maintenance import DEFAULT_SIZE, prune, read_counts, scan_store, verify
+from forge.cache.maintenance import DEFAULT_SIZE, prune, prune_entries, read_counts, scan_store, verify
+from forge.cache.model import CacheEntry
 from forge.cache.opening import byte_count, cache_folder, foreign_store
 from forge.cli.main import Parser
 from forge.cli.options import add_verb
+
+_DAY = 86400.0
 
 
 @frozen
 class _Options:
     cache: str | None = option("cache folder (default: ~/.cache/forge/packages)", metavar="DIR")
+
+
+def _days(text: str) -> int:
+    if not text.isdigit():
+        raise ValueError(f"'{text}' is not a number of days")
+    return int(text)
 
 
 @frozen
@@ -31,11 +44,15 @@ class _PruneOptions:
         parse=byte_count,
         metavar="SIZE",
     )
+    unused_for: int | None = option(
+        "also remove what was not used for this many days", parse=_days, metavar="DAYS"
+    )
 
 
 def register(parser: Parser) -> None:
     verbs = parser.add_subparsers(metavar="VERB", required=True)
     add_verb(verbs, "stats", "print the size of the cache and its hit rate", _Options, _stats)
+    add_verb(verbs, "list", "list what forge keeps besides packages", _Options, _list)
     add_verb(verbs, "prune", "remove the least recently used entries", _PruneOptions, _prune)
     summary = "verify the checksums of all entries and remove corrupt ones"
     add_verb(verbs, "verify", summary, _Options, _verify)
@@ -61,25 +78,75 @@ def _stats(options: _Options) -> int:
     print(f"folder:    {store.folder}")
     print(f"size:      {_shown(shelf.size)} in {len(shelf.blobs)} blobs")
     print(f"hits:      {counts.restored} of {lookups} lookups{share}")
+    for name, plugin in _plugins(options):
+        if entries := _entries(name, plugin):
+            kinds = Counter(entry.kind for entry in entries)
+            words = ", ".join(counted(count, kind) for kind, count in kinds.items())
+            print(f"{name + ':':<10} {_shown(sum(entry.size for entry in entries))} in {words}")
+    return 0
+
+
+def _list(options: _Options) -> int:
+    """Print a line for each entry of plugins: kind, name, size, days since its last use, and path."""
+    rows = [
+        (entry.kind, entry.name, _shown(entry.size), _age(entry.used), os.fspath(entry.path))
+        for name, plugin in _plugins(options)
+        for entry in _entries(name, plugin)
+    ]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for row in rows:
+        print("  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip())
     return 0
 
 
 def _prune(options: _PruneOptions) -> int:
+    since = 0.0 if options.unused_for is None else time.time() - options.unused_for * _DAY
     with _opened(options.folder) as store:
-        files, size = prune(store, options.size)
+        files, size = prune(store, options.size, since)
         left = scan_store(store).size
     print(f"removed {_shown(size)} in {counted(files, 'file')}; {_shown(left)} left")
+    for name, plugin in _plugins(options.folder):
+        if not (entries := _entries(name, plugin)):
+            continue
+        removed = call(f"the cache '{name}'", prune_entries, entries, plugin.remove, options.size, since)
+        for entry in removed:
+            print(f"removed {entry.kind} {entry.name}")
+        size = sum(entry.size for entry in removed)
+        left = sum(entry.size for entry in entries) - size
+        print(f"{name}: removed {_shown(size)} in {len(removed)} of {len(entries)}; {_shown(left)} left")
     return 0
 
 
 def _verify(options: _Options) -> int:
-    """Print the corrupt entries, which are already removed; return 1 if there are any."""
+    """Print the corrupt entries, and what is wrong with those of plugins; return 1 if there are any.
+
+    Corrupt entries of the package cache are already removed.
+    """
     with _opened(options) as store:
         found = verify(store)
     for path, why in found.corrupt:
         print(f"removed {path.relative_to(store.folder)}: {why}")
     print(f"read {_shown(found.size)} in {found.files} files; {len(found.corrupt)} corrupt")
-    return int(bool(found.corrupt))
+    faults = [fault for name, plugin in _plugins(options) for fault in call(name, plugin.verify, os.environ)]
+    for path, why in faults:
+        print(f"{path}: {why}")
+    return int(bool(found.corrupt or faults))
+
+
+def _plugins(options: _Options) -> Iterator[tuple[str, Any]]:
+    """Yield what else keeps things for all workspaces, unless a folder of packages is named."""
+    if options.cache is None:
+        for name in sorted({*installed(CACHES), *entry_points(CACHES)}):
+            yield name, find(CACHES, name, "cache", ("entries", "remove", "verify"))
+
+
+def _entries(name: str, plugin: Any) -> list[CacheEntry]:
+    return list(call(f"the cache '{name}'", plugin.entries, os.environ))
+
+
+def _age(used: float) -> str:
+    days = int((time.time() - used) / _DAY)
+    return f"{counted(days, 'day')} ago" if days > 0 else "today"
 
 
 def _shown(size: int) -> str:

@@ -8,6 +8,7 @@ from forge import __version__
 from forge.base.env_vars import EXECUTORS
 from forge.base.extensions import (
     BUILD_TYPES,
+    CACHES,
     COMMANDS,
     RECIPES,
     REPORTERS,
@@ -38,6 +39,7 @@ def run(_: Options) -> int:
     _print("interface verbs", (), VERBS)
     _print("toolchains", (), TOOLCHAINS)
     _print("remote cache backends", (), STORES)
+    _print("caches", (), CACHES)
     _print("event handlers", handlers)
     _print("reporters", (), REPORTERS)
     _print("executors", EXECUTORS, EXECUTOR_GROUP)

@@ -22,6 +22,10 @@ _REFS = (("tags", "^{}"), ("tags", ""), ("heads", ""))
 """Kinds of references and endings, the most specific first: 'NAME^{}' is what an annotated tag refers to."""
 
 
+MARK = "Fetched by forge: "
+"""How the description of a repository in the cache begins."""
+
+
 class GitError(ForgeError):
     """git failed, for example because a repository does not exist."""
 
@@ -58,6 +62,19 @@ def mirror(url: str, ref: str, commit: str, folder: Path) -> None:
     _receive(url, ref, commit, folder)
     for name in ("refs/heads/main", f"refs/tags/{ref}"):
         _git(f"--git-dir={folder}", "update-ref", name, commit)
+    (folder / "description").write_text(f"{MARK}{without_passwords(url)}\n", encoding="utf-8")
+
+
+def fault(folder: Path, commit: str) -> str:
+    """Return what is wrong with a repository that `mirror` has made, '' if nothing is."""
+    repository = f"--git-dir={folder}"
+    try:
+        if _git(repository, "rev-parse", "refs/heads/main").strip() != commit:
+            return f"its branch is not the commit {commit}"
+        _git(repository, *_PLAIN, "fsck", "--full", "--no-dangling", "--no-progress")
+    except GitError as error:
+        return error.problems[0].message
+    return ""
 
 
 def _receive(url: str, ref: str, commit: str, repository: Path) -> None:

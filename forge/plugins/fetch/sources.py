@@ -22,6 +22,7 @@ from forge.base.files import delete_tree, text_or_nothing
 from forge.plugins.fetch import git
 from forge.plugins.fetch.index import Release, Snapshot
 from forge.plugins.fetch.lock import Clone, LockedPackage
+from forge.plugins.fetch.records import write_record
 from forge.workspace.cmake_text import calls, cmake_files
 
 _CONNECTIONS = 8
@@ -76,6 +77,7 @@ def download_packages(
             git.check_out(package.repository, package.tag, package.commit, draft)
             delete_tree(draft / ".git")
             _make_read_only(draft)
+            write_record(source_folder(cache, package), draft)
 
     missing = [each for each in packages if not source_folder(cache, each).is_dir()]
     problems = []

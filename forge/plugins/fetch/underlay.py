@@ -39,7 +39,7 @@ from forge.toolchain.interpreter import own_command
 from forge.workspace.manifest import parse_manifest
 from forge.workspace.model import BUILD_KINDS, RUN_KINDS
 
-_SETTINGS = """\
+SETTINGS = """\
 # Written by forge: the packages of ROS that forge.lock files name, built once for all workspaces.
 [build]
 merge-install = true
@@ -198,7 +198,7 @@ def _download(lock: Lock, cache: Path) -> None:
 def _extend(folder: Path, lock: Lock, cache: Path) -> None:
     """Link the sources of the packages into the underlay."""
     (folder / "src").mkdir(exist_ok=True)
-    replace_file(folder / "forge.toml", _SETTINGS.encode())
+    replace_file(folder / "forge.toml", SETTINGS.encode())
     for name, source in linked_sources(folder).items():
         if not source.is_dir():
             (folder / "src" / name).unlink()
