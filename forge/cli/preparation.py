@@ -31,7 +31,7 @@ from forge.base.extensions import RECIPES, UNDERLAYS, find, installed
 from forge.base.files import current_umask
 from forge.base.frozen import frozen
 from forge.base.graph import closure
-from forge.base.layout import NO_CODE, OWN_CACHE_DIR, PACKAGE, own_folders
+from forge.base.layout import NO_CODE, OWN_CACHE_DIR, PACKAGE, PACKAGE_LOCK, own_folders
 from forge.build import folder_marks
 from forge.build.build_types import leave_out, with_toolchains
 from forge.build.inputs.fingerprints import digest_strings, source_files, stamp_files
@@ -78,8 +78,6 @@ if TYPE_CHECKING:
     from forge.workspace.selection import SearchPaths
 
 
-LOCK_FILE = "forge.lock"
-"""A file in the root of a workspace for which a plugin builds an underlay."""
 _MANY_WHEELS = 4
 """Starting the worker takes as long as three Python packages save by it."""
 
@@ -162,9 +160,9 @@ def _load(
 
 def _locked_underlays(options: BuildOptions, layout: Layout) -> tuple[Path, ...]:
     """Return the underlay that the lock of the workspace names, after building what it lacks."""
-    if options.dry_run or not os.path.lexists(LOCK_FILE):
+    if options.dry_run or not os.path.lexists(PACKAGE_LOCK):
         return ()
-    build = find(UNDERLAYS, LOCK_FILE, "file", ("build",)).build
+    build = find(UNDERLAYS, PACKAGE_LOCK, "file", ("build",)).build
     variables = without_own(os.environ, layout)
     chain = find_underlays(variables, layout.install).chain
     underlays: tuple[Path, ...] = build(Path.cwd(), chain, variables, options)
@@ -245,7 +243,7 @@ def prepare(options: BuildOptions, layout: Layout, mode: BuildMode) -> PreparedB
     loaded, variables = _load(options, layout, mode.warn)
     names = _packages_to_build(loaded, options, mode.warn)
     problems = list(loaded.workspace.problems)
-    if not (problems or loaded.workspace.packages or os.path.lexists(LOCK_FILE)):
+    if not (problems or loaded.workspace.packages or os.path.lexists(PACKAGE_LOCK)):
         raise_if_any(output_problems(loaded, layout, ()), WorkspaceError)
         require_packages(loaded)
     python = any("python" in loaded.packages[name].build_type for name in names)
@@ -266,7 +264,8 @@ def prepare(options: BuildOptions, layout: Layout, mode: BuildMode) -> PreparedB
         raise_if_any(unset_definitions(cmake_args))
     launcher = selected_launcher(cmake.compiler_launcher)
     tools = find_tools(packages, variables, launcher, has_compiler=cross is not None, cmake_args=cmake_args)
-    interpreter = find_interpreter(options.python, variables, find_underlays(variables, layout.install).chain)
+    chain = find_underlays(variables, layout.install).chain
+    interpreter = find_interpreter(options.python, variables, chain, root=loaded.workspace.root)
     mode.warn(other_than_recorded(recorded_python(layout.install), interpreter))
     if cross and cross.python_version:
         interpreter = replace(interpreter, version=cross.python_version)
@@ -468,7 +467,8 @@ def workspace_interpreter(python: str | None, layout: Layout, root: Path) -> Int
         from forge.cli.config import configured_word
 
         python = configured_word("python", root, variables)
-    return find_interpreter(python, variables, find_underlays(variables, layout.install).chain, recorded)
+    chain = find_underlays(variables, layout.install).chain
+    return find_interpreter(python, variables, chain, recorded, root)
 
 
 def known_rosdistro(rosdistro: str | None, root: Path, install: Path) -> str | None:

@@ -175,7 +175,7 @@ def prepare_context(
     if layout.target:
         lacking |= _lacking(compiled_packages(packages), lambda: _require_emulator(layout))
     recorded, chain = recorded_python(layout.install), find_underlays(variables, layout.install).chain
-    interpreter = find_interpreter(options.python, variables, chain, recorded)
+    interpreter = find_interpreter(options.python, variables, chain, recorded, loaded.workspace.root)
     missing = missing_modules(interpreter.path, _TEST_MODULES) if python else ()
     context = TestContext(
         root=loaded.workspace.root,

@@ -18,7 +18,7 @@ from pathlib import Path
 
 from forge.base.errors import HostError, Problem
 from forge.base.frozen import frozen
-from forge.base.layout import PACKAGE
+from forge.base.layout import PACKAGE, PACKAGE_LOCK
 from forge.environment.underlay_python import python_versions, underlay_python
 
 OLDEST = (3, 10)
@@ -31,17 +31,23 @@ _CACHED_BY_UV = "archive-v0"
 _BASE_OF_CONDA = frozenset({"base", "root"})
 _PROGRAM = "import sys; print(*sys.version_info[:2]); print(sys.executable)"
 
+ENVIRONMENT_FOLDER = ".venv"
+"""The virtual environment of a workspace with a lock, which `forge fetch` makes."""
+
 OPTION = "'--python'"
 ON_PATH = "'python3' on PATH"
 LAST_BUILD = "the last build"
 _ENVIRONMENT = "the active virtual environment"
 _CONDA = "the active conda environment"
-_KEPT = frozenset({OPTION, LAST_BUILD, _ENVIRONMENT, _CONDA})
+_OF_WORKSPACE = f"the workspace's '{ENVIRONMENT_FOLDER}'"
+_CHOSEN = frozenset({OPTION, _ENVIRONMENT, _CONDA})
+_KEPT = frozenset({*_CHOSEN, LAST_BUILD, _OF_WORKSPACE})
 """Choices of one program, also if that is a script which starts another one."""
 _OTHER_VERSION = {
     OPTION: "pass '--python {0}'",
     _ENVIRONMENT: "run 'deactivate', or activate one of {0}: {0} -m venv --system-site-packages .venv",
     _CONDA: "run 'conda deactivate', or source an underlay for this environment",
+    _OF_WORKSPACE: f"remove '{ENVIRONMENT_FOLDER}', and run 'forge fetch' with {{0}} on PATH",
 }
 """What to do about an underlay for another version, by what chose the interpreter."""
 
@@ -62,6 +68,11 @@ class Interpreter:
     @property
     def release(self) -> str:
         return "{}.{}".format(*self.version)
+
+    @property
+    def chosen(self) -> bool:
+        """Tell whether the user has chosen it, by an option or by an active environment."""
+        return self.origin in _CHOSEN
 
     @property
     def own(self) -> bool:
@@ -91,12 +102,14 @@ def find_interpreter(
     variables: Mapping[str, str],
     underlays: Sequence[Path] = (),
     recorded: str | None = None,
+    root: Path | None = None,
 ) -> Interpreter:
     """Return the workspace's interpreter.
 
     That is `python`, a path or a name on PATH; else `recorded`, that of the last build; else that of the
-    active virtual environment; else that of the sourced underlay, the highest one first; else python3 on
-    PATH. Environments that uv or pipx made for forge do not count. `underlays` are roots, lowest first.
+    active virtual environment; else that of the environment in `root`, if this is a workspace with a lock;
+    else that of the sourced underlay, the highest one first; else python3 on PATH. Environments that uv or
+    pipx made for forge do not count. `underlays` are roots, lowest first.
     Raises HostError if the interpreter is missing, does not run, is too old, or of another version
     than an underlay.
     """
@@ -110,7 +123,12 @@ def find_interpreter(
     elif recorded and not _is_of_tool(Path(recorded)):
         choice = Path(recorded), LAST_BUILD
     else:
-        choice = _active(variables) or _of_underlays(underlays, variables) or _on_path(variables)
+        choice = (
+            _active(variables)
+            or (_of_workspace(root) if root else None)
+            or _of_underlays(underlays, variables)
+            or _on_path(variables)
+        )
     interpreter = _examined(*choice)
     if interpreter.version < OLDEST:
         message = f"python {interpreter.release} at '{interpreter.path}' is too old"
@@ -178,6 +196,11 @@ def _active(variables: Mapping[str, str]) -> _Choice | None:
         return None
     path = _program_in(Path(conda))
     return (path, _CONDA) if path else None
+
+
+def _of_workspace(root: Path) -> _Choice | None:
+    path = root / ENVIRONMENT_FOLDER / "bin/python3"
+    return (path, _OF_WORKSPACE) if (root / PACKAGE_LOCK).exists() and path.exists() else None
 
 
 def _program_in(environment: Path) -> Path | None:

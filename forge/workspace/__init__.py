@@ -11,6 +11,7 @@ __all__ = [
     "manifest",
     "model",
     "plain_packages",
+    "python_metadata",
     "resolve",
     "root",
     "selection",

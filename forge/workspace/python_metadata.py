@@ -34,6 +34,8 @@ class PythonMetadata:
     version: str = ""
     dependencies: tuple[Dependency, ...] = ()
     maintainers: tuple[Person, ...] = ()
+    requirements: tuple[str, ...] = ()
+    """What it requires to run, as written (PEP 508)."""
 
     def over(self, below: PythonMetadata) -> PythonMetadata:
         """Return this metadata with missing values taken from another."""
@@ -42,6 +44,7 @@ class PythonMetadata:
             self.version or below.version,
             self.dependencies or below.dependencies,
             self.maintainers or below.maintainers,
+            self.requirements or below.requirements,
         )
 
 
@@ -190,17 +193,22 @@ def _facts(values: Mapping[str, Any]) -> PythonMetadata:
         version if isinstance(version, str) else "",
         tuple(dependencies),
         people,
+        tuple(_lines(values.get("install_requires", ()))),
     )
 
 
 def _required(requirements: object) -> Iterator[tuple[str, tuple[tuple[str, str], ...]]]:
     """Yield name and versions of requirements such as 'name[extra]>=1; marker' (PEP 508)."""
-    lines = requirements.splitlines() if isinstance(requirements, str) else requirements
-    for line in lines if isinstance(lines, list | tuple) else ():
-        match = _REQUIREMENT.match(line) if isinstance(line, str) else None
+    for line in _lines(requirements):
+        match = _REQUIREMENT.match(line)
         if match:
             rest = line[match.end() :].partition(";")[0].partition(" #")[0]
             yield match[1], tuple(_versions(rest))
+
+
+def _lines(requirements: object) -> Iterator[str]:
+    lines = requirements.splitlines() if isinstance(requirements, str) else requirements
+    yield from (each for each in lines if isinstance(each, str)) if isinstance(lines, list | tuple) else ()
 
 
 def _versions(specifier: str) -> Iterator[tuple[str, str]]:

@@ -96,7 +96,9 @@ def builder(subject: CheckContext) -> CheckResult:
 def python(subject: CheckContext) -> CheckResult:
     """Check the interpreter of a build and its modules."""
     try:
-        interpreter = find_interpreter(subject.python, subject.variables, subject.underlays.chain)
+        interpreter = find_interpreter(
+            subject.python, subject.variables, subject.underlays.chain, root=subject.root
+        )
         known = interpreter_properties(interpreter.path, ("numpy", "em", "catkin_pkg", "lark"))
     except HostError as fault:
         return CheckResult("python", "none", errors=fault.problems)

@@ -137,7 +137,7 @@ def _other_python(variables: Mapping[str, str], subject: CheckContext) -> Iterat
     if variables.get("PYTHONHOME"):
         yield Problem(f"'PYTHONHOME' is set to '{variables['PYTHONHOME']}'", hint="unset PYTHONHOME")
     try:
-        ours = find_interpreter(subject.python, variables, subject.underlays.chain).version
+        ours = find_interpreter(subject.python, variables, subject.underlays.chain, root=subject.root).version
     except HostError:
         return
     others = [

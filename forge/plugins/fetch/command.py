@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+import tempfile
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
 from forge.base.distributions import OLDEST, distribution_option
 from forge.base.errors import (
@@ -25,12 +30,31 @@ from forge.base.layout import Layout
 from forge.base.options import flag, option, options_of
 from forge.base.text import counted, listed
 from forge.cli import options as shared
+from forge.cli.config import configured_word
 from forge.cli.preparation import build_variables, known_rosdistro
-from forge.environment.prefixes import find_underlays, provider, system_prefixes
+from forge.environment.prefixes import Underlays, find_underlays, provider, system_prefixes
 from forge.plugins.fetch.closure import Needs, check_names, middleware_package, middlewares, needs_of, resolve
 from forge.plugins.fetch.index import Snapshot, read_snapshot
-from forge.plugins.fetch.lock import LOCK_FILE, Lock, LockedPackage, cache_folder, read_lock, write_lock
-from forge.plugins.fetch.python import REQUIREMENTS
+from forge.plugins.fetch.lock import (
+    LOCK_FILE,
+    Lock,
+    LockedPackage,
+    Module,
+    cache_folder,
+    read_lock,
+    write_lock,
+)
+from forge.plugins.fetch.python import (
+    REQUIREMENTS,
+    add_modules,
+    declared_requirements,
+    install_modules,
+    is_system_module,
+    lock_modules,
+    make_environment,
+    sees_system,
+    workspace_environment,
+)
 from forge.plugins.fetch.sources import (
     clone_folder,
     copy_sources,
@@ -41,7 +65,7 @@ from forge.plugins.fetch.sources import (
     source_folder,
 )
 from forge.plugins.fetch.underlay import is_underlay
-from forge.toolchain.interpreter import own_command
+from forge.toolchain.interpreter import find_interpreter, own_command
 from forge.workspace.cmake_text import announced_downloads
 from forge.workspace.discovery import discover_embedded
 from forge.workspace.load import LoadedWorkspace, load_workspace
@@ -74,7 +98,22 @@ class Options:
     index: str | None = option(
         "URL of the index of distributions (default: ROSDISTRO_INDEX_URL, else the public one)", metavar="URL"
     )
+    python: str | None = option(
+        "interpreter to use instead of '.venv' (default: that of forge.toml)", metavar="PATH"
+    )
     install_base: str = shared.install_base_option()
+
+
+@frozen
+class _Surroundings:
+    """What the workspace has besides its own packages; without what forge itself has built for locks."""
+
+    variables: Mapping[str, str]
+    underlays: Underlays
+    system: tuple[Path, ...]
+
+    def has(self, name: str) -> bool:
+        return provider(name, self.underlays, self.system) is not None
 
 
 def run(options: Options) -> int:
@@ -91,29 +130,56 @@ def run(options: Options) -> int:
     raise_if_any(loaded.workspace.problems, WorkspaceError)
     print_warnings(loaded.warnings)
     middleware, requested = _choices(options, snapshot, before, loaded)
+    around = _surroundings(layout, cache, distribution)
+    own = loaded.workspace.packages
     needs = resolve(
         {**dict.fromkeys(requested, ()), **_wanted(options, snapshot, loaded)},
         snapshot,
-        _presence(layout, cache, distribution, loaded),
+        lambda name: name in own or around.has(name),
         middleware,
         tests=options.test,
     )
     packages, problems = _locked(options, before, needs, snapshot)
-    clones = before.clones if before and needs.packages else ()
-    lock = Lock(distribution, snapshot.digest, middleware, requested, packages, clones, tuple(needs.keys))
+    lock = Lock(
+        distribution,
+        snapshot.digest,
+        middleware,
+        requested,
+        packages,
+        before.clones if before and needs.packages else (),
+        tuple(needs.keys),
+        tuple(pair for pair in before.pip if pair[0] in needs.keys) if before else (),
+        modules=before.modules if before else (),
+    )
+    projects = [each for name, each in own.items() if name in loaded.selection.names]
+    declared = declared_requirements(projects, {*own, *snapshot.releases, *_embedded(distribution)})
+    ros, python = _requirements(needs, lock, declared, around)
+    lock = replace(lock, python=python)
     if options.locked and (before is None or replace(lock, snapshot=before.snapshot) != before):
         hint = f"run 'forge fetch', and commit {LOCK_FILE}"
         raise WorkspaceError(Problem(f"'{LOCK_FILE}' does not fit the workspace", hint=hint))
-    if not needs.packages:
+    if packages or problems:
+        lock = _download(options, lock, cache, problems)
+    sources = list(_sources(source_folder(cache, each) for each in packages))
+    if before is None or lock.keys != before.keys:
+        lock = replace(lock, pip=_pip_names([*sources, *projects], lock))
+        ros, python = _requirements(needs, lock, declared, around)
+    if not (packages or python):
         print("nothing to fetch: the workspace has all that it needs")
         if before:
-            write_lock(root, lock)
+            write_lock(root, replace(lock, python=(), modules=()))
         return 0
-    lock = _download(options, lock, cache, problems)
-    sources = list(_sources(source_folder(cache, each) for each in packages))
+    configured = options.python or configured_word("python", root, around.variables)
+    interpreter = find_interpreter(configured, around.variables, around.underlays.chain, root=root)
+    environment = workspace_environment(root, interpreter)
+    if environment and python:
+        system = sees_system(lock, around.underlays.chain)
+        make_environment(environment, interpreter.path, system=system)
+    program = environment / "bin/python3" if environment else interpreter.path
+    lock = replace(lock, python=python, modules=_modules(options, lock, before, ros, python, program, cache))
     if note := announced_downloads(sources, {each.repository for each in lock.clones}):
         print_warnings([note])
-    for line in _system_packages(sources, lock):
+    for line in _system_packages(sources, lock) if sources else ():
         print(line)
     if options.export:
         entries = {
@@ -124,8 +190,16 @@ def run(options: Options) -> int:
     if options.vendor:
         copy_sources(packages, cache, root / options.vendor)
         print(f"copied the packages to '{options.vendor}': the workspace builds them as its own")
-    elif not options.locked and write_lock(root, lock):
+        lock = replace(lock, packages=(), clones=())
+    written = not options.locked and bool(lock.packages or lock.modules) and write_lock(root, lock)
+    if written and lock.packages:
         print(f"wrote {LOCK_FILE}; 'forge build' builds the packages once, for all workspaces")
+    elif written:
+        print(f"wrote {LOCK_FILE}")
+    if environment and lock.modules:
+        install_modules(environment, lock.modules, cache, offline=options.offline)
+    elif lock.modules:
+        print_warnings(add_modules(interpreter, lock.modules, cache, offline=options.offline))
     return 0
 
 
@@ -150,7 +224,7 @@ def _choices(
 
     Both are remembered in the lock. Raises SelectionError for names that the distribution does not have.
     """
-    known = {each.name for each in lock.packages} if lock else set()
+    known = {*(each.name for each in lock.packages), *(each.name for each in lock.modules)} if lock else ()
     check_names([*options.names, *(name for name in options.update or () if name not in known)], snapshot)
     if lock and not options.rmw:
         middleware = lock.middleware
@@ -176,23 +250,84 @@ def _wanted(options: Options, snapshot: Snapshot, loaded: LoadedWorkspace) -> di
         for name in needs_of(package.manifest, kinds, all_middlewares):
             if name not in loaded.workspace.packages:
                 users.setdefault(name, set()).add(package.name)
-    embedded = provided_names(discover_embedded(snapshot.distribution))
+    embedded = _embedded(snapshot.distribution)
     if users.keys() & snapshot.releases.keys() <= embedded and not options.names:
         return {}
     return {name: tuple(sorted(names)) for name, names in sorted(users.items())}
 
 
-def _presence(
-    layout: Layout, cache: Path, distribution: str, loaded: LoadedWorkspace
-) -> Callable[[str], bool]:
-    """Return whether the workspace, an underlay of the user or the system has a package."""
+def _embedded(distribution: str) -> frozenset[str]:
+    return provided_names(discover_embedded(distribution))
+
+
+def _surroundings(layout: Layout, cache: Path, distribution: str) -> _Surroundings:
+    def foreign(paths: Iterable[Path]) -> tuple[Path, ...]:
+        return tuple(path for path in paths if not is_underlay(path, cache))
+
     variables = build_variables(layout, os.environ, distribution)
-    underlays = find_underlays(variables, layout.install)
-    foreign = tuple(path for path in underlays.prefixes if not is_underlay(path, cache))
-    underlays = replace(underlays, prefixes=foreign)
-    system = tuple(path for path in system_prefixes(variables) if not is_underlay(path, cache))
-    packages = loaded.workspace.packages
-    return lambda name: name in packages or provider(name, underlays, system) is not None
+    found = find_underlays(variables, layout.install)
+    underlays = replace(found, prefixes=foreign(found.prefixes), chain=foreign(found.chain))
+    return _Surroundings(variables, underlays, foreign(system_prefixes(variables)))
+
+
+def _requirements(
+    needs: Needs, lock: Lock, declared: Iterable[str], around: _Surroundings
+) -> tuple[set[str], tuple[str, ...]]:
+    """Return what locked packages require of PyPI, and that with what the workspace's own require.
+
+    Beside a ROS that somebody has installed, the modules of its keys are the system's.
+    """
+    ros, own = set(), set(declared)
+    for key, pip in {**REQUIREMENTS, **dict(lock.pip)}.items():
+        users = needs.keys.get(key, ())
+        if needs.packages.keys() & set(users):
+            ros.update(pip.split())
+        elif key in needs.keys and (key not in REQUIREMENTS or not around.underlays.chain):
+            own.update(pip.split())
+    return ros, tuple(sorted({*ros, *own}))
+
+
+def _pip_names(packages: Sequence[Package], lock: Lock) -> tuple[tuple[str, str], ...]:
+    """Return the distributions on PyPI of the lock's keys, for those that rosdep takes from there."""
+    if not any(map(is_system_module, lock.keys)):
+        return ()
+    rows = json.loads(_deps(packages, lock, "--json", "--all") or '{"needs": []}')["needs"]
+    pairs = ((row["key"], " ".join(row["names"])) for row in rows if row["manager"] == "pip")
+    return tuple(sorted(pair for pair in pairs if is_system_module(pair[0])))
+
+
+def _deps(packages: Sequence[Package], lock: Lock, *words: str) -> str:
+    """Return the output of `forge deps` for the lock's keys, which is '' if it fails."""
+    declared = {name for each in packages for name in each.manifest.names(BUILD_KINDS | RUN_KINDS)}
+    skipped = (declared - set(lock.keys)) | REQUIREMENTS.keys() | dict(lock.pip).keys()
+    argv = own_command("deps", *words, "--no-test-dependencies", "--rosdistro", lock.distribution)
+    argv += (
+        "--skip-keys",
+        *sorted(skipped),
+        "--base-paths",
+        *(str(Path.cwd() / each.path) for each in packages),
+    )
+    with tempfile.TemporaryDirectory() as folder:  # which has no forge.toml
+        return subprocess.run(argv, cwd=folder, capture_output=True, text=True, check=False).stdout
+
+
+def _modules(
+    options: Options,
+    lock: Lock,
+    before: Lock | None,
+    ros: set[str],
+    python: tuple[str, ...],
+    program: Path,
+    cache: Path,
+) -> tuple[Module, ...]:
+    """Return the Python modules, at the versions of the lock if these fulfil the requirements."""
+    pinned = [each for each in lock.modules if options.update is None or each.name not in options.update]
+    pinned = [] if options.update == () else pinned
+    fulfilled = {each.name for each in pinned if each.ros}
+    is_fulfilled = {canonicalize_name(Requirement(each).name) for each in ros} <= fulfilled
+    if before and before.python == python and len(pinned) == len(before.modules) and is_fulfilled:
+        return before.modules
+    return lock_modules(ros, python, pinned, program, cache, offline=options.offline)
 
 
 def _locked(
@@ -255,12 +390,7 @@ def _system_packages(sources: Sequence[Package], lock: Lock) -> Iterator[str]:
 
     Python modules are installed from PyPI by the build.
     """
-    declared = {name for each in sources for name in each.manifest.names(BUILD_KINDS | RUN_KINDS)}
-    skipped = (declared - set(lock.keys)) | REQUIREMENTS.keys()
-    argv = own_command("deps", "--no-test-dependencies", "--rosdistro", lock.distribution)
-    argv += ("--skip-keys", *sorted(skipped), "--base-paths", *(str(each.path) for each in sources))
-    done = subprocess.run(argv, cwd=sources[0].path, capture_output=True, text=True, check=False)
-    lines = [line for line in done.stdout.splitlines() if line]
+    lines = [line for line in _deps(sources, lock).splitlines() if line]
     unknown = [line.split()[1] for line in lines if " is unknown, needed by " in line]
     if commands := [line for line in lines if not line.startswith("#")]:
         yield "the system lacks packages that they need; to install them:"

@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 from forge.base.env_vars import own_cache
 from forge.base.errors import HostError, Location, Problem, WorkspaceError
@@ -18,6 +19,7 @@ from forge.base.names import is_package_name, is_safe_name
 LOCK_FILE = "forge.lock"
 _FORMAT = 1
 _COMMIT = re.compile(r"[0-9a-f]{40}(?:[0-9a-f]{24})?")
+_MODULE_WORD = re.compile(r"[A-Za-z0-9][A-Za-z0-9.!+_:-]*")
 _HEADER = (
     "# Written by 'forge fetch': commit it with the workspace, and let 'forge fetch --update' change it.\n"
 )
@@ -45,6 +47,17 @@ class Clone:
 
 
 @frozen
+class Module:
+    """A distribution of Python modules, and the hashes of its files, for this machine and others."""
+
+    name: str
+    version: str
+    hashes: tuple[str, ...]
+    ros: bool
+    """Whether locked packages need it; the workspace's own packages need the others."""
+
+
+@frozen
 class Lock:
     distribution: str
     snapshot: str
@@ -56,6 +69,11 @@ class Lock:
     clones: tuple[Clone, ...] = ()
     keys: tuple[str, ...] = ()
     """Names of rosdep of what the packages need from the system or from Python."""
+    pip: tuple[tuple[str, str], ...] = ()
+    """Those of the names for which rosdep has a distribution of PyPI, and this."""
+    python: tuple[str, ...] = ()
+    """All requirements of Python modules, which `modules` fulfil."""
+    modules: tuple[Module, ...] = ()
 
 
 def cache_folder(variables: Mapping[str, str]) -> Path:
@@ -90,17 +108,27 @@ def read_lock(root: Path) -> Lock | None:
             tuple(LockedPackage(**each) for each in fields.get("package", ())),
             tuple(Clone(**{**each, "packages": tuple(each["packages"])}) for each in fields.get("clone", ())),
             tuple(fields["system"]),
+            tuple(fields.get("pip", {}).items()),
+            tuple(fields.get("python", ())),
+            tuple(Module(**{**each, "hashes": tuple(each["hashes"])}) for each in fields.get("module", ())),
         )
         texts = [lock.distribution, lock.snapshot, lock.middleware, *lock.requested, *lock.keys]
+        texts += (*lock.python, *(text for pair in lock.pip for text in pair))
         texts += (text for each in lock.packages for text in asdict(each).values())
         if not all(isinstance(text, str) for text in texts):
             raise TypeError("a value is not a string")
-    except (KeyError, TypeError) as error:
+    except (AttributeError, KeyError, TypeError) as error:
         message = f"malformed lock: {error.args[0] if error.args else error}"
         raise WorkspaceError(Problem(message, Location(path), hint)) from None
     for commit in (*(each.commit for each in lock.packages), *(each.commit for each in lock.clones)):
         if not _COMMIT.fullmatch(commit):
             message = f"malformed lock: '{commit}' is no commit"
+            raise WorkspaceError(Problem(message, Location(path), hint))
+    for module in lock.modules:
+        # Lines of a requirements.txt, which also has options.
+        words = (module.name, module.version, *module.hashes)
+        if not all(isinstance(word, str) and _MODULE_WORD.fullmatch(word) for word in words):
+            message = f"malformed lock: invalid version or hash of '{module.name}'"
             raise WorkspaceError(Problem(message, Location(path), hint))
     for each in lock.packages:
         # Both are names of folders in the cache.
@@ -129,10 +157,17 @@ def lock_text(lock: Lock) -> str:
         "middleware": lock.middleware,
         "requested": sorted(lock.requested),
     }
-    system = "".join(f"  {_quoted(key)},\n" for key in sorted(lock.keys))
     packages = _tables("package", map(asdict, sorted(lock.packages, key=lambda each: each.name)))
     clones = _tables("clone", map(asdict, sorted(lock.clones, key=lambda each: each.repository)))
-    return "".join((_HEADER, *_lines(head), f"system = [\n{system}]\n", *packages, *clones))
+    python = f"python = [\n{_rows(lock.python)}]\n" if lock.python else ""
+    pip = ["\n[pip]\n", *_lines(dict(sorted(lock.pip)))] if lock.pip else ()
+    modules = _tables("module", map(asdict, sorted(lock.modules, key=lambda each: each.name)))
+    system = f"system = [\n{_rows(lock.keys)}]\n"
+    return "".join((_HEADER, *_lines(head), system, python, *pip, *packages, *clones, *modules))
+
+
+def _rows(values: Iterable[str]) -> str:
+    return "".join(f"  {_quoted(value)},\n" for value in sorted(values))
 
 
 def _tables(name: str, entries: Iterable[Mapping[str, object]]) -> Iterator[str]:
@@ -141,14 +176,13 @@ def _tables(name: str, entries: Iterable[Mapping[str, object]]) -> Iterator[str]
         yield from _lines(entry)
 
 
-def _lines(fields: Mapping[str, object]) -> Iterator[str]:
+def _lines(fields: Mapping[str, Any]) -> Iterator[str]:
     for key, value in fields.items():
-        text = ", ".join(map(_quoted, value)) if isinstance(value, list | tuple) else None
-        yield (
-            f"{key} = {value}\n"
-            if isinstance(value, int)
-            else (f"{key} = {_quoted(str(value))}\n" if text is None else f"{key} = [{text}]\n")
-        )
+        # Strings, numbers and booleans of JSON are those of TOML.
+        text = json.dumps(value, ensure_ascii=False)
+        if key == "hashes":
+            text = f"[\n{_rows(value)}]"
+        yield f"{key} = {text}\n"
 
 
 def _quoted(text: str) -> str:

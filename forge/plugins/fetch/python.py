@@ -1,15 +1,37 @@
-"""The Python modules that packages of ROS need, in an environment of the underlay."""
+"""The Python modules that locked packages and the workspace's own packages need, pinned by the lock.
+
+There are two environments, since the underlay outlives every workspace: programs of ROS name the interpreter
+that they start with, which may not be that of a workspace somebody removes. `UNDERLAY/venv` has the modules
+with which ROS is built and runs; `.venv` in the workspace has those and what its own packages need.
+"""
 
 from __future__ import annotations
 
+import configparser
+import hashlib
+import os
+import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Mapping
+import tempfile
+import urllib.parse
+import urllib.request
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 
-from forge.base.errors import HostError, Problem
-from forge.plugins.fetch.lock import Lock
+from packaging.requirements import InvalidRequirement, Requirement
+from packaging.utils import canonicalize_name, parse_sdist_filename, parse_wheel_filename
+
+from forge.base.errors import HostError, Problem, WorkspaceError
+from forge.base.files import delete_tree, replace_file, text_or_nothing
+from forge.base.formats import read_toml
+from forge.base.text import counted
+from forge.plugins.fetch.lock import Lock, Module
+from forge.toolchain.interpreter import ENVIRONMENT_FOLDER, Interpreter, ask_python
+from forge.workspace.model import Package
+from forge.workspace.python_metadata import read_pyproject, read_setup_cfg, read_setup_py
 
 REQUIREMENTS = {
     "python3-argcomplete": "argcomplete",
@@ -31,34 +53,340 @@ REQUIREMENTS = {
 }
 """The distributions on PyPI of rosdep's keys."""
 
+_STAMP = "forge-modules.txt"
+"""The file in an environment that says which modules forge has installed, or what it is doing."""
+_CREATING = "# forge makes this environment\n"
+_INSTALLING = "# forge installs modules\n"
+_NETWORK_HINT = "check the network, and the settings of pip or uv"
+_DRAWN = " \u00d7│╰├─▶"
+_PINNED = re.compile(r"^([A-Za-z0-9._-]+)==(\S+)")
+_HASH = re.compile(r"--hash=(sha256:[0-9a-f]{64})")
+_LISTED_FILE = re.compile(r'href="[^"]*?([^"/#]+)#(sha256)=([0-9a-f]{64})')
+_INDEX_SETTING = re.compile(r"^(?:global|install|download|:env:)\.(index-url|no-index)='(.*)'$", re.MULTILINE)
+_ENSURE_PIP = """\
+from importlib.util import find_spec
+if not find_spec("pip"):
+    from subprocess import DEVNULL, call
+    from sys import executable
+    call([executable, "-m", "ensurepip", "--default-pip"], stdout=DEVNULL, stderr=DEVNULL)
+"""
+_VERSIONS = """\
+import sys
+from importlib.metadata import PackageNotFoundError, version
+for name in sys.argv[1:]:
+    try: print(name, version(name))
+    except PackageNotFoundError: pass
+"""
 
-def prepare_interpreter(folder: Path, lock: Lock, variables: Mapping[str, str]) -> str:
-    """Return an interpreter with the modules of the lock's keys, in an environment of the underlay.
 
-    Without such keys, it is `python3` on PATH. Raises HostError if the modules cannot be installed.
+def is_system_module(key: str) -> bool:
+    """Tell whether a key of rosdep names Python modules that only the system's package manager has."""
+    return key.startswith(("python3-", "python-")) and key not in REQUIREMENTS
+
+
+def declared_requirements(packages: Iterable[Package], provided: Collection[str]) -> tuple[str, ...]:
+    """Return what the Python projects of packages require of PyPI, without the names that are `provided`.
+
+    setup.py is not run: only literals count. 'setuptools' by itself, which every template names, is needed
+    only to build, where forge has it.
     """
-    python = shutil.which("python3", path=variables.get("PATH")) or sys.executable
-    requirements = sorted({REQUIREMENTS[key] for key in lock.keys if key in REQUIREMENTS})
-    if not requirements:
-        return python
-    environment = folder / "venv"
-    own_python = environment / "bin/python"
-    stamp = environment / "requirements.txt"
-    text = "".join(f"{each}\n" for each in requirements)
-    if stamp.is_file() and stamp.read_text() == text:
-        return str(own_python)
-    uv = shutil.which("uv", path=variables.get("PATH"))
-    create = [uv, "venv", "--allow-existing", "--python", python] if uv else [python, "-m", "venv"]
-    install = [uv, "pip", "install", "--python", own_python] if uv else [own_python, "-m", "pip", "install"]
-    print(f"installing {', '.join(requirements)} in '{environment}'", file=sys.stderr, flush=True)
-    for command in ([*create, environment], [*install, "--quiet", *requirements]):
-        done = subprocess.run(
-            [str(word) for word in command], env=dict(variables), capture_output=True, text=True, check=False
-        )
-        if done.returncode:
-            lines = [line for line in done.stderr.splitlines() if line.strip()]
-            raise HostError(
-                Problem(f"cannot install Python modules of ROS: {lines[-1] if lines else command[0]}")
-            )
-    stamp.write_text(text)
-    return str(own_python)
+    others = {canonicalize_name(name) for name in provided}
+    found = set()
+    for text in (each for package in packages for each in _texts(package.path)):
+        try:
+            requirement = Requirement(text)
+        except InvalidRequirement:
+            continue  # the build reports it
+        name = canonicalize_name(requirement.name)
+        if name not in others and str(requirement) != "setuptools":
+            found.add(str(requirement))
+    return tuple(sorted(found))
+
+
+def _texts(folder: Path) -> Iterator[str]:
+    for name in ("pyproject.toml", "setup.cfg", "setup.py"):
+        if text := text_or_nothing(folder / name):
+            with suppress(SyntaxError, configparser.Error):
+                if name == "pyproject.toml":
+                    metadata = read_pyproject(read_toml(text.encode(), folder / name))
+                else:
+                    metadata = (read_setup_cfg if name == "setup.cfg" else read_setup_py)(text)
+                yield from metadata.requirements if metadata else ()
+
+
+def lock_modules(
+    ros: Collection[str],
+    wanted: Collection[str],
+    pinned: Sequence[Module],
+    python: Path,
+    cache: Path,
+    *,
+    offline: bool,
+) -> tuple[Module, ...]:
+    """Return versions that fulfil the requirements of ROS and all others, those of `pinned` if they can stay.
+
+    Raises HostError if there are none, or the index cannot be reached.
+    """
+    installer = _Installer(python, cache, offline=offline)
+    of_ros = installer.resolve(ros, pinned)
+    modules = of_ros if set(wanted) == set(ros) else installer.resolve(wanted, pinned)
+    return tuple(
+        Module(name, version, hashes, name in of_ros) for name, (version, hashes) in sorted(modules.items())
+    )
+
+
+def sees_system(lock: Lock, underlays: Sequence[Path]) -> bool:
+    """Tell whether modules of the system must be visible: those of a ROS that somebody has installed, or of
+    keys that PyPI does not serve."""
+    served = dict(lock.pip)
+    return bool(underlays) or any(is_system_module(key) and key not in served for key in lock.keys)
+
+
+def compiled_against(lock: Lock) -> tuple[str, ...]:
+    """Return the modules whose headers ROS is compiled with, and their versions as far as these matter."""
+    return tuple(
+        f"{each.name} {each.version.partition('.')[0]}" for each in lock.modules if each.name == "numpy"
+    )
+
+
+def prepare_workspace(
+    root: Path, lock: Lock, interpreter: Interpreter, cache: Path, underlays: Sequence[Path]
+) -> None:
+    """Make the environment of the workspace and install the lock's modules, unless that was done."""
+    if lock.modules and (environment := workspace_environment(root, interpreter)):
+        make_environment(environment, interpreter.path, system=sees_system(lock, underlays))
+        install_modules(environment, lock.modules, cache)
+
+
+def prepare_interpreter(underlay: Path, lock: Lock, python: Path, cache: Path) -> str:
+    """Return an interpreter with the modules that the locked packages need, in the underlay.
+
+    Other workspaces may have locked other versions: those of the last one that builds count.
+    """
+    modules = [each for each in lock.modules if each.ros]
+    if not modules:
+        return str(python)
+    environment = underlay / "venv"
+    make_environment(environment, python, system=sees_system(lock, ()))
+    install_modules(environment, modules, cache)
+    return str(environment / "bin/python3")
+
+
+def workspace_environment(root: Path, interpreter: Interpreter) -> Path | None:
+    """Return the folder of the workspace's environment, None if the user has chosen an interpreter."""
+    return None if interpreter.chosen else root / ENVIRONMENT_FOLDER
+
+
+def make_environment(folder: Path, python: Path, *, system: bool) -> None:
+    """Make a virtual environment unless it works; `system` modules are visible in it.
+
+    An environment that exists keeps its interpreter and its modules.
+    """
+    own, stamp = folder / "bin/python3", folder / _STAMP
+    if own.exists() and text_or_nothing(stamp) != _CREATING:
+        settings = text_or_nothing(folder / "pyvenv.cfg")
+        visible = settings.replace("system-site-packages = false", "system-site-packages = true")
+        if system and visible != settings:
+            replace_file(folder / "pyvenv.cfg", visible.encode())
+        return
+    python = python.resolve() if python.is_relative_to(folder) else python
+    if (folder / "pyvenv.cfg").exists():
+        delete_tree(folder)  # its interpreter is gone, or forge was killed here
+    folder.mkdir(parents=True, exist_ok=True)
+    replace_file(stamp, _CREATING.encode())
+    if uv := shutil.which("uv"):
+        command = [uv, "venv", "--quiet", "--allow-existing", "--python", str(python)]
+    else:
+        command = [str(python), "-m", "venv"]
+    hint = "install uv, or the module venv of Python, for example with `apt install python3-venv`"
+    _run([*command, *(["--system-site-packages"] if system else []), str(folder)], "make", folder, hint)
+    replace_file(folder / ".gitignore", b"*\n")
+    stamp.unlink()
+
+
+def install_modules(folder: Path, modules: Sequence[Module], cache: Path, *, offline: bool = False) -> None:
+    """Install exactly these versions in an environment, if they are not there; raises HostError."""
+    python = folder / "bin/python3"
+    text = requirements_text(modules)
+    stamp = f"# {python.resolve()} in {folder.absolute()}\n{text}"
+    if text_or_nothing(folder / _STAMP) == stamp:
+        return
+    print(
+        f"installing {counted(len(modules), 'Python module')} in '{folder}'",
+        file=sys.stderr,
+        flush=True,
+    )
+    again = text_or_nothing(folder / _STAMP) == _INSTALLING
+    replace_file(folder / _STAMP, _INSTALLING.encode())
+    _Installer(python, cache, offline=offline).install(text, again=again)
+    replace_file(folder / _STAMP, stamp.encode())
+
+
+def add_modules(
+    interpreter: Interpreter, modules: Sequence[Module], cache: Path, *, offline: bool
+) -> Iterator[Problem]:
+    """Install the modules that an environment of the user's lacks; yield what does not fit the lock.
+
+    Modules that it has keep their versions, and an interpreter outside of an environment gets none.
+    """
+    names = [each.name for each in modules]
+    lines = ask_python(interpreter.path, _VERSIONS, *names).splitlines()
+    present = dict(line.split(" ", 1) for line in lines)
+    missing = [each for each in modules if each.name not in present]
+    folder = interpreter.path.parent.parent
+    if missing and (folder / "pyvenv.cfg").is_file():
+        print(f"installing {counted(len(missing), 'Python module')} in '{folder}'", file=sys.stderr)
+        _Installer(interpreter.path, cache, offline=offline).install(requirements_text(missing))
+        missing = []
+    if missing:
+        hint = "install them, or use a virtual environment, where 'forge fetch' does it"
+        words = " ".join(f"{each.name}=={each.version}" for each in missing)
+        yield Problem(f"'{interpreter.path}' lacks {words}", hint=hint)
+    for each in modules:
+        if (version := present.get(each.name, each.version)) != each.version:
+            yield Problem(f"'{interpreter.path}' has {each.name} {version}, not {each.version} of the lock")
+
+
+def requirements_text(modules: Iterable[Module]) -> str:
+    """Return a requirements.txt with versions and hashes."""
+    return "".join(
+        " ".join((f"{each.name}=={each.version}", *(f"--hash={value}" for value in each.hashes))) + "\n"
+        for each in modules
+    )
+
+
+class _Installer:
+    """uv if it is installed, else the pip of the environment."""
+
+    def __init__(self, python: Path, cache: Path, *, offline: bool) -> None:
+        self._python, self._files, self._offline = str(python), cache / "modules", offline
+        self._uv = shutil.which("uv")
+        if not self._uv:
+            # uv makes environments without pip.
+            ask_python(python, _ENSURE_PIP)
+
+    def resolve(
+        self, requirements: Collection[str], pinned: Sequence[Module]
+    ) -> dict[str, tuple[str, tuple[str, ...]]]:
+        """Return version and hashes by name, of the requirements and of what they require."""
+        if not requirements:
+            return {}
+        with tempfile.TemporaryDirectory() as folder:
+            wanted, constraints = Path(folder, "requirements.txt"), Path(folder, "constraints.txt")
+            wanted.write_text("".join(f"{each}\n" for each in sorted(requirements)))
+            constraints.write_text("".join(f"{each.name}=={each.version}\n" for each in pinned))
+            resolve = self._resolve_by_uv if self._uv else self._resolve_by_pip
+            if pinned:
+                with suppress(HostError):  # the requirements have changed
+                    return resolve(wanted, constraints, pinned)
+            constraints.write_text("")
+            return resolve(wanted, constraints, ())
+
+    def install(self, text: str, *, again: bool = False) -> None:
+        """Install what a requirements.txt says: without network if possible, for `forge build`.
+
+        `again` replaces what a killed forge has left.
+        """
+        with tempfile.NamedTemporaryFile("w", suffix=".txt") as file:
+            file.write(text)
+            file.flush()
+            words = ["install", "--quiet", "--no-deps", "--require-hashes", "--requirement", file.name]
+            if self._uv:
+                command, offline = [self._uv, "pip", *words, "--python", self._python], "--offline"
+                command += ["--reinstall"] if again else []
+            else:
+                self._files.mkdir(parents=True, exist_ok=True)
+                command, offline = [self._python, "-m", "pip", "--no-input", *words], "--no-index"
+                command += ["--find-links", str(self._files), *(["--ignore-installed"] if again else [])]
+            try:
+                self._run([*command, offline], "install")
+            except HostError:
+                if self._offline:
+                    raise
+                self._run(command, "install")
+
+    def _run(self, command: Sequence[str], verb: str) -> str:
+        hint = "run 'forge fetch' with network access" if self._offline else _NETWORK_HINT
+        return _run(command, f"{verb} Python modules for", self._python, hint)
+
+    def _resolve_by_uv(
+        self, wanted: Path, constraints: Path, _pinned: Sequence[Module]
+    ) -> dict[str, tuple[str, tuple[str, ...]]]:
+        words = [str(self._uv), "pip", "compile", str(wanted), "--constraint", str(constraints)]
+        words += ["--python", self._python, "--generate-hashes", "--no-header", "--no-annotate", "--quiet"]
+        words += ["--offline"] if self._offline else []
+        output = self._run(words, "find")
+        found: dict[str, tuple[str, tuple[str, ...]]] = {}
+        for entry in output.replace("\\\n", " ").splitlines():
+            if match := _PINNED.match(entry):
+                found[canonicalize_name(match[1])] = match[2], tuple(sorted(set(_HASH.findall(entry))))
+        return found
+
+    def _resolve_by_pip(
+        self, wanted: Path, constraints: Path, pinned: Sequence[Module]
+    ) -> dict[str, tuple[str, tuple[str, ...]]]:
+        """Download the files for this machine, and ask the index for the hashes of those for others."""
+        self._files.mkdir(parents=True, exist_ok=True)
+        known = {(each.name, each.version): each.hashes for each in pinned}
+        found = {}
+        with tempfile.TemporaryDirectory(prefix=".new-", dir=self._files) as draft:
+            words = [self._python, "-m", "pip", "--no-input", "download", "--quiet", "--dest", draft]
+            words += ["--requirement", str(wanted), "--constraint", str(constraints)]
+            words += ["--find-links", str(self._files), *(["--no-index"] if self._offline else [])]
+            self._run(words, "find")
+            index = "" if self._offline else self._index()
+            for path in sorted(Path(draft).iterdir()):
+                name, version = _name_and_version(path.name)
+                own = f"sha256:{hashlib.sha256(path.read_bytes()).hexdigest()}"
+                hashes = set(known.get((name, version), ())) or _published(index, name, version)
+                if hashes and own not in hashes:
+                    hint = f"if that is right: forge fetch --update {name}"
+                    raise WorkspaceError(Problem(f"'{path.name}' is not the file of the lock", hint=hint))
+                found[name] = version, tuple(sorted(hashes or {own}))
+                path.replace(self._files / path.name)
+        return found
+
+    def _index(self) -> str:
+        """Return the URL of the index that pip uses, '' if it uses none."""
+        output = _run([self._python, "-m", "pip", "config", "list"], "ask", self._python, None)
+        settings = dict(_INDEX_SETTING.findall(output))
+        if settings.get("no-index", "").lower() in {"1", "true", "yes", "on"}:
+            return ""
+        return str(settings.get("index-url", "https://pypi.org/simple"))
+
+
+def _published(index: str, name: str, version: str) -> set[str]:
+    """Return the hashes of all files of a version that an index lists (PEP 503); empty if it cannot tell."""
+    found: set[str] = set()
+    if index:
+        with suppress(OSError, ValueError):
+            with urllib.request.urlopen(f"{index.rstrip('/')}/{name}/", timeout=30) as answer:  # noqa: S310
+                text = answer.read().decode("utf-8", "replace")
+            for file, algorithm, value in _LISTED_FILE.findall(text):
+                with suppress(ValueError):
+                    if _name_and_version(urllib.parse.unquote(file)) == (name, version):
+                        found.add(f"{algorithm}:{value}")
+    return found
+
+
+def _name_and_version(file: str) -> tuple[str, str]:
+    """Return name and version in the name of a wheel or source archive; raises ValueError."""
+    parsed = parse_wheel_filename(file)[:2] if file.endswith(".whl") else parse_sdist_filename(file)
+    return str(parsed[0]), str(parsed[1])
+
+
+def _run(command: Sequence[str], purpose: str, place: str | Path, hint: str | None) -> str:
+    """Run an installer without the modules of ROS; return its output, and raise HostError if it fails."""
+    variables = {
+        name: value for name, value in os.environ.items() if name not in {"PYTHONPATH", "PYTHONHOME"}
+    }
+    done = subprocess.run(
+        command, env=variables, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False
+    )
+    if done.returncode:
+        lines = [line for line in (done.stderr or done.stdout).splitlines() if line.strip()]
+        errors = [line for line in lines if line.startswith("ERROR: ")]  # pip says at the end what failed
+        reason = errors[-1] if errors else " ".join(line.strip(_DRAWN) for line in lines)
+        reason = re.sub("^error: ", "", reason, flags=re.IGNORECASE) or f"exit code {done.returncode}"
+        raise HostError(Problem(f"cannot {purpose} '{place}': {reason}", hint=hint))
+    return done.stdout

@@ -28,14 +28,14 @@ from forge.cli.preparation import without_own
 from forge.environment.prefixes import installed_packages
 from forge.plugins.fetch import nested
 from forge.plugins.fetch.lock import LOCK_FILE, Lock, cache_folder, read_lock
-from forge.plugins.fetch.python import prepare_interpreter
+from forge.plugins.fetch.python import compiled_against, prepare_interpreter, prepare_workspace
 from forge.plugins.fetch.sources import (
     clone_folder,
     download_clones,
     download_packages,
     source_folder,
 )
-from forge.toolchain.interpreter import own_command
+from forge.toolchain.interpreter import find_interpreter, own_command
 from forge.workspace.manifest import parse_manifest
 from forge.workspace.model import BUILD_KINDS, RUN_KINDS
 
@@ -71,10 +71,14 @@ def build(
     entries. Raises HostError if a package cannot be downloaded or built.
     """
     lock = read_lock(root)
-    if lock is None or not lock.packages:
+    if lock is None or not (lock.packages or lock.modules):
         return ()
     cache = cache_folder(variables)
     foreign = [path for path in underlays if not is_underlay(path, cache)]
+    interpreter = find_interpreter(options.python, variables, foreign, root=root)
+    prepare_workspace(root, lock, interpreter, cache, foreign)
+    if not lock.packages:
+        return ()
     if foreign:
         others = _outer_needs(lock, cache, variables)
         for path in [each for each in foreign if others.isdisjoint(_names_in(each))]:
@@ -89,6 +93,8 @@ def build(
             os.path.realpath(shutil.which(name, path=variables.get("PATH")) or name)
             for name in _programs(variables)
         ),
+        os.path.realpath(interpreter.path),
+        *compiled_against(lock),
     )
     wanted = {each.name: source_folder(cache, each).name for each in lock.packages}
     while True:
@@ -104,11 +110,12 @@ def build(
                 continue
             _download(lock, cache)
             _extend(folder, lock, cache)
-            _run_build(folder, lock, cache, variables, options)
+            python = prepare_interpreter(folder, lock, interpreter.path, cache)
+            _run_build(folder, lock, cache, variables, options, python)
 
 
 def _programs(variables: Mapping[str, str]) -> tuple[str, ...]:
-    return (variables.get("CC") or "cc", variables.get("CXX") or "c++", "python3")
+    return (variables.get("CC") or "cc", variables.get("CXX") or "c++")
 
 
 def _fitting_folder(base: Path, name: str, wanted: Mapping[str, str]) -> Path:
@@ -209,10 +216,9 @@ def _extend(folder: Path, lock: Lock, cache: Path) -> None:
 
 
 def _run_build(
-    folder: Path, lock: Lock, cache: Path, variables: Mapping[str, str], options: BuildOptions
+    folder: Path, lock: Lock, cache: Path, variables: Mapping[str, str], options: BuildOptions, python: str
 ) -> None:
     began = time.monotonic()
-    python = prepare_interpreter(folder, lock, variables)
     # Users set it for their nodes; packages of ROS that ask for it would be built anew whenever it changes.
     own = {name: value for name, value in variables.items() if name != "RMW_IMPLEMENTATION"}
     own |= _clone_settings(folder, lock, cache, own)

@@ -1,0 +1,254 @@
+"""The Python modules of a workspace: pinned by `forge fetch`, from wheels in a folder, by pip and by uv."""
+
+import hashlib
+import json
+import pickle
+import shutil
+import subprocess
+import sys
+import venv
+from pathlib import Path
+
+import pytest
+from uv import find_uv_bin
+
+from tests.conftest import Forge
+from tests.packages import manifest_text, write_files
+from tests.plugins.fetch.ros import Ros, depends, small_ros
+from tests.plugins.fetch.test_fetch import locked
+from tests.plugins.fetch.wheels import INSTALLERS, Index
+
+pytestmark = pytest.mark.needs("cmake", "git")
+
+Environment = dict[str, str | None]
+
+SETUP = """\
+from setuptools import setup
+setup(
+    name="talker",
+    version="1",
+    packages=["talker"],
+    data_files=[
+        ("share/ament_index/resource_index/packages", ["resource/talker"]),
+        ("share/talker", ["package.xml"]),
+    ],
+    install_requires=["setuptools", "rclmini", {requires}],
+    entry_points={{"console_scripts": ["talk = talker:main"]}},
+)
+"""
+MAIN = "import sys, tiny, lark\ndef main():\n    print(tiny.version, lark.version, sys.prefix)\n"
+
+
+@pytest.fixture
+def ros(tmp_path: Path) -> Ros:
+    """Return a distribution whose client library needs a Python module."""
+    ros = small_ros(tmp_path / "ros")
+    ros.release("rclmini", *depends("rmw_implementation", "lib_vendor", "python3-lark-parser"))
+    return ros
+
+
+@pytest.fixture(params=INSTALLERS)
+def index(request: pytest.FixtureRequest, tmp_path: Path) -> Index:
+    return filled(Index(tmp_path / "index", request.param))
+
+
+@pytest.fixture
+def uv(tmp_path: Path) -> Index:
+    """Return the index for a test of what does not depend on the installer: uv is the faster one."""
+    return filled(Index(tmp_path / "index", "uv"))
+
+
+def filled(index: Index) -> Index:
+    index.add("lark", "1.1")
+    index.add("tiny", "1.0", "below<2")
+    index.add("below", "1.0")
+    index.add("below", "2.0")
+    return index
+
+
+def new_workspace(root: Path, requires: str = "'tiny>=1'", *lines: str) -> Path:
+    """Write a workspace with a Python package that needs rclmini and modules."""
+    files = {
+        "package.xml": manifest_text("talker", *depends("rclmini"), *lines, build_type="ament_python"),
+        "setup.py": SETUP.format(requires=requires),
+        "setup.cfg": "[install]\ninstall_scripts=$base/lib/talker\n",
+        "resource/talker": "",
+        "talker/__init__.py": MAIN,
+    }
+    return write_files(root, {f"src/talker/{name}": text for name, text in files.items()})
+
+
+def modules(workspace: Path) -> dict[str, str]:
+    return {each["name"]: each["version"] for each in locked(workspace)["module"]}
+
+
+def version_in(environment: Path, module: str) -> str:
+    """Return the version of a module that an environment's Python imports, '' if it has none."""
+    code = f"try:\n import {module}\n print({module}.version)\nexcept ImportError: pass"
+    argv = [str(environment / "bin/python3"), "-c", code]
+    return subprocess.run(argv, capture_output=True, text=True, check=True).stdout.strip()
+
+
+def test_modules_are_pinned_and_programs_run_with_them(
+    ros: Ros, index: Index, forge: Forge, tmp_path: Path
+) -> None:
+    tiny = index.add("tiny", "1.5", "below<2")
+    workspace, env = new_workspace(tmp_path / "my ws"), {**ros.variables(), **index.variables()}
+    ran = forge("fetch", cwd=workspace, env=env)
+    assert ran.code == 0, ran.err
+    lock = locked(workspace)
+    assert lock["python"] == ["lark", "tiny>=1"]
+    assert modules(workspace) == {"below": "1.0", "lark": "1.1", "tiny": "1.5"}
+    assert {each["name"]: each["ros"] for each in lock["module"]} == {
+        "below": False,
+        "lark": True,
+        "tiny": False,
+    }
+    assert next(each for each in lock["module"] if each["name"] == "tiny")["hashes"] == [tiny]
+    if index.installer == "pip":  # uv keeps no files of a folder in its cache
+        index.remove()
+    ran = forge("build", cwd=workspace, env=env)
+    assert ran.code == 0, ran.err
+    ran = forge("run", "talker", "talk", cwd=workspace, env=env)
+    assert ran.out == f"1.5 1.1 {workspace / '.venv'}\n"
+    (of_ros,) = (tmp_path / "ros/user cache/forge/ros/underlays").glob("*/venv")
+    assert (version_in(of_ros, "lark"), version_in(of_ros, "tiny")) == ("1.1", "")
+    again = forge("fetch", "--locked", "--offline", cwd=workspace, env=env)
+    assert (again.code, again.err) == (0, "")
+
+
+def test_modules_keep_their_versions_until_update(ros: Ros, uv: Index, forge: Forge, tmp_path: Path) -> None:
+    workspace, env = new_workspace(tmp_path / "ws"), {**ros.variables(), **uv.variables()}
+    assert forge("fetch", cwd=workspace, env=env).code == 0
+    uv.add("lark", "1.2")
+    uv.add("tiny", "1.2")
+    uv.add("more", "1.0")
+    new_workspace(workspace, "'tiny>=1', 'more'")
+    ran = forge("fetch", "--locked", cwd=workspace, env=env)
+    assert (ran.code, "does not fit the workspace" in ran.err) == (2, True)
+    assert forge("fetch", cwd=workspace, env=env).code == 0
+    assert modules(workspace) == {"below": "1.0", "lark": "1.1", "more": "1.0", "tiny": "1.0"}
+    assert forge("fetch", "--update", "tiny", cwd=workspace, env=env).code == 0
+    assert modules(workspace) == {"lark": "1.1", "more": "1.0", "tiny": "1.2"}
+    assert version_in(workspace / ".venv", "tiny") == "1.2"
+
+
+def test_file_with_another_hash_is_refused(ros: Ros, index: Index, forge: Forge, tmp_path: Path) -> None:
+    workspace, env = new_workspace(tmp_path / "ws"), {**ros.variables(), **index.variables()}
+    assert forge("fetch", cwd=workspace, env=env).code == 0
+    lock = (workspace / "forge.lock").read_text()
+    index.add("tiny", "1.0", text="# another file\n")
+    shutil.rmtree(tmp_path / "ros/user cache/forge/ros/modules", ignore_errors=True)
+    other = new_workspace(tmp_path / "other")
+    (other / "forge.lock").write_text(lock)
+    for command in ("fetch", "build"):
+        ran = forge(command, cwd=other, env={**env, "UV_CACHE_DIR": str(tmp_path / "new cache")})
+        assert ran.code == 2
+        assert f"cannot install Python modules for '{other / '.venv/bin/python3'}': " in ran.err
+        assert "hash" in ran.err.lower()
+    assert (other / "forge.lock").read_text() == lock
+
+
+def test_offline_installs_what_was_downloaded(ros: Ros, index: Index, forge: Forge, tmp_path: Path) -> None:
+    workspace, env = new_workspace(tmp_path / "ws"), {**ros.variables(), **index.variables()}
+    assert forge("fetch", cwd=workspace, env=env).code == 0
+    if index.installer == "pip":
+        index.remove()
+    other = new_workspace(tmp_path / "other")
+    ran = forge("fetch", "--offline", cwd=other, env=env)
+    assert (ran.code, "not locked yet" in ran.err) == (2, True)
+    (other / "forge.lock").write_bytes((workspace / "forge.lock").read_bytes())
+    assert forge("fetch", "--offline", cwd=other, env=env).code == 0
+    assert version_in(other / ".venv", "tiny") == "1.0"
+
+
+def test_active_environment_gets_only_what_it_lacks(
+    ros: Ros, uv: Index, forge: Forge, tmp_path: Path
+) -> None:
+    environment = tmp_path / "mine"
+    venv.create(environment, symlinks=True)
+    older = Index(tmp_path / "older", "uv")
+    older.add("tiny", "0.9")
+    argv = [find_uv_bin(), "pip", "install", "--quiet", "--offline", "--no-index", "--find-links"]
+    subprocess.run([*argv, older.files, "--python", environment, "tiny"], check=True)
+    uv.add("tiny", "1.2")
+    workspace = new_workspace(tmp_path / "ws", "'tiny'")
+    env = {**ros.variables(), **uv.variables(), "VIRTUAL_ENV": str(environment)}
+    ran = forge("fetch", cwd=workspace, env=env)
+    assert ran.code == 0, ran.err
+    assert f"'{environment / 'bin/python3'}' has tiny 0.9, not 1.2 of the lock" in ran.err
+    assert (version_in(environment, "lark"), version_in(environment, "tiny")) == ("1.1", "0.9")
+    assert not (workspace / ".venv").exists()
+
+
+def test_configured_interpreter_is_left_alone(ros: Ros, uv: Index, forge: Forge, tmp_path: Path) -> None:
+    workspace, env = new_workspace(tmp_path / "ws"), {**ros.variables(), **uv.variables()}
+    python = Path(sys.executable).resolve()
+    write_files(workspace, {"forge.toml": f"[build]\npython = '{python}'\n"})
+    ran = forge("fetch", cwd=workspace, env=env)
+    assert ran.code == 0, ran.err
+    assert "lacks below==1.0 lark==1.1 tiny==1.0\nhint: install them, or use a virtual environment" in ran.err
+    assert not (workspace / ".venv").exists()
+
+
+def test_names_of_rosdep_are_found_on_pypi(ros: Ros, uv: Index, forge: Forge, tmp_path: Path) -> None:
+    rules = {"python3-tiny-pip": {"*": {"pip": {"packages": ["tiny"]}}}, "python3-gi": {"*": ["python3-gi"]}}
+    cache, url = tmp_path / "home/rosdep/sources.cache", "file:///rules.yaml"
+    name = hashlib.sha1(url.encode()).hexdigest()
+    write_files(cache, {"index": f"yaml {url} \n"})
+    (cache / f"{name}.pickle").write_bytes(pickle.dumps(rules, 2))
+    workspace = new_workspace(tmp_path / "ws", "", *depends("python3-tiny-pip", "python3-gi"))
+    env = {**ros.variables(), **uv.variables(), "ROS_HOME": str(tmp_path / "home")}
+    ran = forge("fetch", cwd=workspace, env=env)
+    assert ran.code == 0, ran.err
+    assert locked(workspace)["pip"] == {"python3-tiny-pip": "tiny"}
+    assert modules(workspace) == {"below": "1.0", "lark": "1.1", "tiny": "1.0"}
+    settings = (workspace / ".venv/pyvenv.cfg").read_text()
+    assert "include-system-site-packages = true" in settings  # for python3-gi
+    # Elsewhere, rosdep's data are missing.
+    assert forge("fetch", "--locked", cwd=workspace, env={**env, "ROS_HOME": "/nowhere"}).code == 0
+
+
+def test_python_workspace_needs_no_package_of_ros(uv: Index, ros: Ros, forge: Forge, tmp_path: Path) -> None:
+    project = "[project]\nname = 'tool'\nversion = '1'\ndependencies = ['tiny']\n"
+    files = {"package.xml": manifest_text("tool", build_type="ament_python"), "pyproject.toml": project}
+    workspace = write_files(tmp_path / "ws/src/tool", files).parent.parent
+    env = {**ros.variables(), **uv.variables()}
+    ran = forge("fetch", cwd=workspace, env=env)
+    assert ran.code == 0, ran.err
+    assert modules(workspace) == {"below": "1.0", "tiny": "1.0"}
+    write_files(workspace / "src/tool", {"pyproject.toml": project.replace("'tiny'", "")})
+    assert "nothing to fetch" in forge("fetch", cwd=workspace, env=env).out
+    assert "module" not in locked(workspace)
+
+
+def test_requirement_that_nothing_fulfils_is_one_message(
+    ros: Ros, uv: Index, forge: Forge, tmp_path: Path
+) -> None:
+    workspace, env = new_workspace(tmp_path / "ws", "'tiny>9'"), {**ros.variables(), **uv.variables()}
+    ran = forge("fetch", cwd=workspace, env=env)
+    assert ran.code == 2
+    assert "cannot find Python modules for" in ran.err
+    assert "tiny>9" in ran.err
+    assert not (workspace / "forge.lock").exists()
+
+
+def test_interrupted_installation_is_repeated(ros: Ros, index: Index, forge: Forge, tmp_path: Path) -> None:
+    workspace, env = new_workspace(tmp_path / "ws"), {**ros.variables(), **index.variables()}
+    assert forge("fetch", cwd=workspace, env=env).code == 0
+    environment = workspace / ".venv"
+    for state in ("# forge installs modules\n", "# forge makes this environment\n"):
+        (module,) = environment.glob("lib/python*/site-packages/tiny.py")
+        module.unlink()
+        (environment / "forge-modules.txt").write_text(state)
+        assert forge("fetch", "--locked", cwd=workspace, env=env).code == 0
+        assert version_in(environment, "tiny") == "1.0"
+
+
+def test_malformed_modules_in_a_lock_are_refused(ros: Ros, uv: Index, forge: Forge, tmp_path: Path) -> None:
+    workspace, env = new_workspace(tmp_path / "ws"), {**ros.variables(), **uv.variables()}
+    assert forge("fetch", cwd=workspace, env=env).code == 0
+    lock = workspace / "forge.lock"
+    lock.write_text(lock.read_text().replace('"tiny"', json.dumps("tiny --index-url=https://x.invalid")))
+    ran = forge("build", cwd=workspace, env=env)
+    assert (ran.code, "invalid version or hash of 'tiny --index-url" in ran.err) == (2, True)
