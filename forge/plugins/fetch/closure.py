@@ -20,6 +20,13 @@ _ICEORYX = ("iceoryx_binding_c", "iceoryx_hoofs", "iceoryx_posh")
 _OPTIONAL = {"cyclonedds": _ICEORYX, "rmw_cyclonedds_cpp": _ICEORYX}
 """Dependencies that a package declares and builds without: the shared memory transport of Cyclone DDS."""
 
+_FOR_TESTS = {
+    "rosidl_generator_py": tuple(
+        f"ament_cmake_{linter}" for linter in ("cppcheck", "cpplint", "flake8", "pep257", "uncrustify")
+    )
+}
+"""Dependencies that only tests of dependent packages use, which manifests cannot say otherwise."""
+
 
 @frozen
 class Needs:
@@ -98,7 +105,8 @@ def needs_of(
 ) -> frozenset[str]:
     """Return the dependencies of a package without those that are optional."""
     optional = all_middlewares if manifest.name == _MIDDLEWARE_USER else _OPTIONAL.get(manifest.name, ())
-    return frozenset(manifest.names(kinds)) - frozenset(optional) - {manifest.name}
+    for_tests = () if kinds & TEST_KINDS else _FOR_TESTS.get(manifest.name, ())
+    return frozenset(manifest.names(kinds)).difference(optional, for_tests, {manifest.name})
 
 
 def check_names(names: Collection[str], snapshot: Snapshot) -> None:

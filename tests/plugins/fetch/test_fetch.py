@@ -119,6 +119,21 @@ def test_tests_and_other_middlewares_are_left_out_unless_asked_for(
     assert [each["name"] for each in locked(workspace)["package"]] == expected
 
 
+def test_linters_that_a_generator_declares_for_tests_are_left_out(
+    ros: Ros, forge: Forge, tmp_path: Path
+) -> None:
+    ros.release("ament_cmake_flake8")
+    ros.release("rosidl_generator_py", *depends("ament_cmake_flake8", tag="exec_depend"))
+    env = ros.variables()
+    for options, expected in (((), 0), (("--test",), 1)):
+        workspace = tmp_path / f"ws{expected}"
+        workspace.mkdir()
+        assert forge("fetch", "rosidl_generator_py", *options, cwd=workspace, env=env).code == 0
+        names = [each["name"] for each in locked(workspace)["package"]]
+        assert names.count("ament_cmake_flake8") == expected
+        assert "rosidl_generator_py" in names
+
+
 def test_lock_holds_versions_until_update(ros: Ros, forge: Forge, tmp_path: Path) -> None:
     workspace = new_workspace(tmp_path / "ws")
     assert forge("fetch", cwd=workspace, env=ros.variables()).code == 0
