@@ -4,4 +4,4 @@
 other packages.
 """
 
-__all__ = ["build_options", "commands", "mixins", "options", "preparation"]
+__all__ = ["build_options", "commands", "config", "mixins", "options", "preparation"]
