@@ -59,7 +59,8 @@ def class_of(owner: Any, type_: Any) -> Any:
     """Return the class of a field of `owner`; parts of actions are in the same module."""
     if type_.namespaces[-1] == "action":
         return getattr(sys.modules[owner.__module__], type_.name)
-    return getattr(import_module(".".join(type_.namespaces)), type_.name)
+    home = owner.__module__.split(".")[:-3]  # of classes that were created at run time
+    return getattr(import_module(".".join((*home, *type_.namespaces))), type_.name)
 
 
 def plain(value: Any) -> Any:

@@ -45,7 +45,10 @@ OWN: Mapping[str, Mapping[str, str]] = {
         "c": "forge.plugins.c_target.target",
         "docs": "forge.plugins.interface_pages.markdown",
     },
-    VERBS: {"docs": "forge.plugins.interface_pages.command"},
+    VERBS: {
+        "diff": "forge.plugins.interface_diff.command",
+        "docs": "forge.plugins.interface_pages.command",
+    },
     TOOLCHAINS: {"cross": "forge.plugins.cross.toolchain"},
     BUILD_TYPES: {
         "ament_cargo": "forge.plugins.cargo.build_type",

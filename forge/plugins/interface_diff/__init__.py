@@ -1,0 +1,1 @@
+"""`forge interface diff`: what changes between two versions of interface definitions break."""

@@ -1,0 +1,166 @@
+"""Read the interfaces of all packages in a folder, or in a revision of a git repository."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import tarfile
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
+from io import BytesIO
+from pathlib import Path
+
+from forge.base.errors import (
+    ForgeError,
+    InterfaceError,
+    Problem,
+    SelectionError,
+    WorkspaceError,
+    raise_if_any,
+)
+from forge.base.files import read_file
+from forge.base.layout import IGNORE_MARK
+from forge.interfaces.model import Catalog, TypeName
+from forge.interfaces.read.parsing import SECTIONS, Parsed, parse_all
+from forge.interfaces.read.sources import Library, read_source
+from forge.interfaces.resolve.resolution import resolve
+from forge.workspace.manifest import parse_manifest
+
+_IGNORED = frozenset({IGNORE_MARK, "AMENT_IGNORE"})
+
+
+@contextmanager
+def opened(text: str) -> Iterator[tuple[Path, str]]:
+    """Yield the folder that a version is in, and its name; a revision is extracted for as long as it is read.
+
+    A version is a folder, or REVISION or REVISION:FOLDER as in git, without FOLDER that of the working
+    directory. Raises SelectionError if there is neither, and names files of a revision as git does.
+    """
+    if Path(text).is_dir():
+        yield Path(text), Path(text).resolve().name
+        return
+    archive = _git("archive", "--format=tar", "--end-of-options", text)
+    if archive.returncode:
+        reason = archive.stderr.decode(errors="replace").strip().removeprefix("fatal: ")
+        hint = "revisions are those of the repository around this folder, as in HEAD~1 or v1.2.0:src/my_msgs"
+        raise SelectionError(Problem(f"'{text}' is no folder and no revision of git: {reason}", hint=hint))
+    with tempfile.TemporaryDirectory(prefix="forge-") as folder:
+        with tarfile.open(fileobj=BytesIO(archive.stdout)) as tar:
+            names = [each for each in tar if each.isdir() or _is_read(each.name)]
+            tar.extractall(folder, members=names, filter="data")
+        try:
+            yield Path(folder), Path(text.partition(":")[2] or Path.cwd()).name
+        except ForgeError as error:
+            raise type(error)(*(_renamed(each, Path(folder), text) for each in error.problems)) from None
+
+
+def _is_read(name: str) -> bool:
+    base = name.rpartition("/")[2]
+    return base in {"package.xml", *_IGNORED} or base.endswith((".msg", ".srv", ".action", ".idl"))
+
+
+def _git(*words: str) -> subprocess.CompletedProcess[bytes]:
+    try:
+        return subprocess.run(("git", *words), capture_output=True, check=False)
+    except OSError:
+        hint = "install it, or name folders instead of revisions"
+        raise SelectionError(Problem("git is not installed", hint=hint)) from None
+
+
+def _renamed(problem: Problem, folder: Path, text: str) -> Problem:
+    """Return a problem whose place is in the revision instead of in the extracted folder."""
+    place = problem.location
+    if place is None or not Path(place.path).is_relative_to(folder):
+        return problem
+    below = Path(place.path).relative_to(folder)
+    return replace(problem, location=replace(place, path=Path(f"{text}{'/' if ':' in text else ':'}{below}")))
+
+
+def catalogs_in(folder: Path, name: str, others: Library, package: str | None) -> list[Catalog]:
+    """Return the resolved interfaces of each package in a folder, or of one `package`.
+
+    Definitions without a package.xml belong to a package with the `name` of the folder. `others` has what
+    they refer to elsewhere. Raises InterfaceError with all problems, SelectionError without any interface.
+    """
+    problems: list[Problem] = []
+    parsed: dict[str, tuple[Parsed, ...]] = {}
+    for each, home in _packages(folder, package or name):
+        try:
+            found = parse_all([read_source(each, home, relative) for relative in _definitions(home)])
+        except InterfaceError as error:
+            problems += error.problems
+            continue
+        if found:
+            parsed.setdefault(each, found)
+    raise_if_any(problems, InterfaceError)
+    if not parsed or (package and package not in parsed):
+        what = f"package '{package}' with interfaces" if package else "interfaces"
+        hint = "name a folder with packages that have folders msg, srv or action"
+        raise SelectionError(Problem(f"found no {what} in '{name}'", hint=hint))
+    here = {one.interface.name: one for found in parsed.values() for one in found}
+    lookup = _Here(here, others)
+    catalogs = []
+    for each, found in sorted(parsed.items()):
+        if package in {None, each}:
+            try:
+                catalogs.append(resolve(each, found, lookup, events=others.has_events))
+            except InterfaceError as error:
+                problems += error.problems
+    raise_if_any(problems, InterfaceError)
+    return catalogs
+
+
+class _Here:
+    """Looks up the definitions of a version first, then those elsewhere."""
+
+    def __init__(self, here: Mapping[TypeName, Parsed], others: Library) -> None:
+        self._here = here
+        self._others = others
+
+    def find(self, name: TypeName) -> Parsed | None:
+        return self._here.get(name) or self._others.find(name)
+
+    def names(self) -> Iterator[TypeName]:
+        yield from self._here
+        yield from self._others.names()
+
+    def distribution_hint(self, name: TypeName) -> str | None:
+        return self._others.distribution_hint(name)
+
+    def declares(self, package: str) -> bool:
+        return self._others.declares(package)
+
+
+def _packages(root: Path, package: str) -> Iterator[tuple[str, Path]]:
+    """Yield the names and folders of the packages below a folder: of sources, or installed ones."""
+    for path, folders, files in os.walk(root):
+        if "package.xml" in files:
+            home = Path(path)
+            try:
+                name = parse_manifest(read_file(home / "package.xml"), home / "package.xml", os.environ).name
+            except WorkspaceError:
+                name = home.name
+            yield name, home
+            folders.clear()
+            continue
+        if path != str(root) and not _IGNORED.isdisjoint(files):
+            folders.clear()
+            continue
+        if path == str(root) and not SECTIONS.keys().isdisjoint(folders):
+            yield package, root
+        folders[:] = sorted(name for name in folders if not name.startswith("."))
+
+
+def _definitions(home: Path) -> Iterator[str]:
+    """Yield the definitions of a package, also those in deeper folders, as paths below its folder.
+
+    An .idl file beside a definition of the same name was generated from it.
+    """
+    for kind in SECTIONS:
+        files = sorted(path for path in (home / kind).rglob("*") if path.suffix in {f".{kind}", ".idl"})
+        own = {path.with_suffix("") for path in files if path.suffix != ".idl"}
+        for path in files:
+            if path.suffix != ".idl" or path.with_suffix("") not in own:
+                yield path.relative_to(home).as_posix()

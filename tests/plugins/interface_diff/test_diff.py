@@ -1,0 +1,234 @@
+"""`forge interface diff` says what a change keeps, and serialized messages prove it."""
+
+import json
+import shutil
+import subprocess
+from collections.abc import Mapping
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from forge.interfaces import load
+from tests.conftest import Forge, Ran, Tree
+from tests.messages import messages
+from tests.packages import manifest_text
+
+BEFORE = {
+    "msg/In.msg": "float64 a\nstring<=3 t\nint8 low\n",
+    "msg/M.msg": "int32 x\nuint8 flag\nstring name\nfloat32[3] v\nIn in1\n"
+    "int8[<=2] few\nuint8 K=1\nint16 d 4\n",
+}
+
+CASES: Mapping[str, tuple[str, str, str, str]] = {
+    "nothing": ("", "", "", ""),
+    "a comment": ("int32 x", "# what x is\nint32 x  # here", "", ""),
+    "a unit": ("int32 x", "int32 x  # width [m]", "", "unit of 'x': none -> m"),
+    "a field is new": ("uint8 flag", "uint8 flag\nbool more", "wire hash", "field 'more' is new"),
+    "a field was removed": ("uint8 flag\n", "", "wire hash api", "field 'flag' was removed"),
+    "a field is renamed": ("string name", "string label", "hash api", "'name' is now called 'label'"),
+    "a field has moved": ("int32 x\nuint8 flag", "uint8 flag\nint32 x", "wire hash", "has moved"),
+    "two types exchanged": ("int32 x\nuint8 flag", "uint8 x\nint32 flag", "wire hash api", "int32 -> uint8"),
+    "a wider type": ("int32 x", "int64 x", "wire hash api", "field 'x': int32 -> int64"),
+    "a type of the same size": ("int32 x", "uint32 x", "wire hash api", "field 'x': int32 -> uint32"),
+    "a byte": ("uint8 flag", "byte flag", "hash api", "field 'flag': uint8 -> byte"),
+    "a longer array": ("float32[3] v", "float32[4] v", "wire hash api", "float32[3] -> float32[4]"),
+    "an array becomes a sequence": (
+        "float32[3] v",
+        "float32[] v",
+        "wire hash api",
+        "float32[3] -> float32[]",
+    ),
+    "a text gets a bound": ("string name", "string<=5 name", "wire hash", "string -> string<=5"),
+    "a sequence loses its bound": ("int8[<=2] few", "int8[] few", "wire hash api", "int8[<=2] -> int8[]"),
+    "a message is written out": (
+        "In in1",
+        "float64 a\nstring<=3 t\nint8 low",
+        "hash api",
+        "field 'in1' was removed",
+    ),
+    "a default value": ("int16 d 4", "int16 d 5", "", "default value of 'd': 4 -> 5"),
+    "a constant is new": ("uint8 K=1", "uint8 K=1\nuint8 L=2", "", "constant 'L' is new"),
+    "a constant has another value": ("uint8 K=1", "uint8 K=2", "api", "constant 'K': uint8 1 -> uint8 2"),
+    "a constant was removed": ("uint8 K=1\n", "", "api", "constant 'K' was removed"),
+}
+
+
+def diff(forge: Forge, root: Path, *words: str) -> dict[str, dict[str, list[str]]]:
+    """Return the differences of two folders, or of other versions, by the name of the interface."""
+    ran = forge("interface", "diff", *(words or ("old", "new")), "--package", "p", "--json", cwd=root)
+    found: dict[str, dict[str, list[str]]] = json.loads(ran.out)
+    assert ran.code == int(any(each["breaks"] for each in found.values())), ran.err
+    return found
+
+
+def written(folder: Path, files: Mapping[str, str]) -> Path:
+    """Write definitions into a folder, which is made."""
+    for name, text in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text, encoding="utf-8")
+    return folder
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_each_change_breaks_what_it_should(case: str, forge: Forge, tmp_path: Path) -> None:
+    one, other, breaks, said = CASES[case]
+    assert one in BEFORE["msg/M.msg"]
+    after = {**BEFORE, "msg/M.msg": BEFORE["msg/M.msg"].replace(one, other, 1)}
+    written(tmp_path / "old", BEFORE)
+    written(tmp_path / "new", after)
+    found = diff(forge, tmp_path)
+    assert found.keys() == ({"p/msg/M"} if said else set())
+    assert not said or found["p/msg/M"]["breaks"] == breaks.split()
+    assert not said or any(said in change for change in found["p/msg/M"]["changes"])
+
+
+@settings(max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+@pytest.mark.parametrize("case", [name for name, case in CASES.items() if "wire" not in case[2]])
+def test_what_keeps_the_wire_has_the_same_bytes(case: str, data: st.DataObject, tmp_path: Path) -> None:
+    """What one version has written is read by the other, and written to the same bytes again."""
+    one, other, _, _ = CASES[case]
+    old = load(written(tmp_path / "old", BEFORE), "p")["p/msg/M"]
+    after = {**BEFORE, "msg/M.msg": BEFORE["msg/M.msg"].replace(one, other, 1)}
+    new = load(written(tmp_path / "new", after), "p")["p/msg/M"]
+    import forge_cdr  # found because types were loaded
+
+    for writer, reader in ((old, new), (new, old)):
+        content = forge_cdr.serialize(data.draw(messages(writer)))
+        assert forge_cdr.serialize(forge_cdr.deserialize(content, reader)) == content
+
+
+def test_what_contains_a_changed_message_is_named(forge: Forge, tmp_path: Path) -> None:
+    written(tmp_path / "old", BEFORE)
+    written(tmp_path / "new", {**BEFORE, "msg/In.msg": "float64 b\nstring<=3 t\nint8 low\n"})
+    found = diff(forge, tmp_path)
+    assert found["p/msg/In"]["breaks"] == ["hash", "api"]
+    assert found["p/msg/M"]["breaks"] == ["hash"]
+    assert found["p/msg/M"]["changes"] == ["contains p/msg/In, which has changed"]
+
+
+def test_parts_of_services_and_actions_are_named(forge: Forge, tmp_path: Path) -> None:
+    service, action = "int32 a\n---\nint32 b\n", "int32 a\n---\nint32 b\n---\nint32 c\n"
+    written(tmp_path / "old", {"srv/S.srv": service, "action/A.action": action, "srv/Gone.srv": service})
+    edited = {"srv/S.srv": service.replace("b", "d"), "action/A.action": f"{action}bool done\n"}
+    written(tmp_path / "new", {**edited, "srv/New.srv": service})
+    found = diff(forge, tmp_path)
+    assert found["p/srv/S"]["changes"] == ["field 'b' of the response is now called 'd'"]
+    assert found["p/action/A"]["changes"] == ["field 'done' of the feedback is new"]
+    assert found["p/srv/Gone"]["breaks"] == ["wire", "hash", "api"]
+    assert found["p/srv/New"]["breaks"] == []
+
+
+def test_an_idl_file_equals_the_message_that_it_describes(forge: Forge, tmp_path: Path) -> None:
+    idl = "module p { module msg { struct M { long x; sequence<octet> data; }; }; };\n"
+    written(tmp_path / "old", {"msg/M.msg": "int32 x\nbyte[] data\n"})
+    written(tmp_path / "new", {"msg/M.idl": idl})
+    assert diff(forge, tmp_path) == {}
+
+
+# --- where versions are
+
+
+@pytest.mark.needs("git")
+def test_revisions_are_compared_with_the_working_tree(forge: Forge, tree: Tree) -> None:
+    """Also of a folder below the root of the repository, whose other packages are known as well."""
+    manifest = manifest_text("p", build_type="ament_cmake")
+    other = {"src/q/package.xml": manifest_text("q"), "src/q/msg/Q.msg": "int8 q\n"}
+    root = tree({"src/p/package.xml": manifest, "src/p/msg/M.msg": "q/Q x\n", **other})
+    git = ("git", "-c", "user.name=n", "-c", "user.email=e@example.com")
+    for words in (("init", "-q"), ("add", "."), ("commit", "-q", "-m", "first")):
+        subprocess.run((*git, *words), cwd=root, check=True)
+    assert diff(forge, root, "HEAD") == {}
+    (root / "src/q/msg/Q.msg").write_text("int16 q\n")
+    assert diff(forge, root, "HEAD")["p/msg/M"]["breaks"] == ["wire", "hash"]
+    assert diff(forge, root, "HEAD:src", "src").keys() == {"p/msg/M"}
+    (root / "src/p/msg/M.msg").write_text("q/Q x\nint8\n")
+    subprocess.run((*git, "commit", "-q", "-a", "-m", "second"), cwd=root, check=True)
+    ran = forge("interface", "diff", "HEAD~1", "HEAD", cwd=root)
+    assert ran.code == 2
+    assert ran.err.startswith("HEAD:src/p/msg/M.msg:2:")
+
+
+@pytest.mark.needs("cmake", "g++")
+def test_an_install_folder_is_a_version(forge: Forge, tree: Tree) -> None:
+    """It equals its sources: generated .idl files and parts of services are nothing new."""
+    build = "rosidl_generate_interfaces(p msg/M.msg srv/S.srv msg/deep/D.msg)"
+    needs = (
+        "<buildtool_depend>ament_cmake</buildtool_depend>",
+        "<build_depend>rosidl_default_generators</build_depend>",
+        "<member_of_group>rosidl_interface_packages</member_of_group>",
+    )
+    cmake = (
+        "cmake_minimum_required(VERSION 3.16)\nproject(p)\nfind_package(ament_cmake REQUIRED)\n"
+        f"find_package(rosidl_default_generators REQUIRED)\n{build}\nament_package()\n"
+    )
+    root = tree(
+        {
+            "src/p/package.xml": manifest_text("p", *needs, build_type="ament_cmake"),
+            "src/p/CMakeLists.txt": cmake,
+            "src/p/msg/M.msg": "D d\n",
+            "src/p/msg/deep/D.msg": "int8 x\n",
+            "src/p/srv/S.srv": "int8 a\n---\nint8 b\n",
+        }
+    )
+    ran = forge("build", cwd=root)
+    assert ran.code == 0, ran.out + ran.err
+    assert diff(forge, root, "src", "install") == {}
+    assert diff(forge, root, "src", "src/p") == {}
+    shutil.rmtree(root / "src/p/srv")
+    assert diff(forge, root, "install").keys() == {"p/srv/S"}
+
+
+# --- what is printed
+
+
+def output(forge: Forge, root: Path, *words: str) -> Ran:
+    return forge("interface", "diff", "old", "new", "--package", "p", *words, cwd=root)
+
+
+def test_differences_are_printed_with_their_effect(forge: Forge, tmp_path: Path) -> None:
+    written(tmp_path / "old", {"msg/A.msg": "int8 x\n", "msg/B.msg": "int8 x\n", "msg/C.msg": "int8 x 1\n"})
+    written(tmp_path / "new", {"msg/A.msg": "int8 y\n", "msg/D.msg": "int8 x\n", "msg/C.msg": "int8 x 2\n"})
+    assert output(forge, tmp_path).out == (
+        "p/msg/A: breaks the hash and the API\n"
+        "  field 'x' is now called 'y'\n"
+        "p/msg/B: removed\n"
+        "p/msg/C: keeps the wire, the hash and the API\n"
+        "  default value of 'x': 1 -> 2\n"
+        "p/msg/D: new\n"
+        "4 of 4 interfaces differ: 1 break the wire, 2 break the hash, 2 break the API\n"
+    )
+
+
+@pytest.mark.parametrize(
+    ("words", "code"), [((), 1), (("wire",), 0), (("hash",), 1), (("wire", "api"), 1), (("none",), 0)]
+)
+def test_the_exit_code_follows_what_must_not_break(
+    words: tuple[str, ...], code: int, forge: Forge, tmp_path: Path
+) -> None:
+    written(tmp_path / "old", {"msg/A.msg": "int8 x\n"})
+    written(tmp_path / "new", {"msg/A.msg": "int8 y\n"})
+    assert output(forge, tmp_path, *(("--fail-on", *words) if words else ())).code == code
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("old", "nowhere"), "'nowhere' is no folder and no revision of git: "),
+        (("old", "empty"), "found no package 'p' with interfaces in 'empty'"),
+        (("old", "wrong"), "wrong/msg/A.msg:1:1: error: unknown type 'q/Z'"),
+        (("--upload-pack=x", "old"), "error: "),
+    ],
+)
+@pytest.mark.needs("git")
+def test_what_cannot_be_compared_is_named(
+    words: tuple[str, ...], said: str, forge: Forge, tmp_path: Path
+) -> None:
+    written(tmp_path / "old", {"msg/A.msg": "int8 x\n"})
+    written(tmp_path / "wrong", {"msg/A.msg": "q/Z x\n"})
+    (tmp_path / "empty").mkdir()
+    ran = forge("interface", "diff", *words, "--package", "p", cwd=tmp_path)
+    assert ran.code == 2
+    assert said in ran.err
