@@ -37,7 +37,7 @@ ENTAILED = {
         "TERM",
         "ZDOTDIR",
     ),  # as everybody reads them
-    *("LD_PRELOAD", "ASAN_OPTIONS"),  # to which forge adds
+    *("LD_PRELOAD", "ASAN_OPTIONS", "GIT_CONFIG_COUNT"),  # to which forge adds
     *("CONDA_PREFIX", "PYTHONHOME"),  # of which forge doctor warns
     *(
         "FORGE_WORKER",
