@@ -10,6 +10,7 @@ import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from threading import Lock as Mutex
 
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
@@ -62,6 +63,7 @@ from forge.plugins.fetch.sources import (
     download_packages,
     lock_clones,
     lock_packages,
+    only_download,
     source_folder,
 )
 from forge.plugins.fetch.underlay import is_underlay
@@ -118,7 +120,12 @@ class _Surroundings:
 
 def run(options: Options) -> int:
     """Lock what the workspace needs, download it, and say what else it needs; returns 0."""
-    root, cache = Path.cwd(), cache_folder(os.environ)
+    cache = cache_folder(os.environ)
+    with only_download(cache):
+        return _fetch(options, Path.cwd(), cache)
+
+
+def _fetch(options: Options, root: Path, cache: Path) -> int:
     layout = shared.FolderOptions(install_base=options.install_base).layout(root)
     before = read_lock(root)
     chosen = known_rosdistro(options.rosdistro, root, layout.install)
@@ -352,6 +359,8 @@ def _download(options: Options, lock: Lock, cache: Path, problems: list[Problem]
 
     Raises HostError with these problems and those of the downloads, after all others were downloaded.
     """
+    if not lock.packages:
+        raise HostError(*problems)
     absent = [each for each in lock.packages if not source_folder(cache, each).is_dir()]
     repositories = len({each.repository for each in lock.packages})
     print(
@@ -368,13 +377,13 @@ def _download(options: Options, lock: Lock, cache: Path, problems: list[Problem]
         return lock
     progress = _Progress(len(absent))
     problems += download_packages(absent, cache, progress.count)
-    progress.end()
     clones = lock.clones
     if not (options.locked or problems):
         found, more = lock_clones(lock.packages, cache, tests=options.test)
         clones = tuple(found)
         problems += more
-    problems += download_clones(clones, cache)
+    problems += download_clones(clones, cache, progress.count)
+    progress.end()
     raise_if_any(problems, HostError)
     return replace(lock, clones=clones)
 
@@ -400,16 +409,28 @@ def _system_packages(sources: Sequence[Package], lock: Lock) -> Iterator[str]:
 
 
 class _Progress:
-    """Counts downloads on a terminal, in one line."""
+    """Counts downloads, on a terminal in one line.
+
+    Servers of git do not tell how large something is before they send it: the sizes are those received.
+    """
 
     def __init__(self, total: int) -> None:
-        self._total, self._done, self._shown = total, 0, sys.stderr.isatty()
+        self._total, self._done, self._bytes = total, 0, 0
+        self._shown, self._mutex = sys.stderr.isatty(), Mutex()
 
-    def count(self, package: LockedPackage) -> None:
-        self._done += 1
-        if self._shown:
-            print(f"\r\x1b[K[{self._done}/{self._total}] {package.name}", end="", file=sys.stderr, flush=True)
+    def count(self, name: str, size: int) -> None:
+        with self._mutex:
+            self._done += 1
+            self._bytes += size
+            if self._shown:
+                line = f"[{self._done}/{max(self._total, self._done)}, {self._megabytes()}] {name}"
+                print(f"\r\x1b[K{line}", end="", file=sys.stderr, flush=True)
 
     def end(self) -> None:
         if self._shown and self._done:
             print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+        if self._done:
+            print(f"downloaded {self._megabytes()}", flush=True)
+
+    def _megabytes(self) -> str:
+        return f"{self._bytes / 1e6:.1f} MB"

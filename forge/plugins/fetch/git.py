@@ -6,8 +6,11 @@ The user's configuration applies, for credentials, proxies and mirrors (`url.<ba
 from __future__ import annotations
 
 import os
+import re
 import subprocess
+import time
 from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 
 from forge.base.env_vars import without_passwords
@@ -16,7 +19,13 @@ from forge.base.errors import ForgeError, HostError, Problem
 _BATCH = 100
 """Tags in one request, for the length of a command line."""
 
-_SETTINGS = ("core.hooksPath=/dev/null", "core.autocrlf=false", "core.fsmonitor=", "gc.auto=0")
+_SETTINGS = (
+    "core.hooksPath=/dev/null",
+    "core.autocrlf=false",
+    "core.fsmonitor=",
+    "gc.auto=0",
+    "fetch.unpackLimit=1",
+)
 _PLAIN = tuple(word for setting in _SETTINGS for word in ("-c", setting))
 _REFS = (("tags", "^{}"), ("tags", ""), ("heads", ""))
 """Kinds of references and endings, the most specific first: 'NAME^{}' is what an annotated tag refers to."""
@@ -26,8 +35,23 @@ MARK = "Fetched by forge: "
 """How the description of a repository in the cache begins."""
 
 
+_PAUSES = (1, 3)
+"""Seconds before a request that failed because of the network is repeated."""
+_NETWORK = re.compile(
+    r"could not resolve host|connection (?:was )?(?:reset|refused|timed out|closed)|failed to connect"
+    r"|timed? ?out|returned error: (?:429|5\d\d)|network is (?:down|unreachable)|no route to host"
+    r"|early eof|empty reply|unexpected disconnect|hung up unexpectedly|transfer closed|rpc failed"
+    r"|gnutls|openssl|ssl_|http/2 stream",
+    re.IGNORECASE,
+)
+
+
 class GitError(ForgeError):
     """git failed, for example because a repository does not exist."""
+
+
+class NetworkError(GitError):
+    """The server could not be reached, or did not answer, also when asked again."""
 
 
 def commits_of(url: str, tags: Iterable[str]) -> dict[str, str]:
@@ -37,7 +61,8 @@ def commits_of(url: str, tags: Iterable[str]) -> dict[str, str]:
     for start in range(0, len(names), _BATCH):
         batch = names[start : start + _BATCH]
         patterns = [f"refs/{kind}/{name}{end}" for name in batch for kind, end in _REFS]
-        found = dict(line.split("\t")[::-1] for line in _git("ls-remote", "--", url, *patterns).splitlines())
+        answer = _ask("ls-remote", "--", url, *patterns)
+        found = dict(line.split("\t")[::-1] for line in answer.splitlines())
         for name in batch:
             refs = [f"refs/{kind}/{name}{end}" for kind, end in _REFS]
             if commit := next((found[ref] for ref in refs if ref in found), None):
@@ -45,24 +70,29 @@ def commits_of(url: str, tags: Iterable[str]) -> dict[str, str]:
     return commits
 
 
-def check_out(url: str, ref: str, commit: str, folder: Path) -> None:
-    """Write the tree of a commit to a new folder, without the repository.
+def check_out(url: str, ref: str, commit: str, folder: Path) -> int:
+    """Write the tree of a commit to a new folder; return how many bytes were received.
 
     `ref` is the tag to ask for, since not every server sends single commits. Raises GitError, also if the tag
     names another commit.
     """
     repository = folder / ".git"
-    _receive(url, ref, commit, repository)
+    received = _receive(url, ref, commit, repository)
     tree = (f"--git-dir={repository}", f"--work-tree={folder}")
     _git(*tree, *_PLAIN, "checkout", "--quiet", "--force", commit)
+    return received
 
 
-def mirror(url: str, ref: str, commit: str, folder: Path) -> None:
-    """Make a bare repository that has only this commit, as the tag `ref` and as the branch 'main'."""
-    _receive(url, ref, commit, folder)
+def mirror(url: str, ref: str, commit: str, folder: Path) -> int:
+    """Make a bare repository that has only this commit, as the tag `ref` and as the branch 'main'.
+
+    Returns how many bytes were received.
+    """
+    received = _receive(url, ref, commit, folder)
     for name in ("refs/heads/main", f"refs/tags/{ref}"):
         _git(f"--git-dir={folder}", "update-ref", name, commit)
     (folder / "description").write_text(f"{MARK}{without_passwords(url)}\n", encoding="utf-8")
+    return received
 
 
 def fault(folder: Path, commit: str) -> str:
@@ -77,13 +107,37 @@ def fault(folder: Path, commit: str) -> str:
     return ""
 
 
-def _receive(url: str, ref: str, commit: str, repository: Path) -> None:
+def _receive(url: str, ref: str, commit: str, repository: Path) -> int:
     _git("init", "--quiet", "--bare", "--initial-branch=main", "--template=", os.fspath(repository))
-    _git(f"--git-dir={repository}", *_PLAIN, "fetch", "--quiet", "--depth=1", "--no-tags", "--", url, ref)
+    # What was received stays one file, whose size is that of the download.
+    words = (
+        *_PLAIN,
+        "-c",
+        "fetch.unpackLimit=1",
+        "fetch",
+        "--quiet",
+        "--depth=1",
+        "--no-tags",
+        "--",
+        url,
+        ref,
+    )
+    _ask(f"--git-dir={repository}", *words)
     received = _git(f"--git-dir={repository}", "rev-parse", "--verify", "FETCH_HEAD^{commit}").strip()
     if received != commit:
         message = f"the tag '{ref}' of '{without_passwords(url)}' was moved: it is {received}, not {commit}"
         raise GitError(Problem(message, hint="if that is right: forge fetch --update"))
+    # Nothing was unpacked: the file has the size of the download.
+    return sum(path.stat().st_size for path in repository.glob("objects/pack/*.pack"))
+
+
+def _ask(*words: str) -> str:
+    """Run a command of git that asks a server, again after errors of the network."""
+    for pause in _PAUSES:
+        with suppress(NetworkError):
+            return _git(*words)
+        time.sleep(pause)
+    return _git(*words)
 
 
 def _git(*words: str) -> str:
@@ -100,5 +154,6 @@ def _git(*words: str) -> str:
     if done.returncode:
         lines = (line.removeprefix("fatal: ") for line in os.fsdecode(done.stderr).splitlines())
         reason = next((line for line in lines if line and not line.startswith(("warning:", "hint:"))), "")
-        raise GitError(Problem(without_passwords(reason or "git failed")))
+        kind = NetworkError if _NETWORK.search(os.fsdecode(done.stderr)) else GitError
+        raise kind(Problem(without_passwords(reason or f"git failed with exit code {done.returncode}")))
     return os.fsdecode(done.stdout)

@@ -29,6 +29,7 @@ from forge.base.files import delete_tree, replace_file, text_or_nothing
 from forge.base.formats import read_toml
 from forge.base.text import counted
 from forge.plugins.fetch.lock import Lock, Module
+from forge.plugins.fetch.sources import only_download
 from forge.toolchain.interpreter import ENVIRONMENT_FOLDER, Interpreter, ask_python
 from forge.workspace.model import Package
 from forge.workspace.python_metadata import read_pyproject, read_setup_cfg, read_setup_py
@@ -153,9 +154,11 @@ def prepare_workspace(
     root: Path, lock: Lock, interpreter: Interpreter, cache: Path, underlays: Sequence[Path]
 ) -> None:
     """Make the environment of the workspace and install the lock's modules, unless that was done."""
-    if lock.modules and (environment := workspace_environment(root, interpreter)):
-        make_environment(environment, interpreter.path, system=sees_system(lock, underlays))
-        install_modules(environment, lock.modules, cache)
+    environment = workspace_environment(root, interpreter) if lock.modules else None
+    if environment and not _has_modules(environment, lock.modules):
+        with only_download(cache):
+            make_environment(environment, interpreter.path, system=sees_system(lock, underlays))
+            install_modules(environment, lock.modules, cache)
 
 
 def prepare_interpreter(underlay: Path, lock: Lock, python: Path, cache: Path) -> str:
@@ -206,11 +209,9 @@ def make_environment(folder: Path, python: Path, *, system: bool) -> None:
 
 def install_modules(folder: Path, modules: Sequence[Module], cache: Path, *, offline: bool = False) -> None:
     """Install exactly these versions in an environment, if they are not there; raises HostError."""
-    python = folder / "bin/python3"
-    text = requirements_text(modules)
-    stamp = f"# {python.resolve()} in {folder.absolute()}\n{text}"
-    if text_or_nothing(folder / _STAMP) == stamp:
+    if _has_modules(folder, modules):
         return
+    python, text = folder / "bin/python3", requirements_text(modules)
     print(
         f"installing {counted(len(modules), 'Python module')} in '{folder}'",
         file=sys.stderr,
@@ -219,7 +220,15 @@ def install_modules(folder: Path, modules: Sequence[Module], cache: Path, *, off
     again = text_or_nothing(folder / _STAMP) == _INSTALLING
     replace_file(folder / _STAMP, _INSTALLING.encode())
     _Installer(python, cache, offline=offline).install(text, again=again)
-    replace_file(folder / _STAMP, stamp.encode())
+    replace_file(folder / _STAMP, _stamp(folder, modules).encode())
+
+
+def _has_modules(folder: Path, modules: Sequence[Module]) -> bool:
+    return text_or_nothing(folder / _STAMP) == _stamp(folder, modules)
+
+
+def _stamp(folder: Path, modules: Sequence[Module]) -> str:
+    return f"# {(folder / 'bin/python3').resolve()} in {folder.absolute()}\n{requirements_text(modules)}"
 
 
 def add_modules(

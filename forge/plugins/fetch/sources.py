@@ -6,12 +6,14 @@ that a package clones while it is built. Both are complete once they have these 
 
 from __future__ import annotations
 
+import fcntl
 import os
 import shutil
+import sys
 import tempfile
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
@@ -19,7 +21,9 @@ from typing import TypeVar
 from forge.base.env_vars import without_passwords
 from forge.base.errors import ForgeError, Problem, SelectionError, raise_if_any
 from forge.base.files import delete_tree, text_or_nothing
+from forge.base.text import listed
 from forge.plugins.fetch import git
+from forge.plugins.fetch.git import NetworkError
 from forge.plugins.fetch.index import Release, Snapshot
 from forge.plugins.fetch.lock import Clone, LockedPackage
 from forge.plugins.fetch.records import write_record
@@ -38,6 +42,21 @@ def clone_folder(cache: Path, clone: Clone) -> Path:
     return cache / "clones" / f"{clone.commit}.git"
 
 
+@contextmanager
+def only_download(cache: Path) -> Iterator[None]:
+    """Wait until no other forge downloads, and remove what a killed one has left half-written."""
+    cache.mkdir(parents=True, exist_ok=True)
+    with (cache / ".download.lock").open("w") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            print("waiting for another forge that downloads packages", file=sys.stderr, flush=True)
+            fcntl.flock(file, fcntl.LOCK_EX)
+        for draft in (*cache.glob("sources/*/.*"), *cache.glob("clones/.*"), *cache.glob("modules/.*")):
+            delete_tree(draft)
+        yield
+
+
 def lock_packages(names: Iterable[str], snapshot: Snapshot) -> tuple[list[LockedPackage], list[Problem]]:
     """Return the packages with the commits of their tags, and a problem for each that has none."""
     by_repository: dict[str, list[Release]] = {}
@@ -48,14 +67,16 @@ def lock_packages(names: Iterable[str], snapshot: Snapshot) -> tuple[list[Locked
         return git.commits_of(url, [release.tag for release in by_repository[url]])
 
     locked, problems = [], []
+    unreachable: list[tuple[str, NetworkError]] = []
     for url, commits in _in_parallel(look_up, by_repository):
         releases = by_repository[url]
-        listed = ", ".join(f"'{each.name}'" for each in releases)
+        if isinstance(commits, NetworkError):
+            unreachable += ((each.name, commits) for each in releases)
+            continue
         if isinstance(commits, ForgeError):
-            message = (
-                f"cannot reach '{without_passwords(url)}', which has {listed}: {commits.problems[0].message}"
-            )
-            problems.append(Problem(message))
+            names = listed([each.name for each in releases])
+            message = f"cannot read '{without_passwords(url)}', which has {names}"
+            problems.append(Problem(f"{message}: {commits.problems[0].message}"))
             continue
         for each in releases:
             if commit := commits.get(each.tag):
@@ -64,32 +85,45 @@ def lock_packages(names: Iterable[str], snapshot: Snapshot) -> tuple[list[Locked
                 problems.append(
                     Problem(f"'{without_passwords(url)}' has no tag '{each.tag}' for '{each.name}'")
                 )
-    return locked, problems
+    return locked, [*problems, *_network_problem(unreachable)]
+
+
+def _network_problem(failed: Sequence[tuple[str, NetworkError]]) -> Iterator[Problem]:
+    """Yield one problem for all downloads that failed because of the network, if any did."""
+    if failed:
+        hint = "check the network, and run 'forge fetch' again: what was downloaded stays"
+        reason = failed[0][1].problems[0].message
+        yield Problem(f"cannot download {listed([name for name, _ in failed])}: {reason}", hint=hint)
 
 
 def download_packages(
-    packages: Iterable[LockedPackage], cache: Path, done: Callable[[LockedPackage], object]
+    packages: Iterable[LockedPackage], cache: Path, done: Callable[[str, int], object]
 ) -> list[Problem]:
-    """Download what the cache lacks, and call `done` for each; return a problem for each that failed."""
+    """Download what the cache lacks; return a problem for each that failed.
+
+    `done` is called for each with its name and the bytes that were received, also in other threads.
+    """
 
     def download(package: LockedPackage) -> None:
         with _new_folder(source_folder(cache, package)) as draft:
-            git.check_out(package.repository, package.tag, package.commit, draft)
+            size = git.check_out(package.repository, package.tag, package.commit, draft)
             delete_tree(draft / ".git")
             _make_read_only(draft)
             write_record(source_folder(cache, package), draft)
+        done(package.name, size)
 
     missing = [each for each in packages if not source_folder(cache, each).is_dir()]
     problems = []
+    unreachable: list[tuple[str, NetworkError]] = []
     for package, result in _in_parallel(download, missing):
-        if isinstance(result, ForgeError):
+        if isinstance(result, NetworkError):
+            unreachable.append((package.name, result))
+        elif isinstance(result, ForgeError):
             problems += [
                 replace(each, message=f"cannot download '{package.name}': {each.message}")
                 for each in result.problems
             ]
-        else:
-            done(package)
-    return problems
+    return [*problems, *_network_problem(unreachable)]
 
 
 def lock_clones(
@@ -125,12 +159,15 @@ def lock_clones(
     return clones, problems
 
 
-def download_clones(clones: Iterable[Clone], cache: Path) -> list[Problem]:
-    """Download the repositories that the cache lacks; return a problem for each that failed."""
+def download_clones(
+    clones: Iterable[Clone], cache: Path, done: Callable[[str, int], object]
+) -> list[Problem]:
+    """Download the repositories that the cache lacks, as `download_packages` does packages."""
 
     def download(clone: Clone) -> None:
         with _new_folder(clone_folder(cache, clone)) as draft:
-            git.mirror(clone.repository, clone.tag, clone.commit, draft)
+            size = git.mirror(clone.repository, clone.tag, clone.commit, draft)
+        done(clone.repository, size)
 
     missing = [each for each in clones if not clone_folder(cache, each).is_dir()]
     return [
@@ -152,9 +189,11 @@ def _in_parallel(
         except ForgeError as error:
             return error
 
-    listed = list(items)
-    with ThreadPoolExecutor(_CONNECTIONS) as pool:
-        yield from zip(listed, pool.map(attempt, listed), strict=True)
+    waiting, pool = list(items), ThreadPoolExecutor(_CONNECTIONS)
+    try:
+        yield from zip(waiting, pool.map(attempt, waiting), strict=True)
+    finally:
+        pool.shutdown(cancel_futures=True)  # after Ctrl-C, or with a full disk
 
 
 class _new_folder:

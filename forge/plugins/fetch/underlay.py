@@ -33,6 +33,7 @@ from forge.plugins.fetch.sources import (
     clone_folder,
     download_clones,
     download_packages,
+    only_download,
     source_folder,
 )
 from forge.toolchain.interpreter import find_interpreter, own_command
@@ -194,10 +195,11 @@ def _names_in(root: Path) -> set[str]:
 
 
 def _download(lock: Lock, cache: Path) -> None:
-    problems = [
-        *download_packages(lock.packages, cache, lambda _: None),
-        *download_clones(lock.clones, cache),
-    ]
+    with only_download(cache):
+        problems = [
+            *download_packages(lock.packages, cache, lambda *_: None),
+            *download_clones(lock.clones, cache, lambda *_: None),
+        ]
     if problems:
         raise HostError(*problems)
 

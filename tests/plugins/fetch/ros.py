@@ -104,10 +104,13 @@ class Ros:
         }
         return write_files(self.root / "index", files).as_uri() + "/index-v4.yaml"
 
-    def variables(self) -> dict[str, str]:
-        """Return the environment in which forge finds the distribution, with a cache of its own."""
+    def variables(self, server: str | None = None) -> dict[str, str]:
+        """Return the environment in which forge finds the distribution, with a cache of its own.
+
+        The repositories are on disk, or at the URL of a server.
+        """
         config = self.root / "gitconfig"
-        mirror = (self.root / "repositories").as_uri()
+        mirror = server or (self.root / "repositories").as_uri()
         config.write_text(f'[url "{mirror}/"]\n\tinsteadOf = {SERVER}\n[protocol "file"]\n\tallow = always\n')
         return {
             "ROSDISTRO_INDEX_URL": self.publish(),

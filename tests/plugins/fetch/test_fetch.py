@@ -175,7 +175,7 @@ def test_missing_repository_stops_only_its_packages(ros: Ros, forge: Forge, tmp_
     shutil.rmtree(tmp_path / "ros/repositories/rclmini-release.git")
     ran = forge("fetch", cwd=workspace, env=env)
     assert ran.code == 2
-    assert "cannot reach 'https://example.invalid/rclmini-release.git', which has 'rclmini'" in ran.err
+    assert "cannot read 'https://example.invalid/rclmini-release.git', which has 'rclmini'" in ran.err
     assert not (workspace / "forge.lock").exists()
     sources = tmp_path / "ros/user cache/forge/ros/sources"
     assert sorted(each.name for each in sources.iterdir()) == [each for each in NEEDED if each != "rclmini"]
