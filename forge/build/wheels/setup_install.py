@@ -182,8 +182,10 @@ class _Template(str):
 
     def __mod__(self, variables: "Any") -> str:
         """Return a script that imports the function, or setuptools' own for a module without function."""
-        point = variables["ep"]
         # An EntryPoint of pkg_resources or of importlib.metadata.
+        point = variables.get("ep")
+        if point is None:  # releases before 80 whose loop is over the names, such as 79.0
+            point = variables["dist"].get_entry_map(variables["group"])[variables["name"]]
         module = getattr(point, "module_name", None) or point.module
         names = point.attrs if hasattr(point, "attrs") else list(filter(None, (point.attr or "").split(".")))
         if not names:
