@@ -24,8 +24,7 @@ from forge.base.errors import (
     print_warnings,
     raise_if_any,
 )
-from forge.base.files import read_file, replace_file
-from forge.base.formats import yaml_text
+from forge.base.files import read_file, read_text, replace_file
 from forge.base.frozen import frozen
 from forge.base.layout import Layout
 from forge.base.options import flag, option, options_of
@@ -35,7 +34,7 @@ from forge.cli.config import configured_word
 from forge.cli.preparation import build_variables, known_rosdistro
 from forge.environment.prefixes import Underlays, find_underlays, provider, system_prefixes
 from forge.plugins.fetch.closure import Needs, check_names, middleware_package, middlewares, needs_of, resolve
-from forge.plugins.fetch.index import Snapshot, read_snapshot
+from forge.plugins.fetch.index import Release, Snapshot, read_snapshot
 from forge.plugins.fetch.lock import (
     LOCK_FILE,
     Lock,
@@ -56,6 +55,7 @@ from forge.plugins.fetch.python import (
     sees_system,
     workspace_environment,
 )
+from forge.plugins.fetch.repos import Imports, import_packages, repos_text
 from forge.plugins.fetch.sources import (
     clone_folder,
     copy_sources,
@@ -97,6 +97,11 @@ class Options:
     offline: bool = flag("use what was downloaded before, and no network")
     vendor: str | None = option("copy the sources to this folder of the workspace", metavar="DIR")
     export: str | None = option("write the repositories and tags for vcs to this file", metavar="FILE.repos")
+    imported: str | None = option(
+        "use the repositories and versions in this file of vcs instead of those of the index",
+        flag="--import",
+        metavar="FILE.repos",
+    )
     index: str | None = option(
         "URL of the index of distributions (default: ROSDISTRO_INDEX_URL, else the public one)", metavar="URL"
     )
@@ -136,7 +141,9 @@ def _fetch(options: Options, root: Path, cache: Path) -> int:
     loaded = load_workspace(root, options.query, {**os.environ, "ROS_DISTRO": distribution})
     raise_if_any(loaded.workspace.problems, WorkspaceError)
     print_warnings(loaded.warnings)
-    middleware, requested = _choices(options, snapshot, before, loaded)
+    imports = _imports(options, snapshot, before, cache)
+    snapshot = replace(snapshot, releases={**snapshot.releases, **imports.releases})
+    middleware, requested = _choices(options, snapshot, before, loaded, imports)
     around = _surroundings(layout, cache, distribution)
     own = loaded.workspace.packages
     needs = resolve(
@@ -146,7 +153,7 @@ def _fetch(options: Options, root: Path, cache: Path) -> int:
         middleware,
         tests=options.test,
     )
-    packages, problems = _locked(options, before, needs, snapshot)
+    packages, problems = _locked(options, before, needs, snapshot, imports)
     lock = Lock(
         distribution,
         snapshot.digest,
@@ -189,10 +196,7 @@ def _fetch(options: Options, root: Path, cache: Path) -> int:
     for line in _system_packages(sources, lock) if sources else ():
         print(line)
     if options.export:
-        entries = {
-            each.name: {"type": "git", "url": each.repository, "version": each.tag} for each in packages
-        }
-        replace_file(Path(options.export), yaml_text({"repositories": entries}).encode())
+        replace_file(Path(options.export), repos_text(packages).encode())
         print(f"wrote {options.export}")
     if options.vendor:
         copy_sources(packages, cache, root / options.vendor)
@@ -224,20 +228,61 @@ def _snapshot(options: Options, distribution: str, lock: Lock | None) -> Snapsho
     return read_snapshot(distribution, os.environ, options.index, offline=options.offline)
 
 
+def _imports(options: Options, snapshot: Snapshot, lock: Lock | None, cache: Path) -> Imports:
+    """Return the packages that are imported, now or when they were locked, and are not those of the index."""
+    kept = {
+        each.name: each
+        for each in (lock.packages if lock and options.update != () else ())
+        if each.name not in (options.update or ())
+        and (each.name not in snapshot.releases or snapshot.releases[each.name].repository != each.repository)
+    }
+    missing = [each.name for each in kept.values() if not source_folder(cache, each).is_dir()]
+    hint = "run 'forge fetch' with network access"
+    if options.offline and (missing or options.imported):
+        what = listed(missing) if missing else f"'{options.imported}'"
+        raise HostError(Problem(f"not downloaded yet: {what}", hint=hint))
+    raise_if_any(download_packages(kept.values(), cache, lambda *_: None), HostError)
+    releases = {
+        name: Release(
+            name,
+            each.version,
+            each.repository,
+            each.tag,
+            read_text(source_folder(cache, each) / "package.xml"),
+        )
+        for name, each in kept.items()
+    }
+    if options.imported:
+        new = import_packages(Path(options.imported), snapshot, cache)
+        return Imports({**kept, **new.packages}, {**releases, **new.releases})
+    return Imports(kept, releases)
+
+
 def _choices(
-    options: Options, snapshot: Snapshot, lock: Lock | None, loaded: LoadedWorkspace
+    options: Options, snapshot: Snapshot, lock: Lock | None, loaded: LoadedWorkspace, imports: Imports
 ) -> tuple[str, tuple[str, ...]]:
     """Return the package of the middleware, and the packages that the user has asked for by name.
 
-    Both are remembered in the lock. Raises SelectionError for names that the distribution does not have.
+    Both are remembered in the lock. Without any package, those are meant that are imported, and the others
+    need no further mention. Raises SelectionError for names that the distribution does not have.
     """
     known = {*(each.name for each in lock.packages), *(each.name for each in lock.modules)} if lock else ()
     check_names([*options.names, *(name for name in options.update or () if name not in known)], snapshot)
+    imported = sorted(middlewares(snapshot) & imports.packages.keys()) if options.imported else []
     if lock and not options.rmw:
         middleware = lock.middleware
+    elif len(imported) == 1 and not options.rmw:
+        middleware = imported[0]
     else:
         middleware = middleware_package(options.rmw or "cyclonedds", snapshot)
     names = {*options.names, *(lock.requested if lock else ())} - loaded.workspace.packages.keys()
+    if options.imported and not (names or loaded.packages):
+        needed = {
+            name
+            for each in imports.packages
+            for name in snapshot.manifest(each).names(BUILD_KINDS | RUN_KINDS)
+        }
+        names = imports.packages.keys() - needed or {*imports.packages}
     if not (names or loaded.packages):
         hint = "change to the root of a workspace, or name packages: forge fetch turtlesim"
         raise SelectionError(Problem(f"no packages found below '{loaded.workspace.root}'", hint=hint))
@@ -338,12 +383,13 @@ def _modules(
 
 
 def _locked(
-    options: Options, lock: Lock | None, needs: Needs, snapshot: Snapshot
+    options: Options, lock: Lock | None, needs: Needs, snapshot: Snapshot, imports: Imports
 ) -> tuple[tuple[LockedPackage, ...], list[Problem]]:
     """Return the needed packages, at the versions of the lock if it has them, and problems with others."""
     moved = options.update or ()
     keep = lock.packages if lock and options.update != () else ()
     pinned = {each.name: each for each in keep if each.name in needs.packages and each.name not in moved}
+    pinned.update((name, each) for name, each in imports.packages.items() if name in needs.packages)
     missing = needs.packages.keys() - pinned.keys()
     if missing and options.offline:
         hint = "run 'forge fetch' with network access"

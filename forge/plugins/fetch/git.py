@@ -54,17 +54,22 @@ class NetworkError(GitError):
     """The server could not be reached, or did not answer, also when asked again."""
 
 
-def commits_of(url: str, tags: Iterable[str]) -> dict[str, str]:
-    """Return the commits of those tags, or branches, that a remote repository has; raises GitError."""
+def commits_of(url: str, tags: Iterable[str], *, branches: bool = True) -> dict[str, str]:
+    """Return the commits of those tags, or branches, that a remote repository has; raises GitError.
+
+    HEAD is the branch that is checked out by default.
+    """
     names = sorted(set(tags))
+    kinds = [each for each in _REFS if branches or each[0] == "tags"]
     commits: dict[str, str] = {}
     for start in range(0, len(names), _BATCH):
         batch = names[start : start + _BATCH]
-        patterns = [f"refs/{kind}/{name}{end}" for name in batch for kind, end in _REFS]
+        patterns = [f"refs/{kind}/{name}{end}" for name in batch for kind, end in kinds]
+        patterns += ["HEAD"] if branches and "HEAD" in batch else []
         answer = _ask("ls-remote", "--", url, *patterns)
         found = dict(line.split("\t")[::-1] for line in answer.splitlines())
         for name in batch:
-            refs = [f"refs/{kind}/{name}{end}" for kind, end in _REFS]
+            refs = [*(f"refs/{kind}/{name}{end}" for kind, end in kinds), *([name] if name == "HEAD" else [])]
             if commit := next((found[ref] for ref in refs if ref in found), None):
                 commits[name] = commit
     return commits
@@ -110,19 +115,16 @@ def fault(folder: Path, commit: str) -> str:
 def _receive(url: str, ref: str, commit: str, repository: Path) -> int:
     _git("init", "--quiet", "--bare", "--initial-branch=main", "--template=", os.fspath(repository))
     # What was received stays one file, whose size is that of the download.
-    words = (
-        *_PLAIN,
-        "-c",
-        "fetch.unpackLimit=1",
-        "fetch",
-        "--quiet",
-        "--depth=1",
-        "--no-tags",
-        "--",
-        url,
-        ref,
-    )
-    _ask(f"--git-dir={repository}", *words)
+    words = (f"--git-dir={repository}", *_PLAIN, "fetch", "--quiet", "--depth=1", "--no-tags", "--", url)
+    if ref == commit:
+        _ask(*words, commit)
+    else:
+        try:
+            _ask(*words, f"refs/tags/{ref}")
+        except NetworkError:
+            raise
+        except GitError:  # a branch, which may have moved, or a tag that is gone
+            _ask(*words, commit)
     received = _git(f"--git-dir={repository}", "rev-parse", "--verify", "FETCH_HEAD^{commit}").strip()
     if received != commit:
         message = f"the tag '{ref}' of '{without_passwords(url)}' was moved: it is {received}, not {commit}"

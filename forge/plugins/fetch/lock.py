@@ -14,7 +14,7 @@ from forge.base.errors import HostError, Location, Problem, WorkspaceError
 from forge.base.files import read_file, replace_file
 from forge.base.formats import read_toml
 from forge.base.frozen import frozen
-from forge.base.names import is_package_name, is_safe_name
+from forge.base.names import is_package_name, is_safe_name, is_safe_relative_path
 
 LOCK_FILE = "forge.lock"
 _FORMAT = 1
@@ -27,13 +27,16 @@ _HEADER = (
 
 @frozen
 class LockedPackage:
-    """A package with the commit that its tag names; the root of that tree is the package."""
+    """A package with the commit that its tag names."""
 
     name: str
     version: str
     repository: str
     tag: str
+    """What is asked for: of an imported branch, the commit."""
     commit: str
+    path: str = ""
+    """The folder of the package in the tree of the commit, '' for all of it."""
 
 
 @frozen
@@ -135,6 +138,9 @@ def read_lock(root: Path) -> Lock | None:
         if not (is_package_name(each.name) and is_safe_name(each.version)):
             message = f"malformed lock: invalid name or version: '{each.name}', '{each.version}'"
             raise WorkspaceError(Problem(message, Location(path), hint))
+        if each.path and not is_safe_relative_path(each.path):
+            message = f"malformed lock: invalid path of '{each.name}': '{each.path}'"
+            raise WorkspaceError(Problem(message, Location(path), hint))
     return lock
 
 
@@ -178,6 +184,8 @@ def _tables(name: str, entries: Iterable[Mapping[str, object]]) -> Iterator[str]
 
 def _lines(fields: Mapping[str, Any]) -> Iterator[str]:
     for key, value in fields.items():
+        if key == "path" and not value:
+            continue
         # Strings, numbers and booleans of JSON are those of TOML.
         text = json.dumps(value, ensure_ascii=False)
         if key == "hashes":

@@ -68,7 +68,7 @@ def lock_packages(names: Iterable[str], snapshot: Snapshot) -> tuple[list[Locked
 
     locked, problems = [], []
     unreachable: list[tuple[str, NetworkError]] = []
-    for url, commits in _in_parallel(look_up, by_repository):
+    for url, commits in in_parallel(look_up, by_repository):
         releases = by_repository[url]
         if isinstance(commits, NetworkError):
             unreachable += ((each.name, commits) for each in releases)
@@ -105,17 +105,17 @@ def download_packages(
     """
 
     def download(package: LockedPackage) -> None:
-        with _new_folder(source_folder(cache, package)) as draft:
-            size = git.check_out(package.repository, package.tag, package.commit, draft)
-            delete_tree(draft / ".git")
-            _make_read_only(draft)
-            write_record(source_folder(cache, package), draft)
+        parent = source_folder(cache, package).parent
+        parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=".", dir=parent) as tree:
+            size = git.check_out(package.repository, package.tag, package.commit, Path(tree))
+            place_package(Path(tree), package, cache)
         done(package.name, size)
 
     missing = [each for each in packages if not source_folder(cache, each).is_dir()]
     problems = []
     unreachable: list[tuple[str, NetworkError]] = []
-    for package, result in _in_parallel(download, missing):
+    for package, result in in_parallel(download, missing):
         if isinstance(result, NetworkError):
             unreachable.append((package.name, result))
         elif isinstance(result, ForgeError):
@@ -124,6 +124,16 @@ def download_packages(
                 for each in result.problems
             ]
     return [*problems, *_network_problem(unreachable)]
+
+
+def place_package(tree: Path, package: LockedPackage, cache: Path) -> None:
+    """Copy a package from the tree of its commit to its folder in the cache."""
+    folder = source_folder(cache, package)
+    with _new_folder(folder) as draft:
+        ignored = shutil.ignore_patterns(".git")
+        shutil.copytree(tree / package.path, draft, symlinks=True, dirs_exist_ok=True, ignore=ignored)
+        _make_read_only(draft)
+        write_record(folder, draft)
 
 
 def lock_clones(
@@ -149,7 +159,7 @@ def lock_clones(
         return tag if len(tag) == 40 else git.commits_of(url, [tag]).get(tag, "")
 
     clones, problems = [], []
-    for (url, tag), commit in _in_parallel(look_up, users):
+    for (url, tag), commit in in_parallel(look_up, users):
         names = tuple(sorted(users[url, tag]))
         if isinstance(commit, str) and commit:
             clones.append(Clone(url, tag, commit, names))
@@ -172,13 +182,13 @@ def download_clones(
     missing = [each for each in clones if not clone_folder(cache, each).is_dir()]
     return [
         replace(problem, message=f"cannot download '{clone.repository}': {problem.message}")
-        for clone, result in _in_parallel(download, missing)
+        for clone, result in in_parallel(download, missing)
         if isinstance(result, ForgeError)
         for problem in result.problems
     ]
 
 
-def _in_parallel(
+def in_parallel(
     function: Callable[[_Item], _Result], items: Iterable[_Item]
 ) -> Iterator[tuple[_Item, _Result | ForgeError]]:
     """Yield each item with the result of the function, or with the error that it raised, in order."""
