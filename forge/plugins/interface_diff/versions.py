@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import os
 import subprocess
-import tarfile
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
-from io import BytesIO
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 from forge.base.errors import (
     ForgeError,
@@ -23,7 +21,7 @@ from forge.base.errors import (
 from forge.base.files import read_file
 from forge.base.layout import IGNORE_MARK
 from forge.interfaces.model import Catalog, TypeName
-from forge.interfaces.read.parsing import SECTIONS, Parsed, parse_all
+from forge.interfaces.read.parsing import ENDINGS, SECTIONS, Parsed, parse_all
 from forge.interfaces.read.sources import Library, read_source
 from forge.interfaces.resolve.resolution import resolve
 from forge.workspace.manifest import parse_manifest
@@ -41,29 +39,51 @@ def opened(text: str) -> Iterator[tuple[Path, str]]:
     if Path(text).is_dir():
         yield Path(text), Path(text).resolve().name
         return
-    archive = _git("archive", "--format=tar", "--end-of-options", text)
-    if archive.returncode:
-        reason = archive.stderr.decode(errors="replace").strip().removeprefix("fatal: ")
+    # Without ':', git lists the current folder of the tree.
+    listed = _git("ls-tree", "-r", "-z", *(("--full-tree",) if ":" in text else ()), "--end-of-options", text)
+    if listed.returncode:
+        reason = listed.stderr.decode(errors="replace").strip().removeprefix("fatal: ")
         hint = "revisions are those of the repository around this folder, as in HEAD~1 or v1.2.0:src/my_msgs"
         raise SelectionError(Problem(f"'{text}' is no folder and no revision of git: {reason}", hint=hint))
     with tempfile.TemporaryDirectory(prefix="forge-") as folder:
-        with tarfile.open(fileobj=BytesIO(archive.stdout)) as tar:
-            names = [each for each in tar if each.isdir() or _is_read(each.name)]
-            tar.extractall(folder, members=names, filter="data")
+        _extract(listed.stdout, Path(folder), text)
         try:
             yield Path(folder), Path(text.partition(":")[2] or Path.cwd()).name
         except ForgeError as error:
             raise type(error)(*(_renamed(each, Path(folder), text) for each in error.problems)) from None
 
 
-def _is_read(name: str) -> bool:
-    base = name.rpartition("/")[2]
-    return base in {"package.xml", *_IGNORED} or base.endswith((".msg", ".srv", ".action", ".idl"))
+def _extract(listing: bytes, folder: Path, revision: str) -> None:
+    """Write definitions and manifests into a folder; `listing` is that of `git ls-tree -r -z`.
+
+    Raises SelectionError if a clone lacks one.
+    """
+    objects: dict[str, str] = {}
+    for entry in filter(None, listing.decode(errors="surrogateescape").split("\0")):
+        (mode, _, name), path = entry.partition("\t")[0].split(" "), entry.partition("\t")[2]
+        if mode.startswith("100") and _is_read(PurePosixPath(path)):
+            objects[path] = name
+    contents = _git("cat-file", "--batch", content="\n".join(objects.values()).encode()).stdout
+    at = 0
+    for path in objects:
+        end = contents.index(b"\n", at)
+        size = contents[at:end].rpartition(b" ")[2]
+        if not size.isdigit():
+            message = f"'{path}' of '{revision}' is not in this clone"
+            raise SelectionError(Problem(message, hint="fetch it: git fetch --unshallow, or --refetch"))
+        at = end + 1 + int(size) + 1
+        (folder / path).parent.mkdir(parents=True, exist_ok=True)
+        (folder / path).write_bytes(contents[end + 1 : at - 1])
 
 
-def _git(*words: str) -> subprocess.CompletedProcess[bytes]:
+def _is_read(path: PurePosixPath) -> bool:
+    is_safe = ".." not in path.parts
+    return is_safe and (path.name in {"package.xml", *_IGNORED} or path.suffix.removeprefix(".") in ENDINGS)
+
+
+def _git(*words: str, content: bytes = b"") -> subprocess.CompletedProcess[bytes]:
     try:
-        return subprocess.run(("git", *words), capture_output=True, check=False)
+        return subprocess.run(("git", *words), input=content, capture_output=True, check=False)
     except OSError:
         hint = "install it, or name folders instead of revisions"
         raise SelectionError(Problem("git is not installed", hint=hint)) from None
