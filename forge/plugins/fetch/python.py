@@ -50,6 +50,7 @@ REQUIREMENTS = {
     "python3-psutil": "psutil",
     "python3-setuptools": "setuptools<80",  # Humble's packages do not support setuptools 80
     "python3-typeguard": "typeguard",
+    "python3-vcstool": "vcs2l",  # the same program, still maintained
     "python3-yaml": "PyYAML",
 }
 """The distributions on PyPI of rosdep's keys."""

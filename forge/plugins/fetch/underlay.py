@@ -224,6 +224,8 @@ def _run_build(
     # Users set it for their nodes; packages of ROS that ask for it would be built anew whenever it changes.
     own = {name: value for name, value in variables.items() if name != "RMW_IMPLEMENTATION"}
     own |= _clone_settings(folder, lock, cache, own)
+    # For programs that the system lacks, such as the vcs of packages that clone.
+    own["PATH"] = os.pathsep.join([*filter(None, [own.get("PATH")]), str(Path(python).parent)])
     if options.cache.remote_cache:
         own["FORGE_REMOTE_CACHE"] = options.cache.remote_cache  # as an option, all users could see a password
     sources = linked_sources(folder)

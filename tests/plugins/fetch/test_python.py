@@ -209,6 +209,22 @@ def test_names_of_rosdep_are_found_on_pypi(ros: Ros, uv: Index, forge: Forge, tm
     assert forge("fetch", "--locked", cwd=workspace, env={**env, "ROS_HOME": "/nowhere"}).code == 0
 
 
+def test_packages_find_programs_that_pypi_has(ros: Ros, uv: Index, forge: Forge, tmp_path: Path) -> None:
+    uv.add("vcs2l", "1.0", text="def main(): print('the program')", program="only-on-pypi")
+    find = """\
+find_program(PROGRAM only-on-pypi REQUIRED)
+execute_process(COMMAND ${PROGRAM} OUTPUT_FILE ${CMAKE_CURRENT_BINARY_DIR}/printed.txt)
+install(FILES ${CMAKE_CURRENT_BINARY_DIR}/printed.txt DESTINATION share)"""
+    ros.release("cloning", *depends("python3-vcstool"), cmake=find)
+    workspace, env = tmp_path / "ws", {**ros.variables(), **uv.variables()}
+    workspace.mkdir()
+    for command in (("fetch", "cloning"), ("build",)):
+        ran = forge(*command, cwd=workspace, env=env)
+        assert ran.code == 0, ran.err
+    (printed,) = (tmp_path / "ros/user cache/forge/ros/underlays").glob("*/install/share/printed.txt")
+    assert printed.read_text() == "the program\n"
+
+
 def test_python_workspace_needs_no_package_of_ros(uv: Index, ros: Ros, forge: Forge, tmp_path: Path) -> None:
     project = "[project]\nname = 'tool'\nversion = '1'\ndependencies = ['tiny']\n"
     files = {"package.xml": manifest_text("tool", build_type="ament_python"), "pyproject.toml": project}

@@ -20,8 +20,8 @@ class Index:
         self.files = root / "files"
         self.files.mkdir(parents=True)
 
-    def add(self, name: str, version: str, *requires: str, text: str = "") -> str:
-        """Write a wheel with one module; return its hash."""
+    def add(self, name: str, version: str, *requires: str, text: str = "", program: str = "") -> str:
+        """Write a wheel with one module, whose `main` may be a program; return its hash."""
         module, info = name.lower(), f"{name}-{version}.dist-info"
         metadata = f"Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n"
         files = {
@@ -29,6 +29,8 @@ class Index:
             f"{info}/METADATA": metadata + "".join(f"Requires-Dist: {each}\n" for each in requires),
             f"{info}/WHEEL": "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n",
         }
+        if program:
+            files[f"{info}/entry_points.txt"] = f"[console_scripts]\n{program} = {module}:main\n"
         record = "".join(f"{path},{_hash(content)},{len(content)}\n" for path, content in files.items())
         files[f"{info}/RECORD"] = f"{record}{info}/RECORD,,\n"
         path = self.files / f"{name}-{version}-py3-none-any.whl"
