@@ -21,11 +21,10 @@ from forge.base.text import counted, duration
 
 
 class Report:
-    """What the events of the build in a folder say; with `show`, a terminal shows its progress."""
+    """What the events of the build in a folder say; with `status`, a terminal shows its progress."""
 
-    def __init__(self, folder: Path, *, show: bool) -> None:
+    def __init__(self, folder: Path, *, status: bool) -> None:
         self.folder = folder
-        self.show = show
         self.good: set[str] = set()
         """Packages that are up to date, or were built."""
         self.failed: list[str] = []
@@ -34,7 +33,8 @@ class Report:
         """What is no event: errors that prevent the build, and warnings."""
         self._total = 0
         self._running: list[str] = []
-        self._status = show and sys.stderr.isatty()
+        dumb = os.environ.get("TERM", "") in {"", "dumb"}
+        self._status = status and sys.stderr.isatty() and not dumb
 
     def take(self, line: str) -> str:
         """Note a line of the output, and return the kind of its event, '' if it is none."""

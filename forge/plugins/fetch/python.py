@@ -3,6 +3,7 @@
 There are two environments, since the underlay outlives every workspace: programs of ROS name the interpreter
 that they start with, which may not be that of a workspace somebody removes. `UNDERLAY/venv` has the modules
 with which ROS is built and runs; `.venv` in the workspace has those and what its own packages need.
+Functions import what takes long, since each build of a workspace with a lock imports this module.
 """
 
 from __future__ import annotations
@@ -15,14 +16,9 @@ import shutil
 import subprocess
 import sys
 import tempfile
-import urllib.parse
-import urllib.request
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
-
-from packaging.requirements import InvalidRequirement, Requirement
-from packaging.utils import canonicalize_name, parse_sdist_filename, parse_wheel_filename
 
 from forge.base.errors import HostError, Problem, WorkspaceError
 from forge.base.files import delete_tree, replace_file, text_or_nothing
@@ -92,6 +88,9 @@ def declared_requirements(packages: Iterable[Package], provided: Collection[str]
     setup.py is not run: only literals count. 'setuptools' by itself, which every template names, is needed
     only to build, where forge has it.
     """
+    from packaging.requirements import InvalidRequirement, Requirement
+    from packaging.utils import canonicalize_name
+
     others = {canonicalize_name(name) for name in provided}
     found = set()
     for text in (each for package in packages for each in _texts(package.path)):
@@ -129,6 +128,8 @@ def lock_modules(
 
     Raises HostError if there are none, or the index cannot be reached.
     """
+    if not wanted:
+        return ()
     installer = _Installer(python, cache, offline=offline)
     of_ros = installer.resolve(ros, pinned)
     modules = of_ros if set(wanted) == set(ros) else installer.resolve(wanted, pinned)
@@ -322,6 +323,8 @@ class _Installer:
     def _resolve_by_uv(
         self, wanted: Path, constraints: Path, _pinned: Sequence[Module]
     ) -> dict[str, tuple[str, tuple[str, ...]]]:
+        from packaging.utils import canonicalize_name
+
         words = [str(self._uv), "pip", "compile", str(wanted), "--constraint", str(constraints)]
         words += ["--python", self._python, "--generate-hashes", "--no-header", "--no-annotate", "--quiet"]
         words += ["--offline"] if self._offline else []
@@ -367,6 +370,9 @@ class _Installer:
 
 def _published(index: str, name: str, version: str) -> set[str]:
     """Return the hashes of all files of a version that an index lists (PEP 503); empty if it cannot tell."""
+    import urllib.parse
+    import urllib.request
+
     found: set[str] = set()
     if index:
         with suppress(OSError, ValueError):
@@ -381,6 +387,8 @@ def _published(index: str, name: str, version: str) -> set[str]:
 
 def _name_and_version(file: str) -> tuple[str, str]:
     """Return name and version in the name of a wheel or source archive; raises ValueError."""
+    from packaging.utils import parse_sdist_filename, parse_wheel_filename
+
     parsed = parse_wheel_filename(file)[:2] if file.endswith(".whl") else parse_sdist_filename(file)
     return str(parsed[0]), str(parsed[1])
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 import fcntl
 import json
 import os
-import platform
 import shutil
 import sys
 import time
@@ -87,7 +86,7 @@ def build(
             foreign.remove(path)
             variables = without_own(variables, Layout(path, path, None))
     key = digest(
-        platform.machine(),
+        os.uname().machine,
         str(cache),  # the package cache compares results of folders with different names
         *map(str, foreign),
         *(
@@ -105,7 +104,7 @@ def build(
                 os.utime(folder / BUILT)
             return (folder / "install",)
         folder.mkdir(parents=True, exist_ok=True)
-        with locked(folder):
+        with locked(folder, wait=not options.folders.no_wait):
             # The forge that had the lock may have built these packages, or others with the same names.
             if built_packages(folder).items() >= wanted.items() or not _fits(folder, wanted):
                 continue
@@ -151,11 +150,14 @@ def lock_path(folder: Path) -> Path:
 
 
 @contextmanager
-def locked(folder: Path) -> Iterator[None]:
+def locked(folder: Path, *, wait: bool) -> Iterator[None]:
     with lock_path(folder).open("w") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
+            if not wait:
+                hint = "try again later, or omit '--no-wait'"
+                raise HostError(Problem(f"another forge builds in '{folder}'", hint=hint)) from None
             print(f"waiting for another forge that builds in '{folder}'", file=sys.stderr, flush=True)
             fcntl.flock(file, fcntl.LOCK_EX)
         folder.mkdir(exist_ok=True)
@@ -238,9 +240,10 @@ def _run_build(
         built = {name: path.name for name, path in sources.items() if name in good}
         replace_file(folder / BUILT, json.dumps(built, indent=1).encode())
 
-    report = nested.Report(folder, show=options.report.handlers["console_start_end"])
-    what = nested.title(len(sources), lock.distribution)
-    if report.show:
+    handlers = options.report.handlers
+    shows, what = handlers["console_start_end"], nested.title(len(sources), lock.distribution)
+    report = nested.Report(folder, status=shows and handlers["status"])
+    if shows:
         print(f"building {what} in '{folder}', once for all workspaces", file=sys.stderr, flush=True)
     # Until the build has looked at all packages, none counts as built, also if this forge is killed.
     (folder / BUILT).unlink(missing_ok=True)
@@ -253,7 +256,7 @@ def _run_build(
         sys.stderr.write("".join(report.text))
         message = f"the packages of '{LOCK_FILE}' could not be built"
         raise HostError(Problem(message, hint=f"see above; the workspace of the packages is '{folder}'"))
-    if report.show:
+    if shows:
         print(f"built {what} [{duration(time.monotonic() - began)}]", file=sys.stderr, flush=True)
 
 

@@ -1,5 +1,6 @@
 """The build of locked packages inside of `forge build`: what it prints, ends, repeats and shares."""
 
+import fcntl
 import json
 import os
 import shutil
@@ -11,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from forge.plugins.fetch.underlay import lock_path
 from forge.toolchain.interpreter import own_command
 from tests.conftest import Forge
 from tests.packages import manifest_text, write_files
@@ -113,6 +115,17 @@ def test_extension_that_fails_halfway_leaves_no_broken_package_as_built(
     assert ran.code == 2, "its underlay is broken, which a build has to say"
 
 
+def test_packages_without_python_modules_need_neither_uv_nor_an_environment(
+    ros: Ros, forge: Forge, tmp_path: Path
+) -> None:
+    workspace, env = new_workspace(tmp_path / "ws"), ros.variables()
+    folders = os.environ["PATH"].split(os.pathsep)
+    env["PATH"] = os.pathsep.join(each for each in folders if not Path(each, "uv").exists())
+    ran = forge("fetch", cwd=workspace, env=env)
+    assert (ran.code, ran.err) == (0, "")
+    assert not (workspace / ".venv").exists()
+
+
 def test_second_workspace_builds_no_package_of_the_underlay_again(
     ros: Ros, forge: Forge, tmp_path: Path
 ) -> None:
@@ -166,7 +179,8 @@ def test_workspace_without_a_lock_neither_imports_nor_looks_for_the_plugin(
     script = """\
 import sys
 seen = []
-sys.addaudithook(lambda name, arguments: name != "compile" and seen.append(f"{name} {arguments}"))
+seen_events = ("open", "os.", "subprocess.")
+sys.addaudithook(lambda name, words: name.startswith(seen_events) and seen.append(f"{name} {words}"))
 from forge.cli.main import main
 code = main(["build"])
 print([name for name in sys.modules if "fetch" in name or name in ("rosdistro", "tomllib")])
@@ -209,6 +223,18 @@ def test_interrupt_ends_the_build_of_the_underlay_once(ros: Ros, forge: Forge, t
     assert built(tmp_path) == {"lib_vendor"}
     commands = [path.read_bytes() for path in Path("/proc").glob("[0-9]*/cmdline") if path.exists()]
     assert b"sleep\x00600.25\x00" not in commands
+
+
+def test_no_wait_does_not_wait_for_a_build_of_the_underlay(ros: Ros, forge: Forge, tmp_path: Path) -> None:
+    workspace, env = new_workspace(tmp_path / "ws"), ros.variables()
+    assert forge("fetch", cwd=workspace, env=env).code == 0
+    assert forge("build", cwd=workspace, env=env).code == 0
+    (underlay(tmp_path) / "built.json").unlink()
+    with lock_path(underlay(tmp_path)).open("a") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        ran = forge("build", "--no-wait", cwd=workspace, env=env)
+    assert ran.code == 2
+    assert f"error: another forge builds in '{underlay(tmp_path)}'" in ran.err
 
 
 def test_underlay_joins_the_jobserver_of_a_parent_make(ros: Ros, forge: Forge, tmp_path: Path) -> None:
