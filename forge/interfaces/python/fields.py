@@ -23,7 +23,6 @@ from forge.interfaces.model import (
 from forge.interfaces.python.types import (
     DTYPES,
     INTEGERS,
-    TYPE_CODES,
     literal,
     numeric,
     scalar,
@@ -126,7 +125,7 @@ def _convert(field: Field) -> str:
         return f"_arrays.new_array({field.name!r}, {variable}, {number!r}, {field.type.size})"
     if isinstance(field.type, Sequence) and field.type.bound is not None:
         return f"_checks.new_numbers({field.name!r}, {variable}, {number!r}, {field.type.bound})"
-    return f"_array({TYPE_CODES[number]!r}, {variable})"
+    return f"_checks.new_numbers({field.name!r}, {variable}, {number!r})"
 
 
 def _accept(field: Field, classes: Mapping[TypeName, str]) -> tuple[str, ...]:

@@ -32,6 +32,16 @@ def test_with_o_values_are_converted_without_checks(probe: Path) -> None:
     assert run_python(probe, code, "-O") == "x array ndarray"
 
 
+def test_with_o_an_array_of_another_type_code_is_converted(probe: Path) -> None:
+    """Its bytes would be written as they are."""
+    code = (
+        "import array, forge_cdr; from probe.msg import Loose\n"
+        "loose = Loose(); loose.a_uint8 = array.array('i', [1, 2])\n"
+        "print(loose.a_uint8.typecode, forge_cdr.deserialize(forge_cdr.serialize(loose), Loose).a_uint8.tolist())"
+    )
+    assert run_python(probe, code, "-O") == "B [1, 2]"
+
+
 def test_serializers_are_loaded_with_the_first_message(tmp_path: Path) -> None:
     generate_embedded(tmp_path)
     code = (

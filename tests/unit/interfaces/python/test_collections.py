@@ -9,6 +9,7 @@ from collections.abc import Iterable
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 import pytest
@@ -99,6 +100,67 @@ def test_assigning_numbers_converts_them_to_an_array(
     for message in (msg.Fixed(), msg.Loose()):
         setattr(message, name, value)
         assert repr(list(map(float, getattr(message, name)))) == repr(list(map(float, value)))
+
+
+IMAGE = np.arange(24, dtype=np.uint8).reshape(2, 3, 4)
+BUFFERS = [
+    ("a_uint8", IMAGE),
+    ("a_uint8", IMAGE[:, ::2]),
+    ("a_uint8", np.asfortranarray(IMAGE)),
+    ("a_uint8", np.zeros((0, 3), np.uint8)),
+    ("a_uint8", bytearray(b"abc")),
+    ("a_uint8", memoryview(b"abcdef")[::2]),
+    ("a_uint8", np.array([0, 255])),
+    ("a_uint8", np.array([True, False])),
+    ("a_int8", np.array([-128, 127], np.int64)),
+    ("a_int16", np.array([1, 2], ">i2")),
+    ("a_uint64", np.array([2**64 - 1], np.uint64)),
+    ("a_int64", np.array([-(2**63)], "long")),
+    ("a_float32", np.array([1.5, math.inf, -math.inf], np.float64)),
+    ("a_float32", np.array([1.5], np.float16)),
+    ("a_float32", np.array([3], np.uint8)),
+    ("a_float64", np.array([1.5, math.nan], np.float32)),
+    ("a_float64", memoryview(array("d", [2.5]))),
+]
+
+
+@pytest.mark.parametrize(("name", "value"), BUFFERS)
+def test_numbers_in_buffers_are_copied_in_c_order(msg: ModuleType, name: str, value: Any) -> None:
+    expected = np.asarray(value).ravel().tolist()
+    assigned, constructed = msg.Loose(), msg.Loose(**{name: value})
+    setattr(assigned, name, value)
+    for message in (assigned, constructed):
+        found = getattr(message, name)
+        assert isinstance(found, array)
+        assert repr(list(map(float, found))) == repr(list(map(float, expected)))
+    if np.asarray(value).size == 3:
+        fixed = msg.Fixed(**{name: np.asarray(value)})
+        assert repr(getattr(fixed, name).tolist()) == repr(getattr(assigned, name).tolist())
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("a_uint8", np.array([256])),
+        ("a_uint8", np.array([-1])),
+        ("a_uint8", np.array([1.0])),
+        ("a_int64", np.array([2**63], np.uint64)),
+        ("a_float32", np.array([1e39])),
+        ("a_float32", np.array([1j])),
+        ("a_uint8", np.uint8(5)),
+        ("a_uint8", np.array(["1"])),
+        ("a_uint8", np.array(["2026-01-01"], "datetime64[D]")),
+    ],
+)
+def test_numbers_that_do_not_fit_are_refused(msg: ModuleType, name: str, value: Any) -> None:
+    with pytest.raises(AssertionError, match=f"^The '{name}' field must be a set or sequence and each value"):
+        setattr(msg.Loose(), name, value)
+
+
+def test_an_array_of_another_type_that_fits_is_converted(msg: ModuleType) -> None:
+    fixed = msg.Fixed()
+    fixed.a_uint8 = np.array([1, 2, 3])
+    assert (fixed.a_uint8.dtype, fixed.a_uint8.tolist()) == (np.uint8, [1, 2, 3])
 
 
 @pytest.mark.parametrize("value", [[1.0], iter([1]), "", 5, None, {1: 1.5}, np.zeros(3), [300], ["a"]])

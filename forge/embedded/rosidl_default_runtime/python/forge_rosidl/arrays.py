@@ -23,12 +23,15 @@ def new_array(name: str, value: Any, type_name: str, size: int) -> np.ndarray[An
 
 
 def array(name: str, value: Any, type_name: str, size: int) -> np.ndarray[Any, Any]:
-    """Return an ndarray of the right dtype and size unchanged, and convert a set or sequence of numbers."""
+    """Return an ndarray of the right dtype and size unchanged, and convert other numbers that fit."""
     dtype = _DTYPES[type_name]
     if isinstance(value, np.ndarray):
-        wanted = f"numpy.{dtype.name}"
-        assert value.dtype == dtype, f"The '{name}' numpy.ndarray() must have the dtype of '{wanted}'"
         assert value.size == size, f"The '{name}' numpy.ndarray() must have a size of {size}"
-        return value
+        if value.dtype == dtype:
+            return value
+        wanted = f"numpy.{dtype.name}"
+        copied = checks.copy_of(value, type_name)
+        assert copied is not None, f"The '{name}' numpy.ndarray() must have the dtype of '{wanted}'"
+        return np.array(value if copied is None else copied, dtype)
     checks.elements(name, value, type_name, size=size)
     return np.array(list(value), dtype)

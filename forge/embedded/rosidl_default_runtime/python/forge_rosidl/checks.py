@@ -11,7 +11,7 @@ from array import array
 from collections import UserList, UserString
 from collections.abc import Sequence
 from collections.abc import Set as AbstractSet
-from math import isinf
+from math import inf, isinf
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 if TYPE_CHECKING:
@@ -162,21 +162,71 @@ def characters(
 
 
 def numbers(name: str, value: Any, type_name: str, bound: int | None = None) -> array[Any]:
-    """Return an `array.array` of the right type code unchanged, and convert a set or sequence of numbers."""
+    """Return an `array.array` of the right type code unchanged, and convert other numbers.
+
+    Those of a buffer, such as a numpy array, are copied at once.
+    """
     kind = NUMBERS[type_name]
     if isinstance(value, array):
         assert value.typecode == kind.code, (
             f"The '{name}' array.array() must have the type code of '{kind.code}'"
         )
         assert bound is None or len(value) <= bound, f"The '{name}' array.array() must have a size <= {bound}"
-        return value
-    elements(name, value, type_name, bound=bound)
-    return array(kind.code, value)
+        return value if value.typecode == kind.code else array(kind.code, value)
+    copied = copy_of(value, type_name)
+    if copied is None:
+        elements(name, value, type_name, bound=bound)
+        return array(kind.code, value)
+    assert bound is None or len(copied) <= bound, f"{_must(name, None, bound)}"
+    return copied
 
 
 def new_numbers(name: str, value: Iterable[Any], type_name: str, bound: int | None = None) -> array[Any]:
     """Return a new `array.array` for an argument of a constructor; exceptions of the array propagate."""
-    return numbers(name, array(NUMBERS[type_name].code, value), type_name, bound)
+    made = copy_of(value, type_name)
+    if made is None:
+        made = array(NUMBERS[type_name].code, value)
+    return made if bound is None else numbers(name, made, type_name, bound)
+
+
+def copy_of(value: Any, type_name: str) -> array[Any] | None:
+    """Return a copy of the numbers in a buffer, in C order; None if they do not all fit, or for other values.
+
+    Numbers of another type than the field's are converted by numpy, if they are in one of its arrays.
+    """
+    if value.__class__ is list or value.__class__ is tuple:
+        return None
+    try:
+        view = memoryview(value)
+    except (TypeError, BufferError, ValueError):  # numpy has types that no buffer has
+        return None
+    if not view.ndim:  # a single number
+        return None
+    kind = NUMBERS[type_name]
+    made = array(kind.code)
+    if view.itemsize != made.itemsize or view.format not in _FORMATS[kind.code]:
+        if not hasattr(value, "astype") or not _is_convertible(value, kind):
+            return None
+        view = memoryview(value.astype(kind.code))
+    if view.nbytes:  # no view of nothing can be cast
+        made.frombytes(view.cast("B") if view.c_contiguous else view.tobytes())
+    return made
+
+
+_FORMATS: Final = {
+    **{code: frozenset(same) for same in ("bhilq", "BHILQ") for code in same},
+    **{code: frozenset({code}) for code in "fd"},
+}
+"""The formats of buffers whose elements, if of the same size, are those of an array with this type code."""
+
+
+def _is_convertible(values: Any, kind: Number) -> bool:
+    """Tell whether all elements of a numpy array are in the range of a type, and none loses a fraction."""
+    if kind.python is int:
+        return values.dtype.kind in "biu" and not ((values < kind.low) | (values > kind.high)).any()
+    if values.dtype.kind != "f" or kind.code == "d" or values.itemsize <= array(kind.code).itemsize:
+        return values.dtype.kind in "iuf"
+    return not ((abs(values) > kind.high) & (abs(values) != inf)).any()
 
 
 def elements(

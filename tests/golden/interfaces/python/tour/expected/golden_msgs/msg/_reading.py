@@ -96,7 +96,7 @@ class Reading(_messages.Message, metaclass=Metaclass_Reading):
         if history is ...:
             self._history = _no_float[:]
         else:
-            self._history = _array('f', history)
+            self._history = _checks.new_numbers('history', history, 'float')
         if tags is ...:
             self._tags = self.TAGS__DEFAULT[:]
         else:
