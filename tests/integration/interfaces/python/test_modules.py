@@ -37,7 +37,8 @@ def test_with_o_an_array_of_another_type_code_is_converted(probe: Path) -> None:
     code = (
         "import array, forge_cdr; from probe.msg import Loose\n"
         "loose = Loose(); loose.a_uint8 = array.array('i', [1, 2])\n"
-        "print(loose.a_uint8.typecode, forge_cdr.deserialize(forge_cdr.serialize(loose), Loose).a_uint8.tolist())"
+        "read = forge_cdr.deserialize(forge_cdr.serialize(loose), Loose)\n"
+        "print(loose.a_uint8.typecode, read.a_uint8.tolist())"
     )
     assert run_python(probe, code, "-O") == "B [1, 2]"
 
