@@ -46,8 +46,9 @@ OWN: Mapping[str, Mapping[str, str]] = {
         "docs": "forge.plugins.interface_pages.markdown",
     },
     VERBS: {
-        "diff": "forge.plugins.interface_diff.command",
+        "diff": "forge.plugins.interface_versions.diff",
         "docs": "forge.plugins.interface_pages.command",
+        "fix": "forge.plugins.interface_versions.fix",
     },
     TOOLCHAINS: {"cross": "forge.plugins.cross.toolchain"},
     BUILD_TYPES: {

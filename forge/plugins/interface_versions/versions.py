@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
 import tempfile
 from collections.abc import Iterator, Mapping
@@ -15,18 +14,13 @@ from forge.base.errors import (
     InterfaceError,
     Problem,
     SelectionError,
-    WorkspaceError,
     raise_if_any,
 )
-from forge.base.files import read_file
-from forge.base.layout import IGNORE_MARK
 from forge.interfaces.model import Catalog, TypeName
-from forge.interfaces.read.parsing import ENDINGS, SECTIONS, Parsed, parse_all
+from forge.interfaces.read.parsing import ENDINGS, Parsed, parse_all
 from forge.interfaces.read.sources import Library, read_source
 from forge.interfaces.resolve.resolution import resolve
-from forge.workspace.manifest import parse_manifest
-
-_IGNORED = frozenset({IGNORE_MARK, "AMENT_IGNORE"})
+from forge.plugins.interface_versions.packages import IGNORED, definitions_in, packages_in
 
 
 @contextmanager
@@ -78,7 +72,7 @@ def _extract(listing: bytes, folder: Path, revision: str) -> None:
 
 def _is_read(path: PurePosixPath) -> bool:
     is_safe = ".." not in path.parts
-    return is_safe and (path.name in {"package.xml", *_IGNORED} or path.suffix.removeprefix(".") in ENDINGS)
+    return is_safe and (path.name in {"package.xml", *IGNORED} or path.suffix.removeprefix(".") in ENDINGS)
 
 
 def _git(*words: str, content: bytes = b"") -> subprocess.CompletedProcess[bytes]:
@@ -106,9 +100,9 @@ def catalogs_in(folder: Path, name: str, others: Library, package: str | None) -
     """
     problems: list[Problem] = []
     parsed: dict[str, tuple[Parsed, ...]] = {}
-    for each, home in _packages(folder, package or name):
+    for each, home in packages_in(folder, package or name):
         try:
-            found = parse_all([read_source(each, home, relative) for relative in _definitions(home)])
+            found = parse_all([read_source(each, home, relative) for relative in definitions_in(home)])
         except InterfaceError as error:
             problems += error.problems
             continue
@@ -151,36 +145,3 @@ class _Here:
 
     def declares(self, package: str) -> bool:
         return self._others.declares(package)
-
-
-def _packages(root: Path, package: str) -> Iterator[tuple[str, Path]]:
-    """Yield the names and folders of the packages below a folder: of sources, or installed ones."""
-    for path, folders, files in os.walk(root):
-        if "package.xml" in files:
-            home = Path(path)
-            try:
-                name = parse_manifest(read_file(home / "package.xml"), home / "package.xml", os.environ).name
-            except WorkspaceError:
-                name = home.name
-            yield name, home
-            folders.clear()
-            continue
-        if path != str(root) and not _IGNORED.isdisjoint(files):
-            folders.clear()
-            continue
-        if path == str(root) and not SECTIONS.keys().isdisjoint(folders):
-            yield package, root
-        folders[:] = sorted(name for name in folders if not name.startswith("."))
-
-
-def _definitions(home: Path) -> Iterator[str]:
-    """Yield the definitions of a package, also those in deeper folders, as paths below its folder.
-
-    An .idl file beside a definition of the same name was generated from it.
-    """
-    for kind in SECTIONS:
-        files = sorted(path for path in (home / kind).rglob("*") if path.suffix in {f".{kind}", ".idl"})
-        own = {path.with_suffix("") for path in files if path.suffix != ".idl"}
-        for path in files:
-            if path.suffix != ".idl" or path.with_suffix("") not in own:
-                yield path.relative_to(home).as_posix()

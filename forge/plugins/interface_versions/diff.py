@@ -9,8 +9,16 @@ from contextlib import ExitStack
 from forge.base.frozen import frozen
 from forge.base.options import flag, option, options_of
 from forge.cli.commands.interface.inputs import IncludeOptions, known_library
-from forge.plugins.interface_diff.comparison import API, ASPECTS, HASH, WIRE, Difference, compare, version_of
-from forge.plugins.interface_diff.versions import catalogs_in, opened
+from forge.plugins.interface_versions.comparison import (
+    API,
+    ASPECTS,
+    HASH,
+    WIRE,
+    Difference,
+    compare,
+    version_of,
+)
+from forge.plugins.interface_versions.versions import catalogs_in, opened
 
 _IN_WORDS = {WIRE: "the wire", HASH: "the hash", API: "the API"}
 

@@ -1,1 +1,0 @@
-"""`forge interface diff`: what changes between two versions of interface definitions break."""

@@ -1,0 +1,117 @@
+"""Rewrite definitions of ROS 1, and names that ROS 2 refuses, into valid definitions of ROS 2; pure."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from itertools import takewhile
+
+from forge.base.frozen import frozen
+from forge.base.names import snake_case
+from forge.interfaces.read.declarations import LOWER_NAME, TYPE_NAME, check_keyword
+from forge.interfaces.read.literals import ParseError
+
+BUILT_IN = {
+    "Header": "std_msgs/Header",
+    "duration": "builtin_interfaces/Duration",
+    "time": "builtin_interfaces/Time",
+}
+"""The types that ROS 1 knows without a package."""
+
+_DECLARATION = re.compile(
+    r"[ \t]*(?P<type>[A-Za-z]\w*(?:/\w+)?)(?P<array>(?:<=\d+)?(?:\[[^\]\s]*\])?)(?P<gap>[ \t]+)"
+    r"(?P<name>[A-Za-z_]\w*)(?P<rest>[ \t]*(?P<constant>=)?.*)",
+    re.DOTALL,
+)
+_SEPARATOR = re.compile(r"-{3,}[ \t]*(?P<end>\r?\n?)")
+
+
+@frozen
+class Renamed:
+    """A name of a field or a constant, before and after."""
+
+    old: str
+    new: str
+
+
+def type_name(stem: str) -> str:
+    """Return the name of an interface as ROS 2 wants it; unchanged if it cannot be made one."""
+    if TYPE_NAME.fullmatch(stem):
+        return stem
+    name = "".join(part[:1].upper() + part[1:] for part in re.split(r"[\W_]+", stem))
+    return name if TYPE_NAME.fullmatch(name) else stem
+
+
+def rewritten(
+    text: str, package: str, own: Collection[str], types: Mapping[str, str]
+) -> tuple[str, list[Renamed]]:
+    """Return the text of a definition with valid types and names, and the names that have changed.
+
+    `own` are the interfaces of the package, `types` those that get other names. Comments, values and blanks
+    stay; what cannot be made valid stays, too.
+    """
+    renamed: list[Renamed] = []
+    lines: list[str] = []
+    taken: set[str] = set()
+    whole = text.removeprefix("\ufeff").splitlines(keepends=True)
+    for number, line in enumerate(whole):
+        separator = _SEPARATOR.fullmatch(line)
+        if separator or not number:
+            taken = {*_valid_names(whole[number + bool(separator) :])}
+        if separator:
+            lines.append(f"---{separator['end']}")
+            continue
+        code, mark, comment = line.partition("#")
+        declaration = _DECLARATION.fullmatch(code)
+        if declaration is None:
+            lines.append(line)
+            continue
+        name = declaration["name"]
+        better = _better_name(declaration)
+        if better not in taken:
+            renamed.append(Renamed(name, better))
+            taken.add(better)
+            name = better
+        type_ = _type(declaration["type"], package, own, types)
+        start = f"{type_}{declaration['array']}{declaration['gap']}{name}"
+        lines.append(f"{start}{declaration['rest']}{mark}{comment}")
+    return "".join(lines), renamed
+
+
+def _valid_names(lines: Iterable[str]) -> Iterator[str]:
+    """Yield the names of a section that stay as they are; it ends with a separator."""
+    for line in takewhile(lambda line: not _SEPARATOR.fullmatch(line), lines):
+        declaration = _DECLARATION.fullmatch(line.partition("#")[0])
+        if declaration and _better_name(declaration) == declaration["name"]:
+            yield declaration["name"]
+
+
+def _better_name(declaration: re.Match[str]) -> str:
+    return (_constant_name if declaration["constant"] else _field_name)(declaration["name"])
+
+
+def _type(written: str, package: str, own: Collection[str], types: Mapping[str, str]) -> str:
+    home, _, name = written.rpartition("/")
+    if home in {"", package} and name in types:
+        return f"{home}{'/' if home else ''}{types[name]}"
+    return BUILT_IN.get(written, written) if written not in own else written
+
+
+def _field_name(name: str) -> str:
+    better = name
+    if not LOWER_NAME.fullmatch(name):
+        better = re.sub(r"[^a-z0-9]+", "_", snake_case(name)).strip("_")
+    try:
+        check_keyword(better, 0, "field")
+    except ParseError:
+        better = f"{better}_value"
+    return better if LOWER_NAME.fullmatch(better) else name
+
+
+def _constant_name(name: str) -> str:
+    if re.fullmatch(r"[A-Z](?:_?[A-Z0-9])*", name):
+        return name
+    # A name in upper case has words already.
+    words = name if name.upper() == name else snake_case(name)
+    better = re.sub(r"[^A-Z0-9]+", "_", words.upper()).strip("_")
+    return better if re.fullmatch(r"[A-Z](?:_?[A-Z0-9])*", better) else name

@@ -1,0 +1,131 @@
+"""`forge interface fix` makes valid definitions of those of ROS 1, and shows first what it would change."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from forge.interfaces.model import Source
+from forge.interfaces.read.parsing import parse_leniently
+from forge.plugins.interface_versions.rewriting import rewritten, type_name
+from tests.conftest import Forge, Tree
+from tests.packages import manifest_text
+
+LINES: Mapping[str, tuple[str, str]] = {
+    "Header": ("Header header", "std_msgs/Header header"),
+    "time and duration": (
+        "time a\nduration[4]  b",
+        "builtin_interfaces/Time a\nbuiltin_interfaces/Duration[4]  b",
+    ),
+    "a field": ("float64 linearVelX # m/s", "float64 linear_vel_x # m/s"),
+    "underscores": ("int8 __a\nint8 b__c_", "int8 a\nint8 b_c"),
+    "a keyword": ("bool class", "bool class_value"),
+    "constants": ("int8 kMax=1\nint8 MODE_A_ = 2\nint8 OK=3", "int8 K_MAX=1\nint8 MODE_A = 2\nint8 OK=3"),
+    "a text that looks like a field": ("string S=Header badName", "string S=Header badName"),
+    "leading blanks": ("  int8\tX", "int8\tx"),
+    "a renamed type": ("my_point[] p\nq/my_point r\np/my_point s", "MyPoint[] p\nq/my_point r\np/MyPoint s"),
+    "what is valid": (
+        "string<=5[<=2] a 'x'\n# Header b\nq/Header c",
+        "string<=5[<=2] a 'x'\n# Header b\nq/Header c",
+    ),
+    "a name that is taken": ("int8 aB\nint8 a_b", "int8 aB\nint8 a_b"),
+    "two names that become one": ("int8 aB\nint8 AB", "int8 a_b\nint8 ab"),
+}
+
+
+@pytest.mark.parametrize("case", LINES)
+def test_lines_become_valid(case: str) -> None:
+    text, expected = LINES[case]
+    assert rewritten(text, "p", {"my_point"}, {"my_point": "MyPoint"})[0] == expected
+
+
+def test_sections_have_names_of_their_own() -> None:
+    text, renamed = rewritten("int8 X\r\n-----\r\nint8 X\r\nint8 x\r\n", "p", (), {})
+    assert text == "int8 x\r\n---\r\nint8 X\r\nint8 x\r\n"
+    assert [(each.old, each.new) for each in renamed] == [("X", "x")]
+
+
+def test_a_header_of_the_package_is_its_own() -> None:
+    assert rewritten("Header h", "p", {"Header"}, {})[0] == "Header h"
+
+
+@given(
+    st.lists(
+        st.from_regex(r"(u?int8|Header|time)(\[\])? [A-Za-z_]{1,6}( ?= ?1)?", fullmatch=True), max_size=5
+    )
+)
+def test_a_second_time_changes_nothing(lines: list[str]) -> None:
+    once, _ = rewritten("\n".join(lines), "p", (), {})
+    assert rewritten(once, "p", (), {}) == (once, [])
+
+
+@given(st.from_regex(r"[A-Za-z][A-Za-z_0-9]{0,9}", fullmatch=True))
+def test_a_single_field_becomes_valid(name: str) -> None:
+    text, _ = rewritten(f"int8 {name}\n", "p", (), {})
+    assert parse_leniently(Source("p", "msg/M.msg", Path("M.msg"), text))[1] == []
+
+
+@pytest.mark.parametrize(
+    ("stem", "name"),
+    [("foo_bar", "FooBar"), ("fooBar", "FooBar"), ("FOO", "FOO"), ("3d", "3d"), ("a-b", "AB")],
+)
+def test_files_get_the_names_of_types(stem: str, name: str) -> None:
+    assert type_name(stem) == name
+
+
+FILES = {
+    "src/p/package.xml": manifest_text("p"),
+    "src/p/CMakeLists.txt": "add_message_files(FILES my_point.msg Track.msg)\n",
+    "src/p/msg/my_point.msg": "float32 X\n",
+    "src/p/msg/Track.msg": "Header header\nmy_point[] points\n",
+}
+
+
+def test_changes_are_shown_and_then_made(forge: Forge, tree: Tree) -> None:
+    root = tree(FILES)
+    shown = forge("interface", "fix", "src", cwd=root)
+    assert shown.code == 1
+    assert "rename src/p/msg/my_point.msg => src/p/msg/MyPoint.msg\n" in shown.out
+    assert "+std_msgs/Header header\n+MyPoint[] points\n" in shown.out
+    assert (root / "src/p/msg/my_point.msg").read_text() == "float32 X\n"
+    ran = forge("interface", "fix", "src", "--write", cwd=root)
+    assert (ran.code, ran.err) == (0, "")
+    assert ran.out == (
+        "p: declare what the definitions use now: forge add std_msgs\n"
+        "p: in CMakeLists.txt, write MyPoint.msg instead of my_point.msg\n"
+        "p: code that uses MyPoint has to follow: X -> x\n"
+        "changed 2 files of 2\n"
+    )
+    assert sorted(path.name for path in (root / "src/p/msg").iterdir()) == ["MyPoint.msg", "Track.msg"]
+    assert (root / "src/p/msg/Track.msg").read_text() == "std_msgs/Header header\nMyPoint[] points\n"
+    assert forge("interface", "hash", "--package", "p", "src/p", cwd=root).code == 0
+    assert forge("interface", "fix", "src", cwd=root).out.endswith("would change 0 files of 2\n")
+
+
+def test_what_stays_invalid_is_named(forge: Forge, tree: Tree) -> None:
+    root = tree({**FILES, "src/p/msg/Bad.msg": "int8 aB\nint8 a_b\nint99 x\n"})
+    ran = forge("interface", "fix", "src", cwd=root)
+    assert ran.code == 2
+    assert "src/p/msg/Bad.msg:1:6: error: invalid field name 'aB'" in ran.err
+    assert "src/p/msg/Bad.msg:3:1: error: unknown type 'int99'" in ran.err
+
+
+def test_no_file_is_overwritten(forge: Forge, tree: Tree) -> None:
+    """A type of that name is not renamed; another file in the way stops everything."""
+    root = tree({**FILES, "src/p/msg/MyPoint.msg": "int8 other\n"})
+    assert forge("interface", "fix", "src", "--write", cwd=root).code == 2
+    assert (root / "src/p/msg/MyPoint.msg").read_text() == "int8 other\n"
+    (root / "src/p/msg/MyPoint.msg").unlink()
+    (root / "src/p/msg/MyPoint.msg").symlink_to("nowhere")
+    ran = forge("interface", "fix", "src", "--write", cwd=root)
+    assert ran.code == 2
+    assert "src/p/msg/MyPoint.msg" in ran.err
+    assert (root / "src/p/msg/my_point.msg").is_file()
+
+
+def test_a_folder_without_definitions_is_named(forge: Forge, tmp_path: Path) -> None:
+    ran = forge("interface", "fix", cwd=tmp_path)
+    assert ran.code == 2
+    assert "found no interfaces in '.'" in ran.err
