@@ -17,14 +17,18 @@ from pathlib import Path
 from typing import Any
 
 from forge.base.layout import LAST_COMMAND, SCRATCH_DIR
-from forge.base.text import counted, duration
+from forge.base.text import duration
 
 
 class Report:
-    """What the events of the build in a folder say; with `status`, a terminal shows its progress."""
+    """What the events of the build in a folder say; with `status`, a terminal shows its progress.
 
-    def __init__(self, folder: Path, *, status: bool) -> None:
+    `head` is printed when the first package starts.
+    """
+
+    def __init__(self, folder: Path, head: str, *, status: bool) -> None:
         self.folder = folder
+        self._head = head
         self.good: set[str] = set()
         """Packages that are up to date, or were built."""
         self.failed: list[str] = []
@@ -32,6 +36,7 @@ class Report:
         self.text: list[str] = []
         """What is no event: errors that prevent the build, and warnings."""
         self._total = 0
+        self._started = False
         self._running: list[str] = []
         dumb = os.environ.get("TERM", "") in {"", "dumb"}
         self._status = status and sys.stderr.isatty() and not dumb
@@ -52,6 +57,9 @@ class Report:
             case "Fresh":
                 self.good.add(name)
             case "Started":
+                if self._head and not self._started:
+                    print(self._head, file=sys.stderr, flush=True)
+                self._started = True
                 self._running.append(name)
             case "Finished" | "Aborted" | "Skipped" if name in self._running:
                 self._running.remove(name)
@@ -119,10 +127,6 @@ def run(
     if interrupted:
         raise KeyboardInterrupt
     return code
-
-
-def title(count: int, distribution: str) -> str:
-    return f"{counted(count, 'package')} of ROS {distribution}"
 
 
 def _failure(event: Mapping[str, Any], folder: Path) -> Iterator[str]:

@@ -17,11 +17,12 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from forge import __version__
 from forge.base.env_vars import expand_home
 from forge.base.errors import HostError, Problem
 from forge.base.files import read_file, replace_file, text_or_nothing
 from forge.base.layout import Layout
-from forge.base.text import digest, duration, listed
+from forge.base.text import counted, digest, duration, listed
 from forge.cli.build_options import BuildOptions
 from forge.cli.preparation import without_own
 from forge.environment.prefixes import installed_packages
@@ -48,10 +49,15 @@ cmake-args = ["-DBUILD_TESTING=OFF", "-DTRACETOOLS_DISABLED=ON"]
 _CLONES = "clones.json"
 """The repositories that the packages of all locks clone while they are built, and their folders."""
 BUILT = "built.json"
-"""The sources of the packages that are built, by name; absent while a build has not looked at them yet.
+"""The sources of the packages that are built, by name, and the state of the system in which they were.
 
-Its time is that of the last use.
+It is absent while a build has not looked at them yet. Its time is that of the last use.
 """
+_SYSTEM = (
+    *("/var/lib/dpkg/status", "/var/lib/rpm/rpmdb.sqlite", "/usr/lib/sysimage/rpm/rpmdb.sqlite"),
+    *("/var/lib/pacman/local", "/lib/apk/db/installed"),
+)
+"""What package managers write when they install or remove something."""
 _NEEDS = "needs.json"
 """What the packages of the latest locks declare and do not contain, by a digest of the packages."""
 _MAX_STORED_NEEDS = 20
@@ -85,37 +91,44 @@ def build(
             # Another workspace in this shell, which the packages do not need, makes no other underlay.
             foreign.remove(path)
             variables = without_own(variables, Layout(path, path, None))
+    names = (variables.get("CC") or "cc", variables.get("CXX") or "c++")
+    programs = [shutil.which(name, path=variables.get("PATH")) or name for name in names]
+    programs = [os.path.realpath(path) for path in (*programs, str(interpreter.path))]
     key = digest(
         os.uname().machine,
         str(cache),  # the package cache compares results of folders with different names
         *map(str, foreign),
-        *(
-            os.path.realpath(shutil.which(name, path=variables.get("PATH")) or name)
-            for name in _programs(variables)
-        ),
-        os.path.realpath(interpreter.path),
+        *programs,
         *compiled_against(lock),
     )
+    state = _state((*programs, *_SYSTEM))
     wanted = {each.name: source_folder(cache, each).name for each in lock.packages}
     while True:
         folder = _fitting_folder(cache / "underlays", f"{lock.distribution}-{key}", wanted)
-        if built_packages(folder).items() >= wanted.items():
+        if _is_built(folder, wanted, state):
             with suppress(OSError):
                 os.utime(folder / BUILT)
             return (folder / "install",)
         folder.mkdir(parents=True, exist_ok=True)
         with locked(folder, wait=not options.folders.no_wait):
             # The forge that had the lock may have built these packages, or others with the same names.
-            if built_packages(folder).items() >= wanted.items() or not _fits(folder, wanted):
+            if _is_built(folder, wanted, state) or not _fits(folder, wanted):
                 continue
             _download(lock, cache)
             _extend(folder, lock, cache)
             python = prepare_interpreter(folder, lock, interpreter.path, cache)
-            _run_build(folder, lock, cache, variables, options, python)
+            _run_build(folder, lock, cache, variables, options, python, state)
+            return (folder / "install",)
 
 
-def _programs(variables: Mapping[str, str]) -> tuple[str, ...]:
-    return (variables.get("CC") or "cc", variables.get("CXX") or "c++")
+def _state(paths: Iterable[str]) -> str:
+    """Return a digest that changes with the files and with forge; then a build looks at all packages."""
+    found = [__version__]
+    for path in paths:
+        with suppress(OSError):
+            status = os.stat(path)  # noqa: PTH116  (a few for each build)
+            found.append(f"{path} {status.st_size} {status.st_mtime_ns}")
+    return digest(*found)
 
 
 def _fitting_folder(base: Path, name: str, wanted: Mapping[str, str]) -> Path:
@@ -136,12 +149,11 @@ def linked_sources(folder: Path) -> dict[str, Path]:
     return {link.name: link.readlink() for link in links if link.is_symlink()}
 
 
-def built_packages(folder: Path) -> dict[str, str]:
-    try:
-        packages: dict[str, str] = json.loads(text_or_nothing(folder / BUILT) or "{}")
-    except ValueError:
-        return {}
-    return packages
+def _is_built(folder: Path, wanted: Mapping[str, str], state: str) -> bool:
+    with suppress(ValueError, LookupError, AttributeError, TypeError):
+        built = json.loads(text_or_nothing(folder / BUILT) or "{}")
+        return bool(built["state"] == state and built["packages"].items() >= wanted.items())
+    return False
 
 
 def lock_path(folder: Path) -> Path:
@@ -220,7 +232,13 @@ def _extend(folder: Path, lock: Lock, cache: Path) -> None:
 
 
 def _run_build(
-    folder: Path, lock: Lock, cache: Path, variables: Mapping[str, str], options: BuildOptions, python: str
+    folder: Path,
+    lock: Lock,
+    cache: Path,
+    variables: Mapping[str, str],
+    options: BuildOptions,
+    python: str,
+    state: str,
 ) -> None:
     began = time.monotonic()
     # Users set it for their nodes; packages of ROS that ask for it would be built anew whenever it changes.
@@ -238,13 +256,13 @@ def _run_build(
 
     def record(good: set[str]) -> None:
         built = {name: path.name for name, path in sources.items() if name in good}
-        replace_file(folder / BUILT, json.dumps(built, indent=1).encode())
+        replace_file(folder / BUILT, json.dumps({"state": state, "packages": built}, indent=1).encode())
 
     handlers = options.report.handlers
-    shows, what = handlers["console_start_end"], nested.title(len(sources), lock.distribution)
-    report = nested.Report(folder, status=shows and handlers["status"])
-    if shows:
-        print(f"building {what} in '{folder}', once for all workspaces", file=sys.stderr, flush=True)
+    what = f"{counted(len(sources), 'package')} of ROS {lock.distribution}"
+    head = f"building {what} in '{folder}', once for all workspaces"
+    shows = handlers["console_start_end"]
+    report = nested.Report(folder, head if shows else "", status=shows and handlers["status"])
     # Until the build has looked at all packages, none counts as built, also if this forge is killed.
     (folder / BUILT).unlink(missing_ok=True)
     code = nested.run(own_command("build", *words), own, report, record)
@@ -256,7 +274,7 @@ def _run_build(
         sys.stderr.write("".join(report.text))
         message = f"the packages of '{LOCK_FILE}' could not be built"
         raise HostError(Problem(message, hint=f"see above; the workspace of the packages is '{folder}'"))
-    if shows:
+    if shows and report.built:
         print(f"built {what} [{duration(time.monotonic() - began)}]", file=sys.stderr, flush=True)
 
 

@@ -15,10 +15,17 @@ import pytest
 from forge.plugins.fetch.underlay import lock_path
 from forge.toolchain.interpreter import own_command
 from tests.conftest import Forge
+from tests.e2e.test_live import build as on_terminal
 from tests.packages import manifest_text, write_files
 from tests.plugins.fetch.ros import CMAKE, Ros, depends, small_ros
 
 pytestmark = pytest.mark.needs("cmake", "git")
+
+LIBRARY = """\
+enable_language(C)
+file(WRITE ${CMAKE_CURRENT_BINARY_DIR}/code.c "const char *where(void) { return __FILE__; }")
+add_library(rclmini SHARED lib.c ${CMAKE_CURRENT_BINARY_DIR}/code.c)
+install(TARGETS rclmini DESTINATION lib)"""
 
 
 @pytest.fixture
@@ -39,7 +46,7 @@ def underlay(tmp_path: Path) -> Path:
 
 
 def built(tmp_path: Path) -> set[str]:
-    return set(json.loads((underlay(tmp_path) / "built.json").read_text()))
+    return set(json.loads((underlay(tmp_path) / "built.json").read_text())["packages"])
 
 
 @pytest.mark.parametrize("words", [(), ("--json",), ("--event-handlers", "console_start_end-")])
@@ -63,6 +70,21 @@ def test_underlay_is_built_in_two_lines(
         assert {json.loads(line).get("package", "hello") for line in ran.out.splitlines()} == {"hello"}
     (log,) = underlay(tmp_path).glob("log/build_*")
     assert (log / "rclmini/stdout_stderr.log").is_file()
+
+
+def test_terminal_shows_the_progress_of_the_underlay_in_one_line(
+    ros: Ros, forge: Forge, tmp_path: Path
+) -> None:
+    ros.release("rclmini", *depends("lib_vendor"), cmake="execute_process(COMMAND sleep 0.5)")
+    workspace, env = new_workspace(tmp_path / "ws"), ros.variables()
+    assert forge("fetch", cwd=workspace, env=env).code == 0
+    terminal = on_terminal(workspace, size=(250, 24), variables=env)
+    assert terminal.end() == 0
+    assert any(frame.endswith("[1/2] rclmini") for frame in terminal.frames)
+    head, end, *rest = terminal.frames[-1].splitlines()
+    assert head.startswith("building 2 packages of ROS humble in ")
+    assert end.startswith("built 2 packages of ROS humble [")
+    assert not any("rclmini" in line for line in rest)
 
 
 def test_failure_in_the_underlay_is_shown_in_full(ros: Ros, forge: Forge, tmp_path: Path) -> None:
@@ -148,9 +170,27 @@ def test_underlay_that_was_killed_is_looked_at_and_not_built_again(
     assert forge("build", cwd=workspace, env=env).code == 0
     before = built(tmp_path)
     (underlay(tmp_path) / "built.json").unlink()
-    assert forge("build", cwd=workspace, env=env).code == 0
+    ran = forge("build", cwd=workspace, env=env)
+    assert (ran.code, ran.err) == (0, "")
     assert built(tmp_path) == before
     assert len([*underlay(tmp_path).glob("log/build_*")]) == 1
+
+
+@pytest.mark.needs("gcc")
+def test_upgrade_of_the_compiler_builds_again_what_it_has_compiled(
+    ros: Ros, forge: Forge, tmp_path: Path
+) -> None:
+    ros.release("rclmini", *depends("lib_vendor"), cmake=LIBRARY)
+    ros.commit("rclmini-release", {"lib.c": "int f(void) { return 1; }\n"}, "release/humble/rclmini/1.0.0-1")
+    compiler = tmp_path / "compiler"
+    write_files(tmp_path, {"compiler": '#!/bin/sh\nexec gcc "$@"\n'})
+    workspace, env = new_workspace(tmp_path / "ws"), {**ros.variables(), "CC": str(compiler)}
+    assert forge("fetch", cwd=workspace, env=env).code == 0
+    assert forge("build", cwd=workspace, env=env).code == 0
+    compiler.write_text('#!/bin/sh\n# upgraded\nexec gcc "$@"\n')
+    ran = forge("build", cwd=workspace, env=env)
+    assert "built 2 packages of ROS" in ran.err
+    assert forge("build", cwd=workspace, env=env).err == ""
 
 
 def test_sourced_ros_costs_no_manifest_when_nothing_changed(ros: Ros, forge: Forge, tmp_path: Path) -> None:
@@ -264,13 +304,6 @@ def test_limits_of_jobs_hold_in_the_underlay(ros: Ros, forge: Forge, tmp_path: P
     assert ran.code == 0, ran.err
     (flags,) = underlay(tmp_path).rglob("flags")
     assert "-j5" in flags.read_text()
-
-
-LIBRARY = """\
-enable_language(C)
-file(WRITE ${CMAKE_CURRENT_BINARY_DIR}/code.c "const char *where(void) { return __FILE__; }")
-add_library(rclmini SHARED lib.c ${CMAKE_CURRENT_BINARY_DIR}/code.c)
-install(TARGETS rclmini DESTINATION lib)"""
 
 
 def steps_of_underlay(home: Path) -> list[str]:
