@@ -45,7 +45,8 @@ def middleware_package(name: str, snapshot: Snapshot) -> str:
     package = MIDDLEWARES.get(name, name)
     available = middlewares(snapshot)
     if package not in available:
-        hint = did_you_mean(name, [*MIDDLEWARES, *available]) or f"it has {', '.join(sorted(available))}"
+        short = [each for each, named in MIDDLEWARES.items() if named in available]
+        hint = did_you_mean(name, [*short, *available]) or f"it has {', '.join(sorted(available))}"
         message = f"--rmw: ROS '{snapshot.distribution}' has no middleware '{name}'"
         raise SelectionError(Problem(message, hint=hint))
     return package

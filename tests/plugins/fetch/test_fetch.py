@@ -185,7 +185,8 @@ def test_missing_repository_stops_only_its_packages(ros: Ros, forge: Forge, tmp_
     ("words", "message"),
     [
         (("trtle",), "ROS 'humble' has no package 'trtle'\nhint: did you mean 'turtle'?"),
-        (("--rmw", "zenoh"), "ROS 'humble' has no middleware 'zenoh'"),
+        (("--rmw", "zenoh"), "middleware 'zenoh'\nhint: it has rmw_cyclonedds_cpp, rmw_fastrtps_cpp"),
+        (("--rmw", "fastrtp"), "middleware 'fastrtp'\nhint: did you mean 'fastrtps'?"),
         (("--rosdistro", "jazzy"), "has no ROS 2 distribution 'jazzy'"),
         (("--offline",), "the index of 'humble' was not downloaded yet"),
         (("--index", "file:///nowhere/index.yaml"), "cannot read the index of ROS distributions"),
