@@ -148,6 +148,21 @@ def test_packages_without_python_modules_need_neither_uv_nor_an_environment(
     assert not (workspace / ".venv").exists()
 
 
+def test_programs_of_fetched_packages_are_run_from_an_empty_workspace(
+    ros: Ros, forge: Forge, tmp_path: Path
+) -> None:
+    script = 'file(WRITE ${CMAKE_CURRENT_BINARY_DIR}/swim "#!/bin/sh\\necho it swims\\n")'
+    program = "install(PROGRAMS ${CMAKE_CURRENT_BINARY_DIR}/swim DESTINATION lib/turtle)"
+    index = "install(FILES package.xml DESTINATION share/ament_index/resource_index/packages RENAME turtle)"
+    ros.release("turtle", *depends("rclmini"), cmake=f"{script}\n{program}\n{index}")
+    workspace, env = tmp_path / "ws", ros.variables()
+    (workspace / "src").mkdir(parents=True)
+    assert forge("fetch", "turtle", cwd=workspace, env=env).code == 0
+    assert forge("build", cwd=workspace, env=env).code == 0
+    ran = forge("run", "turtle", "swim", cwd=workspace, env=env)
+    assert (ran.code, ran.out) == (0, "it swims\n"), ran.err
+
+
 def test_second_workspace_builds_no_package_of_the_underlay_again(
     ros: Ros, forge: Forge, tmp_path: Path
 ) -> None:
