@@ -21,9 +21,12 @@ _OPTIONAL = {"cyclonedds": _ICEORYX, "rmw_cyclonedds_cpp": _ICEORYX}
 """Dependencies that a package declares and builds without: the shared memory transport of Cyclone DDS."""
 
 _FOR_TESTS = {
+    "ament_cmake_gmock": ("google-mock",),
+    "ament_cmake_gtest": ("gtest",),
+    "ament_cmake_pytest": ("python3-pytest",),
     "rosidl_generator_py": tuple(
         f"ament_cmake_{linter}" for linter in ("cppcheck", "cpplint", "flake8", "pep257", "uncrustify")
-    )
+    ),
 }
 """Dependencies that only tests of dependent packages use, which manifests cannot say otherwise."""
 

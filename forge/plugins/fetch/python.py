@@ -44,6 +44,8 @@ REQUIREMENTS = {
     "python3-packaging": "packaging",
     "python3-pkg-resources": "setuptools<80",
     "python3-psutil": "psutil",
+    "python3-pydot": "pydot",
+    "python3-rosdistro-modules": "rosdistro",
     "python3-setuptools": "setuptools<80",  # Humble's packages do not support setuptools 80
     "python3-typeguard": "typeguard",
     "python3-vcstool": "vcs2l",  # the same program, still maintained

@@ -119,19 +119,23 @@ def test_tests_and_other_middlewares_are_left_out_unless_asked_for(
     assert [each["name"] for each in locked(workspace)["package"]] == expected
 
 
-def test_linters_that_a_generator_declares_for_tests_are_left_out(
+def test_what_packages_declare_for_the_tests_of_others_is_left_out(
     ros: Ros, forge: Forge, tmp_path: Path
 ) -> None:
     ros.release("ament_cmake_flake8")
-    ros.release("rosidl_generator_py", *depends("ament_cmake_flake8", tag="exec_depend"))
+    ros.release("ament_cmake_pytest", *depends("python3-pytest"))
+    linters = depends("ament_cmake_flake8", tag="exec_depend")
+    ros.release("rosidl_generator_py", *depends("ament_cmake_pytest"), *linters)
     env = ros.variables()
     for options, expected in (((), 0), (("--test",), 1)):
         workspace = tmp_path / f"ws{expected}"
         workspace.mkdir()
         assert forge("fetch", "rosidl_generator_py", *options, cwd=workspace, env=env).code == 0
-        names = [each["name"] for each in locked(workspace)["package"]]
+        lock = locked(workspace)
+        names = [each["name"] for each in lock["package"]]
         assert names.count("ament_cmake_flake8") == expected
-        assert "rosidl_generator_py" in names
+        assert lock["system"].count("python3-pytest") == expected
+        assert {"ament_cmake_pytest", "rosidl_generator_py"} <= {*names}
 
 
 def test_lock_holds_versions_until_update(ros: Ros, forge: Forge, tmp_path: Path) -> None:
