@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import re
+import signal
 import subprocess
 import time
 from collections.abc import Iterable
@@ -121,10 +122,10 @@ def _receive(url: str, ref: str, commit: str, repository: Path) -> int:
     else:
         try:
             _ask(*words, f"refs/tags/{ref}")
-        except NetworkError:
-            raise
-        except GitError:  # a branch, which may have moved, or a tag that is gone
-            _ask(*words, commit)
+        except GitError as error:
+            if "find remote ref" not in error.problems[0].message:
+                raise
+            _ask(*words, commit)  # a branch, which may have moved, or a tag that is gone
     received = _git(f"--git-dir={repository}", "rev-parse", "--verify", "FETCH_HEAD^{commit}").strip()
     if received != commit:
         message = f"the tag '{ref}' of '{without_passwords(url)}' was moved: it is {received}, not {commit}"
@@ -153,6 +154,8 @@ def _git(*words: str) -> str:
     except FileNotFoundError:
         hint = "install it, for example with `apt install git`"
         raise HostError(Problem("git is not installed", hint=hint)) from None
+    if done.returncode == -signal.SIGINT:
+        raise KeyboardInterrupt
     if done.returncode:
         lines = (line.removeprefix("fatal: ") for line in os.fsdecode(done.stderr).splitlines())
         reason = next((line for line in lines if line and not line.startswith(("warning:", "hint:"))), "")
