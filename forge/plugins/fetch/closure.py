@@ -113,16 +113,13 @@ def needs_of(
     return frozenset(manifest.names(kinds)).difference(optional, for_tests, {manifest.name})
 
 
-def check_names(names: Collection[str], snapshot: Snapshot) -> None:
-    """Raise SelectionError for names that the distribution has not released."""
-    raise_if_any(
-        (
-            Problem(
-                f"ROS '{snapshot.distribution}' has no package '{name}'",
-                hint=did_you_mean(name, snapshot.releases, 0.75),
-            )
-            for name in names
-            if name not in snapshot.releases
-        ),
-        SelectionError,
-    )
+def check_names(names: Collection[str], snapshot: Snapshot, others: Callable[[str], Collection[str]]) -> None:
+    """Raise SelectionError for names that the distribution has not released; `others` are those that have."""
+    problems = []
+    for name in names:
+        if name not in snapshot.releases:
+            hint = did_you_mean(name, snapshot.releases, 0.75)
+            if not hint and (found := others(name)):
+                hint = f"it is in {', '.join(found)}; choose another distribution with '--rosdistro'"
+            problems.append(Problem(f"ROS '{snapshot.distribution}' has no package '{name}'", hint=hint))
+    raise_if_any(problems, SelectionError)

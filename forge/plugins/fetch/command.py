@@ -34,7 +34,7 @@ from forge.cli.config import configured_word
 from forge.cli.preparation import build_variables, known_rosdistro
 from forge.environment.prefixes import Underlays, find_underlays, provider, system_prefixes
 from forge.plugins.fetch.closure import Needs, check_names, middleware_package, middlewares, needs_of, resolve
-from forge.plugins.fetch.index import Release, Snapshot, read_snapshot
+from forge.plugins.fetch.index import Release, Snapshot, distributions_with, read_snapshot
 from forge.plugins.fetch.lock import (
     LOCK_FILE,
     Lock,
@@ -267,7 +267,10 @@ def _choices(
     need no further mention. Raises SelectionError for names that the distribution does not have.
     """
     known = {*(each.name for each in lock.packages), *(each.name for each in lock.modules)} if lock else ()
-    check_names([*options.names, *(name for name in options.update or () if name not in known)], snapshot)
+    names = [*options.names, *(name for name in options.update or () if name not in known)]
+    check_names(
+        names, snapshot, lambda name: [] if options.offline else distributions_with(name, options.index)
+    )
     imported = sorted(middlewares(snapshot) & imports.packages.keys()) if options.imported else []
     if lock and not options.rmw:
         middleware = lock.middleware
@@ -275,18 +278,18 @@ def _choices(
         middleware = imported[0]
     else:
         middleware = middleware_package(options.rmw or "cyclonedds", snapshot)
-    names = {*options.names, *(lock.requested if lock else ())} - loaded.workspace.packages.keys()
-    if options.imported and not (names or loaded.packages):
+    wanted = {*options.names, *(lock.requested if lock else ())} - loaded.workspace.packages.keys()
+    if options.imported and not (wanted or loaded.packages):
         needed = {
             name
             for each in imports.packages
             for name in snapshot.manifest(each).names(BUILD_KINDS | RUN_KINDS)
         }
-        names = imports.packages.keys() - needed or {*imports.packages}
-    if not (names or loaded.packages):
+        wanted = imports.packages.keys() - needed or {*imports.packages}
+    if not (wanted or loaded.packages):
         hint = "change to the root of a workspace, or name packages: forge fetch turtlesim"
         raise SelectionError(Problem(f"no packages found below '{loaded.workspace.root}'", hint=hint))
-    return middleware, tuple(sorted(names))
+    return middleware, tuple(sorted(wanted))
 
 
 def _wanted(options: Options, snapshot: Snapshot, loaded: LoadedWorkspace) -> dict[str, tuple[str, ...]]:

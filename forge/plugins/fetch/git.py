@@ -128,8 +128,9 @@ def _receive(url: str, ref: str, commit: str, repository: Path) -> int:
             _ask(*words, commit)  # a branch, which may have moved, or a tag that is gone
     received = _git(f"--git-dir={repository}", "rev-parse", "--verify", "FETCH_HEAD^{commit}").strip()
     if received != commit:
-        message = f"the tag '{ref}' of '{without_passwords(url)}' was moved: it is {received}, not {commit}"
-        raise GitError(Problem(message, hint="if that is right: forge fetch --update"))
+        message = f"the tag '{ref}' of '{without_passwords(url)}' is {received}, not {commit} as in the lock"
+        hint = "the tag was moved, or the lock was edited; to take what the tag is now: forge fetch --update"
+        raise GitError(Problem(message, hint=hint))
     # Nothing was unpacked: the file has the size of the download.
     return sum(path.stat().st_size for path in repository.glob("objects/pack/*.pack"))
 

@@ -8,7 +8,10 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
+import urllib.request
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -117,6 +120,24 @@ def _download(distribution: str, url: str | None) -> dict[str, Any]:
         "python_version": python_version,
         "releases": releases,
     }
+
+
+def distributions_with(name: str, url: str | None = None) -> list[str]:
+    """Return the distributions of the index that have released a package; empty if it cannot be read."""
+    import rosdistro
+
+    found = []
+    listed = re.compile(rf"^ *- {re.escape(name)} *$|^  {re.escape(name)}: *$", re.MULTILINE)
+    with suppress(Exception):  # as above: the answer is only a hint
+        for distribution, entry in rosdistro.get_index(
+            url or rosdistro.get_index_url()
+        ).distributions.items():
+            files = entry["distribution"] if _is_ros2(entry) else []
+            for file in files:
+                with urllib.request.urlopen(file, timeout=15) as answer:  # noqa: S310
+                    if listed.search(answer.read().decode()):
+                        found.append(distribution)
+    return found
 
 
 def _is_ros2(entry: Mapping[str, Any]) -> bool:

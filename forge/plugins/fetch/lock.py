@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -95,8 +95,11 @@ def read_lock(root: Path) -> Lock | None:
         content = read_file(path)
     except FileNotFoundError:
         return None
-    fields = read_toml(content, path)
     hint = "restore it from version control, or remove it and run 'forge fetch'"
+    try:
+        fields = read_toml(content, path)
+    except WorkspaceError as error:
+        raise WorkspaceError(*(replace(each, hint=hint) for each in error.problems)) from None
     if (written := fields.get("format")) != _FORMAT:
         if isinstance(written, int) and written > _FORMAT:
             message = f"the lock has format {written}, written by a newer forge; this one knows {_FORMAT}"

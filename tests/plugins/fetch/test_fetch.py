@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from forge.base.formats import read_toml, read_yaml
+from forge.base.formats import read_toml, read_yaml, yaml_text
 from tests.conftest import Forge
 from tests.packages import manifest_text, write_files
 from tests.plugins.fetch.ros import CMAKE, SERVER, Ros, depends, small_ros
@@ -171,7 +171,58 @@ def test_moved_tag_is_refused(ros: Ros, forge: Forge, tmp_path: Path) -> None:
     ran = forge("fetch", cwd=workspace, env=env)
     assert ran.code == 2
     assert "cannot download 'rclmini': the tag 'release/humble/rclmini/1.0.0-1'" in ran.err
-    assert "was moved" in ran.err
+    assert "hint: the tag was moved, or the lock was edited; to take what the tag is now" in ran.err
+
+
+def test_lock_with_another_commit_than_that_of_the_tag_is_refused(
+    ros: Ros, forge: Forge, tmp_path: Path
+) -> None:
+    workspace, env = new_workspace(tmp_path / "ws"), ros.variables()
+    assert forge("fetch", cwd=workspace, env=env).code == 0
+    other = ros.commit("rclmini-release", {"new": "content"}, "other")
+    lock = workspace / "forge.lock"
+    (commit,) = (each["commit"] for each in locked(workspace)["package"] if each["name"] == "rclmini")
+    edited = lock.read_text().replace(commit, other)
+    lock.write_text(edited)
+    for command in ("fetch", "build"):
+        ran = forge(command, cwd=workspace, env=env)
+        assert (ran.code, ran.err.count("error: ")) == (2, 1)
+        assert f"is {commit}, not {other} as in the lock" in ran.err
+        assert lock.read_text() == edited
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("format = 1\n= 3\n", "forge.lock:2:"),
+        ("format = 1\n", "malformed lock: distribution"),
+        ("", "this is no lock of forge: 'format' is missing"),
+    ],
+)
+def test_damaged_lock_is_one_message(ros: Ros, forge: Forge, tmp_path: Path, text: str, message: str) -> None:
+    workspace = new_workspace(tmp_path / "ws")
+    (workspace / "forge.lock").write_text(text)
+    for command in ("fetch", "build"):
+        ran = forge(command, cwd=workspace, env=ros.variables())
+        assert (ran.code, ran.err.count("error: ")) == (2, 1)
+        assert message in ran.err
+        assert "hint: " in ran.err
+
+
+def test_name_of_another_distribution_is_recognized(ros: Ros, forge: Forge, tmp_path: Path) -> None:
+    newer = Ros(tmp_path / "newer", "jazzy")
+    newer.release("brand_new")
+    env = ros.variables()
+    (entry,) = read_yaml(Path(newer.publish()[7:]).read_bytes(), tmp_path)["distributions"].values()
+    path = Path(env["ROSDISTRO_INDEX_URL"][7:])
+    index = read_yaml(path.read_bytes(), path)
+    folder = (newer.root / "index").as_uri()
+    entry["distribution"] = [f"{folder}/jazzy/distribution.yaml"]
+    index["distributions"]["jazzy"] = entry
+    path.write_text(yaml_text(index))
+    ran = forge("fetch", "brand_new", cwd=new_workspace(tmp_path / "ws"), env=env)
+    assert ran.code == 2
+    assert "ROS 'humble' has no package 'brand_new'\nhint: it is in jazzy; choose" in ran.err
 
 
 def test_missing_repository_stops_only_its_packages(ros: Ros, forge: Forge, tmp_path: Path) -> None:
