@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
@@ -34,34 +34,69 @@ def read_folder(package: str, folder: Path, rosdistro: str = OLDEST) -> tuple[So
     """Read the definitions of a package, sorted by kind and name; .idl files in other folders come last.
 
     An embedded package has those of a ROS distribution.
-    An .idl file beside a .msg, .srv or .action file of the same name is ignored: rosidl generated it.
     Raises InterfaceError if there are no definitions, or if one is not UTF-8.
     """
     definitions = definition_files(folder, rosdistro)
     if not definitions:
         hint = "definitions must be in subfolders msg, srv and action; .idl files in any subfolder"
         raise InterfaceError(Problem(f"no interface definitions found in '{folder}'", hint=hint))
-    bases = definition_folders(folder, rosdistro)
-    kinds = [kind for base in bases for kind in _namespaces(base)]
-    in_order = sorted(definitions.items(), key=lambda item: (kinds.index(item[0].partition("/")[0]), item[0]))
+    kinds = (*SECTIONS, *sorted({_key(relative)[0] for relative in definitions} - SECTIONS.keys()))
+    in_order = sorted(definitions.items(), key=lambda item: (kinds.index(_key(item[0])[0]), item[0]))
     return tuple(read_source(package, base, relative) for relative, base in in_order if base)
 
 
 def definition_files(folder: Path, rosdistro: str = OLDEST) -> dict[str, Path | None]:
     """Return the folder of each definition of a package by its path below that folder.
 
-    None stands for a definition that a distribution removed.
+    An installed package has those that rosidl_generate_interfaces() was given, wherever they were. Among
+    sources, they are looked for below msg, srv and action. None stands for a definition that a distribution
+    removed.
     """
+    if not folder.is_relative_to(EMBEDDED):
+        listed = _listed(folder)
+        return dict.fromkeys(_found(folder) if listed is None else listed, folder)
     definitions: dict[str, Path | None] = {}
     for base in definition_folders(folder, rosdistro):
-        for kind in _namespaces(base):
-            generated = {path.stem for each in SECTIONS for path in (base / kind).glob(f"*.{each}")}
-            own_idl = (path for path in (base / kind).glob("*.idl") if path.stem not in generated)
-            for path in sorted({*(base / kind).glob(f"*.{kind}"), *own_idl}):
-                definitions.setdefault(path.relative_to(base).as_posix(), base)
+        for relative in _found(base):
+            definitions.setdefault(relative, base)
         for relative in removed_definitions(base):
             definitions.setdefault(relative, None)
     return definitions
+
+
+def _listed(share: Path) -> list[str] | None:
+    """Return the definitions that the ament index lists for an installed package, None without an entry."""
+    try:
+        text = (share.parents[1] / INDEX / "rosidl_interfaces" / share.name).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError, IndexError):
+        return None
+    paths = [path for path in text.split("\n") if path.rpartition(".")[2] in ENDINGS]
+    # Requests and responses of services are installed beside them.
+    return sorted(_own(path for path in paths if not _is_part(path) and (share / path).is_file())) or None
+
+
+def _is_part(path: str) -> bool:
+    return path.endswith(".msg") and PurePosixPath(path).parent.name in {"srv", "action"}
+
+
+def _found(folder: Path) -> list[str]:
+    files = [path for kind in SECTIONS for path in (folder / kind).rglob("*") if path.suffix[1:] == kind]
+    files += [path for kind in SECTIONS for path in (folder / kind).rglob("*.idl")]
+    files += [path for path in folder.glob("*/*.idl") if path.parent.name not in SECTIONS]
+    return sorted(_own(path.relative_to(folder).as_posix() for path in files))
+
+
+def _own(paths: Iterable[str]) -> Iterator[str]:
+    """Yield the paths without .idl files that rosidl generated from others."""
+    known = dict.fromkeys(paths)
+    written = {_key(path) for path in known if not path.endswith(".idl")}
+    yield from (path for path in known if not path.endswith(".idl") or _key(path) not in written)
+
+
+def _key(relative: str) -> tuple[str, str]:
+    """Return kind and name of the interface in a file; the folder of another one does not matter."""
+    path = PurePosixPath(relative)
+    return path.parent.name if path.suffix == ".idl" else path.suffix[1:], path.stem
 
 
 def read_source(package: str, base: Path, relative: str) -> Source:
@@ -118,7 +153,10 @@ class Library:
     """The ROS distribution of the embedded definitions."""
     manifest: Path | None = None
     """The package.xml of the definitions that are compiled, read for hints only."""
+    built: Mapping[str, Path] = field(default_factory=dict)
+    """The folders into which included packages were installed, with generated definitions, too."""
     _parsed: dict[TypeName, Parsed | None] = field(default_factory=dict)
+    _definitions: dict[str, dict[tuple[str, str], tuple[Path, str]]] = field(default_factory=dict)
     _declared: frozenset[str] | None = None
 
     @property
@@ -129,24 +167,44 @@ class Library:
     def find(self, name: TypeName) -> Parsed | None:
         """Return the interface of that name, or None; raises InterfaceError if its file is invalid."""
         if name not in self._parsed:
-            path = self.file(name)
+            place = self._place(name)
             self._parsed[name] = None
-            if path:
-                source = read_source(name.package, path.parent.parent, f"{name.kind}/{path.name}")
+            if place:
+                source = read_source(name.package, *place)
                 interface = with_events(parse(source)) if self.has_events else parse(source)
                 self._parsed[name] = Parsed(source, interface) if interface.name == name else None
         return self._parsed[name]
 
     def file(self, name: TypeName) -> Path | None:
         """Return the file of an interface; an .idl file only if there is no other."""
+        place = self._place(name)
+        return place[0] / place[1] if place else None
+
+    def _place(self, name: TypeName) -> tuple[Path, str] | None:
+        """Return the folder of the definitions, and the path below it, of an interface."""
         folder = self.folder(name.package)
         if not folder:
             return None
-        paths = (
-            find_definition(folder, self.rosdistro, f"{name.kind}/{name.name}.{ending}")
-            for ending in (name.kind, "idl")
-        )
-        return next(filter(None, paths), None)
+        # Where nearly all are; the whole list takes longer to read.
+        usual = f"{name.kind}/{name.name}.{name.kind}"
+        path = find_definition(folder, self.rosdistro, usual)
+        if path:
+            return path.parent.parent, usual
+        return self.definitions(name.package).get((name.kind, name.name))
+
+    def definitions(self, package: str) -> dict[tuple[str, str], tuple[Path, str]]:
+        """Return folder and path of each definition of a package, by kind and name.
+
+        A package of the workspace has those of its sources, and those generated ones that were installed.
+        """
+        if package not in self._definitions:
+            places: dict[tuple[str, str], tuple[Path, str]] = {}
+            for folder in filter(None, (self.folder(package), self.built.get(package))):
+                for relative, base in definition_files(folder, self.rosdistro).items():
+                    if base:
+                        places.setdefault(_key(relative), (base, relative))
+            self._definitions[package] = places
+        return self._definitions[package]
 
     def folder(self, package: str) -> Path | None:
         """Return the folder with the msg, srv and action folders of a package."""
@@ -163,8 +221,14 @@ class Library:
         return {name: folder for name, folder in folders.items() if folder}
 
     def names(self) -> Iterator[TypeName]:
-        for package, folder in self.packages().items():
-            yield from names_in(package, folder, self.rosdistro)
+        for package in self.packages():
+            yield from self.names_in(package)
+
+    def names_in(self, package: str) -> Iterator[TypeName]:
+        """Yield the names of the interfaces of a package, sorted by kind."""
+        order = {kind: number for number, kind in enumerate(SECTIONS)}
+        keys = sorted(self.definitions(package), key=lambda key: (order.get(key[0], len(order)), key))
+        return (TypeName(package, *key) for key in keys if "_" not in key[1])
 
     def distribution_hint(self, name: TypeName) -> str | None:
         """Return which distributions have a type that an embedded package of this one lacks, or None."""
@@ -192,25 +256,10 @@ class Library:
             yield self.embedded / package
 
 
-def names_in(package: str, folder: Path, rosdistro: str = OLDEST) -> Iterator[TypeName]:
-    """Yield the names of the interfaces in a folder, without installed requests and responses of services."""
-    bases = definition_folders(folder, rosdistro)
-    removed = frozenset[str]().union(*map(removed_definitions, bases))
-    for kind in dict.fromkeys(kind for base in bases for kind in _namespaces(base)):
-        files = (path for base in bases for end in (kind, "idl") for path in (base / kind).glob(f"*.{end}"))
-        stems = {path.stem for path in files if f"{kind}/{path.name}" not in removed}
-        yield from (TypeName(package, kind, stem) for stem in sorted(stems) if "_" not in stem)
-
-
 def _has_interfaces(folder: Path, rosdistro: str) -> bool:
     if (folder / SINCE).is_dir() and folder.is_relative_to(EMBEDDED):
         return has_definitions(folder, rosdistro)
     return any((folder / kind).is_dir() for kind in SECTIONS) or any(folder.glob("*/*.idl"))
-
-
-def _namespaces(folder: Path) -> tuple[str, ...]:
-    others = {path.parent.name for path in folder.glob("*/*.idl")} - SECTIONS.keys()
-    return (*SECTIONS, *sorted(others))
 
 
 def _entries(folder: Path) -> set[str]:

@@ -7,7 +7,7 @@ from contextlib import suppress
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
-from forge.base.ament_index import prefixes
+from forge.base.ament_index import INDEX, prefixes
 from forge.base.distributions import EMBEDDED
 from forge.base.errors import (
     ForgeError,
@@ -26,7 +26,7 @@ from forge.environment.installed import underlay_prefixes
 from forge.interfaces.model import Catalog
 from forge.interfaces.read.declarations import LOWER_NAME
 from forge.interfaces.read.parsing import parse_all
-from forge.interfaces.read.sources import Library, names_in, read_folder
+from forge.interfaces.read.sources import Library, definition_files, read_source
 from forge.interfaces.resolve.resolution import dependency_catalogs, resolve
 from forge.interfaces.writing import Written, unwritable
 from forge.plugins.interface_pages.site import PackageInfo, site
@@ -59,7 +59,7 @@ def make_site(options: Options, default: Path) -> int:
             INTERFACE_GROUP in package.manifest.groups
             or any(each.name == GENERATORS for each in package.manifest.dependencies)
         )
-        and any(names_in(name, found.root / package.path))
+        and definition_files(found.root / package.path)
     }
     folders = {name: root / package.path for name, package in packages.items()}
     folders |= {name: Path(folder) for name, folder in options.others.includes}
@@ -77,12 +77,18 @@ def make_site(options: Options, default: Path) -> int:
     install = find_install(root, Path.home())
     underlays = underlay_prefixes(install) if install else ()
     sourced = (*prefixes(os.environ), *underlays)
-    library = Library(includes=folders, prefixes=sourced, rosdistro=distribution_of(options.others.rosdistro))
+    library = Library(
+        includes=folders,
+        prefixes=sourced,
+        rosdistro=distribution_of(options.others.rosdistro),
+        built=_installed(install, packages),
+    )
     whole = _wanted(options, folders, library)
-    results = [_attempt(name, folder, library) for name, folder in whole.items()]
+    results = [_attempt(name, library) for name in whole]
     problems = [p for result in results if isinstance(result, InterfaceError) for p in result.problems]
-    raise_if_any(dict.fromkeys(problems), InterfaceError)
     catalogs = [result for result in results if isinstance(result, Catalog)]
+    if not catalogs:
+        raise_if_any(dict.fromkeys(problems), InterfaceError)
     others = [other for catalog in catalogs for other in dependency_catalogs(catalog, library)]
     # Of other packages, only the types that these refer to are documented.
     catalogs += sorted(
@@ -97,7 +103,20 @@ def make_site(options: Options, default: Path) -> int:
     written = write_site(site(catalogs, abouts, options.title), out)
     count = f"{len(written.changed)} of {written.total} files"
     print(f"{count} written, start page: '{out / _FIRST_PAGE}'")
+    raise_if_any(dict.fromkeys(problems), InterfaceError)
     return 0
+
+
+def _installed(install: Path | None, names: Iterable[str]) -> dict[str, Path]:
+    """Return the folders into which packages of the workspace have installed their definitions."""
+    homes = (
+        ((name, prefix / "share" / name) for name in names for prefix in (install / name, install))
+        if install
+        else ()
+    )
+    return {
+        name: home for name, home in homes if (home.parents[1] / INDEX / "rosidl_interfaces" / name).is_file()
+    }
 
 
 def _wanted(options: Options, own: Mapping[str, Path], library: Library) -> dict[str, Path]:
@@ -119,10 +138,11 @@ def _wanted(options: Options, own: Mapping[str, Path], library: Library) -> dict
     return {name: known[name] for name in sorted(set(names))}
 
 
-def _attempt(name: str, folder: Path, library: Library) -> Catalog | InterfaceError:
+def _attempt(name: str, library: Library) -> Catalog | InterfaceError:
     """Return a catalog, or the error, so that errors of all packages are reported."""
     try:
-        parsed = parse_all(read_folder(name, folder, library.rosdistro))
+        places = library.definitions(name).values()
+        parsed = parse_all(read_source(name, base, relative) for base, relative in places)
         return resolve(name, parsed, library, events=library.has_events)
     except InterfaceError as error:
         return error

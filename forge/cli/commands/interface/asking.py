@@ -25,7 +25,7 @@ from forge.cli.options import add_verb
 from forge.interfaces.hashing import hashes
 from forge.interfaces.model import Catalog, TypeName
 from forge.interfaces.prototype import to_yaml
-from forge.interfaces.read.sources import Library, names_in
+from forge.interfaces.read.sources import Library
 from forge.interfaces.resolve.resolution import nested_messages, require
 from forge.interfaces.schema import ENCODINGS, schema_text
 from forge.interfaces.show import Comments, parse_type_name, show
@@ -128,7 +128,7 @@ def _package(options: _PackageOptions) -> int:
     if not folder:
         _check_package(options.package, library)
         return 0
-    for name in sorted(names_in(options.package, folder, library.rosdistro)):
+    for name in sorted(library.names_in(options.package)):
         if not options.listing.kinds or name.kind in options.listing.kinds:
             print(name)
     return 0
@@ -138,8 +138,8 @@ def _packages(options: _ListingOptions) -> int:
     # With several kinds, `ros2 interface packages` uses the first one in this order.
     kinds = options.kinds[:1]
     library = known_library(options.rosdistro)
-    for package, folder in library.packages().items():
-        names = list(names_in(package, folder, library.rosdistro))
+    for package in library.packages():
+        names = list(library.names_in(package))
         if any(name.kind in kinds for name in names) if kinds else names:
             print(package)
     return 0

@@ -19,7 +19,9 @@ INDEX = "share/ament_index/resource_index"
 PREFIX = {
     f"{INDEX}/packages/mine": "",
     f"{INDEX}/packages/bare": "",
-    f"{INDEX}/rosidl_interfaces/mine": "msg/Only.idl\nmsg/Top.msg",
+    f"{INDEX}/rosidl_interfaces/mine": "\n".join(
+        ("msg/Inner.msg", "msg/Loop.msg", "msg/Lost.msg", "msg/Only.idl", "msg/Top.msg", "srv/Ask.srv")
+    ),
     "share/mine/msg/Top.msg": "# top\n\nInner inner # in\n",
     "share/mine/msg/Inner.msg": "# inner\nstd_msgs/String text\n",
     "share/mine/msg/Lost.msg": "nowhere/Thing thing\n",
@@ -205,7 +207,8 @@ def test_idl_only_interfaces_are_listed(forge: Forge, tree: Tree) -> None:
         "msg/Wrong.idl": elsewhere,
         "msg/Short.msg": "Gone a",
     }
-    prefix = tree({**PREFIX, **{f"share/mine/{path}": text for path, text in files.items()}})
+    listed = {f"{INDEX}/rosidl_interfaces/mine": "\n".join(files)}
+    prefix = tree({**PREFIX, **listed, **{f"share/mine/{path}": text for path, text in files.items()}})
     (prefix / "share/mine/msg/Short.msg").unlink()
     env = {"AMENT_PREFIX_PATH": str(prefix)}
     assert (

@@ -9,7 +9,7 @@ import pytest
 from forge.base.distributions import EMBEDDED
 from forge.base.errors import InterfaceError
 from forge.interfaces.model import TypeName
-from forge.interfaces.read.sources import Library, names_in, read_folder, read_runtime, read_source
+from forge.interfaces.read.sources import Library, read_folder, read_runtime, read_source
 from tests.conftest import Tree
 
 INDEX = "share/ament_index/resource_index/rosidl_interfaces"
@@ -85,8 +85,36 @@ def test_requests_and_responses_are_hidden_and_idl_files_listed(tree: Tree) -> N
     folder = tree(
         {"srv/A.srv": "---", "srv/A_Request.msg": "", "srv/A.idl": "", "msg/B.idl": "", "msg/C_D.msg": ""}
     )
-    assert list(map(str, names_in("p", folder))) == ["p/msg/B", "p/srv/A"]
-    assert {str(name) for name in Library({"p": folder}, embedded=None).names()} == {"p/msg/B", "p/srv/A"}
+    library = Library({"p": folder}, embedded=None)
+    assert list(map(str, library.names_in("p"))) == ["p/msg/B", "p/srv/A"]
+    assert {str(name) for name in library.names()} == {"p/msg/B", "p/srv/A"}
+
+
+def test_definitions_in_deeper_folders_are_found(tree: Tree) -> None:
+    folder = tree({"msg/deep/more/A.msg": "int8 deep", "msg/B.msg": "A a", "msg/B.idl": "", "test/C.msg": ""})
+    library = Library({"p": folder}, embedded=None)
+    assert list(map(str, library.names_in("p"))) == ["p/msg/A", "p/msg/B"]
+    assert fields(library, "p/msg/A") == ["deep"]
+    assert [source.relative for source in read_folder("p", folder)] == ["msg/B.msg", "msg/deep/more/A.msg"]
+
+
+def test_an_installed_package_has_what_the_index_lists(tree: Tree) -> None:
+    """Files that another version has left are none of it; generated .idl files are not the source."""
+    listed = ("deep/A.msg", "msg/A.idl", "srv/S.srv", "srv/S_Request.msg", "msg/Own.idl", "msg/gone.msg")
+    own = "module p { module msg { struct Own { long x; }; }; };"
+    prefix = tree(
+        {
+            f"{INDEX}/p": "\n".join(listed),
+            **{f"share/p/{path}": "int8 old" for path in ("msg/Left.msg", "msg/A.idl", "srv/S_Request.msg")},
+            "share/p/deep/A.msg": "int8 fresh",
+            "share/p/srv/S.srv": "---",
+            "share/p/msg/Own.idl": own,
+        }
+    )
+    library = Library(prefixes=(prefix,), embedded=None)
+    assert list(map(str, library.names_in("p"))) == ["p/msg/A", "p/msg/Own", "p/srv/S"]
+    assert fields(library, "p/msg/A") == ["fresh"]
+    assert fields(library, "p/msg/Own") == ["x"]
 
 
 def test_run_time_files_are_those_of_the_language() -> None:
