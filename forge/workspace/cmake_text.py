@@ -17,7 +17,7 @@ from forge.base.text import counted
 from forge.workspace.source_names import is_environment, may_contain_packages
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Iterator
+    from collections.abc import Iterable, Iterator
     from pathlib import Path
 
     from forge.workspace.model import Package
@@ -205,10 +205,8 @@ def used_by_tests_only(text: str) -> frozenset[str]:
     return frozenset(each.name for each in references if each.testing) - others
 
 
-def announced_downloads(packages: Iterable[Package], known: Collection[str] = ()) -> Problem | None:
+def announced_downloads(packages: Iterable[Package]) -> Problem | None:
     """Return a note on the literal addresses in commands that may download, None if there are none.
-
-    Except for those that are `known` to be downloaded already.
 
     Some of the commands may be in branches that are not taken.
     """
@@ -221,7 +219,7 @@ def announced_downloads(packages: Iterable[Package], known: Collection[str] = ()
                 if call.command in _DOWNLOADING or (
                     call.command == "file" and call.words[:1] == ("DOWNLOAD",)
                 ):
-                    found = (word for word in call.words if _REMOTE.fullmatch(word) and word not in known)
+                    found = (word for word in call.words if _REMOTE.fullmatch(word))
                     urls.update(((package.name, url), None) for url in found)
     if not urls:
         return None

@@ -34,6 +34,7 @@ from forge.cli.config import configured_word
 from forge.cli.preparation import build_variables, known_rosdistro
 from forge.environment.prefixes import Underlays, find_underlays, provider, system_prefixes
 from forge.plugins.fetch.closure import Needs, check_names, middleware_package, middlewares, needs_of, resolve
+from forge.plugins.fetch.downloads import announced
 from forge.plugins.fetch.index import Release, Snapshot, distributions_with, read_snapshot
 from forge.plugins.fetch.lock import (
     LOCK_FILE,
@@ -68,7 +69,6 @@ from forge.plugins.fetch.sources import (
 )
 from forge.plugins.fetch.underlay import is_underlay
 from forge.toolchain.interpreter import find_interpreter, own_command
-from forge.workspace.cmake_text import announced_downloads
 from forge.workspace.discovery import discover_embedded
 from forge.workspace.load import LoadedWorkspace, load_workspace
 from forge.workspace.manifest import parse_manifest
@@ -191,8 +191,7 @@ def _fetch(options: Options, root: Path, cache: Path) -> int:
         make_environment(environment, interpreter.path, system=system)
     program = environment / "bin/python3" if environment else interpreter.path
     lock = replace(lock, python=python, modules=_modules(options, lock, before, ros, python, program, cache))
-    if note := announced_downloads(sources, {each.repository for each in lock.clones}):
-        print_warnings([note])
+    print_warnings(announced(sources, lock.keys))
     for line in _system_packages(sources, lock) if sources else ():
         print(line)
     if options.export:

@@ -23,6 +23,7 @@ from forge.base.errors import ForgeError, Problem, SelectionError, raise_if_any
 from forge.base.files import delete_tree, text_or_nothing
 from forge.base.text import listed
 from forge.plugins.fetch import git
+from forge.plugins.fetch.downloads import is_repository
 from forge.plugins.fetch.git import NetworkError
 from forge.plugins.fetch.index import Release, Snapshot
 from forge.plugins.fetch.lock import Clone, LockedPackage
@@ -151,7 +152,13 @@ def lock_clones(
                 url = words.get("GIT_REPOSITORY") or words.get("VCS_URL") or ""
                 tag = words.get("GIT_TAG") or words.get("VCS_VERSION") or ""
                 for_tests = any("BUILD_TESTING" in each for each in call.conditions)
-                if "://" in url and tag and "$" not in url + tag and (tests or not for_tests):
+                if (
+                    is_repository(call.words)
+                    and "://" in url
+                    and tag
+                    and "$" not in url + tag
+                    and (tests or not for_tests)
+                ):
                     users.setdefault((url, tag), set()).add(package.name)
 
     def look_up(clone: tuple[str, str]) -> str:
