@@ -44,6 +44,7 @@ REQUIREMENTS = {
     "python3-packaging": "packaging",
     "python3-pkg-resources": "setuptools<80",
     "python3-psutil": "psutil",
+    "python3-pytest": "pytest",
     "python3-pydot": "pydot",
     "python3-rosdistro-modules": "rosdistro",
     "python3-setuptools": "setuptools<80",  # Humble's packages do not support setuptools 80
@@ -180,8 +181,10 @@ def prepare_interpreter(underlay: Path, lock: Lock, python: Path, cache: Path) -
 
 
 def workspace_environment(root: Path, interpreter: Interpreter) -> Path | None:
-    """Return the folder of the workspace's environment, None if the user has chosen an interpreter."""
-    return None if interpreter.chosen else root / ENVIRONMENT_FOLDER
+    """Return the folder of the workspace's environment, None if the user has chosen another interpreter."""
+    folder = root / ENVIRONMENT_FOLDER
+    is_other = interpreter.chosen and interpreter.path.parent != folder / "bin"
+    return None if is_other else folder
 
 
 def make_environment(folder: Path, python: Path, *, system: bool) -> None:
