@@ -57,6 +57,7 @@ REQUIREMENTS = {
 _STAMP = "forge-modules.txt"
 """The file in an environment that says which modules forge has installed, or what it is doing."""
 _CREATING = "# forge makes this environment\n"
+_MADE = "# forge made this environment\n"
 _INSTALLING = "# forge installs modules\n"
 _NETWORK_HINT = "check the network, and the settings of pip or uv"
 _DRAWN = " \u00d7│╰├─▶"
@@ -190,17 +191,21 @@ def workspace_environment(root: Path, interpreter: Interpreter) -> Path | None:
 def make_environment(folder: Path, python: Path, *, system: bool) -> None:
     """Make a virtual environment unless it works; `system` modules are visible in it.
 
-    An environment that exists keeps its interpreter and its modules.
+    An environment that exists keeps its interpreter and its modules, and one that forge did not make also its
+    settings. Raises HostError if that one does not work.
     """
     own, stamp = folder / "bin/python3", folder / _STAMP
     if own.exists() and text_or_nothing(stamp) != _CREATING:
         settings = text_or_nothing(folder / "pyvenv.cfg")
         visible = settings.replace("system-site-packages = false", "system-site-packages = true")
-        if system and visible != settings:
+        if system and visible != settings and stamp.exists():
             replace_file(folder / "pyvenv.cfg", visible.encode())
         return
     python = python.resolve() if python.is_relative_to(folder) else python
-    if (folder / "pyvenv.cfg").exists():
+    if os.path.lexists(folder) and not stamp.exists() and (folder.is_file() or any(folder.iterdir())):
+        message = f"'{folder}' is no environment of Python that works, and forge did not make it"
+        raise HostError(Problem(message, hint="move it away, or activate another environment"))
+    if folder.exists():
         delete_tree(folder)  # its interpreter is gone, or forge was killed here
     folder.mkdir(parents=True, exist_ok=True)
     replace_file(stamp, _CREATING.encode())
@@ -211,7 +216,7 @@ def make_environment(folder: Path, python: Path, *, system: bool) -> None:
     hint = "install uv, or the module venv of Python, for example with `apt install python3-venv`"
     _run([*command, *(["--system-site-packages"] if system else []), str(folder)], "make", folder, hint)
     replace_file(folder / ".gitignore", b"*\n")
-    stamp.unlink()
+    replace_file(stamp, _MADE.encode())
 
 
 def install_modules(folder: Path, modules: Sequence[Module], cache: Path, *, offline: bool = False) -> None:

@@ -269,3 +269,15 @@ def test_malformed_modules_in_a_lock_are_refused(ros: Ros, uv: Index, forge: For
     lock.write_text(lock.read_text().replace('"tiny"', json.dumps("tiny --index-url=https://x.invalid")))
     ran = forge("build", cwd=workspace, env=env)
     assert (ran.code, "invalid version or hash of 'tiny --index-url" in ran.err) == (2, True)
+
+
+def test_environment_of_the_user_that_does_not_work_is_kept(
+    ros: Ros, uv: Index, forge: Forge, tmp_path: Path
+) -> None:
+    """forge removes only environments that it made."""
+    root = new_workspace(tmp_path / "ws")
+    write_files(root, {".venv/pyvenv.cfg": "home = /nowhere\n", ".venv/notes.txt": "mine\n"})
+    ran = forge("fetch", cwd=root, env={**ros.variables(), **uv.variables()})
+    assert ran.code == 2
+    assert "is no environment of Python that works, and forge did not make it" in ran.err
+    assert (root / ".venv/notes.txt").read_text() == "mine\n"
