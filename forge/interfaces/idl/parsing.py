@@ -54,6 +54,9 @@ _UNSUPPORTED = frozenset(
 )
 """Keywords of OMG IDL 4.2 that ROS does not support."""
 
+_WITHOUT_EFFECT = frozenset("appendable external key must_understand mutable optional range".split())
+"""Annotations with which other tools for DDS serialize, limit or match values in another way."""
+
 _EXPLANATIONS: dict[str, tuple[str, str | None]] = {
     "#": ("the only supported preprocessor directive is #include", None),
     '"': ("a string must end on the line where it starts", None),
@@ -140,6 +143,9 @@ def _explained(error: UnexpectedInput, text: str) -> ParseError:
     if word in _UNSUPPORTED or (word == "<" and before in _UNSUPPORTED):
         keyword = word if word in _UNSUPPORTED else before
         return ParseError(f"'{keyword}' of OMG IDL is not supported by ROS", offset=offset)
+    if (number := re.search(r"\b0\Z", text[:offset])) and re.fullmatch(r"[xX][0-9a-fA-F]+", word):
+        message = f"hexadecimal numbers such as '0{word}' are not supported"
+        return ParseError(message, offset=number.start(), hint=f"write {int(word[1:], 16)}")
     expected = getattr(error, "accepts", None) or getattr(error, "allowed", None) or ()
     names = [shown for name, shown in _EXPECTED.items() if name in expected]
     expectation = f"{' or '.join(names[:2])} is expected" if names else None
@@ -168,6 +174,7 @@ class FileReader:
     modules: list[Token] = field(default_factory=list)
     """The names of modules."""
     _types: dict[str, Type] = field(default_factory=dict)
+    _enumerations: set[str] = field(default_factory=set)
     _constants: dict[tuple[str, ...], list[tuple[Tree[Token], list[Tree[Token]]]]] = field(
         default_factory=dict
     )
@@ -185,6 +192,8 @@ class FileReader:
                 case "typedef":
                     with self._reporting():
                         self._add_typedef(definition)
+                case "enumeration":
+                    self._enumerations.add(str(_token(definition)))
                 case "constant":
                     # It is read if its module is that of the constants of a struct.
                     self._constants.setdefault(tuple(map(str, path)), []).append((definition, notes))
@@ -200,8 +209,13 @@ class FileReader:
             message = f"expected 1 struct (a message), 2 (a service) or 3 (an action), found {len(words)}"
             self.problems.append(Problem(message, Location(str(self.source.path))))
             return
-        stem = PurePosixPath(self.source.relative).stem
-        for word, suffix in zip(words, _SECTIONS.get(len(words), ("",)), strict=True):
+        file = PurePosixPath(self.source.relative)
+        stem, sections = file.stem, _SECTIONS.get(len(words), ("",))
+        if file.parent.name == "msg" and sections != ("",) and f"{stem}{sections[0]}" not in words:
+            message = f"a message is one struct, but the file has {len(words)}"
+            self._report(message, words[1], "write each message into a file of its own")
+            return
+        for word, suffix in zip(words, sections, strict=True):
             if word != stem + suffix:
                 message = f"the name of struct '{word}' does not match the file"
                 self._report(message, word, f"rename it to '{stem}{suffix}'")
@@ -378,6 +392,9 @@ class FileReader:
         if len(names) > 1:
             hint = "write 'package::msg::Name'"
             raise ParseError(f"'{written}' does not have three parts", offset=offset, hint=hint)
+        if written in self._enumerations:
+            message = f"'{written}' is an enum, which ROS does not support as the type of a member"
+            raise ParseError(message, offset=offset, hint="use an integer type, and constants for its values")
         if written not in self._types:
             hint = (
                 did_you_mean(written, islice(self._types, _CANDIDATES))
@@ -421,6 +438,10 @@ class FileReader:
         annotations: Annotations = {}
         for tree in trees:
             name, *parameters = tree.children
+            if str(name) in _WITHOUT_EFFECT:
+                self._warn(
+                    f"ROS ignores '@{name}': values are serialized as without it", _start(cast("Token", name))
+                )
             values: dict[str, Expression] = {}
             with self._reporting():
                 for parameter in cast("list[Tree[Token] | None]", parameters):

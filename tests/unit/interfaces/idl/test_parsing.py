@@ -301,7 +301,7 @@ def test_a_lone_hidden_member_is_not_a_field() -> None:
             "rosidl reads 'sequence<wstring<5>>' as a sequence of at most 5 elements",
         ),
         ("int8 a[1+2];", "'+' is not expected here"),
-        ("int8 a[0x3];", "'x3' is not expected here"),
+        ("int8 a[0x3];", "hexadecimal numbers such as '0x3' are not supported"),
         ("int8 a[010];", "a number with a leading zero is octal"),
         ("int8 a[N];", "a size must be a decimal number"),
         ("int8 a[-1];", "a size must be at least 1"),
@@ -338,7 +338,7 @@ def test_a_lone_hidden_member_is_not_a_field() -> None:
         ('@default(value="(1, 2)") sequence<int8, 1> a;', "expected at most 1 element, found 2"),
         ("@default(value=1) q::msg::B a;", "a member of a struct's type cannot have a default"),
         ('@default(value="()") sequence<q::msg::B> a;', "a member of a struct's type cannot have a default"),
-        ("@range(min=0x1) int8 a;", "'x1' is not expected here"),
+        ("@range(min=0x1) int8 a;", "hexadecimal numbers such as '0x1' are not supported"),
         ("@range(min=01) int8 a;", "a number with a leading zero is octal"),
     ],
 )
@@ -357,7 +357,7 @@ def test_members_that_rosidl_cannot_read_are_reported(members: str, text: str) -
         ("typedef int8 X[2]; typedef X Y[3];", "arrays of arrays are not supported"),
         ("typedef int8 X[2]; typedef sequence<X> Y;", "sequences of arrays or sequences are not supported"),
         ("typedef Y X;", "unknown type 'Y'"),
-        ("enum E { X }; typedef E Y;", "unknown type 'E'"),
+        ("enum E { X }; typedef E Y;", "'E' is an enum, which ROS does not support as the type of a member"),
         ("module A_Constants { const int8 X = 1; const int8 X = 1; };", "'X' is already declared"),
         ("module A_Constants { const int8 new = 1; };", "constant name 'new' is a keyword of C++"),
         ("module A_Constants { const int8 X = 1 + 1; };", "'+' is not expected here"),
@@ -431,3 +431,15 @@ def _assert_same(package: str, interface: Interface) -> None:
     relative = f"{interface.name.kind}/{interface.name.name}.idl"
     text = idl_text(interface, "origin")
     assert parse(Source(package, relative, Path(relative), text)) == interface
+
+
+def test_annotations_without_effect_are_warned_of() -> None:
+    """Other tools for DDS write other bytes because of them."""
+    text = (
+        'module p { module msg { @mutable struct A { @key @unit(value="m") int8 a; @optional int8 b; }; }; };'
+    )
+    reader = read_idl(Source("p", "msg/A.idl", Path("msg/A.idl"), text))
+    assert [warning.message for warning in reader.warnings] == [
+        f"ROS ignores '@{name}': values are serialized as without it"
+        for name in ("mutable", "key", "optional")
+    ]
