@@ -435,11 +435,9 @@ def _assert_same(package: str, interface: Interface) -> None:
 
 def test_annotations_without_effect_are_warned_of() -> None:
     """Other tools for DDS write other bytes because of them."""
-    text = (
-        'module p { module msg { @mutable struct A { @key @unit(value="m") int8 a; @optional int8 b; }; }; };'
-    )
-    reader = read_idl(Source("p", "msg/A.idl", Path("msg/A.idl"), text))
-    assert [warning.message for warning in reader.warnings] == [
+    text = in_modules('@mutable struct A { @key @unit(value="m") int8 a; @optional int8 b; };')
+    reader = read_idl(Source("p", "msg/A.idl", Path("A.idl"), text))
+    assert sorted(warning.message for warning in reader.warnings) == [
         f"ROS ignores '@{name}': values are serialized as without it"
-        for name in ("mutable", "key", "optional")
+        for name in ("key", "mutable", "optional")
     ]
