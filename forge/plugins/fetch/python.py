@@ -317,7 +317,8 @@ class _Installer:
                 command += ["--reinstall"] if again else []
             else:
                 self._files.mkdir(parents=True, exist_ok=True)
-                command, offline = [self._python, "-m", "pip", "--no-input", *words], "--no-index"
+                command = [self._python, "-m", "pip", "--no-input", *words, "--no-compile"]
+                offline = "--no-index"
                 command += ["--find-links", str(self._files), *(["--ignore-installed"] if again else [])]
             try:
                 self._run([*command, offline], "install")
