@@ -74,6 +74,21 @@ def test_the_interpreter_is_chosen_in_the_documented_order(tree: Tree) -> None:
     assert {each.version for each in found} == {(3, sys.version_info.minor + 1)}
 
 
+def test_the_environment_of_a_workspace_with_a_lock_is_chosen_before_that_of_an_underlay(tree: Tree) -> None:
+    root = tree({})
+    own = environment(root, ".venv") / "bin/python3"
+    low = environment(root, "low") / "bin/python3"
+    (root / "low/.forge.json").write_text(f'{{"python": "{low}", "underlays": []}}')
+    variables = {"PATH": path_of(environment(root, "path") / "bin")}
+    underlays = (root / "low",)
+    assert find_interpreter(None, variables, underlays, root=root).path == low
+    (root / "forge.lock").touch()
+    found = find_interpreter(None, variables, underlays, root=root)
+    assert (found.path, found.chosen) == (own, False)
+    variables["VIRTUAL_ENV"] = str(environment(root, "active"))
+    assert find_interpreter(None, variables, underlays, root=root).chosen
+
+
 @pytest.mark.parametrize("receipt", ["tool/uv-receipt.toml", "tool/pipx_metadata.json", "archive-v0/x/CACHE"])
 def test_the_environment_of_the_tool_is_never_chosen(
     receipt: str, tree: Tree, monkeypatch: pytest.MonkeyPatch
