@@ -6,12 +6,13 @@ PYTEST ?= .venv/bin/python -m pytest
 # The tests of a file share fixtures and stay together; the slow files come first, and short ones fill the end.
 PARALLEL = --numprocesses logical --dist loadfile --no-loadscope-reorder
 
-.PHONY: help demo test test-all bare quick without-plugins newest-cmake oldest-cmake cross fuzz fuzz-parsers scale soak peers debian-peers lint types bench quick-bench clean
+.PHONY: help demo test test-all coverage bare quick without-plugins newest-cmake oldest-cmake cross fuzz fuzz-parsers scale soak peers debian-peers lint types bench quick-bench clean
 
 help:
 	@echo "make demo    build examples_ws without any ROS and run its programs"
 	@echo "make test    run the tests but the slow ones, on all processors: less than ten minutes on two"
 	@echo "make test-all  run the slow ones, too"
+	@echo "make coverage  run all of them and measure which lines they run: twice as long"
 	@echo "make bare    run both as on a fresh machine with only Python, make and g++"
 	@echo "make quick   run the unit tests and those of the plugins in about a minute"
 	@echo "make without-plugins  run 'make quick' without each plugin: 15 minutes; ONLY=lsp without one"
@@ -37,6 +38,10 @@ test: .venv/.ready
 
 test-all: .venv/.ready
 	$(PYTEST) $(PARALLEL)
+
+# Measuring doubles the processor time of the tests that run in one process, so that .ci/run does without.
+coverage: .venv/.ready
+	$(PYTEST) $(PARALLEL) --cov --cov-report=term:skip-covered
 
 bare:
 	$(PYTHON) -m tests.bare_machine $(MAKE) demo test
