@@ -44,6 +44,7 @@ OWN: Mapping[str, Mapping[str, str]] = {
     TARGETS: {
         "c": "forge.plugins.c_target.target",
         "docs": "forge.plugins.interface_pages.markdown",
+        "jsonschema": "forge.plugins.json_schema.target",
     },
     VERBS: {
         "diff": "forge.plugins.interface_versions.diff",

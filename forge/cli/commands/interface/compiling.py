@@ -52,7 +52,7 @@ class _Options:
         metavar="DIR",
     )
     languages: tuple[str, ...] | None = option(
-        "output to generate: python, cpp, c, idl, json or docs; repeatable (default: "
+        "output to generate: python, cpp, c, idl, json, jsonschema or docs; repeatable (default: "
         f"{' and '.join(_DEFAULT_LANGUAGES)})",
         flag="--lang",
         repeats=True,
@@ -68,7 +68,7 @@ class _Options:
 
 
 def register(verbs: Any) -> None:
-    summary = "compile definitions to Python, C++, C, .idl, .json or Markdown"
+    summary = "compile definitions to Python, C++, C, IDL, JSON, JSON Schema or Markdown"
     add_verb(verbs, "generate", summary, _Options, _generate, fromfile_prefix_chars="@")
 
 
