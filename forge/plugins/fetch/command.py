@@ -50,6 +50,7 @@ from forge.plugins.fetch.python import (
     add_modules,
     declared_requirements,
     install_modules,
+    is_requirement,
     is_system_module,
     lock_modules,
     make_environment,
@@ -331,13 +332,14 @@ def _requirements(
 
     Beside a ROS that somebody has installed, the modules of its keys are the system's.
     """
-    ros, own = set(), set(declared)
+    ros: set[str] = set()
+    own = set(declared)
     for key, pip in {**REQUIREMENTS, **dict(lock.pip)}.items():
         users = needs.keys.get(key, ())
         if needs.packages.keys() & set(users):
-            ros.update(pip.split())
+            ros.update(filter(is_requirement, pip.split()))
         elif key in needs.keys and (key not in REQUIREMENTS or not around.underlays.chain):
-            own.update(pip.split())
+            own.update(filter(is_requirement, pip.split()))
     return ros, tuple(sorted({*ros, *own}))
 
 
@@ -445,7 +447,7 @@ def _sources(folders: Iterable[Path]) -> Iterator[Package]:
 def _system_packages(sources: Sequence[Package], lock: Lock) -> Iterator[str]:
     """Yield what `forge deps` says about the sources: what to install, and names that it does not know.
 
-    Python modules are installed from PyPI by the build.
+    Python modules come from PyPI.
     """
     lines = [line for line in _deps(sources, lock).splitlines() if line]
     unknown = [line.split()[1] for line in lines if " is unknown, needed by " in line]

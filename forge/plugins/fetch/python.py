@@ -20,7 +20,7 @@ from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from forge.base.errors import HostError, Problem, WorkspaceError
+from forge.base.errors import HostError, Location, Problem, WorkspaceError, print_warnings
 from forge.base.files import delete_tree, replace_file, text_or_nothing
 from forge.base.formats import read_toml
 from forge.base.text import counted
@@ -66,11 +66,11 @@ _HASH = re.compile(r"--hash=(sha256:[0-9a-f]{64})")
 _LISTED_FILE = re.compile(r'href="[^"]*?([^"/#]+)#(sha256)=([0-9a-f]{64})')
 _INDEX_SETTING = re.compile(r"^(?:global|install|download|:env:)\.(index-url|no-index)='(.*)'$", re.MULTILINE)
 _ENSURE_PIP = """\
+import sys
 from importlib.util import find_spec
-if not find_spec("pip"):
+if sys.prefix != sys.base_prefix and not find_spec("pip"):
     from subprocess import DEVNULL, call
-    from sys import executable
-    call([executable, "-m", "ensurepip", "--default-pip"], stdout=DEVNULL, stderr=DEVNULL)
+    call([sys.executable, "-m", "ensurepip", "--default-pip"], stdout=DEVNULL, stderr=DEVNULL)
 """
 _VERSIONS = """\
 import sys
@@ -92,20 +92,33 @@ def declared_requirements(packages: Iterable[Package], provided: Collection[str]
     setup.py is not run: only literals count. 'setuptools' by itself, which every template names, is needed
     only to build, where forge has it.
     """
-    from packaging.requirements import InvalidRequirement, Requirement
+    from packaging.requirements import Requirement
     from packaging.utils import canonicalize_name
 
     others = {canonicalize_name(name) for name in provided}
     found = set()
-    for text in (each for package in packages for each in _texts(package.path)):
-        try:
-            requirement = Requirement(text)
-        except InvalidRequirement:
+    for package, text in ((each, text) for each in packages for text in _texts(each.path)):
+        if not is_requirement(text):
             continue  # the build reports it
-        name = canonicalize_name(requirement.name)
-        if name not in others and str(requirement) != "setuptools":
+        requirement = Requirement(text)
+        if requirement.url:
+            message = f"'{package.name}' requires '{text}': forge pins no addresses"
+            hint = f"install it in '{ENVIRONMENT_FOLDER}'"
+            print_warnings([Problem(message, Location(package.path), hint)])
+        elif canonicalize_name(requirement.name) not in others and str(requirement) != "setuptools":
             found.add(str(requirement))
     return tuple(sorted(found))
+
+
+def is_requirement(text: str) -> bool:
+    """Tell whether a text is a requirement of a Python project (PEP 508)."""
+    from packaging.requirements import InvalidRequirement, Requirement
+
+    try:
+        Requirement(text)
+    except InvalidRequirement:
+        return False
+    return True
 
 
 def _texts(folder: Path) -> Iterator[str]:
@@ -362,11 +375,11 @@ class _Installer:
             for path in sorted(Path(draft).iterdir()):
                 name, version = _name_and_version(path.name)
                 own = f"sha256:{hashlib.sha256(path.read_bytes()).hexdigest()}"
-                hashes = set(known.get((name, version), ())) or _published(index, name, version)
+                hashes = set(known.get((name, version), ()))
                 if hashes and own not in hashes:
                     hint = f"if that is right: forge fetch --update {name}"
                     raise WorkspaceError(Problem(f"'{path.name}' is not the file of the lock", hint=hint))
-                found[name] = version, tuple(sorted(hashes or {own}))
+                found[name] = version, tuple(sorted(hashes or {own, *_published(index, name, version)}))
                 path.replace(self._files / path.name)
         return found
 
@@ -416,6 +429,8 @@ def _run(command: Sequence[str], purpose: str, place: str | Path, hint: str | No
         lines = [line for line in (done.stderr or done.stdout).splitlines() if line.strip()]
         errors = [line for line in lines if line.startswith("ERROR: ")]  # pip says at the end what failed
         reason = errors[-1] if errors else " ".join(line.strip(_DRAWN) for line in lines)
+        if "No module named pip" in reason:
+            hint = "install uv, or pip for this interpreter"
         reason = re.sub("^error: ", "", reason, flags=re.IGNORECASE) or f"exit code {done.returncode}"
         raise HostError(Problem(f"cannot {purpose} '{place}': {reason}", hint=hint))
     return done.stdout

@@ -6,7 +6,10 @@ import pickle
 import shutil
 import subprocess
 import sys
+import threading
 import venv
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 import pytest
@@ -148,6 +151,34 @@ def test_file_with_another_hash_is_refused(ros: Ros, index: Index, forge: Forge,
         assert f"cannot install Python modules for '{other / '.venv/bin/python3'}': " in ran.err
         assert "hash" in ran.err.lower()
     assert (other / "forge.lock").read_text() == lock
+
+
+def test_lock_has_the_hashes_of_the_files_for_other_platforms(ros: Ros, forge: Forge, tmp_path: Path) -> None:
+    index = Index(tmp_path / "index", "pip")
+    index.add("lark", "1.1")
+    own, other = index.add("tiny", "1.0").partition(":")[2], "0" * 64
+    hashes = {"tiny-1.0-py3-none-any.whl": own, "tiny-1.0.tar.gz": other, "tiny-0.9.tar.gz": "1" * 64}
+    links = "".join(f'<a href="/files/{name}#sha256={value}">{name}</a>' for name, value in hashes.items())
+    write_files(tmp_path / "index/simple", {"tiny/index.html": links})
+    serve = partial(SimpleHTTPRequestHandler, directory=str(tmp_path / "index"))
+    with ThreadingHTTPServer(("127.0.0.1", 0), serve) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        url = f"http://127.0.0.1:{server.server_address[1]}/simple"
+        env = {**ros.variables(), **index.variables(), "PIP_NO_INDEX": None, "PIP_INDEX_URL": url}
+        workspace = new_workspace(tmp_path / "ws", "'tiny'")
+        ran = forge("fetch", cwd=workspace, env=env)
+        server.shutdown()
+    assert ran.code == 0, ran.err
+    found = {each["name"]: each["hashes"] for each in locked(workspace)["module"]}
+    assert found["tiny"] == [f"sha256:{other}", f"sha256:{own}"]
+
+
+def test_address_of_a_project_is_not_pinned(ros: Ros, uv: Index, forge: Forge, tmp_path: Path) -> None:
+    workspace = new_workspace(tmp_path / "ws", "'tiny @ https://example.invalid/tiny.whl'")
+    ran = forge("fetch", cwd=workspace, env={**ros.variables(), **uv.variables()})
+    assert ran.code == 0
+    assert "'talker' requires 'tiny @ https://example.invalid/tiny.whl': forge pins no addresses" in ran.err
+    assert modules(workspace) == {"lark": "1.1"}
 
 
 def test_offline_installs_what_was_downloaded(ros: Ros, index: Index, forge: Forge, tmp_path: Path) -> None:
