@@ -9,10 +9,12 @@ the old version still compiles and means the same.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import field
 from difflib import SequenceMatcher
 from itertools import zip_longest
 
 from forge.base.frozen import frozen
+from forge.base.text import digest
 from forge.interfaces.hashing import Hasher
 from forge.interfaces.model import (
     Array,
@@ -35,6 +37,8 @@ from forge.interfaces.notation import type_text, value_text
 WIRE, HASH, API = "wire", "hash", "api"
 ASPECTS = (WIRE, HASH, API)
 
+_LONGEST = 4096
+"""The length of an encoding, in characters, above which its digest stands for it."""
 _SAME_BYTES = {"octet": "uint8", "char": "uint8"}
 _SECTIONS = {1: ("",), 2: ("request", "response"), 3: ("goal", "result", "feedback")}
 
@@ -47,6 +51,8 @@ class Version:
     messages: Mapping[TypeName, Message]
     hashers: Mapping[str, Hasher]
     """By package."""
+    encodings: dict[TypeName, str] = field(default_factory=dict)
+    """A cache."""
 
     def hash(self, name: TypeName) -> str:
         return self.hashers[name.package].hash(name)
@@ -103,7 +109,7 @@ def _compared(name: TypeName, old: Version, new: Version) -> Difference | None:
     for title, before, after in zip_longest(_SECTIONS[len(sections[0])], *sections):
         changes += _section_changes(title, before, after)
     wires = [
-        [_encoding(Named(section.name), version.messages) for section in each]
+        [_encoding(Named(section.name), version.messages, version.encodings) for section in each]
         for each, version in zip(sections, (old, new), strict=True)
     ]
     breaks = {API} if any(change.api for change in changes) else set()
@@ -198,18 +204,23 @@ def _type(type_: Type, package: str) -> str:
     return f"{text.word}{text.suffix}"
 
 
-def _encoding(type_: Type, messages: Mapping[TypeName, Message]) -> str:
+def _encoding(type_: Type, messages: Mapping[TypeName, Message], known: dict[TypeName, str]) -> str:
     """Return what decides about the bytes of a value and about which values there are, without any name.
 
     XCDR1 aligns primitives only, so that the members of a nested message could as well be its owner's.
     """
     match type_:
         case Array(of, size):
-            return f"({_encoding(of, messages)})[{size}]"
+            return f"({_encoding(of, messages, known)})[{size}]"
         case Sequence(of, bound):
-            return f"({_encoding(of, messages)})[<={bound}]"
+            return f"({_encoding(of, messages, known)})[<={bound}]"
         case Named(name):
-            return " ".join(_encoding(member.type, messages) for member in messages[name].members)
+            if name not in known:
+                members = messages[name].members
+                text = " ".join(_encoding(member.type, messages, known) for member in members)
+                # Messages in messages in messages could have millions of members.
+                known[name] = text if len(text) <= _LONGEST else digest(text, size=32)
+            return known[name]
         case Primitive(name):
             return _SAME_BYTES.get(name, name)
         case String(wide, bound):

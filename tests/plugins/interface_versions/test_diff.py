@@ -233,3 +233,12 @@ def test_what_cannot_be_compared_is_named(
     ran = forge("interface", "diff", *words, "--package", "p", cwd=tmp_path)
     assert ran.code == 2
     assert said in ran.err
+
+
+def test_messages_with_millions_of_members_are_compared(forge: Forge, tmp_path: Path) -> None:
+    chain = {f"msg/M{n}.msg": f"M{n + 1} a\nM{n + 1} b\n" for n in range(30)}
+    written(tmp_path / "old", {**chain, "msg/M30.msg": "int8 x\n"})
+    written(tmp_path / "new", {**chain, "msg/M30.msg": "int16 x\n"})
+    found = diff(forge, tmp_path)
+    assert len(found) == 31
+    assert all("wire" in each["breaks"] for each in found.values())
