@@ -189,7 +189,7 @@ def prepare_interpreter(underlay: Path, lock: Lock, python: Path, cache: Path) -
     if not modules:
         return str(python)
     environment = underlay / "venv"
-    make_environment(environment, python, system=sees_system(lock, ()))
+    make_environment(environment, python.resolve(), system=sees_system(lock, ()))
     install_modules(environment, modules, cache)
     return str(environment / "bin/python3")
 
@@ -228,6 +228,10 @@ def make_environment(folder: Path, python: Path, *, system: bool) -> None:
         command = [str(python), "-m", "venv"]
     hint = "install uv, or the module venv of Python, for example with `apt install python3-venv`"
     _run([*command, *(["--system-site-packages"] if system else []), str(folder)], "make", folder, hint)
+    # The command that made it differs for each workspace, and would keep the package cache from being used.
+    lines = text_or_nothing(folder / "pyvenv.cfg").splitlines(keepends=True)
+    kept = "".join(line for line in lines if not line.startswith("command ="))
+    replace_file(folder / "pyvenv.cfg", kept.encode())
     replace_file(folder / ".gitignore", b"*\n")
     replace_file(stamp, _MADE.encode())
 

@@ -243,6 +243,7 @@ def _run_build(
     began = time.monotonic()
     # Users set it for their nodes; packages of ROS that ask for it would be built anew whenever it changes.
     own = {name: value for name, value in variables.items() if name != "RMW_IMPLEMENTATION"}
+    own["PWD"] = str(folder)  # which programs look at
     own |= _clone_settings(folder, lock, cache, own)
     # For programs that the system lacks, such as the vcs of packages that clone.
     own["PATH"] = os.pathsep.join([*filter(None, [own.get("PATH")]), str(Path(python).parent)])

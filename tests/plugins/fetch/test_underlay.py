@@ -18,6 +18,7 @@ from tests.conftest import Forge
 from tests.e2e.test_live import build as on_terminal
 from tests.packages import manifest_text, write_files
 from tests.plugins.fetch.ros import CMAKE, Ros, depends, small_ros
+from tests.plugins.fetch.wheels import Index
 
 pytestmark = pytest.mark.needs("cmake", "git")
 
@@ -350,3 +351,21 @@ def test_another_user_gets_the_underlay_from_the_package_cache(
     assert "rclmini: build" in steps_of("servers/of/the/team/ci")
     # A result holds for any path once two builds at different ones agree.
     assert not [step for step in steps_of("homes/bo") if step.startswith("rclmini")]
+
+
+def test_environment_of_the_underlay_is_the_same_for_all_workspaces(
+    ros: Ros, forge: Forge, tmp_path: Path
+) -> None:
+    """Otherwise no result of a package that runs Python would come from the package cache."""
+    index = Index(tmp_path / "index", "pip")
+    index.add("lark", "1.1")
+    ros.release("rclmini", *depends("python3-lark-parser"))
+    env: dict[str, str | None] = {**ros.variables(), **index.variables()}
+    texts = []
+    for name in ("first", "second"):
+        workspace = new_workspace(tmp_path / name)
+        assert forge("fetch", cwd=workspace, env=env).code == 0
+        assert forge("build", cwd=workspace, env=env).code == 0
+        texts.append((underlay(tmp_path) / "venv/pyvenv.cfg").read_text())
+        shutil.rmtree(tmp_path / "ros/user cache")
+    assert texts[0] == texts[1]
