@@ -53,8 +53,9 @@ def only_download(cache: Path) -> Iterator[None]:
         except BlockingIOError:
             print("waiting for another forge that downloads packages", file=sys.stderr, flush=True)
             fcntl.flock(file, fcntl.LOCK_EX)
-        for draft in (*cache.glob("sources/*/.*"), *cache.glob("clones/.*"), *cache.glob("modules/.*")):
-            delete_tree(draft)
+        for pattern in ("sources/.*", "sources/*/.*", "clones/.*", "modules/.*"):
+            for draft in cache.glob(pattern):
+                delete_tree(draft)
         yield
 
 

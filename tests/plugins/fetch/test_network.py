@@ -100,10 +100,13 @@ def test_killed_fetch_leaves_nothing_half_written(
     assert not (workspace / "forge.lock").exists()
     server.stalled = ""
     server.sent.clear()
+    left = ros.root / "user cache/forge/ros/sources/.import/tree"  # by a killed 'forge fetch --import'
+    left.mkdir(parents=True)
     ran = forge("fetch", cwd=workspace, env=env)
     assert ran.code == 0, ran.err
     assert sources(ros) == NEEDED
     assert sorted(server.sent) == ["lib.git", "rclmini-release.git"]
+    assert not left.parent.exists()
     assert [each["name"] for each in locked(workspace)["package"]] == NEEDED
 
 
