@@ -90,6 +90,20 @@ def _names(message: Message) -> Iterator[Problem]:
         if constant.name in _CONSTANT_NAMES:
             text = f"avoid the constant name '{constant.name}': it is a macro of C or Windows"
             yield _problem(constant.place, text, "use a more specific name", at=constant.name)
+    yield from _twins(message)
+
+
+def _twins(message: Message) -> Iterator[Problem]:
+    """Yield a problem for each state that has the number of another one; names differ in the last word."""
+    states: dict[tuple[str, str, object], str] = {}
+    for constant in message.constants:
+        family = constant.name.rpartition("_")[0]
+        if not family or not isinstance(constant.type, Primitive) or "int" not in constant.type.name:
+            continue
+        other = states.setdefault((family, constant.type.name, constant.value), constant.name)
+        if other != constant.name:
+            text = f"'{constant.name}' has the value of '{other}', so that nobody can tell one from the other"
+            yield _problem(constant.place, text, "give it another value", at=constant.name)
 
 
 def _lines(message: Message) -> Iterator[Problem]:

@@ -31,6 +31,10 @@ def messages_of(text: str, relative: str = "msg/A.msg") -> list[str]:
             "1:6 avoid the field name 'get_fields_and_field_types': it shadows a method of the Python class",
         ),
         ("float64 NAN=0", "1:9 avoid the constant name 'NAN': it is a macro of C or Windows"),
+        (
+            "int8 S_GO=1\nint8 S_OFF=0\nint8 S_STOP=1",
+            "3:6 'S_STOP' has the value of 'S_GO', so that nobody can tell one from the other",
+        ),
         ('string a "a#b"', "1:12 the string ends at '#', which starts a comment"),
         ("string A='a#b'", "1:12 the string ends at '#', which starts a comment"),
         ('string a "abc', "1:10 this quote is not closed and becomes part of the string"),

@@ -7,8 +7,7 @@
 # header-only targets <target>__rosidl_typesupport_cpp and so on (also as <project>::...), and a Python
 # package. A macro, so that the caller sees the packages that it finds, and extensions see the caller's variables.
 #
-# LIBRARY_NAME is passed on to extensions, but has no effect on header-only code. ADD_LINTER_TESTS has no effect
-# either.
+# LIBRARY_NAME is passed on to extensions, but has no effect on header-only code. ADD_LINTER_TESTS adds no test.
 macro(rosidl_generate_interfaces target)
   cmake_parse_arguments(_rosidl
     "SKIP_INSTALL;SKIP_GROUP_MEMBERSHIP_CHECK;ADD_LINTER_TESTS" "LIBRARY_NAME" "DEPENDENCIES" ${ARGN})
@@ -16,6 +15,9 @@ macro(rosidl_generate_interfaces target)
     message(FATAL_ERROR "rosidl_generate_interfaces() must be called before ament_package()")
   endif()
   _rosidl_read_files(_rosidl_tuples "${target}" ${_rosidl_UNPARSED_ARGUMENTS})
+  if(_rosidl_ADD_LINTER_TESTS)
+    message(STATUS "ADD_LINTER_TESTS adds no tests: nobody edits the generated code")
+  endif()
 
   # Actions, and services with events, use these packages; most packages do not declare them.
   _rosidl_implied_packages(_rosidl_implied ${_rosidl_tuples})
