@@ -281,8 +281,8 @@ def test_requirement_that_nothing_fulfils_is_one_message(
     assert not (workspace / "forge.lock").exists()
 
 
-def test_interrupted_installation_is_repeated(ros: Ros, index: Index, forge: Forge, tmp_path: Path) -> None:
-    workspace, env = new_workspace(tmp_path / "ws"), {**ros.variables(), **index.variables()}
+def test_interrupted_installation_is_repeated(ros: Ros, uv: Index, forge: Forge, tmp_path: Path) -> None:
+    workspace, env = new_workspace(tmp_path / "ws"), {**ros.variables(), **uv.variables()}
     assert forge("fetch", cwd=workspace, env=env).code == 0
     environment = workspace / ".venv"
     for state in ("# forge installs modules\n", "# forge makes this environment\n"):
