@@ -91,11 +91,21 @@ class World:
             path, _, names = question.removeprefix(MODULES).rpartition(" ")
             folders = path.split(os.pathsep)
             places = [self._modules.places(folders, name) for name in names.split(",")]
-            return digest("\n".join(map(os.pathsep.join, (*places, *map(self._modules.more, folders)))))
+            # Positions instead of paths: the answer is the same in workspaces elsewhere.
+            where = [[_position(place, folders) for place in found] for found in places]
+            return digest("\n".join(map(os.pathsep.join, (*where, *map(self._modules.more, folders)))))
         if question.startswith(KIND):
             return _kind(question.removeprefix(KIND))
         name = question.removeprefix(PACKAGE_FOUND)
         return next(filter(None, (self._configs.folder(prefix, name) for prefix in self._prefixes)), "")
+
+
+def _position(place: str, folders: list[str]) -> str:
+    """Return a folder as the number of the one of `folders` that it is or lies in, and its path there."""
+    for number, folder in enumerate(folders):
+        if folder and f"{place}/".startswith(f"{folder}/"):
+            return f"{number}{place[len(folder) :]}"
+    return place
 
 
 def processor(cpu_info: str) -> str:
