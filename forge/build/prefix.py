@@ -18,6 +18,7 @@ import json
 import os
 import shutil
 import stat
+from collections import Counter
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -547,6 +548,14 @@ def _rename(path: str, target: str) -> None:
         shutil.move(path, target)
 
 
+_removals: Counter[str] = Counter()
+
+
+def removed_folders(prefix: Path) -> int:
+    """Return how many folders of a prefix this process has removed because they were empty."""
+    return _removals[str(prefix)]
+
+
 def remove_empty_folders(path: str, root: str, kept: Collection[str] = ()) -> None:
     """Remove the folder of a file if it is empty except for bytecode, and parents that become empty."""
     folder = os.path.dirname(path)
@@ -561,6 +570,7 @@ def remove_empty_folders(path: str, root: str, kept: Collection[str] = ()) -> No
             os.rmdir(folder)
         except OSError:
             return
+        _removals[root] += 1
         folder = os.path.dirname(folder)
 
 

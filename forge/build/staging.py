@@ -303,7 +303,12 @@ def commit(task: Task, layout: Layout) -> tuple[InstalledFiles, tuple[Problem, .
         if not _is_same(path, target):
             if stat.S_ISREG(status.st_mode):
                 os.utime(path)
-            os.replace(path, target)
+            try:
+                os.replace(path, target)
+            except FileNotFoundError:
+                # In a merged prefix, another package may have removed the folder while it was empty.
+                os.makedirs(os.path.dirname(target), exist_ok=True)
+                os.replace(path, target)
     for name in MANIFESTS:
         manifest = task.build_dir / name
         if manifest.is_file():

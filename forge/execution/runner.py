@@ -19,6 +19,7 @@ from forge.base.files import has_text, remove_folder, write_if_changed
 from forge.base.layout import LAST_COMMAND, SCRATCH_DIR
 from forge.build.events import Aborted, Finished, Output, StepFinished, StepStarted
 from forge.build.model import BuildInputs, BuildRecord
+from forge.build.prefix import removed_folders
 from forge.build.tasks import TEST_FAILURES, StepCondition, StepKind, environment_file, step_line
 from forge.execution.jobserver import without_jobserver_notices
 from forge.execution.started import BUILD_FOLDER_VARIABLE, START_VARIABLE
@@ -191,7 +192,12 @@ class LocalExecutor:
                 continue
             if self._stopping.is_set():
                 return Aborted(task.name, 0.0)
+            removed = removed_folders(task.prefix)
             code = self._run_step(task, step, environment, put)
+            if code and step.kind is StepKind.INSTALL and removed != removed_folders(task.prefix):
+                # Another package of a merged prefix has removed an empty folder, perhaps the one in which
+                # this step was about to make another.
+                code = self._run_step(task, step, environment, put)
             if code and self._stopping.is_set() and code < 0:
                 return Aborted(task.name, 0.0)
             if code and step.meaning(code) is None:

@@ -508,6 +508,36 @@ def test_the_last_package_wins_even_if_an_earlier_one_takes_longer(
     hold_against_clean(forge, root, MERGED, *options)
 
 
+def test_a_folder_that_another_package_leaves_meanwhile_is_made_again(forge: Forge, tree: Tree) -> None:
+    """`b` begins, and with it the last file in `lib` is moved away, while `a` is about to make `lib/a`."""
+    wait = (
+        "file(MAKE_DIRECTORY ${{CMAKE_INSTALL_PREFIX}}/lib)\n"
+        "file(TOUCH ${{CMAKE_CURRENT_LIST_DIR}}/../begun{edition})\n"
+        "foreach(i RANGE 20)\n"
+        "  if({edition} EQUAL 1 OR NOT EXISTS ${{CMAKE_INSTALL_PREFIX}}/lib)\n    break()\n  endif()\n"
+        "  execute_process(COMMAND sleep 0.1)\nendforeach()\n"
+        "execute_process(COMMAND mkdir ${{CMAKE_INSTALL_PREFIX}}/lib/a RESULT_VARIABLE code)\n"
+        "if(code)\n  message(FATAL_ERROR no)\nendif()\n"
+    )
+    install_b = "install(FILES b.txt DESTINATION lib)"
+    until = 'execute_process(COMMAND sh -c "until [ -e ../begun{edition} ]; do sleep 0.1; done")'
+
+    def edition(number: int) -> dict[str, str]:
+        code = wait.format(edition=number)
+        return {
+            **cmake("a", f"install(CODE [==[{code}]==])\ninstall(FILES x DESTINATION lib/a)", x="x"),
+            **cmake("c", until.format(edition=number)),
+            **cmake("b", f"execute_process(COMMAND sleep 1)\n{install_b}", "c", **{"b.txt": str(number)}),
+        }
+
+    root = tree(edition(1))
+    build(forge, root, MERGED, "--no-observer")
+    tree(edition(2))
+    build(forge, root, MERGED, "--no-observer")
+    assert (root / "install/lib/a/x").read_text() == "x"
+    assert (root / "install/lib/b.txt").read_text() == "2"
+
+
 # --- what else an install step copies
 
 

@@ -30,4 +30,4 @@ assert one != other, "one different element is enough"
 with pytest.raises(AssertionError, match="size of 9"):
     imu.orientation_covariance = np.zeros(8)
 with pytest.raises(AssertionError, match="dtype"):
-    imu.orientation_covariance = np.zeros(9, np.float32)
+    imu.orientation_covariance = np.zeros(9, np.complex64)
