@@ -12,7 +12,7 @@ help:
 	@echo "make demo    build examples_ws without any ROS and run its programs"
 	@echo "make test    run the tests but the slow ones, on all processors: less than ten minutes on two"
 	@echo "make test-all  run the slow ones, too"
-	@echo "make coverage  run all of them and measure which lines they run: twice as long"
+	@echo "make coverage  run all of them and measure which lines they run"
 	@echo "make bare    run both as on a fresh machine with only Python, make and g++"
 	@echo "make quick   run the unit tests and those of the plugins in about a minute"
 	@echo "make without-plugins  run 'make quick' without each plugin: 15 minutes; ONLY=lsp without one"
@@ -39,7 +39,7 @@ test: .venv/.ready
 test-all: .venv/.ready
 	$(PYTEST) $(PARALLEL)
 
-# Measuring doubles the processor time of the tests that run in one process, so that .ci/run does without.
+# Measuring takes processor time, above all in tests that start no programs, so that .ci/run does without.
 coverage: .venv/.ready
 	$(PYTEST) $(PARALLEL) --cov --cov-report=term:skip-covered
 

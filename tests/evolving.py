@@ -456,9 +456,11 @@ class Evolving:
             saver.join()
 
     def _save(self, waiting: Sequence[Save], ended: threading.Event) -> None:
+        folders = [self.gates / save.gate for save in waiting]
         for gate, saves in itertools.groupby(waiting, key=lambda save: save.gate):
             folder = self.gates / gate
-            while not (folder / "reached").exists() and not ended.wait(0.01):
+            # The build may be at a later gate, if the command before this one did not have to run.
+            while not any((each / "reached").exists() for each in folders) and not ended.wait(0.01):
                 pass
             for save in saves:
                 save()

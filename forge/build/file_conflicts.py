@@ -7,6 +7,7 @@ installed state.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -100,6 +101,7 @@ class MergedPrefix:
             return False
         records = self._journal.records
         overwritten, deprived = set[str](), set[str]()
+        states = cache(lambda name: self._states.contents(name, records[name].installed.digest) or {})
         for path, owners in self.conflicting_files(plan.tasks).items():
             built = [name for name in plan.tasks if name in owners and records[name].complete]
             overwritten.update(
@@ -107,8 +109,8 @@ class MergedPrefix:
                 for name in owners
                 if name in built or any(name in plan.tasks[each].needs for each in built)
             )
-            states = self._states.contents(built[-1], records[built[-1]].installed.digest) if built else None
-            if states and contents_of([path], table)[path] != states.get(path):
+            known = states(built[-1]) if built else {}
+            if known and contents_of([path], table)[path] != known.get(path):
                 deprived.add(built[-1])
         for name in deprived:
             record = records[name]

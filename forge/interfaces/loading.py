@@ -22,8 +22,8 @@ from forge.base.errors import InterfaceError, Problem
 from forge.interfaces.model import Catalog, TypeName
 from forge.interfaces.python.target import files
 from forge.interfaces.python.types import module_name
-from forge.interfaces.read.parsing import Parsed, parse_all
-from forge.interfaces.read.sources import Library, read_folder
+from forge.interfaces.read.parsing import parse_all
+from forge.interfaces.read.sources import Library, Overlay, read_folder
 from forge.interfaces.resolve.resolution import DefinitionLookup, dependency_catalogs, resolve
 from forge.interfaces.schema import parse_name, read_schema
 
@@ -80,33 +80,10 @@ def load(
         type_name = parse_name(name)
         package = type_name.package
         parsed = parse_all(read_schema(definitions, type_name))
-        lookup = _Schema({each.interface.name: each for each in parsed}, library)
+        lookup = Overlay({each.interface.name: each for each in parsed}, library)
         parsed = tuple(each for each in parsed if each.interface.name.package == package)
     catalog = resolve(package, parsed, lookup, events=library.has_events)
     return _import((catalog, *dependency_catalogs(catalog, lookup)))
-
-
-class _Schema:
-    """The definitions in a schema, with those of a library as a fallback."""
-
-    def __init__(self, parsed: Mapping[TypeName, Parsed], library: Library) -> None:
-        self._parsed = parsed
-        self._library = library
-
-    def find(self, name: TypeName) -> Parsed | None:
-        return self._parsed.get(name) or self._library.find(name)
-
-    def names(self) -> Iterator[TypeName]:
-        yield from self._parsed
-        yield from self._library.names()
-
-    def distribution_hint(self, name: TypeName) -> str | None:
-        """Return which other ROS distributions have the definition, None if there are none."""
-        return self._library.distribution_hint(name)
-
-    def declares(self, package: str) -> bool:
-        del package
-        return False
 
 
 def _import(catalogs: Sequence[Catalog]) -> Types:

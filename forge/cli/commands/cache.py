@@ -29,6 +29,11 @@ class _Options:
     cache: str | None = option("cache folder (default: ~/.cache/forge/packages)", metavar="DIR")
 
 
+@frozen
+class _ListOptions:
+    """None: what plugins keep lies in forge's own cache."""
+
+
 def _days(text: str) -> int:
     if not text.isdigit():
         raise ValueError(f"'{text}' is not a number of days")
@@ -52,7 +57,7 @@ class _PruneOptions:
 def register(parser: Parser) -> None:
     verbs = parser.add_subparsers(metavar="VERB", required=True)
     add_verb(verbs, "stats", "print the size of the cache and its hit rate", _Options, _stats)
-    add_verb(verbs, "list", "list what forge keeps besides packages", _Options, _list)
+    add_verb(verbs, "list", "list what forge keeps besides packages", _ListOptions, _list)
     add_verb(verbs, "prune", "remove the least recently used entries", _PruneOptions, _prune)
     summary = "verify the checksums of all entries and remove corrupt ones"
     add_verb(verbs, "verify", summary, _Options, _verify)
@@ -78,7 +83,7 @@ def _stats(options: _Options) -> int:
     print(f"folder:    {store.folder}")
     print(f"size:      {_shown(shelf.size)} in {len(shelf.blobs)} blobs")
     print(f"hits:      {counts.restored} of {lookups} lookups{share}")
-    for name, plugin in _plugins(options):
+    for name, plugin in _plugins(options.cache):
         if entries := _entries(name, plugin):
             kinds = Counter(entry.kind for entry in entries)
             words = ", ".join(counted(count, kind) for kind, count in kinds.items())
@@ -86,11 +91,11 @@ def _stats(options: _Options) -> int:
     return 0
 
 
-def _list(options: _Options) -> int:
+def _list(_: _ListOptions) -> int:
     """Print a line for each entry of plugins: kind, name, size, days since its last use, and path."""
     rows = [
         (entry.kind, entry.name, _shown(entry.size), _age(entry.used), os.fspath(entry.path))
-        for name, plugin in _plugins(options)
+        for name, plugin in _plugins()
         for entry in _entries(name, plugin)
     ]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
@@ -105,7 +110,7 @@ def _prune(options: _PruneOptions) -> int:
         files, size = prune(store, options.size, since)
         left = scan_store(store).size
     print(f"removed {_shown(size)} in {counted(files, 'file')}; {_shown(left)} left")
-    for name, plugin in _plugins(options.folder):
+    for name, plugin in _plugins(options.folder.cache):
         if not (entries := _entries(name, plugin)):
             continue
         removed = call(f"the cache '{name}'", prune_entries, entries, plugin.remove, options.size, since)
@@ -127,15 +132,17 @@ def _verify(options: _Options) -> int:
     for path, why in found.corrupt:
         print(f"removed {path.relative_to(store.folder)}: {why}")
     print(f"read {_shown(found.size)} in {found.files} files; {len(found.corrupt)} corrupt")
-    faults = [fault for name, plugin in _plugins(options) for fault in call(name, plugin.verify, os.environ)]
+    faults = [
+        fault for name, plugin in _plugins(options.cache) for fault in call(name, plugin.verify, os.environ)
+    ]
     for path, why in faults:
         print(f"{path}: {why}")
     return int(bool(found.corrupt or faults))
 
 
-def _plugins(options: _Options) -> Iterator[tuple[str, Any]]:
+def _plugins(folder: str | None = None) -> Iterator[tuple[str, Any]]:
     """Yield what else keeps things for all workspaces, unless a folder of packages is named."""
-    if options.cache is None:
+    if folder is None:
         for name in sorted({*installed(CACHES), *entry_points(CACHES)}):
             yield name, find(CACHES, name, "cache", ("entries", "remove", "verify"))
 

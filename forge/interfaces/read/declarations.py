@@ -199,13 +199,22 @@ def _no_size(text: str, offset: int) -> ParseError:
     return ParseError(f"invalid size '{text}'", offset=offset, hint="write a decimal number")
 
 
+def valid_name(name: str, kind: str) -> str:
+    """Return the name, or a similar one, that a 'field' or a 'constant' may have; '' if there is none."""
+    pattern = _CONSTANT_NAME if kind == "constant" else LOWER_NAME
+    if pattern.fullmatch(name):
+        return name
+    better = re.sub(r"[^a-z0-9]+", "_", snake_case(name)).strip("_")
+    better = better.upper() if kind == "constant" else better
+    return better if pattern.fullmatch(better) else ""
+
+
 def _check_name(name: str, offset: int, kind: str) -> None:
-    pattern, case = (_CONSTANT_NAME, "upper") if kind == "constant" else (LOWER_NAME, "lower")
-    if not pattern.fullmatch(name):
-        better = re.sub(r"[^a-z0-9]+", "_", snake_case(name)).strip("_")
-        better = better.upper() if kind == "constant" else better
+    better = valid_name(name, kind)
+    if better != name:
+        case = "upper" if kind == "constant" else "lower"
         hint = f"use {case}-case letters, digits and single underscores"
-        hint = f"name it '{better}'" if pattern.fullmatch(better) else hint
+        hint = f"name it '{better}'" if better else hint
         raise ParseError(f"invalid {kind} name '{name}'", offset=offset, hint=hint)
 
 

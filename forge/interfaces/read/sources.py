@@ -256,6 +256,27 @@ class Library:
             yield self.embedded / package
 
 
+@dataclass(frozen=True, slots=True)
+class Overlay:
+    """Definitions at hand, and a library for all others."""
+
+    parsed: Mapping[TypeName, Parsed]
+    library: Library
+
+    def find(self, name: TypeName) -> Parsed | None:
+        return self.parsed.get(name) or self.library.find(name)
+
+    def names(self) -> Iterator[TypeName]:
+        yield from self.parsed
+        yield from self.library.names()
+
+    def distribution_hint(self, name: TypeName) -> str | None:
+        return self.library.distribution_hint(name)
+
+    def declares(self, package: str) -> bool:
+        return self.library.declares(package)
+
+
 def _has_interfaces(folder: Path, rosdistro: str) -> bool:
     if (folder / SINCE).is_dir() and folder.is_relative_to(EMBEDDED):
         return has_definitions(folder, rosdistro)

@@ -1,4 +1,7 @@
-"""Find packages and their definitions in a folder of sources or of installed packages."""
+"""Find packages and their definitions in a folder of sources or of installed packages.
+
+The discovery of workspaces leaves out install folders, and knows no packages without a manifest.
+"""
 
 from __future__ import annotations
 

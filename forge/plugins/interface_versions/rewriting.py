@@ -7,8 +7,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from itertools import takewhile
 
 from forge.base.frozen import frozen
-from forge.base.names import snake_case
-from forge.interfaces.read.declarations import LOWER_NAME, TYPE_NAME, check_keyword
+from forge.interfaces.read.declarations import TYPE_NAME, check_keyword, valid_name
 from forge.interfaces.read.literals import ParseError
 
 BUILT_IN = {
@@ -87,7 +86,15 @@ def _valid_names(lines: Iterable[str]) -> Iterator[str]:
 
 
 def _better_name(declaration: re.Match[str]) -> str:
-    return (_constant_name if declaration["constant"] else _field_name)(declaration["name"])
+    """Return a valid name for a declaration; its own if that is one, or cannot be made one."""
+    name, kind = declaration["name"], "constant" if declaration["constant"] else "field"
+    better = valid_name(name, kind) or name
+    if kind == "field":
+        try:
+            check_keyword(better, 0, kind)
+        except ParseError:
+            better = f"{better}_value"
+    return better
 
 
 def _type(written: str, package: str, own: Collection[str], types: Mapping[str, str]) -> str:
@@ -95,23 +102,3 @@ def _type(written: str, package: str, own: Collection[str], types: Mapping[str, 
     if home in {"", package} and name in types:
         return f"{home}{'/' if home else ''}{types[name]}"
     return BUILT_IN.get(written, written) if written not in own else written
-
-
-def _field_name(name: str) -> str:
-    better = name
-    if not LOWER_NAME.fullmatch(name):
-        better = re.sub(r"[^a-z0-9]+", "_", snake_case(name)).strip("_")
-    try:
-        check_keyword(better, 0, "field")
-    except ParseError:
-        better = f"{better}_value"
-    return better if LOWER_NAME.fullmatch(better) else name
-
-
-def _constant_name(name: str) -> str:
-    if re.fullmatch(r"[A-Z](?:_?[A-Z0-9])*", name):
-        return name
-    # A name in upper case has words already.
-    words = name if name.upper() == name else snake_case(name)
-    better = re.sub(r"[^A-Z0-9]+", "_", words.upper()).strip("_")
-    return better if re.fullmatch(r"[A-Z](?:_?[A-Z0-9])*", better) else name

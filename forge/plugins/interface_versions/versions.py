@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
@@ -16,9 +16,9 @@ from forge.base.errors import (
     SelectionError,
     raise_if_any,
 )
-from forge.interfaces.model import Catalog, TypeName
+from forge.interfaces.model import Catalog
 from forge.interfaces.read.parsing import ENDINGS, Parsed, parse_all
-from forge.interfaces.read.sources import Library, read_source
+from forge.interfaces.read.sources import Library, Overlay, read_source
 from forge.interfaces.resolve.resolution import resolve
 from forge.plugins.interface_versions.packages import IGNORED, definitions_in, packages_in
 
@@ -114,7 +114,7 @@ def catalogs_in(folder: Path, name: str, others: Library, package: str | None) -
         hint = "name a folder with packages that have folders msg, srv or action"
         raise SelectionError(Problem(f"found no {what} in '{name}'", hint=hint))
     here = {one.interface.name: one for found in parsed.values() for one in found}
-    lookup = _Here(here, others)
+    lookup = Overlay(here, others)
     catalogs = []
     for each, found in sorted(parsed.items()):
         if package in {None, each}:
@@ -124,24 +124,3 @@ def catalogs_in(folder: Path, name: str, others: Library, package: str | None) -
                 problems += error.problems
     raise_if_any(problems, InterfaceError)
     return catalogs
-
-
-class _Here:
-    """Looks up the definitions of a version first, then those elsewhere."""
-
-    def __init__(self, here: Mapping[TypeName, Parsed], others: Library) -> None:
-        self._here = here
-        self._others = others
-
-    def find(self, name: TypeName) -> Parsed | None:
-        return self._here.get(name) or self._others.find(name)
-
-    def names(self) -> Iterator[TypeName]:
-        yield from self._here
-        yield from self._others.names()
-
-    def distribution_hint(self, name: TypeName) -> str | None:
-        return self._others.distribution_hint(name)
-
-    def declares(self, package: str) -> bool:
-        return self._others.declares(package)

@@ -6,13 +6,12 @@ A file has all definitions that it refers to.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from forge.interfaces.model import (
     Array,
     Catalog,
-    Constant,
     Element,
     Field,
     File,
@@ -56,7 +55,7 @@ def _below(message: Message, known: Mapping[TypeName, Message]) -> set[TypeName]
 
 def _object(message: Message) -> dict[str, Any]:
     schema: dict[str, Any] = {"type": "object"}
-    if text := " ".join(line.strip() for line in message.doc if line):
+    if text := _text(message.doc):
         schema["description"] = text
     schema["properties"] = {field.name: _field(field) for field in message.fields}
     schema["required"] = [field.name for field in message.fields]
@@ -68,17 +67,15 @@ def _object(message: Message) -> dict[str, Any]:
 
 def _field(field: Field) -> dict[str, Any]:
     schema = _type(field.type)
-    if text := _description(field):
+    if text := _text((*field.doc, f"[{field.unit}]" if field.unit else "")):
         schema["description"] = text
     if field.default is not None:
         schema["default"] = field.default
     return schema
 
 
-def _description(declared: Field | Constant) -> str:
-    text = " ".join(line.strip() for line in declared.doc if line)
-    unit = getattr(declared, "unit", None)
-    return f"{text} [{unit}]".lstrip() if unit else text
+def _text(doc: Iterable[str]) -> str:
+    return " ".join(line.strip() for line in doc if line)
 
 
 def _type(type_: Type) -> dict[str, Any]:
