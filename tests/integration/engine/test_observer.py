@@ -62,16 +62,25 @@ def traced(argv: list[str], folder: Path, library: Path) -> tuple[ObservedStep, 
     )
 
 
-def _seen_by_strace(lines: list[str], folder: str, *own: str) -> dict[str, set[str]]:
-    found: dict[str, set[str]] = defaultdict(set)
-    begun: dict[str, str] = {}
-    folders: dict[str, str] = {}
+def _in_order_of_their_beginnings(lines: list[str]) -> list[str]:
+    """Whole calls: a child is at work before its parent's `vfork` returns."""
+    calls: list[str] = []
+    begun: dict[str, int] = {}
     for line in lines:
         if match := UNFINISHED.match(line):
-            begun[match[1]] = match[0].removesuffix(" <unfinished ...>")
-            continue
-        if match := RESUMED.match(line):
-            line = begun.pop(match[1], "") + match[2]
+            begun[match[1]] = len(calls)
+            calls.append(line.removesuffix(" <unfinished ...>"))
+        elif (match := RESUMED.match(line)) and match[1] in begun:
+            calls[begun.pop(match[1])] += match[2]
+        else:
+            calls.append(line)
+    return calls
+
+
+def _seen_by_strace(lines: list[str], folder: str, *own: str) -> dict[str, set[str]]:
+    found: dict[str, set[str]] = defaultdict(set)
+    folders: dict[str, str] = {}
+    for line in _in_order_of_their_beginnings(lines):
         match = CALL.match(line)
         if not match:
             continue
