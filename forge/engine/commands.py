@@ -234,12 +234,14 @@ class Folders:
         self._unwatched = self._path | {self._temporary}
         self._sources = sources
         self._searched = world.searched_for_packages if world else lambda _: False
+        self._native_scripts = world.native_scripts if world else {}
         self.tools: frozenset[str] = frozenset()
         """The programs of the steps themselves, which are tracked as tools wherever they are installed."""
         folders = (str(build), *map(str, others))
         spelled = {f"{os.path.realpath(folder)}/": f"{folder}/" for folder in folders}
         self._spelled = dict(sorted(spelled.items(), key=lambda pair: -len(pair[0])))
-        self._places: dict[str, tuple[str, str]] = {}
+        self._places: dict[str, tuple[str, str, dict[str, str]]] = {}
+        """By folder: the one of these folders that it is below, the path in it, and those in it by name."""
         self._folders: dict[str, str] = {"": "", "/": "/"}
         self._modules = ModuleSearch()
         self._metadata: dict[str, tuple[str, ...]] = {}
@@ -260,17 +262,23 @@ class Folders:
     def _place(self, path: str) -> tuple[str, str]:
         """Return the folder that a path is below, ending with '/', and the path in it; '' for neither."""
         folder, _, name = path.rpartition("/")
-        real = self._real(folder)
-        if f"{real}/{name}/" in self._spelled:
-            return self._spelled[f"{real}/{name}/"], ""
-        if folder not in self._places:
+        place = self._places.get(folder)
+        if place is None:
+            real = f"{self._real(folder)}/"
             places = (
-                (spelled, f"{real}/"[len(resolved) :])
+                (spelled, real[len(resolved) :])
                 for resolved, spelled in self._spelled.items()
-                if f"{real}/".startswith(resolved)
+                if real.startswith(resolved)
             )
-            self._places[folder] = next(places, ("", ""))
-        root, below = self._places[folder]
+            roots = {
+                resolved[len(real) : -1]: spelled
+                for resolved, spelled in self._spelled.items()
+                if resolved.startswith(real)
+            }
+            place = self._places[folder] = (*next(places, ("", "")), roots)
+        root, below, roots = place
+        if name in roots:
+            return roots[name], ""
         return (root, below + name) if root else ("", "")
 
     def _real(self, folder: str) -> str:
@@ -374,7 +382,8 @@ class Folders:
     def _external_files(self, paths: Iterable[str]) -> Iterator[str]:
         """Yield the files that lie elsewhere; Python's caches stand for their sources."""
         for path in paths:
-            path = CACHED_BYTECODE.sub(r"\1/\2.py", path)
+            if "/__pycache__/" in path:
+                path = CACHED_BYTECODE.sub(r"\1/\2.py", path)
             if self._is_read_file(path):
                 yield path
 
@@ -385,7 +394,7 @@ class Folders:
         """
         read: dict[str, dict[str, set[str]]] = {}
         for _, kind, path in process.records:
-            if kind == "R" and (match := _METADATA.match(path)):
+            if kind == "R" and "-info" in path and (match := _METADATA.match(path)):
                 folders = read.setdefault(match["file"], {})
                 folders.setdefault(match["folder"], set()).add(path)
         for file, folders in read.items():
@@ -405,7 +414,7 @@ class Folders:
         return frozenset(_distribution(path) for path in paths if os.path.isfile(f"{path}{file}"))
 
     def _look_at_file(self, path: str) -> bool:
-        if _NO_INPUT.search(path) or not self._is_external(path) or not os.path.isfile(path):
+        if path.endswith(_NO_INPUT) or not self._is_external(path) or not os.path.isfile(path):
             return False
         return not (os.access(path, os.X_OK) and os.path.realpath(path) in self.tools)
 
@@ -413,13 +422,13 @@ class Folders:
         """Tell if a path is still missing elsewhere; programs are looked for in all of PATH instead."""
         if not self._is_external(path) or os.path.dirname(path) in self._unwatched:
             return False
-        return not (_NO_INPUT.search(path) or _METADATA.match(path) or os.path.lexists(path))
+        return not (path.endswith(_NO_INPUT) or _is_metadata(path) or os.path.lexists(path))
 
     def _look_at_kind(self, path: str) -> bool:
         """Tell if a path is there elsewhere, and its kind may matter; programs are asked for by name."""
         if not self._is_external(path) or os.path.dirname(path) in self._path:
             return False
-        if _NO_INPUT.search(path) or _METADATA.match(path):
+        if path.endswith(_NO_INPUT) or _is_metadata(path):
             return False
         is_above = any(root.startswith(f"{path}/") for pair in self._spelled.items() for root in pair)
         return not is_above and os.path.lexists(path)
@@ -433,7 +442,7 @@ class Folders:
         for process in processes:
             for _, kind, path in process.records:
                 is_listed = kind == "L" and path != self._temporary and self._is_external(f"{path}/")
-                if not is_listed or self._searched(path) or _NO_INPUT.search(path):
+                if not is_listed or self._searched(path) or path.endswith(_NO_INPUT):
                     continue
                 if os.path.isdir(path):
                     yield f"{path}/."
@@ -462,10 +471,12 @@ class Folders:
     def _look_for_native(self, path: str) -> bool:
         if path in self._sources or path.startswith(self._known):
             return False
-        text = _script(path)
-        if self.path(path) is None:  # such as Python's modules, where the word has many meanings
-            return _NATIVE_FLAG.search(text) is not None
-        return is_for_this_processor(text.decode(errors="replace"))
+        if self.path(path) is not None:
+            return is_for_this_processor(_script(path).decode(errors="replace"))
+        if path not in self._native_scripts:
+            # Such as Python's modules, where the word has many meanings.
+            self._native_scripts[path] = _NATIVE_FLAG.search(_script(path)) is not None
+        return self._native_scripts[path]
 
     def _mentioned_by(self, process: Process) -> frozenset[str]:
         """Return the variables that a process may have read from a copy of its environment."""
@@ -511,13 +522,17 @@ def is_for_this_processor(text: str) -> bool:
     return not all(beginning.lstrip().startswith(("#", "//")) for beginning in beginnings)
 
 
+def _is_metadata(path: str) -> bool:
+    return "-info" in path and _METADATA.match(path) is not None
+
+
 def _distribution(path: str) -> str:
     """Return the name of the distribution that metadata belongs to, as Python compares it."""
     match = _METADATA.match(path)
     return re.sub("[-_.]+", "-", match["name"].lower()) if match else ""
 
 
-_NO_INPUT = re.compile(r"/__pycache__$|\.pyc$")
+_NO_INPUT = ("/__pycache__", ".pyc")
 _METADATA = re.compile(r"(?P<folder>.*)/(?P<name>[^/-]+)(-[^/]*)?\.(dist|egg)-info(?P<file>/.*)?$")
 _SYSTEM_LIBRARIES = ("/lib", "/usr/lib")
 """Where the dynamic linker finds libraries by itself; they are updated with the tools of the system."""

@@ -57,6 +57,8 @@ class World:
         folders = self._lookup.folders
         self.path = frozenset((*folders, *map(os.path.realpath, folders)))
         """The folders of PATH."""
+        self.native_scripts: dict[str, bool] = {}
+        """Whether files outside of the packages, such as CMake's modules, have options for this processor."""
 
     def value(self, name: str) -> str:
         """Return the value of a variable, '' if it is not set."""

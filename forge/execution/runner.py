@@ -356,6 +356,7 @@ def _emit_lines(data: bytes, stderr: bool, put: Callable[[bytes, bool], None]) -
 
 def changed_variables(variables: Mapping[str, str]) -> tuple[tuple[str, str], ...]:
     """Return the variables that differ from forge's own environment and that are valid after this build."""
-    changed = {name: value for name, value in variables.items() if os.environ.get(name) != value}
+    own_variables = dict(os.environ)  # a lookup in os.environ encodes and decodes
+    changed = {name: value for name, value in variables.items() if own_variables.get(name) != value}
     own = {name for name in changed if name.startswith(_OWN_PREFIX)} - _VALID_LATER
     return tuple(sorted((name, value) for name, value in changed.items() if name not in own))
