@@ -34,7 +34,7 @@ PACKAGES = (
         "execution",
         "testing",
     ),
-    *("output", "doctor", "cli", "plugins"),
+    *("output", "cli", "plugins"),
 )
 """The packages of forge/; each may import those before it. What lies in none of them starts the command."""
 

@@ -6,6 +6,7 @@ Knows nothing of ROS, packages or builds, and imports nothing else of forge.
 __all__ = [
     "ament_index",
     "cmake_syntax",
+    "colours",
     "distributions",
     "env_vars",
     "errors",

@@ -36,6 +36,7 @@ OWN: Mapping[str, Mapping[str, str]] = {
     COMMANDS: {
         "add": "forge.plugins.fetch.add",
         "deps": "forge.plugins.system_deps.command",
+        "doctor": "forge.plugins.doctor.command",
         "fetch": "forge.plugins.fetch.command",
         "graph": "forge.plugins.charts.command",
         "lsp": "forge.plugins.lsp.command",

@@ -3,4 +3,4 @@
 May import `base` and `interfaces`.
 """
 
-__all__ = ["installed", "prefixes"]
+__all__ = ["install_state", "installed", "prefixes", "shells", "underlays"]

@@ -9,6 +9,7 @@ __all__ = [
     "identity",
     "load",
     "manifest",
+    "missing",
     "model",
     "plain_packages",
     "python_metadata",

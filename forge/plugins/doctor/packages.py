@@ -12,9 +12,9 @@ from pathlib import Path, PurePath
 from forge.base.errors import GroupedProblems, Location, Problem, Severity
 from forge.base.frozen import frozen
 from forge.base.graph import closure
-from forge.doctor.checks.model import CheckContext, CheckResult
 from forge.environment.prefixes import installed_packages
 from forge.environment.underlays import overridden
+from forge.plugins.doctor.model import CheckContext, CheckResult
 from forge.workspace.cmake_text import calls, package_references
 from forge.workspace.discovery import discover_embedded
 from forge.workspace.model import TEST_KINDS, DependencyKind, Package

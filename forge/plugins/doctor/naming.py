@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from forge.base.errors import GroupedProblems, Location, Problem
 from forge.base.text import counted
-from forge.doctor.checks.model import CheckContext, CheckResult
+from forge.plugins.doctor.model import CheckContext, CheckResult
 from forge.workspace.cmake_text import may_register_package, project_name
 from forge.workspace.model import Package
 from forge.workspace.python_metadata import read_setup_py

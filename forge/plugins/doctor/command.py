@@ -17,10 +17,10 @@ from forge.base.text import counted
 from forge.cli.config import configured_word
 from forge.cli.options import FolderOptions, OptionSources
 from forge.cli.preparation import build_variables, without_own
-from forge.doctor.checks import machine, naming, packages, programs, surroundings
-from forge.doctor.checks.model import CheckContext, CheckResult, files_of
-from forge.doctor.checks.report import lines, plain
 from forge.environment.prefixes import find_underlays
+from forge.plugins.doctor import machine, naming, packages, programs, surroundings
+from forge.plugins.doctor.model import CheckContext, CheckResult, files_of
+from forge.plugins.doctor.report import lines, plain
 from forge.workspace.load import load_workspace
 from forge.workspace.missing import missing_dependencies
 from forge.workspace.selection import Query

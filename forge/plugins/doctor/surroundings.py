@@ -15,10 +15,10 @@ from forge.base.files import text_or_nothing
 from forge.base.layout import INSTALL_STATE_FILE, LAYOUT_MARKER
 from forge.base.text import listed
 from forge.build.markers import foreign_build, other_layout
-from forge.doctor.checks.model import CheckContext, CheckResult
 from forge.environment.install_state import recorded_underlays, underlays_of
 from forge.environment.prefixes import SYSTEM, installed_packages, provider
 from forge.environment.underlays import lost_underlays, other_distributions, unusable_overlays
+from forge.plugins.doctor.model import CheckContext, CheckResult
 from forge.toolchain.interpreter import find_interpreter
 from forge.workspace.resolve import is_ros_name, resembles_ros_name
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from forge.base.errors import Location, Problem
 from forge.base.text import counted, listed
-from forge.doctor.checks.model import CheckContext, CheckResult
+from forge.plugins.doctor.model import CheckContext, CheckResult
 from forge.toolchain.resources import memory, processors
 
 _GIB = 1 << 30

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from forge.base.colours import Meaning, Palette
 from forge.base.errors import Location, Problem, Severity, joined
 from forge.base.text import counted
-from forge.doctor.checks.model import CheckResult
+from forge.plugins.doctor.model import CheckResult
 
 _WIDTH = 12
 _PLAIN = Palette()

@@ -1,1 +1,0 @@
-"""`forge doctor`: problems of the machine and the workspace."""

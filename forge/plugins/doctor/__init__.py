@@ -1,0 +1,1 @@
+"""`forge doctor`: checks the machine, the shell and the workspace before a build."""
