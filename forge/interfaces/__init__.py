@@ -11,7 +11,19 @@ if TYPE_CHECKING:
     from forge.interfaces.loading import Types as Types
     from forge.interfaces.loading import load as load
 
-__all__ = ["Types", "cpp", "hashing", "load", "model", "notation", "read", "resolve", "wire", "writing"]
+__all__ = [
+    "Types",
+    "cpp",
+    "hashing",
+    "idl",
+    "load",
+    "model",
+    "notation",
+    "read",
+    "resolve",
+    "wire",
+    "writing",
+]
 
 
 def __getattr__(name: str) -> object:

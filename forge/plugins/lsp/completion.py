@@ -15,8 +15,8 @@ from forge.interfaces.model import TypeName, element_of, sections_of
 from forge.interfaces.notation import type_text, value_text
 from forge.interfaces.read.declarations import PRIMITIVES, read_declaration
 from forge.interfaces.read.literals import ParseError
-from forge.interfaces.read.occurrences import Reading
 from forge.plugins.lsp.index import Index
+from forge.plugins.lsp.occurrences import Reading
 from forge.plugins.lsp.text import Span
 from forge.workspace.manifest import DEPENDENCY_KINDS, tags_of
 from forge.workspace.resolve import INTERFACE_GROUP

@@ -13,7 +13,6 @@ from forge.base.names import nearest
 from forge.build.build_types import is_known_type, unknown_type
 from forge.interfaces.model import Catalog, Message, TypeName
 from forge.interfaces.read.lint import lint
-from forge.interfaces.read.occurrences import Reading
 from forge.interfaces.read.parsing import Parsed
 from forge.interfaces.resolve.resolution import (
     MAX_EXPLAINED,
@@ -23,6 +22,7 @@ from forge.interfaces.resolve.resolution import (
 )
 from forge.plugins.lsp.index import Index
 from forge.plugins.lsp.manifests import ManifestReading
+from forge.plugins.lsp.occurrences import Reading
 from forge.plugins.lsp.text import Span, span_at
 
 

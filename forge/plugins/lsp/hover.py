@@ -8,7 +8,6 @@ from pathlib import Path
 from forge.base.errors import ForgeError, InterfaceError
 from forge.interfaces.model import Constant, Field, TypeName, sections_of
 from forge.interfaces.notation import kind_of, type_text, value_text
-from forge.interfaces.read.occurrences import NameKind, Occurrence, Reading
 from forge.interfaces.read.parsing import Parsed
 from forge.interfaces.resolve.resolution import nested_messages
 from forge.interfaces.wire.sizes import SizeCalculator
@@ -21,6 +20,7 @@ from forge.plugins.lsp.navigation import (
     package_manifest,
     type_at,
 )
+from forge.plugins.lsp.occurrences import NameKind, Occurrence, Reading
 
 _MOST_LINES = 40
 """The maximum number of declarations of a type that are shown."""

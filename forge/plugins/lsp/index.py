@@ -14,10 +14,10 @@ from forge.base.errors import ForgeError, InterfaceError
 from forge.base.files import text_or_nothing
 from forge.base.names import snake_case
 from forge.interfaces.model import Message, Source, TypeName
-from forge.interfaces.read.occurrences import Occurrence, Reading, read_leniently
 from forge.interfaces.read.parsing import ENDINGS, Parsed
 from forge.interfaces.read.sources import Library, definition_files
 from forge.plugins.lsp.manifests import MANIFEST, ManifestReading, read_manifest
+from forge.plugins.lsp.occurrences import Occurrence, Reading, read_leniently
 from forge.workspace.load import find_packages
 from forge.workspace.selection import SearchPaths
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 from forge.base.distributions import EMBEDDED
 from forge.interfaces.model import TypeName
-from forge.interfaces.read.occurrences import NameKind, Occurrence, Reading
 from forge.plugins.lsp.index import Index
 from forge.plugins.lsp.manifests import MANIFEST, PackageMention
+from forge.plugins.lsp.occurrences import NameKind, Occurrence, Reading
 from forge.plugins.lsp.text import Place, Span
 
 IN_FILE = frozenset({NameKind.FIELD, NameKind.CONSTANT, NameKind.TYPEDEF, NameKind.ALIAS})

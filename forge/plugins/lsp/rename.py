@@ -11,10 +11,10 @@ from forge.base.frozen import frozen
 from forge.interfaces.model import TypeName
 from forge.interfaces.read.declarations import TYPE_NAME, read_declaration
 from forge.interfaces.read.literals import ParseError
-from forge.interfaces.read.occurrences import NameKind, Occurrence, Reading
 from forge.interfaces.resolve.resolution import same_output
 from forge.plugins.lsp.index import Index
 from forge.plugins.lsp.navigation import occurrence_at, uses
+from forge.plugins.lsp.occurrences import NameKind, Occurrence, Reading
 from forge.plugins.lsp.text import Edit, Span
 
 _CMAKE = "CMakeLists.txt"
