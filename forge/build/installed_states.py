@@ -41,7 +41,7 @@ class InstalledStates:
         for path in newest_first[_KEPT:]:
             path.unlink(missing_ok=True)
 
-    def contents(self, name: str, digest: str) -> dict[str, str] | None:
+    def contents(self, name: str, digest: str) -> Mapping[str, str] | None:
         """Return the installed files of a package in one of its states, None if it is not known."""
         return read_json(self._home / name / f"{digest}.json") or None
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from forge.base.files import naming, replace_file
@@ -131,11 +132,21 @@ def read_record(build: Path) -> FolderRecord | None:
         return None
 
 
-def read_json(path: Path) -> dict[str, Any]:
+def read_json(path: Path) -> Mapping[str, Any]:
     """Return the JSON object in a file, or {} if it is missing or invalid."""
     try:
+        status = path.stat()
+        return _object(path, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns)
+    except OSError:
+        return {}
+
+
+@lru_cache(maxsize=8)
+def _object(path: Path, *_state_of_file: int) -> Mapping[str, Any]:
+    """Return the object in a file of this state: several stages of a build read the same notes."""
+    try:
         data = json.loads(path.read_bytes())
-    except (OSError, ValueError, RecursionError):
+    except (ValueError, RecursionError):
         return {}
     return data if isinstance(data, dict) else {}
 
