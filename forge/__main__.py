@@ -8,6 +8,8 @@ import sys
 def main() -> int:
     """Carry out the command of this process, which ends then; returns its exit code."""
     _insist_on_utf8()
+    # A start makes many objects and no garbage: looking for it would take a tenth of a short command.
+    gc.set_threshold(50_000)
     # Here, once it is known where modules come from.
     from forge.base.signals import open_standard_streams
     from forge.cli import main

@@ -32,6 +32,8 @@ def frozen(cls: type[_Class]) -> type[_Class]:
 
     Supports defaults, `field(...)` and `__post_init__`. The class must not inherit fields.
     """
+    # Without a text, dataclass would make one of the signature, for which it inspects the class.
+    cls.__doc__ = cls.__doc__ or cls.__name__
     dataclass_type: Any = dataclass(init=False, repr=False, eq=False, slots=True)(cls)
     own: tuple[Field[Any], ...] = tuple(dataclass_type.__dataclass_fields__.values())
     dataclass_type.__init__ = _initializer(own, calls_post_init=hasattr(dataclass_type, "__post_init__"))

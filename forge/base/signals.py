@@ -8,7 +8,6 @@ import io
 import os
 import signal
 import sys
-import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import NoReturn
@@ -20,13 +19,10 @@ _READER_IS_GONE = frozenset({errno.EPIPE, errno.EIO, errno.ENXIO, errno.EBADF})
 
 @contextmanager
 def handle_signals(handle: Callable[[int], object]) -> Iterator[None]:
-    """Call `handle` with the signal number, in the main thread.
+    """Call `handle` with the signal number; only the main thread can, in others signals stay as they are.
 
     Ignored signals stay ignored, as with nohup or in background jobs.
     """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
 
     def take(number: int, _frame: object) -> None:
         if number == signal.SIGHUP:
@@ -36,8 +32,11 @@ def handle_signals(handle: Callable[[int], object]) -> Iterator[None]:
 
     before = {number: signal.getsignal(number) for number in SIGNALS}
     handled_signals = [number for number in SIGNALS if before[number] is not signal.SIG_IGN]
-    for number in handled_signals:
-        signal.signal(number, take)
+    try:
+        for number in handled_signals:
+            signal.signal(number, take)
+    except ValueError:  # not in the main thread
+        handled_signals = []
     try:
         yield
     finally:

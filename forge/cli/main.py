@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import Any, NoReturn, Protocol
+from typing import Any, NoReturn
 
 from forge import __version__
 from forge.base.errors import (
@@ -30,7 +30,6 @@ from forge.base.extensions import OWN, call, find
 from forge.base.layout import docs_url, templates_folder
 from forge.base.signals import handle_signals, interrupt, is_writable
 from forge.cli.colcon_options import classified
-from forge.cli.config import GENERAL, configured
 from forge.workspace.root import find_root, rebase_paths, working_directory
 
 COMMANDS = {
@@ -162,6 +161,17 @@ _MANY = 7
 """The usage line lists optional arguments only up to this number."""
 
 
+class _Formatter(argparse.HelpFormatter):
+    """Finds out the width of the terminal without shutil, which takes 3 ms to import."""
+
+    def __init__(self, prog: str, **more: Any) -> None:
+        try:
+            columns = int(os.environ.get("COLUMNS", 0)) or os.get_terminal_size(1).columns
+        except (OSError, ValueError):
+            columns = 0
+        super().__init__(prog, width=(columns or 80) - 2, **more)
+
+
 class Parser(argparse.ArgumentParser):
     """An ArgumentParser with forge's error format, option files and lists of arguments for other programs.
 
@@ -173,6 +183,9 @@ class Parser(argparse.ArgumentParser):
     """The command whose options may also be set in option files, None if they may not."""
     words: Sequence[str] = ()
     """The arguments after the command."""
+
+    def __init__(self, **more: Any) -> None:
+        super().__init__(formatter_class=_Formatter, **more)
 
     def parse_known_args(  # type: ignore[override]  # (argparse has two overloads of the same meaning)
         self, args: Sequence[str] | None = None, namespace: argparse.Namespace | None = None
@@ -198,6 +211,8 @@ class Parser(argparse.ArgumentParser):
             setattr(options, lists[-1], [*(before if isinstance(before, list) else ()), *rest])
             rest = []
         if self.verb is not None:
+            from forge.cli.config import GENERAL, configured
+
             given = {dest: value for dest, value in vars(options).items() if value is not _NOT_GIVEN}
             from_files = configured(self.verb, self._actions, given, Path.cwd(), os.environ)
             # Values from files must not override global options given before the command.
@@ -276,7 +291,7 @@ def parser_of(arguments: Sequence[str]) -> argparse.ArgumentParser:
     requested = _split(arguments)[1]
     asked = next(iter(requested), None)
     for word, summary in COMMANDS.items():
-        command = commands.add_parser(word, help=summary, description=summary, fromfile_prefix_chars=None)
+        command = commands.add_parser(word, help=summary, description=summary, add_help=word == asked)
         if word == asked:
             # Import only the requested command, so that `forge --help` starts quickly.
             in_plugin = word in OWN[PLUGINS]
@@ -290,23 +305,16 @@ def parser_of(arguments: Sequence[str]) -> argparse.ArgumentParser:
     return parser
 
 
-class Command(Protocol):
-    """The module of a plugin's command or verb. Its docstring begins with the summary."""
-
-    def register(self, parser: Parser) -> None:
-        """Add the arguments."""
-
-    def run(self, options: argparse.Namespace) -> int:
-        """Run the command and return the exit code."""
-
-
 def add_plugin(commands: Any, group: str, word: str, kind: str) -> None:
-    """Add the command or verb `word` of a plugin, if there is one; `kind` names it in messages."""
-    module: Command | None = find(group, word, kind, ("register", "run"))
+    """Add the command or verb `word` of a plugin, if there is one; `kind` names it in messages.
+
+    The docstring of its module begins with the summary.
+    """
+    module = find(group, word, kind, ("register", "run"))
     if module is None:
         return
     summary = (module.__doc__ or "").strip().partition("\n")[0]
-    command = commands.add_parser(word, help=summary, description=summary, fromfile_prefix_chars=None)
+    command = commands.add_parser(word, help=summary, description=summary)
     if word in OWN[group]:
         _add_own(command, module)
     else:
