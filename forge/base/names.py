@@ -41,6 +41,11 @@ def snake_case(name: str) -> str:
     return _LOWER_THEN_UPPER.sub(r"\1_\2", _LOWER_THEN_WORD.sub(r"\1_\2", name)).lower()
 
 
+def project_name(name: str) -> str:
+    """Return the spelling by which names of Python projects are compared (PEP 503)."""
+    return re.sub(r"[-_.]+", "-", name).lower()
+
+
 def python_attribute(name: str) -> str:
     """Return the name of a field in Python code: keywords end with '_' there (PEP 8)."""
     return f"{name}_" if keyword.iskeyword(name) else name

@@ -13,11 +13,11 @@ from pathlib import Path
 from forge.base.distributions import EMBEDDED, OLDEST, SINCE, VARIABLE, definition_folders, has_definitions
 from forge.base.errors import Location, Problem, reason_of
 from forge.base.files import not_regular_reason
+from forge.base.names import project_name
 from forge.workspace.identification import MARKER_FILES, identify, read_package
 from forge.workspace.identity import NOT_A_PACKAGE
 from forge.workspace.model import BrokenPackage, Dependency, DependencyKind, Package, Workspace
 from forge.workspace.overrides import Overrides
-from forge.workspace.python_metadata import project_name
 from forge.workspace.source_names import is_environment, is_source_folder, may_contain_packages
 
 _GROUP_KINDS = frozenset({DependencyKind.BUILD, DependencyKind.BUILD_EXPORT, DependencyKind.EXEC})

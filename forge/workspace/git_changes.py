@@ -12,13 +12,16 @@ import hashlib
 import os
 import re
 import stat
+import subprocess
 from collections.abc import Iterator, Mapping
 from dataclasses import field
 from functools import cached_property
 from pathlib import Path
 
-from forge.base.errors import Location, Problem, SelectionError
+from forge.base.errors import Location, Problem, SelectionError, raise_if_any
 from forge.base.frozen import frozen
+from forge.base.text import listed
+from forge.workspace.model import Package
 
 _LINK, _PROGRAM, _FILE, _SUBMODULE = "120000", "100755", "100644", "160000"
 _INDEX = re.compile(
@@ -207,8 +210,6 @@ class Repository:
         return GitError(Problem(message, Location(self.top), hint))
 
     def _git(self, *words: str) -> bytes:
-        import subprocess
-
         # Variables may point to another repository, for example in a hook. An empty fsmonitor is none.
         variables = {
             name: value
@@ -246,6 +247,60 @@ class Repositories(dict[Path, Repository]):
     def __missing__(self, top: Path) -> Repository:
         self[top] = Repository(top, self._revision, self)
         return self[top]
+
+
+def changed_packages(
+    root: Path, packages: Mapping[str, Package], revision: str
+) -> tuple[frozenset[str], tuple[Problem, ...]]:
+    """Return the names of packages with files that differ from a git revision, and warnings.
+
+    Untracked files count unless ignored. A package that no repository knows counts as changed. Raises
+    SelectionError for an unknown revision, and if there is no repository.
+    """
+    repositories = Repositories(revision)
+
+    def is_moved(path: Path) -> bool:
+        for at in (root / path, *(root / path).parents):
+            if at == root:
+                break
+            link = at.parent.resolve() / at.name
+            if at.is_symlink() and (top := repository_of(link.parent)) and link in repositories[top].changes:
+                return True
+        return False
+
+    used: set[Path] = set()
+    found: set[str] = set()
+    outside: list[str] = []
+    problems: list[Problem] = []
+    for name, package in packages.items():
+        folder = (root / package.path).resolve()
+        top = repository_of(folder)
+        if top is None:
+            outside.append(name)
+            continue
+        try:
+            used.add(top)
+            if folder not in repositories[top].files:
+                outside.append(name)
+            elif folder in repositories[top].changes or is_moved(package.path):
+                found.add(name)
+        except GitError as error:
+            problems += error.problems
+    raise_if_any(dict.fromkeys(problems), SelectionError)
+    if outside and len(outside) == len(packages):
+        hint = "select packages by name, for example with '--packages-select', or run 'git init'"
+        message = "cannot determine changed packages: none of them is in a git repository"
+        raise SelectionError(Problem(message, hint=hint))
+    warnings = []
+    if outside:
+        which = f"{listed(outside)} {'is' if len(outside) == 1 else 'are'}"
+        warnings.append(Problem(f"{which} in no git repository and always counted as changed"))
+    warnings += (problem for _, other in sorted(repositories.items()) if (problem := other.incomplete))
+    independent = [str(top) for top in sorted(used) if repositories[top].superproject is None]
+    if len(independent) > 1 and revision != "HEAD":
+        count = f"{len(independent)} repositories: {listed(independent)}"
+        warnings.append(Problem(f"'{revision}' is resolved separately in {count}"))
+    return frozenset(found).union(outside), tuple(warnings)
 
 
 def is_repository(folder: Path) -> bool:

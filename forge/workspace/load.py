@@ -15,12 +15,12 @@ from forge.base.errors import Location, Problem, WorkspaceError, raise_if_any
 from forge.base.frozen import frozen
 from forge.base.graph import closure, ordered_names
 from forge.base.layout import IGNORE_MARK
+from forge.base.names import project_name
 from forge.base.text import listed
 from forge.environment.prefixes import find_underlays, provider, system_prefixes
 from forge.workspace.discovery import discover, discover_embedded, projects
 from forge.workspace.model import Manifest, Package, Selection, Workspace
 from forge.workspace.overrides import read_overrides
-from forge.workspace.python_metadata import project_name
 from forge.workspace.resolve import (
     ALL_KINDS,
     GENERATORS,

@@ -57,11 +57,6 @@ class _Parser(configparser.RawConfigParser):
         raise error
 
 
-def project_name(name: str) -> str:
-    """Return the spelling of a project's name by which names are compared (PEP 503)."""
-    return re.sub(r"[-_.]+", "-", name).lower()
-
-
 def read_setup_cfg(text: str) -> PythonMetadata:
     """Return the contents of the sections metadata and options; empty if the file is malformed."""
     parser = _Parser()
