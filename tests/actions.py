@@ -10,7 +10,7 @@ _Field = descriptor_pb2.FieldDescriptorProto
 
 USED = {
     "Digest": {"hash": (1, "string"), "size_bytes": (2, "int64")},
-    "OutputFile": {"path": (1, "string"), "digest": (2, "Digest"), "is_executable": (4, "bool")},
+    "OutputFile": {"path": (1, "string"), "digest": (2, "Digest")},
     "ActionResult": {
         "output_files": (2, "[OutputFile]"),
         "exit_code": (4, "int32"),
@@ -21,7 +21,7 @@ USED = {
 
 WHOLE = {
     **USED,
-    "OutputFile": USED["OutputFile"] | {"contents": (5, "bytes")},
+    "OutputFile": USED["OutputFile"] | {"is_executable": (4, "bool"), "contents": (5, "bytes")},
     "OutputDirectory": {"path": (1, "string"), "tree_digest": (3, "Digest")},
     "OutputSymlink": {"path": (1, "string"), "target": (2, "string")},
     "Metadata": {"worker": (1, "string")},
@@ -60,14 +60,14 @@ def as_message(result: ActionResult, kind: Any) -> Any:
     message = kind(stdout_raw=result.stdout)
     for file in result.files:
         digest = {"hash": file.digest.hash, "size_bytes": file.digest.size}
-        message.output_files.add(path=file.path, digest=digest, is_executable=file.executable)
+        message.output_files.add(path=file.path, digest=digest)
     return message
 
 
 def as_result(message: Any) -> ActionResult:
     """Return what forge uses of a message."""
     files = (
-        OutputFile(file.path, Digest(file.digest.hash, file.digest.size_bytes), file.is_executable)
+        OutputFile(file.path, Digest(file.digest.hash, file.digest.size_bytes))
         for file in message.output_files
     )
     return ActionResult(tuple(files), message.stdout_raw)

@@ -3,4 +3,4 @@
 Start with `package_cache` and `opening`.
 """
 
-__all__ = ["action_result", "model"]
+__all__ = ["model"]

@@ -1,4 +1,4 @@
-"""A folder of results and blobs with the layout of Bazel's disk cache: ac/ab/KEY and cas/ab/SHA-256.
+"""A folder of results and blobs, laid out like Bazel's disk cache: ac/ab/KEY and cas/ab/SHA-256.
 
 Concurrent builds may read and write it: each file appears atomically. The modification time of a result is
 the time of its last use; pruning removes the least recently used results first.
@@ -19,8 +19,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.errors import HostError, Location, Problem
 from forge.base.files import replace_file, writable_by_others
-from forge.cache.action_result import decode, encode
-from forge.cache.model import Digest, StoreError
+from forge.cache.model import Digest, StoreError, decode_result, encode_result
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -76,7 +75,7 @@ class FolderStore:
         except OSError as error:
             raise _fault(error) from None
         try:
-            return decode(content)
+            return decode_result(content)
         except ValueError:
             return None
 
@@ -86,7 +85,7 @@ class FolderStore:
             path = self.result_path(key)
             self._make(self.folder / "ac")
             self._make(path.parent)
-            replace_file(path, encode(result), mode=self.rights & 0o666)
+            replace_file(path, encode_result(result), mode=self.rights & 0o666)
 
     def put(self, digest: Digest, source: Path) -> None:
         """Store the bytes of `source`."""

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from forge.build.tasks import Task
     from forge.cache.relocation import Relocator
 
-_VERSION = 2
+_VERSION = 3
 _MAX_LISTS = 4
 """The number of file lists stored for one key."""
 

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 
 from forge.base.files import replace_file
 from forge.base.frozen import frozen
-from forge.cache.action_result import decode
 from forge.cache.folder_store import DRAFT, sha256_of
+from forge.cache.model import decode_result
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -114,7 +114,7 @@ def prune_entries(
 def _blobs(result: StoredFile) -> set[str]:
     """Return the blobs of a result; none if it cannot be read."""
     with contextlib.suppress(OSError, ValueError):
-        return {file.digest.hash for file in decode(result.path.read_bytes()).files}
+        return {file.digest.hash for file in decode_result(result.path.read_bytes()).files}
     return set()
 
 
@@ -159,7 +159,7 @@ def verify(store: FolderStore) -> VerifyResult:
 
 def _fault_of_result(path: Path, blobs: set[str]) -> str:
     try:
-        result = decode(path.read_bytes())
+        result = decode_result(path.read_bytes())
     except FileNotFoundError:
         return ""
     except ValueError as error:

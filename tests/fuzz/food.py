@@ -192,6 +192,7 @@ SEEDS: Final[dict[str, tuple[bytes, ...]]] = {
     "test-results": (_RESULT, _CTEST, b"20260101-0000\nNightly\n"),
     "make-flags": (_FLAGS,),
     "action-result": (_ACTION, b"*\x04note"),
+    "stored-result": (b'{"files": [["index", "%s", 7]], "stdout": "note"}' % (b"0a" * 32),),
     "cached-tree": (_TREE,),
     "cached-inputs": (
         b'{"forge_inputs": 1, "lists": [["/usr/include/a.h", "plain", ""], ["spaced", "\'x\' has"]]}',

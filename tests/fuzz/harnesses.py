@@ -30,8 +30,8 @@ from forge.build.records import FolderRecord
 from forge.build.snapshot import find_changed_externals
 from forge.build.wheels.backends import _build_system
 from forge.build.wheels.install_wheel import _option
-from forge.cache import action_result as action_results
 from forge.cache import keys
+from forge.cache.model import decode_result, encode_result
 from forge.cache.trees import decode_index, encode_index
 from forge.cli.config import configured
 from forge.cli.main import Parser
@@ -52,6 +52,7 @@ from forge.interfaces.read.sources import Library, read_source
 from forge.interfaces.resolve.resolution import resolve
 from forge.interfaces.schema import read_schema
 from forge.interfaces.writing import read_states
+from forge.plugins.remote_cache import action_result as action_results
 from forge.testing.collecting import collect
 from forge.workspace import conditions
 from forge.workspace.discovery import ROS_DEFAULTS, discover
@@ -335,6 +336,14 @@ def action_result(data: bytes) -> None:
     with contextlib.suppress(ValueError):
         found = action_results.decode(data)
         assert action_results.decode(action_results.encode(found)) == found
+
+
+@harness
+def stored_result(data: bytes) -> None:
+    """Read the entry of a key in a cache folder; encoding it again gives the same entry."""
+    with contextlib.suppress(ValueError):
+        found = decode_result(data)
+        assert decode_result(encode_result(found)) == found
 
 
 @harness

@@ -9,8 +9,8 @@ from contextlib import closing
 from pathlib import Path
 from typing import Final, Protocol, TypeVar
 
-from forge.cache.action_result import MAX_SIZE, decode, encode
 from forge.cache.model import ActionResult, BlobError, Digest, StoreError
+from forge.plugins.remote_cache.action_result import MAX_SIZE, decode, encode
 from forge.plugins.remote_cache.deadline import Deadline, DeadlineExceeded, TimeoutExecutor
 
 _Answer = TypeVar("_Answer")

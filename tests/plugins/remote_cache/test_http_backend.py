@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 import pytest
 
 from forge.base.errors import ForgeError
-from forge.cache.action_result import encode
 from forge.cache.model import ActionResult, BlobError, Digest, OutputFile, StoreError, WritingRefused
 from forge.plugins.remote_cache import deadline
 from forge.plugins.remote_cache import store as stores
+from forge.plugins.remote_cache.action_result import encode
 from forge.plugins.remote_cache.http_backend import HttpBackend
 from forge.plugins.remote_cache.store import Store
 from tests.plugins.remote_cache.opening import opened

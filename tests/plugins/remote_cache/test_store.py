@@ -28,9 +28,7 @@ if TYPE_CHECKING:
 KEY = "ab" * 32
 BYTES = os.urandom(300_000)
 DIGEST = Digest(hashlib.sha256(BYTES).hexdigest(), len(BYTES))
-RESULT = ActionResult(
-    (OutputFile("files.tar", DIGEST), OutputFile("run me", DIGEST, executable=True)), b"note"
-)
+RESULT = ActionResult((OutputFile("files.tar", DIGEST), OutputFile("run me", DIGEST)), b"note")
 
 
 @pytest.fixture(scope="module")

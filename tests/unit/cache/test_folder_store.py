@@ -1,4 +1,4 @@
-"""Permissions of a local cache folder."""
+"""Permissions of a local cache folder, and the results in it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import pytest
 from forge.base.errors import HostError
 from forge.cache.folder_store import FolderStore
 from forge.cache.maintenance import Counts, add_counts
-from forge.cache.model import ActionResult, Digest
+from forge.cache.model import ActionResult, Digest, OutputFile, decode_result
 
 KEY = "ab" * 32
 
@@ -151,3 +151,35 @@ def test_shared_cache_files_are_not_world_writable(tmp_path: Path) -> None:
     (tmp_path / "cache").chmod(0o2777)
     fill(FolderStore(tmp_path / "cache"), tmp_path / "source")
     assert all(not mode & 0o002 for modes in rights(tmp_path / "cache").values() for mode in modes)
+
+
+def test_a_stored_result_is_read_as_it_was_written(tmp_path: Path) -> None:
+    store = FolderStore(tmp_path / "cache")
+    result = ActionResult((OutputFile("lib/\udcff", Digest("0a" * 32, 7)),), b'{"a": 1}\xff')
+    store.put_result(KEY, result)
+    assert store.result(KEY) == result
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"",
+        b"[]",
+        b"{}",
+        b'{"files": 1, "stdout": ""}',
+        b'{"files": [], "stdout": 1}',
+        b'{"files": [["a", "../../x", 1]], "stdout": ""}',
+        b'{"files": [["a", 1, 1]], "stdout": ""}',
+        b'{"files": [[1, "%s", 1]], "stdout": ""}' % (b"0a" * 32),
+        b'{"files": [["a", "%s", -1]], "stdout": ""}' % (b"0a" * 32),
+        b'{"files": [["a", "%s", true]], "stdout": ""}' % (b"0a" * 32),
+        b"[" * 100_000,
+    ],
+)
+def test_a_damaged_result_counts_as_missing(tmp_path: Path, data: bytes) -> None:
+    store = FolderStore(tmp_path / "cache")
+    store.put_result(KEY, ActionResult())
+    store.result_path(KEY).write_bytes(data)
+    assert store.result(KEY) is None
+    with pytest.raises(ValueError, match=r"it is not a result|invalid|Expecting"):
+        decode_result(data)

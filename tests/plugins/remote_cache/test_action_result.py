@@ -9,9 +9,9 @@ from google.protobuf.message import DecodeError
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from forge.cache import action_result
-from forge.cache.action_result import decode, encode
 from forge.cache.model import ActionResult, Digest, OutputFile
+from forge.plugins.remote_cache import action_result
+from forge.plugins.remote_cache.action_result import decode, encode
 from tests.actions import USED, WHOLE, as_message, as_result, is_storable, message_class
 
 Used, Whole = message_class(USED), message_class(WHOLE)
@@ -26,9 +26,7 @@ _DIGESTS = st.builds(
     st.binary(min_size=32, max_size=32).map(bytes.hex),
     st.integers(0, 2**63 - 1) | st.integers(0, 300),
 )
-RESULTS = st.builds(
-    ActionResult, st.lists(st.builds(OutputFile, _PATHS, _DIGESTS, st.booleans())).map(tuple), st.binary()
-)
+RESULTS = st.builds(ActionResult, st.lists(st.builds(OutputFile, _PATHS, _DIGESTS)).map(tuple), st.binary())
 
 
 @given(RESULTS)
@@ -48,6 +46,7 @@ def test_unknown_fields_are_skipped(result: ActionResult, junk: bytes, texts: li
         message.output_symlinks.add(path=text, target=text)
     for file in message.output_files:
         file.contents = junk
+        file.is_executable = True
     assert decode(message.SerializeToString()) == result
 
 

@@ -20,7 +20,7 @@ MAX_SIZE: Final = 16 << 20
 
 _VARINT, _FIXED64, _BYTES, _GROUP, _GROUP_ENDS, _FIXED32 = range(6)
 _FILES, _EXIT_CODE, _STDOUT = 2 << 3 | _BYTES, 4 << 3 | _VARINT, 5 << 3 | _BYTES
-_PATH, _DIGEST, _EXECUTABLE = 1 << 3 | _BYTES, 2 << 3 | _BYTES, 4 << 3 | _VARINT
+_PATH, _DIGEST = 1 << 3 | _BYTES, 2 << 3 | _BYTES
 _HASH, _SIZE = 1 << 3 | _BYTES, 2 << 3 | _VARINT
 """Tags of fields: their number and type."""
 
@@ -35,8 +35,7 @@ def encode(result: ActionResult) -> bytes:
     message = bytearray()
     for file in result.files:
         digest = _counted(_HASH, file.digest.hash.encode()) + _number(_SIZE, file.digest.size)
-        content = _counted(_PATH, file.path.encode()) + _counted(_DIGEST, digest)
-        message += _counted(_FILES, content + _number(_EXECUTABLE, int(file.executable)))
+        message += _counted(_FILES, _counted(_PATH, file.path.encode()) + _counted(_DIGEST, digest))
     return bytes(message + _counted(_STDOUT, result.stdout))
 
 
@@ -58,12 +57,10 @@ def decode(data: bytes) -> ActionResult:
 
 def _file(data: bytes) -> OutputFile:
     """Decode an OutputFile: its path is relative, and sizes from 2**63 represent negative ones."""
-    path, name, size, executable = "", "", 0, False
+    path, name, size = "", "", 0
     for tag, value in _fields(data):
         if tag == _PATH:
             path = value.decode()
-        elif tag == _EXECUTABLE:
-            executable = value != 0
         elif tag == _DIGEST:  # perhaps in several parts, of which later ones win
             for part, content in _fields(value):
                 if part == _HASH:
@@ -76,7 +73,7 @@ def _file(data: bytes) -> OutputFile:
         raise ValueError(f"{name[:100]!r} is not a SHA-256")
     if size >= 1 << 63:
         raise ValueError("a file has a negative size")
-    return OutputFile(path, Digest(name, size), executable)
+    return OutputFile(path, Digest(name, size))
 
 
 def _fields(data: bytes) -> Iterator[tuple[int, Any]]:
