@@ -281,6 +281,10 @@ SHAPES: Final[dict[str, tuple[Shape, ...]]] = {
         Shape("numbers without end", b"\x80"),
         Shape("a long name", b"a", b"\x12\xff\xff\x7f\n\xfa\xff\x7f"),
     ),
+    "stored-result": (
+        *_JSON,
+        Shape("files", b'["a", "' + b"1" * 64 + b'", 7], ', b'{"files": [', after=b'], "stdout": ""}'),
+    ),
     "cached-tree": (
         *_JSON,
         Shape("links", b'["l%d", 0, 0, "", -1, false, "x"], ', _TREE, after=_LINK),

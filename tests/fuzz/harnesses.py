@@ -22,7 +22,7 @@ from forge.build.compile_commands import merge_compile_commands
 from forge.build.inputs.depfiles import reported_inputs
 from forge.build.inputs.fingerprints import FileTable
 from forge.build.inputs.native_graph import read_native_graph
-from forge.build.install_manifests import ManifestFiles
+from forge.build.installed_lists import listed_files
 from forge.build.installed_states import InstalledStates
 from forge.build.journal import Journal
 from forge.build.recipes.initial_cache import manifest_variables
@@ -289,7 +289,7 @@ def build_logs(data: bytes) -> None:
     place("make", "CMakeFiles/Makefile.cmake", data)
     reported_inputs(made, read_native_graph(made), [])
     place("make", "p/install_manifest.txt", data)
-    ManifestFiles(replace(_LAYOUT, build=made)).get("p")
+    [*listed_files(made / "p")]
     place("make", "p/compile_commands.json", data)
     merge_compile_commands(made, force=True)
 
