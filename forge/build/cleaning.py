@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.ament_index import INDEX
-from forge.base.files import listed_paths, mounts_below, remove_folder
+from forge.base.files import mounts_below, remove_folder
 from forge.base.frozen import frozen
 from forge.base.layout import (
     BACKUP_DIR,
@@ -43,8 +43,12 @@ from forge.build.folder_marks import (
     recorded_layout,
     sources_in,
 )
-from forge.build.install_manifests import MANIFESTS
-from forge.build.installed_lists import package_markers, read_installed_list, write_installed_list
+from forge.build.installed_lists import (
+    listed_files,
+    package_markers,
+    read_installed_list,
+    write_installed_list,
+)
 from forge.build.journal import open_journal
 from forge.build.markers import remove_empty, remove_file
 from forge.build.prefix import PrefixExchange, leftover_backups, tidy
@@ -311,8 +315,7 @@ def _installed(name: str, layout: Layout, records: Mapping[str, BuildRecord]) ->
     kept = read_installed_list(name, layout)
     found = {*(kept.files if kept else ()), *(records[name].files if name in records else ())}
     if is_own_build_dir(layout.build_dir(name)):
-        for manifest in MANIFESTS:
-            found.update(listed_paths(layout.build_dir(name) / manifest))
+        found.update(listed_files(layout.build_dir(name)))
     prefix = layout.prefix(name)
     share = prefix / "share" / name
     hooks = [path for path in share.glob("hook/*") if path.suffix[1:] in {*_EXTENSIONS, "dsv"}]

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.ament_index import INDEX
 from forge.base.errors import Problem
-from forge.base.files import listed_paths, mount_points, text_or_nothing
+from forge.base.files import mount_points, text_or_nothing
 from forge.base.layout import (
     BACKUP_DIR,
     BUILD_BASE_FILES,
@@ -30,7 +30,7 @@ from forge.base.layout import (
     TEST_RESULT,
     TEST_SCRATCH_DIR,
 )
-from forge.build.install_manifests import MANIFESTS
+from forge.build.installed_lists import listed_files
 from forge.environment.prefixes import PACKAGES
 
 if TYPE_CHECKING:
@@ -389,11 +389,10 @@ def is_usable_prefix(prefix: Path, layout: Layout, records: Callable[[], Mapping
     name = prefix.name
     if found := sources_in(prefix):
         path = str(prefix / found)
-        build = layout.build_dir(name)
         record = records().get(name)
         if is_source_of(prefix, record):
             return False
-        listed = any(path in listed_paths(build / manifest) for manifest in MANIFESTS)
+        listed = path in listed_files(layout.build_dir(name))
         installed = listed or (record is not None and path in record.files)
         if not installed and (found == "package.xml" or not has_package_marks(prefix)):
             return False

@@ -22,8 +22,7 @@ from forge.base.frozen import frozen
 from forge.base.layout import INSTALL_STATE_FILE
 from forge.build.build_types import build_type_of
 from forge.build.inputs.depfiles import written_by_backend
-from forge.build.install_manifests import listed_files
-from forge.build.installed_lists import package_markers
+from forge.build.installed_lists import listed_files, package_markers
 from forge.build.prefix import PrefixExchange
 from forge.environment import scripts
 from forge.environment.dsv import PackageEdits

@@ -1,4 +1,7 @@
-"""Read and write the lists of what forge has installed for each package; it removes nothing else."""
+"""Read and write the lists of what forge has installed for each package; it removes nothing else.
+
+Without them, the install manifests in build folders say what was installed, such as by colcon.
+"""
 
 from __future__ import annotations
 
@@ -8,19 +11,21 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from forge.base.ament_index import INDEX
-from forge.base.files import replace_file
+from forge.base.files import listed_paths, replace_file
 from forge.base.frozen import frozen
-from forge.base.layout import INSTALLED_LISTS_DIR
+from forge.base.layout import INSTALLED_LISTS_DIR, LAYOUT_MARKER
 from forge.environment.prefixes import PACKAGES
 from forge.environment.shells import SHELLS
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Mapping
+    from collections.abc import Collection, Iterable, Iterator, Mapping
     from pathlib import Path
 
     from forge.base.layout import Layout
 
 _VERSION = 1
+MANIFESTS = ("install_manifest.txt", "symlink_install_manifest.txt")
+"""The files in which CMake, ament and forge list installed files."""
 
 
 @frozen
@@ -122,3 +127,29 @@ def folders_above(path: str, root: str) -> tuple[str, ...]:
 def _with_folders_above(folder: str, root: str) -> tuple[str, ...]:
     inside = folder.startswith(f"{root}/")
     return (folder, *_with_folders_above(folder.rpartition("/")[0], root)) if inside else ()
+
+
+def listed_files(build: Path) -> Iterator[str]:
+    """Yield the absolute paths in the install manifests of a build folder; duplicates are possible."""
+    for name in MANIFESTS:
+        yield from listed_paths(build / name)
+
+
+def without_other_installs(paths: Iterable[str], install: Path) -> Iterator[str]:
+    """Yield listed paths, except those in the install folder of another workspace or build.
+
+    A copied build folder lists the files of the original workspace.
+    """
+    base, own = f"{install}/", {str(install): True, "/": True}
+
+    def is_own(folder: str) -> bool:
+        if folder not in own:
+            if os.path.lexists(f"{folder}/{LAYOUT_MARKER}"):
+                own[folder] = install.is_dir() and os.path.samefile(folder, install)
+            else:
+                own[folder] = is_own(os.path.dirname(folder))
+        return own[folder]
+
+    for path in paths:
+        if path.startswith(base) or is_own(os.path.dirname(path)):
+            yield path

@@ -85,17 +85,15 @@ class Snapshot:
     """The current state on disk, beside the records of earlier builds.
 
     `sources` and `installed` are current fingerprints, the latter of the files listed in the record.
-    `listed` are the files that install manifests in a package's build folder list. `present` are the packages
-    whose prefix is marked as complete. `changed_externals`, `source_changes` and `installed_changes` name
-    what changed for a package: inputs outside it, its sources, its installed files. `manifests` are the
-    states of all sources of those packages whose sources were read.
+    `present` are the packages whose prefix is marked as complete. `changed_externals`, `source_changes` and
+    `installed_changes` name what changed for a package: inputs outside it, its sources, its installed files.
+    `manifests` are the states of all sources of those packages whose sources were read.
     """
 
     records: Mapping[str, BuildRecord] = field(default_factory=dict)
     sources: Mapping[str, Fingerprint] = field(default_factory=dict)
     installed: Mapping[str, Fingerprint] = field(default_factory=dict)
     changed_externals: Mapping[str, InputChange] = field(default_factory=dict)
-    listed: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     present: frozenset[str] = frozenset()
     source_changes: Mapping[str, str] = field(default_factory=dict)
     installed_changes: Mapping[str, str] = field(default_factory=dict)

@@ -1,4 +1,4 @@
-"""Make the build plan from packages, selection and snapshot; pure."""
+"""Make the build plan from packages, selection and snapshot."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from forge.base.errors import Problem, WorkspaceError, raise_if_any
 from forge.base.frozen import frozen
 from forge.base.graph import closure, closures, ordered_names, weak_edges_on_cycles
 from forge.build.build_types import build_type_of, unknown_type, unknown_types
-from forge.build.install_manifests import without_other_installs
+from forge.build.installed_lists import listed_files, without_other_installs
 from forge.build.model import BuildInputs, Fingerprint
-from forge.build.tasks import BuildPlan, StepKind, Task
+from forge.build.tasks import BuildPlan, Task
 from forge.build.up_to_date import (
     DependencyHashes,
     reason_to_build,
@@ -178,7 +178,7 @@ def _task(
     name = package.name
     record = snapshot.records.get(name)
     recipe = cache(partial(build_type_of(package).recipe, package, context.of(package)))
-    listed = {*(record.files if record else ()), *snapshot.listed.get(name, ())}
+    listed = {*(record.files if record else ()), *listed_files(context.layout.build_dir(name))}
     earlier = tuple(sorted(without_other_installs(listed, context.layout.install)))
     return Task(
         name=name,
@@ -186,12 +186,7 @@ def _task(
         prefix=context.layout.prefix(name),
         build_dir=context.layout.build_dir(name),
         needs=needs,
-        steps=_LazyTuple(
-            lambda: tuple(
-                replace(step, replaces=earlier) if step.kind is StepKind.INSTALL else step
-                for step in recipe().steps
-            )
-        ),
+        steps=_LazyTuple(lambda: recipe().steps),
         reason="",
         inputs=inputs,
         sources=snapshot.sources[name],

@@ -38,8 +38,8 @@ from forge.build.copies import (
     stats_of,
     status_of,
 )
-from forge.build.install_manifests import MANIFESTS
 from forge.build.installed_lists import (
+    MANIFESTS,
     InstalledList,
     folders_above,
     forget_installed_list,

@@ -21,7 +21,6 @@ from forge.build.inputs.fingerprints import (
     fingerprint_tree,
     stamp_inputs,
 )
-from forge.build.install_manifests import ManifestFiles, installed_links
 from forge.build.installed_states import InstalledStates
 from forge.build.model import Snapshot
 from forge.build.records import read_record
@@ -29,7 +28,7 @@ from forge.build.up_to_date import UNKNOWN_INSTALLED, UNKNOWN_SOURCES, InputChan
 from forge.engine.world import KIND, MODULES, PACKAGE_FOUND, PROCESSOR, PROGRAM, VARIABLE
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Container, Iterable, Mapping
+    from collections.abc import Callable, Collection, Iterable, Mapping
     from pathlib import Path
 
     from forge.base.layout import Layout
@@ -89,7 +88,6 @@ def take_snapshot(
                 installed_changes[name] = changed_installed_files(record, then, table, root, of_sources)
         if (layout.prefix(name) / "share" / name / "package.sh").is_file():
             present.add(name)
-    listed = ManifestFiles(layout, _unrecorded_links(root, packages, layout, records))
     externals = {
         name: changed_external_files(last_record(name), records[name], table, root, recent)
         for name in changed_externals
@@ -99,26 +97,11 @@ def take_snapshot(
         sources,
         installed,
         externals,
-        listed,
         frozenset(present),
         source_changes,
         installed_changes,
         manifests,
     )
-
-
-def _unrecorded_links(
-    root: Path, packages: Collection[Package], layout: Layout, records: Container[str]
-) -> dict[str, tuple[str, ...]]:
-    """Return the installed links of packages without a record; in an isolated prefix all files are theirs."""
-    if not layout.merged or not layout.symlink or all(package.name in records for package in packages):
-        return {}
-    homes: dict[str, str] = {}
-    for package in packages:
-        for home in (root / package.path, layout.build_dir(package.name)):
-            homes |= dict.fromkeys((str(home), os.path.realpath(home)), package.name)
-    links = installed_links(layout.install, homes)
-    return {name: paths for name, paths in links.items() if name not in records}
 
 
 def find_changed_externals(journal: Journal, table: FileTable) -> tuple[str, ...]:

@@ -26,14 +26,15 @@ from forge.base.layout import INSTALLED_STATES_DIR, SCRATCH_DIR
 from forge.base.text import digest
 from forge.build.copies import status_of
 from forge.build.inputs.fingerprints import content_digest
-from forge.build.install_manifests import MANIFESTS, listed_files
 from forge.build.install_scripts import folder_modes, installed_entries, read_install_scripts
 from forge.build.installation import InstalledFiles
 from forge.build.installed_lists import (
+    MANIFESTS,
     InstalledList,
     folders_above,
     identity,
     list_file,
+    listed_files,
     read_installed_list,
 )
 from forge.build.observed_writes import begin_log, remove_log

@@ -60,8 +60,6 @@ class Step:
     """Variables set for this step only, in addition to the environment of its task."""
     record: tuple[Path, str] | None = None
     """A stamp file and its content. If the file has this content, the step is skipped."""
-    replaces: tuple[str, ...] = ()
-    """Files that its last run created. Symbolic links among them are removed before it starts."""
     meanings: tuple[tuple[int, str], ...] = ()
     """Nonzero exit codes that do not fail the task, and their meanings."""
     condition: StepCondition = StepCondition.ALWAYS

@@ -239,11 +239,13 @@ class LocalExecutor:
             if has_text(*step.record):
                 return 0
             step.record[0].unlink(missing_ok=True)
-        for path in filter(os.path.islink, () if step.stage else step.replaces):
-            Path(path).unlink()
         if step.kind is StepKind.INSTALL:
             from forge.build.staging import next_install
 
+            # What the last build installed is still there if other packages have installed it as well, or
+            # if it is not in the prefix. CMake would write through a link to the file in the sources.
+            for path in filter(os.path.islink, () if step.stage else task.earlier):
+                Path(path).unlink()
             step = next_install(step, task)
         line = step_line(step, environment_file(task))
         write_if_changed(task.build_dir / task.scratch_dir / LAST_COMMAND, line + "\n")

@@ -9,11 +9,10 @@ from dataclasses import field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.base.files import replace_file
+from forge.base.files import delete_tree, replace_file
 from forge.base.frozen import frozen
 from forge.build.events import Aborted, Finished
 from forge.build.folder_marks import mark_result_dir
-from forge.build.install_manifests import clean_paths
 from forge.build.model import BuildInputs, BuildRecord
 from forge.build.tasks import TEST_FAILURES, StepKind, environment_file, short_step_line, step_line
 from forge.build.tests.recipes import error_result
@@ -120,7 +119,12 @@ class TestSetup(TaskLifecycle):
     def begin(self, task: Task, environment: Mapping[str, str]) -> None:
         if self.context.options.test_result_base is not None:
             mark_result_dir(self.context.results_of(task.name))
-        clean_paths(task)
+        for path in task.clean:  # the names may be glob patterns
+            for found in path.parent.glob(path.name) if path.parent.is_dir() else ():
+                if found.is_dir() and not found.is_symlink():
+                    delete_tree(found)
+                else:
+                    found.unlink()
         self.before[task.name] = self._states(task)
         if self.cached and task.steps:
             self.cached.begin(task, environment)
