@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from forge.base.layout import Layout
+from forge.build.folder_marks import create_output_folders
 from forge.build.installation import finish_workspace, install_package, uninstall_markers
-from forge.build.markers import create_output_folders
 from forge.toolchain.interpreter import Interpreter
 from tests.packages import manifest_text, package
 

@@ -6,4 +6,14 @@ which outputs remain valid, and `build_dir` applies that decision. Imports nothi
 or `cli`.
 """
 
-__all__ = ["build_types", "events", "inputs", "journal", "markers", "recipes", "tasks", "tests", "up_to_date"]
+__all__ = [
+    "build_types",
+    "events",
+    "folder_marks",
+    "inputs",
+    "journal",
+    "recipes",
+    "tasks",
+    "tests",
+    "up_to_date",
+]

@@ -41,6 +41,8 @@ from forge.build.folder_marks import (
     is_source_of,
     is_usable_prefix,
     recorded_layout,
+    remove_empty,
+    remove_file,
     sources_in,
 )
 from forge.build.installed_lists import (
@@ -50,7 +52,6 @@ from forge.build.installed_lists import (
     write_installed_list,
 )
 from forge.build.journal import open_journal
-from forge.build.markers import remove_empty, remove_file
 from forge.build.prefix import PrefixExchange, leftover_backups, tidy
 from forge.environment.prefixes import PACKAGES
 from forge.environment.shells import SHELLS

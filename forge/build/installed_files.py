@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.build.file_conflicts import owned_by_others
+from forge.build.folder_marks import remove_file
 from forge.build.inputs.fingerprints import content_digest
 from forge.build.installed_lists import package_markers
-from forge.build.markers import remove_file
 from forge.build.prefix import PrefixExchange
 
 if TYPE_CHECKING:

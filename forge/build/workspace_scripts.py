@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from forge.base.distributions import VARIABLE
+from forge.build.folder_marks import workspace_scripts
 from forge.build.inputs.fingerprints import contents_of, digest_of, stamp_files
-from forge.build.markers import workspace_scripts
 from forge.environment.install_state import recorded_overlays, recorded_rosdistro
 from forge.environment.prefixes import PACKAGES, find_underlays
 

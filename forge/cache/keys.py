@@ -4,7 +4,9 @@ The files that a build reads outside the workspace are known only after it ran. 
 keys. The first covers all inputs known before the build; its entry contains lists of external files recorded
 by earlier builds. The second covers the first key and the current contents of the files in one list; its
 entry is a result, and where it was built. A further key covers the path of the workspace, too: its entry is a
-result for that path only.
+result for that path only. Whether a result depends on its path is decided by build scripts, options and what
+they make: if these are the same as for a result that was shown not to depend on it, that of other source code
+does not depend on it either.
 """
 
 from __future__ import annotations
@@ -14,6 +16,7 @@ import hashlib
 import json
 import os
 import platform
+import re
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,6 +25,9 @@ from forge import __version__
 from forge.base.frozen import frozen
 from forge.base.layout import NO_CODE, PACKAGE, own_folders
 from forge.build.inputs.fingerprints import contents_of, digest_of, source_files
+from forge.build.inputs.native_graph import read_native_graph
+from forge.build.records import read_record
+from forge.engine.commands import NOT_OBSERVED
 from forge.toolchain.programs import program_of
 
 if TYPE_CHECKING:
@@ -31,6 +37,7 @@ if TYPE_CHECKING:
     from forge.build.inputs.fingerprints import FileTable
     from forge.build.tasks import Task
     from forge.cache.relocation import Relocator
+    from forge.cache.trees import Tree
 
 _VERSION = 3
 _MAX_LISTS = 4
@@ -202,3 +209,45 @@ class ExternalInputs:
             self._programs.forget_others(self._read_programs)
             with contextlib.suppress(OSError):  # a read-only home folder
                 self._programs.save()
+
+
+_OPTIONS = re.compile(r"^  (?:DEFINES|FLAGS) = (.*)$", re.MULTILINE)
+_MAP = re.compile(r"-f\w+-prefix-map=\S+")
+
+
+def scripts_digest(build: Path, source: Path, tree: Tree, relocator: Relocator) -> str:
+    """Return a digest of all that a build read but the code that compilers take and the files that it copied.
+
+    It is '' if that is unknown, or if compilers could see a path of the workspace: in a definition, or in a
+    file that is no source of the package. Then other code may depend on it, even if only on its length.
+    """
+    graph, record = read_native_graph(build), read_record(build)
+    seen = record.commands if record else NOT_OBSERVED
+    if graph.tool != "ninja" or graph.has_dyndeps or seen.configure is None or seen.rest is None:
+        return ""
+    edges = [(edge, seen.edges[edge.outputs[0]]) for edge in graph.edges if edge.outputs[0] in seen.edges]
+    options = (_MAP.sub("", found) for edge in graph.edges for found in _OPTIONS.findall(edge.text))
+    if any(each.blind for each in seen.all) or any(relocator.occur_in(os.fsencode(each)) for each in options):
+        return ""
+    compiling = [(each.read, frozenset(graph.inputs_of(edge))) for edge, each in edges if edge.compiles]
+    others = (each.read for edge, each in edges if not edge.compiles and not edge.links_dynamically)
+    scripts = seen.configure.read.union(*others, *(read - code for read, code in compiling))
+    made = seen.rest.written.union(*(each.written for _, each in edges))
+    generated = seen.configure.written | made
+    compiled = frozenset[str]().union(*(read | code for read, code in compiling))
+    copied = {leaf.hash for leaf in tree.leaves}
+    lines = []
+    for path in sorted(scripts | seen.rest.read | compiled):
+        is_generated = path in compiled and path in generated
+        is_script = (path in scripts or path in seen.rest.read) and path not in made
+        word = relocator.relativize_word(path)
+        is_foreign = path in compiled and word != path and not path.startswith(f"{source}/")
+        if not (is_generated or is_script or is_foreign) or not os.path.isfile(path):  # noqa: PTH113
+            continue
+        content = Path(path).read_bytes()
+        if (is_generated or is_foreign) and relocator.occur_in(content):
+            return ""
+        digest = hashlib.sha256(relocator.relativize(content)).hexdigest()
+        if is_generated or (is_script and (path in scripts or digest not in copied)):
+            lines.append(f"{word} {digest}")
+    return hashlib.sha256("\n".join(lines).encode(errors="surrogateescape")).hexdigest()

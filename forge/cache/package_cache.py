@@ -22,10 +22,18 @@ from forge.base.frozen import frozen
 from forge.build.inputs.fingerprints import digest_of
 from forge.build.tests.detection import has_ctests
 from forge.cache import keys
+from forge.cache.keys import scripts_digest
 from forge.cache.model import RESTORED, ActionResult, Digest, OutputFile, StoreError
-from forge.cache.restoring import CachedTree, TreeWriter
-from forge.cache.scripts import scripts_digest
-from forge.cache.trees import TICK, Uncacheable, decode_index, encode_index, scan_tree, unrecorded_files
+from forge.cache.trees import (
+    TICK,
+    CachedTree,
+    TreeWriter,
+    Uncacheable,
+    decode_index,
+    encode_index,
+    scan_tree,
+    unrecorded_files,
+)
 from forge.toolchain.programs import CMAKE_TYPES, condensed, program_of
 
 if TYPE_CHECKING:

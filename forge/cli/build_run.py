@@ -26,9 +26,9 @@ from forge.environment.prefixes import find_underlays, provider
 from forge.environment.underlays import overridden
 from forge.execution.executor import Executor, ExecutorContext
 from forge.execution.job_pool import open_job_pool, without_job_variables
+from forge.execution.loop import Scheduler
 from forge.execution.observer import open_observer
 from forge.execution.runner import LocalExecutor, TaskRunner
-from forge.execution.scheduler import Scheduler
 from forge.execution.started import StartedProcesses
 from forge.execution.task_setup import TaskSetup
 from forge.toolchain.cmake_variables import defined

@@ -31,8 +31,8 @@ if TYPE_CHECKING:
     from forge.base.layout import Layout
     from forge.build.events import Event
     from forge.build.tasks import BuildPlan, Task
+    from forge.execution.loop import Scheduler
     from forge.execution.runner import TaskRunner
-    from forge.execution.scheduler import Scheduler
     from forge.output.handlers import ReportOptions
     from forge.output.live import View
     from forge.output.logs import LogWriter

@@ -1,4 +1,4 @@
-"""Run the build backend of a package, and record the files that it read.
+"""Run the build backend of a package, record the files that it read, and shorten the output of a failure.
 
 setuptools installs a package itself, like with colcon; other backends build a wheel (PEP 517).
 """
@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 import pyproject_hooks
 
 from forge.base.errors import HostError, Location, Problem, WorkspaceError, raise_if_any
-from forge.base.files import delete_tree, listed_paths, read_file, replace_file
+from forge.base.files import delete_tree, listed_paths, read_file, replace_file, text_or_nothing
 from forge.base.formats import read_toml
 from forge.base.frozen import frozen
 from forge.base.layout import PACKAGE, SCRATCH_DIR
@@ -29,8 +29,7 @@ from forge.build.inputs.fingerprints import source_files
 from forge.build.observed_writes import note_start, note_unobserved, note_written
 from forge.build.wheels import setup_install
 from forge.build.wheels.backend_inputs import Traced, external_inputs, parse_trace
-from forge.build.wheels.backend_output import DISK_FULL, progress_and_failure
-from forge.build.wheels.entry_points import invalid_scripts_of_setup
+from forge.build.wheels.pitfalls import invalid_scripts_of_setup
 from forge.toolchain.python_modules import install_command, setuptools_path
 
 if TYPE_CHECKING:
@@ -445,3 +444,53 @@ def _build_system(source: Path) -> dict[str, Any]:
         hint = "'build-backend' must be a string, and 'backend-path' a list"
         raise WorkspaceError(Problem("invalid 'build-system' table", Location(path), hint))
     return system
+
+
+DISK_FULL = re.compile(
+    r"\[Errno (?:28|122)\]|: (?:No space left on device|Disk quota exceeded)$", re.MULTILINE
+)
+"""In the output of a failed backend: where it was writing is of no interest."""
+_FAILED_WRITE = re.compile(
+    r"^(?:Traceback \(most recent call last\):\n(?:  .*\n)+"
+    r"|Exception ignored in: .*\n|\w*[eE]rror: \[Errno .*\n)",
+    re.MULTILINE,
+)
+_OF_SETUPTOOLS = re.compile(r"^running (?:bdist_wheel|install|egg_info)$", re.MULTILINE)
+_PROGRESS = re.compile(
+    r"^(?:running [a-z_]+|(?:creating|writing|reading|adding|removing|installing|byte-compiling) .*"
+    r"|(?:copying|copying and adjusting|moving|hard linking) .* -> .*"
+    r"|warning: \w+: byte-compiling is disabled, skipping\.\n?)\n",
+    re.MULTILINE,
+)
+"""What setuptools prints before an error."""
+_CODE = r"(?:    .*\n)*"
+_OUTER_FRAMES = re.compile(
+    r"^(Traceback \(most recent call last\):\n)"
+    rf'(?:  File "<string>", .*\n{_CODE}(?=  File ".*backend_tracer\.py"))?'
+    rf'(?:  File ".*(?:backend_tracer|setup_install|_in_process|setuptools/build_meta)\.py", .*\n{_CODE})+'
+    r'(?:  File "(?:<string>|setup\.py)", line (\d+), in <module>\n'
+    rf"({_CODE})|(?=  File ))",
+    re.MULTILINE,
+)
+"""The frames of forge and setuptools that start a backend, and that of setup.py, which may lack its name."""
+
+
+def progress_and_failure(output: str, setup: Path) -> tuple[str, str]:
+    """Return the progress messages of setuptools, and the remaining output of a failed backend.
+
+    Tracebacks start in the package's setup.py, or in the backend, not in the code that starts it.
+    """
+    progress = "".join(_PROGRESS.findall(output)) if _OF_SETUPTOOLS.search(output) else ""
+    failure = _PROGRESS.sub("", output) if progress else output
+    if DISK_FULL.search(output):
+        return progress, _FAILED_WRITE.sub("", failure)
+    lines = text_or_nothing(setup).splitlines()
+
+    def shortened(match: re.Match[str]) -> str:
+        title, line, code = match.groups()
+        if line is None:
+            return title
+        source = "".join(f"    {text.strip()}\n" for text in lines[int(line) - 1 : int(line)])
+        return f'{title}  File "{setup}", line {line}, in <module>\n{code or source}'
+
+    return progress, _OUTER_FRAMES.sub(shortened, failure)

@@ -35,9 +35,13 @@ from forge.build.wheels.backends import (
     run_setup_install,
     uses_setuptools,
 )
-from forge.build.wheels.entry_points import ENTRY_POINTS, without_invalid_scripts
 from forge.build.wheels.links import Installed, link_to_sources
-from forge.build.wheels.pitfalls import refuse_what_no_backend_reads, wheel_warnings
+from forge.build.wheels.pitfalls import (
+    ENTRY_POINTS,
+    refuse_what_no_backend_reads,
+    wheel_warnings,
+    without_invalid_scripts,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -15,7 +15,7 @@ from forge.base.errors import WorkspaceError, raise_if_any
 from forge.base.layout import TEMPLATES_DIR
 from forge.base.templating import keep_compiled
 from forge.base.text import listed
-from forge.build.markers import create_output_folders, other_layout
+from forge.build.folder_marks import create_output_folders, other_layout
 from forge.build.stale_packages import stale_package_warnings
 from forge.build.state import open_state
 from forge.cli.build_options import BuildOptions

@@ -16,9 +16,9 @@ from forge.base.layout import OWN_CACHE_DIR, TEST_FILE_TABLE
 from forge.base.options import options_of
 from forge.base.text import counted
 from forge.build.events import Aborted, Finished, StepFinished
+from forge.build.folder_marks import create_output_folders
 from forge.build.inputs.fingerprints import FileTable
 from forge.build.journal import open_journal
-from forge.build.markers import create_output_folders
 from forge.build.tasks import TEST_FAILURES
 from forge.build.tests.options import TestOptions
 from forge.cli.options import FolderOptions, OptionSources
@@ -26,9 +26,9 @@ from forge.cli.preparation import build_variables, output_problems, require_pack
 from forge.cli.session import open_session
 from forge.execution.job_pool import open_test_job_pool
 from forge.execution.lock import lock_build_dir
+from forge.execution.loop import Scheduler
 from forge.execution.options import JobOptions
 from forge.execution.runner import LocalExecutor, TaskRunner
-from forge.execution.scheduler import Scheduler
 from forge.execution.started import StartedProcesses
 from forge.output.handlers import ReportOptions
 from forge.testing.collecting import result_folder_problems

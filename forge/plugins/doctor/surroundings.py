@@ -14,7 +14,7 @@ from forge.base.errors import HostError, Location, Problem, WorkspaceError
 from forge.base.files import text_or_nothing
 from forge.base.layout import INSTALL_STATE_FILE, LAYOUT_MARKER
 from forge.base.text import listed
-from forge.build.markers import foreign_build, other_layout
+from forge.build.folder_marks import foreign_build, other_layout
 from forge.environment.install_state import recorded_underlays, underlays_of
 from forge.environment.prefixes import SYSTEM, installed_packages, provider
 from forge.environment.underlays import lost_underlays, other_distributions, unusable_overlays

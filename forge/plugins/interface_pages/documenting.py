@@ -20,7 +20,7 @@ from forge.base.errors import (
 )
 from forge.base.files import read_file, text_or_nothing, write_if_changed
 from forge.base.names import did_you_mean
-from forge.build.markers import mark_build_base
+from forge.build.folder_marks import mark_build_base
 from forge.cli.commands.interface.inputs import distribution_of
 from forge.environment.installed import underlay_prefixes
 from forge.interfaces.model import Catalog

@@ -21,9 +21,8 @@ from forge.build.events import (
 )
 from forge.build.model import BuildRecord
 from forge.build.tasks import BuildPlan, Step, StepKind, Task
-from forge.execution.loop import execute
+from forge.execution.loop import Scheduler, execute
 from forge.execution.runner import LocalExecutor, TaskLifecycle, TaskRunner
-from forge.execution.scheduler import Scheduler
 from tests.packages import package
 
 

@@ -7,8 +7,8 @@ import pytest
 
 from forge.base.errors import WorkspaceError
 from forge.base.layout import Layout
+from forge.build.folder_marks import create_output_folders
 from forge.build.installation import finish_workspace, install_package
-from forge.build.markers import create_output_folders
 from forge.environment.install_state import recorded_underlays
 from tests.conftest import Tree
 from tests.installs import PYTHON, Made, make_install

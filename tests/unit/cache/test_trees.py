@@ -15,8 +15,16 @@ from forge.base.files import tree_below
 from forge.base.layout import Layout
 from forge.build.model import BuildInputs, BuildRecord
 from forge.cache.relocation import Relocator
-from forge.cache.restoring import CachedTree, TreeWriter
-from forge.cache.trees import LARGE, Tree, Uncacheable, decode_index, encode_index, scan_tree
+from forge.cache.trees import (
+    LARGE,
+    CachedTree,
+    Tree,
+    TreeWriter,
+    Uncacheable,
+    decode_index,
+    encode_index,
+    scan_tree,
+)
 
 HASH = "0" * 64
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from forge.base.graph import closures, order
 from forge.build.events import Finished, Output, Started
 from forge.build.tasks import BuildPlan, Task
-from forge.execution.scheduler import Scheduler
+from forge.execution.loop import Scheduler
 from tests.packages import package
 from tests.strategies import graphs
 

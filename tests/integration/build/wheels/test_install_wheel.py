@@ -8,7 +8,7 @@ import pytest
 import setuptools
 
 from forge.base.errors import Location
-from forge.build.wheels.entry_points import invalid_scripts, invalid_scripts_of_setup
+from forge.build.wheels.pitfalls import invalid_scripts, invalid_scripts_of_setup
 from forge.cli.install_wheel import main
 from tests.conftest import Tree
 
