@@ -41,8 +41,6 @@ from forge.build.folder_marks import (
     is_source_of,
     is_usable_prefix,
     recorded_layout,
-    remove_empty,
-    remove_file,
     sources_in,
 )
 from forge.build.installed_lists import (
@@ -52,7 +50,7 @@ from forge.build.installed_lists import (
     write_installed_list,
 )
 from forge.build.journal import open_journal
-from forge.build.prefix import PrefixExchange, leftover_backups, tidy
+from forge.build.prefix import PrefixExchange, leftover_backups, remove_empty_folders, tidy
 from forge.environment.prefixes import PACKAGES
 from forge.environment.shells import SHELLS
 
@@ -202,13 +200,14 @@ def remove(removables: Iterable[Removable]) -> None:
         bases.append(removable.base)
         for path in (*removable.paths, *removable.records):
             if not path.is_dir() or path.is_symlink():
-                remove_file(path, removable.base)
+                path.unlink(missing_ok=True)
+                remove_empty_folders(str(path), str(removable.base))
             elif removable.prefix is None:
                 remove_folder(str(path), last=SCRATCH_DIR)
             else:
-                remove_empty(path, removable.base)
+                remove_empty_folders(f"{path}/x", str(removable.base))
         if removable.prefix is not None and removable.layout is not None:
-            remove_empty(removable.prefix, removable.base)
+            remove_empty_folders(f"{removable.prefix}/x", str(removable.base))
             if removable.prefix.is_dir():
                 # The next build then knows that it may install here, and that all of this stays.
                 write_installed_list(removable.prefix.name, removable.layout, {}, ())

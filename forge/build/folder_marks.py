@@ -469,24 +469,6 @@ def workspace_scripts(root: Path) -> list[str]:
     return [f"{root}/{INSTALL_STATE_FILE}", *scripts]
 
 
-def remove_file(path: Path, root: Path) -> None:
-    """Remove a file and its parent folders that become empty, up to but not including `root`."""
-    path.unlink(missing_ok=True)
-    remove_empty(path.parent, root)
-
-
-def remove_empty(folder: Path, root: Path) -> None:
-    """Remove a folder if it is empty, and parents that become empty, up to but not including `root`."""
-    while folder != root:
-        try:
-            folder.rmdir()
-        except FileNotFoundError:
-            pass
-        except OSError:
-            break
-        folder = folder.parent
-
-
 def mark_build_base(build: Path) -> None:
     """Create the build folder of a workspace with its marks."""
     _make_ignored(build)

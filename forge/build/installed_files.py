@@ -9,10 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.build.file_conflicts import owned_by_others
-from forge.build.folder_marks import remove_file
 from forge.build.inputs.fingerprints import content_digest
 from forge.build.installed_lists import package_markers
-from forge.build.prefix import PrefixExchange
+from forge.build.prefix import PrefixExchange, remove_empty_folders
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -66,7 +65,8 @@ def remove_stale(
         return
     for path in sorted(left - owned_by_others(task.name, left, records), reverse=True):
         if Path(path).is_relative_to(layout.install):
-            remove_file(Path(path), layout.install)
+            os.unlink(path)  # noqa: PTH108  (each installed file)
+            remove_empty_folders(path, str(layout.install))
 
 
 def _old_digest(path: str, now: os.stat_result, kept: str, then: os.stat_result, table: FileTable) -> str:

@@ -11,6 +11,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from forge.base.ament_index import INDEX
+from forge.base.errors import Problem
 from forge.base.files import listed_paths, replace_file
 from forge.base.frozen import frozen
 from forge.base.layout import INSTALLED_LISTS_DIR, LAYOUT_MARKER
@@ -113,8 +114,20 @@ def identity(path: str, content: str) -> str:
     return f"-> {os.readlink(path)}" if content.startswith("link ") else content.rpartition(" ")[2]
 
 
+def identity_now(path: str) -> str:
+    """Return what tells an existing file from another one."""
+    from forge.build.inputs.fingerprints import content_digest
+
+    return identity(path, "link " if os.path.islink(path) else content_digest(path))
+
+
+def edited(path: str, name: str) -> Problem:
+    """Return a warning about a file that stays though package `name` no longer installs it."""
+    message = f"kept '{path}', which '{name}' no longer installs, because it was edited"
+    return Problem(message, hint="remove it if you do not need it")
+
+
 def list_file(name: str, layout: Layout) -> Path:
-    """Return the path of a package's list."""
     return layout.install / INSTALLED_LISTS_DIR / f"{name}.json"
 
 

@@ -32,7 +32,6 @@ from forge.build.copies import (
     begins_with,
     foreign_entries,
     give_back,
-    is_same_file,
     keep_beside,
     remove_empty_tree,
     stats_of,
@@ -41,9 +40,10 @@ from forge.build.copies import (
 from forge.build.installed_lists import (
     MANIFESTS,
     InstalledList,
+    edited,
     folders_above,
     forget_installed_list,
-    identity,
+    identity_now,
     list_file,
     package_markers,
     read_installed_list,
@@ -100,7 +100,6 @@ class PrefixExchange:
     """
 
     def __init__(self, name: str, layout: Layout) -> None:
-        """Store the package and the layout."""
         self._name = name
         self._layout = layout
         self._prefix = str(layout.prefix(name))
@@ -141,7 +140,10 @@ class PrefixExchange:
         self._move_aside(movable, folders)
         begin_log(written_log(self._name, self._layout))
         if not self._layout.merged:
-            self._copy_others()
+            # What is left belongs to somebody else, and a step could overwrite it.
+            files_of_others, empty = foreign_entries(self._prefix)
+            if files_of_others or empty:
+                self._others.make((*files_of_others, *empty), of_others=True)
         self._guard_links()
         return kept
 
@@ -206,13 +208,8 @@ class PrefixExchange:
             return
         yield from self.refused()
         copies = {path: copy for copy, path, _ in self._others.entries()}
-        # Earlier versions did not list what code had installed into a merged prefix.
-        listed = read_list(self._list, str(self._layout.install))
-        incomplete = self._layout.merged and listed is not None and not listed.workspace
         for path in sorted(set(installed)):
             if path in others and path not in unclaimed and stats_of(path) != others[path]:
-                if incomplete and is_same_file(path, copies[path]):
-                    continue
                 give_back(path, others[path], copies[path])
                 yield self._problem(path, path)
             elif os.path.isdir(path) and not os.path.islink(path):
@@ -222,10 +219,11 @@ class PrefixExchange:
         writes = self.writes()
         for path in sorted(others) if writes.removed else ():
             if not os.path.lexists(path) and writes.take_away(path):
-                blocking = next((p for p in folders_above(path, self._prefix) if _is_no_folder(p)), None)
+                above = folders_above(path, self._prefix)
+                blocking = [each for each in above if os.path.lexists(each) and not os.path.isdir(each)]
                 give_back(path, others[path], copies[path])
                 if blocking:
-                    yield self._problem(blocking, path)
+                    yield self._problem(blocking[0], path)
 
     def refused(self) -> Iterator[Problem]:
         """Yield a problem for each link of somebody else through which a step tried to write."""
@@ -247,19 +245,15 @@ class PrefixExchange:
         """
         listed = read_list(self._list, str(self._layout.install))
         kept = [*self._keep_changed()]
-        from forge.build.inputs.fingerprints import content_digest
-
         cut = len(str(self._moved))
         for path, _ in tree_below(str(self._moved))[0]:
             original = f"{self._prefix}{path[cut:]}"
             if listed is None or os.path.lexists(original) or original not in listed.files:
                 continue
-            content = "link " if os.path.islink(path) else content_digest(path)
-            if identity(path, content) != listed.files[original]:
+            if identity_now(path) != listed.files[original]:
                 os.makedirs(os.path.dirname(original), exist_ok=True)
                 os.rename(path, original)
-                message = f"kept '{original}', which '{self._name}' no longer installs, because it was edited"
-                kept.append(Problem(message, hint="remove it if you do not need it"))
+                kept.append(edited(original, self._name))
         self._drop()
         return tuple(kept)
 
@@ -277,7 +271,11 @@ class PrefixExchange:
             (self._layout.build_dir(self._name) / manifest).unlink(missing_ok=True)
         if self._moved.is_dir():
             self._move_back(self._moved)
-        self._restore_folders()
+        for path, mode in self._noted("folders").items():
+            if not os.path.lexists(path):
+                os.makedirs(path, exist_ok=True)
+            if os.path.isdir(path) and not os.path.islink(path):
+                os.chmod(path, mode)
         if not self._copies.restore():
             for path in self._markers:
                 remove_tree(path)
@@ -311,13 +309,6 @@ class PrefixExchange:
                 message = f"'{path}' changed during the build of '{self._name}', which could not be observed"
                 kept.append(Problem(message, hint=f"its earlier content is in '{beside}'"))
         return tuple(kept)
-
-    def _restore_folders(self) -> None:
-        for path, mode in self._noted("folders").items():
-            if not os.path.lexists(path):
-                os.makedirs(path, exist_ok=True)
-            if os.path.isdir(path) and not os.path.islink(path):
-                os.chmod(path, mode)
 
     def _drop(self) -> None:
         others = () if self._layout.merged else (self._others.folder,)
@@ -452,12 +443,6 @@ class PrefixExchange:
                 remove_empty_tree(destination)
             _rename(path, destination)
         remove_tree(str(source))
-
-    def _copy_others(self) -> None:
-        """Copy what is left in the prefix: it belongs to somebody else, and a step could overwrite it."""
-        files, empty = foreign_entries(self._prefix)
-        if files or empty:
-            self._others.make((*files, *empty), of_others=True)
 
     def _guard_links(self) -> None:
         """List the links of others that lead out of the prefix: what is behind them was not copied."""
@@ -610,7 +595,3 @@ def blocking_paths(task: Task, layout: Layout) -> Iterator[Problem]:
 def _leads_out(path: str, base: str) -> bool:
     """Tell whether a link leads out of a folder; `base` has no links."""
     return os.path.islink(path) and not f"{os.path.realpath(path)}/".startswith(f"{base}/")
-
-
-def _is_no_folder(path: str) -> bool:
-    return os.path.lexists(path) and not os.path.isdir(path)

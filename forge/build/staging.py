@@ -12,7 +12,6 @@ forge.build.prefix, as they are without the library.
 from __future__ import annotations
 
 import contextlib
-import filecmp
 import json
 import os
 import stat
@@ -20,19 +19,18 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from forge.base.errors import Problem
 from forge.base.files import BYTECODE, listed_paths, remove_tree, replace_file, tree_below
 from forge.base.layout import INSTALLED_STATES_DIR, SCRATCH_DIR
 from forge.base.text import digest
-from forge.build.copies import status_of
-from forge.build.inputs.fingerprints import content_digest
+from forge.build.copies import is_same_file, status_of
 from forge.build.install_scripts import folder_modes, installed_entries, read_install_scripts
 from forge.build.installation import InstalledFiles
 from forge.build.installed_lists import (
     MANIFESTS,
     InstalledList,
+    edited,
     folders_above,
-    identity,
+    identity_now,
     list_file,
     listed_files,
     read_installed_list,
@@ -52,6 +50,7 @@ from forge.build.tasks import StepKind
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Mapping
 
+    from forge.base.errors import Problem
     from forge.base.layout import Layout
     from forge.build.install_scripts import InstallRule
     from forge.build.observed_writes import ObservedSteps
@@ -324,7 +323,7 @@ def _announce(task: Task, layout: Layout, staged_files: Iterable[str]) -> None:
     data = json.loads(file.read_bytes())
     skip = len(str(layout.install)) + 1
     new = {_target(task, path)[skip:]: path for path in staged_files}
-    added = {target: _identity(path) for target, path in new.items() if target not in data["files"]}
+    added = {target: identity_now(path) for target, path in new.items() if target not in data["files"]}
     if added:
         replace_file(file, json.dumps({**data, "files": {**data["files"], **added}}).encode())
 
@@ -344,12 +343,11 @@ def remove_stale(
             remove_empty_folders(f"{path}x", str(task.prefix), own)
         elif path not in listed.files or not os.path.lexists(path):
             continue
-        elif _identity(path) == listed.files[path]:
+        elif identity_now(path) == listed.files[path]:
             os.unlink(path)
             remove_empty_folders(path, str(task.prefix), own)
         else:
-            message = f"kept '{path}', which '{task.name}' no longer installs, because it was edited"
-            kept.append(Problem(message, hint="remove it if you do not need it"))
+            kept.append(edited(path, task.name))
     return tuple(kept)
 
 
@@ -408,13 +406,5 @@ def _is_folder(path: str) -> bool:
 
 def _is_same(path: str, other: str) -> bool:
     """Tell whether two files have the same content and mode, or two links the same target."""
-    one, two = os.lstat(path), status_of(other)
-    if two is None or one.st_mode != two.st_mode:
-        return False
-    if stat.S_ISLNK(one.st_mode):
-        return os.readlink(path) == os.readlink(other)
-    return stat.S_ISREG(one.st_mode) and filecmp.cmp(path, other, shallow=False)
-
-
-def _identity(path: str) -> str:
-    return identity(path, "link " if os.path.islink(path) else content_digest(path))
+    now = status_of(other)
+    return now is not None and os.lstat(path).st_mode == now.st_mode and is_same_file(path, Path(other))
