@@ -24,6 +24,7 @@ from forge.base.files import delete_tree, listed_paths, read_file, replace_file,
 from forge.base.formats import read_toml
 from forge.base.frozen import frozen
 from forge.base.layout import PACKAGE, SCRATCH_DIR
+from forge.base.options import flag, option
 from forge.build.inputs.depfiles import READ_BY_BACKEND, WRITTEN_BY_BACKEND
 from forge.build.inputs.fingerprints import source_files
 from forge.build.observed_writes import note_start, note_unobserved, note_written
@@ -39,6 +40,8 @@ _SETUPTOOLS: dict[str, Any] = {"build-backend": "setuptools.build_meta:__legacy_
 _BACKENDS_OF_SETUPTOOLS = frozenset({"setuptools.build_meta", "setuptools.build_meta:__legacy__"})
 INSTALL_LOG = "install.log"
 """The record of setuptools, in the same file as with colcon."""
+TARGET_PYTHON = "/usr/bin/python3"
+"""The interpreter in the first line of scripts for another platform."""
 _NOT_UTF8 = "surrogates not allowed"
 """The text of Python's error for a name that is not UTF-8."""
 _OF_ENTRY_POINT = re.compile(r"Pair\.__new__|entry.?point|in script names", re.IGNORECASE)
@@ -109,20 +112,21 @@ bdist_dir = {build}/build/wheel
 
 
 @frozen
-class SetupInstall:
-    """What setuptools installs, and where."""
+class WheelInstall:
+    """The parameters of an installation."""
 
-    source: Path
-    build: Path
-    prefix: Path
-    python: str
-    site_packages: str
-    scripts: str | None
-    """The folder of the scripts, with setuptools' variables such as `$base`; None for setuptools' own."""
-    executable: str = ""
-    """The interpreter of the scripts if it is not `python`."""
-    target: str = ""
-    """The platform, '' for this machine; compiled modules for another one are refused."""
+    source: Path = option("folder of the package", positional=True, parse=Path, metavar="SOURCE")
+    package: str = option("name of the package", required=True)
+    build: Path = option("build folder of the package", required=True, parse=Path, metavar="DIR")
+    prefix: Path = option("prefix to install into", required=True, parse=Path, metavar="DIR")
+    python: str = option("interpreter to build with and for", required=True, metavar="PATH")
+    site_packages: str = option("site-packages folder, relative to the prefix", required=True, metavar="DIR")
+    scripts: str | None = option(
+        "folder for scripts of packages without setup.py, relative to the prefix (default: lib/PACKAGE)",
+        metavar="DIR",
+    )
+    target: str = option("platform, if it is not this machine", default="", metavar="TARGET")
+    link: bool = flag("install symbolic links instead of copies")
 
 
 def uses_setuptools(source: Path) -> bool:
@@ -131,9 +135,10 @@ def uses_setuptools(source: Path) -> bool:
     return "backend-path" not in system and system["build-backend"] in _BACKENDS_OF_SETUPTOOLS
 
 
-def run_setup_install(options: SetupInstall) -> tuple[tuple[Path, ...], str]:
+def run_setup_install(options: WheelInstall, scripts: str | None) -> tuple[tuple[Path, ...], str]:
     """Run `setup.py install` like colcon; return the installed files and the output.
 
+    `scripts` is their folder, with setuptools' variables such as `$base`; None for setuptools' own folder.
     The options and command classes of the package have the same effect as with colcon, since the same
     commands run, with the real prefix.
     """
@@ -144,9 +149,9 @@ def run_setup_install(options: SetupInstall) -> tuple[tuple[Path, ...], str]:
     log = build / INSTALL_LOG
     egg_base = os.path.relpath(os.path.realpath(build), os.path.realpath(source))
     words = ["egg_info", "--egg-base", egg_base, "build", "--build-base", str(build / "build")]
-    words += ["--executable", options.executable] if options.executable else []
+    words += ["--executable", TARGET_PYTHON] if options.target else []
     words += ["install", "--record", str(log), "--single-version-externally-managed"]
-    words += ["--install-scripts", options.scripts] if options.scripts else []
+    words += ["--install-scripts", scripts] if scripts else []
     words += ["--force", "--no-compile"]
     request = {
         "build": str(build / "build"),
@@ -203,8 +208,7 @@ def _is_file(path: str) -> bool:
     return os.path.lexists(path) and (os.path.islink(path) or not os.path.isdir(path))  # noqa: PTH112, PTH114  (each installed file: no Path for each)
 
 
-def _setup_fault(code: int, outside: str, options: SetupInstall) -> HostError | WorkspaceError:
-    """Return the error for a failed `setup.py install`."""
+def _setup_fault(code: int, outside: str, options: WheelInstall) -> HostError | WorkspaceError:
     if outside:
         message = f"the package would install files into '{outside}', which is outside its prefix"
         hint = "check data_files, and the options of setuptools' install command, in its setup"

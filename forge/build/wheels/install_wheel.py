@@ -3,8 +3,7 @@
 setuptools installs a package itself, by the commands that colcon runs. Another backend (PEP 517) builds a
 wheel in the workspace's interpreter, which the `installer` library unpacks. Console scripts go to the folder
 in setup.cfg, commonly lib/<package>, where `ros2 run` finds them, or to bin; modules go to the site-packages
-folder, data files to the paths in the package. Files of an earlier build that are no longer installed are
-removed.
+folder, data files to the paths in the package.
 """
 
 from __future__ import annotations
@@ -12,7 +11,9 @@ from __future__ import annotations
 import configparser
 import contextlib
 import csv
+import filecmp
 import os
+import re
 import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -25,17 +26,16 @@ from installer.sources import WheelFile
 
 from forge.base.errors import Location, Problem, WorkspaceError
 from forge.base.files import listed_paths, naming, read_file, read_text, replace_file
-from forge.base.frozen import frozen
-from forge.base.options import flag, option
+from forge.build.inputs.fingerprints import source_files
 from forge.build.observed_writes import note_written
 from forge.build.wheels.backends import (
-    SetupInstall,
+    TARGET_PYTHON,
+    WheelInstall,
     build_wheel,
     compiled_modules,
     run_setup_install,
     uses_setuptools,
 )
-from forge.build.wheels.links import Installed, link_to_sources
 from forge.build.wheels.pitfalls import (
     ENTRY_POINTS,
     refuse_what_no_backend_reads,
@@ -44,15 +44,13 @@ from forge.build.wheels.pitfalls import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Mapping, Sequence
     from typing import BinaryIO
 
     from installer.records import RecordEntry
     from installer.utils import Scheme
 
 MANIFEST = "install_manifest.txt"
-TARGET_PYTHON = "/usr/bin/python3"
-"""The interpreter in the first line of scripts for another platform."""
 _LONGEST_FIRST_LINE = 127
 """The kernel ignores what is behind it."""
 _STARTED_BY_SHELL = b"""#!/bin/sh
@@ -61,62 +59,19 @@ _STARTED_BY_SHELL = b"""#!/bin/sh
 %s"""
 
 
-@frozen
-class WheelInstall:
-    """The parameters of an installation."""
-
-    source: Path = option("folder of the package", positional=True, parse=Path, metavar="SOURCE")
-    package: str = option("name of the package", required=True)
-    build: Path = option("build folder of the package", required=True, parse=Path, metavar="DIR")
-    prefix: Path = option("prefix to install into", required=True, parse=Path, metavar="DIR")
-    python: str = option("interpreter to build with and for", required=True, metavar="PATH")
-    site_packages: str = option("site-packages folder, relative to the prefix", required=True, metavar="DIR")
-    scripts: str | None = option(
-        "folder for scripts of packages without setup.py, relative to the prefix (default: lib/PACKAGE)",
-        metavar="DIR",
-    )
-    target: str = option("platform, if it is not this machine", default="", metavar="TARGET")
-    link: bool = flag("install symbolic links instead of copies")
-
-
 def install_wheel(options: WheelInstall) -> tuple[Problem, ...]:
     """Build and install a package; return warnings. Raises ForgeError."""
     refuse_what_no_backend_reads(options.source, Path(options.site_packages))
     if uses_setuptools(options.source):
-        installed, output = _run_setup(options)
+        _remove_links(options.build / MANIFEST, options.prefix)
+        installed, output = run_setup_install(options, _scripts_of_setup(options))
+        _make_startable(installed, TARGET_PYTHON if options.target else options.python)
     else:
         installed, output = _install_wheel(options)
     if options.link:
-        site = options.prefix / options.site_packages
-        link_to_sources(Installed(options.source, options.prefix, site, output), installed)
-    manifest = options.build / MANIFEST
-    for path in sorted(set(_recorded(manifest)) - set(installed), reverse=True):
-        if path.is_relative_to(options.prefix):
-            path.unlink(missing_ok=True)
-            for folder in path.parents:
-                if folder == options.prefix or not _remove_empty(folder):
-                    break
-    replace_file(manifest, "".join(f"{path}\n" for path in sorted(installed)).encode())
+        link_to_sources(options, output, installed)
+    replace_file(options.build / MANIFEST, "".join(f"{path}\n" for path in sorted(installed)).encode())
     return tuple(wheel_warnings(options.source, options.prefix / options.site_packages, installed))
-
-
-def _run_setup(options: WheelInstall) -> tuple[tuple[Path, ...], str]:
-    """Let setuptools install the package; return the installed files and the output."""
-    _remove_links(options.build / MANIFEST, options.prefix)
-    executable = TARGET_PYTHON if options.target else ""
-    setup = SetupInstall(
-        options.source,
-        options.build,
-        options.prefix,
-        options.python,
-        options.site_packages,
-        _scripts_of_setup(options),
-        executable,
-        options.target,
-    )
-    installed, output = run_setup_install(setup)
-    _make_startable(installed, executable or options.python)
-    return installed, output
 
 
 def _make_startable(scripts: Sequence[Path], python: str) -> None:
@@ -136,20 +91,14 @@ def _install_wheel(options: WheelInstall) -> tuple[tuple[Path, ...], str]:
     wheel, output = build_wheel(options.source, options.build, options.prefix, options.python)
     if options.target and not wheel.stem.endswith("-none-any"):
         raise compiled_modules(options.source, options.target)
-    site = str(options.prefix / options.site_packages)
+    site = options.prefix / options.site_packages
     schemes = {
-        "purelib": site,
-        "platlib": site,
+        "purelib": str(site),
+        "platlib": str(site),
         "scripts": str(options.prefix / _scripts_folder(options)),
         "data": str(options.prefix),
         "headers": str(options.prefix / "include" / options.package),
     }
-    return _unpack(wheel, options, schemes), output
-
-
-def _unpack(wheel: Path, options: WheelInstall, schemes: dict[str, str]) -> tuple[Path, ...]:
-    """Install the wheel's files into the prefix and return their paths."""
-    site = options.prefix / options.site_packages
     with _Wheel.open(wheel) as source:
         _remove_links(options.build / MANIFEST, options.prefix)
         destination = _Prefix(
@@ -167,14 +116,14 @@ def _unpack(wheel: Path, options: WheelInstall, schemes: dict[str, str]) -> tupl
         record = site / source.dist_info_dir / "RECORD"
     # CSV (PEP 376): a name may have line breaks.
     with record.open(encoding="utf-8", newline="") as stream:
-        return tuple(Path(os.path.normpath(site / line[0])) for line in csv.reader(stream) if line)
+        names = [line[0] for line in csv.reader(stream) if line]
+    return tuple(Path(os.path.normpath(site / name)) for name in names), output
 
 
 class _Wheel(WheelFile):
     """A wheel without entry points that no program can start; the library has an assertion for them."""
 
     def read_dist_info(self, filename: str) -> str:
-        """Return the text of a file of the metadata."""
         text = super().read_dist_info(filename)
         return without_invalid_scripts(text) if filename == ENTRY_POINTS else text
 
@@ -219,7 +168,6 @@ def _scripts_folder(options: WheelInstall) -> str:
 
 
 def _option(path: Path, command: str, name: str) -> str:
-    """Return an option of a command in a setup.cfg, or ''."""
     parser = configparser.RawConfigParser()
     with contextlib.suppress(configparser.Error, OSError):
         parser.read_string(read_text(path))
@@ -233,18 +181,68 @@ def _remove_links(manifest: Path, prefix: Path) -> None:
 
     The manifest of a copied build folder lists the files of the original workspace.
     """
-    for path in _recorded(manifest):
+    for path in map(Path, listed_paths(manifest)):
         if path.is_relative_to(prefix) and path.is_symlink():
             path.unlink()
 
 
-def _recorded(manifest: Path) -> tuple[Path, ...]:
-    return tuple(map(Path, listed_paths(manifest)))
+_COPYING = re.compile(r"^(?:hard linking|copying(?: and adjusting)?) (.+?) -> (.+)$", re.MULTILINE)
+"""setuptools' messages about copies; the target is a folder, unless the file name changes."""
+_MAX_COPY_CHAIN = 8
+"""The maximum number of consecutive copies between a source and a file of the package."""
 
 
-def _remove_empty(folder: Path) -> bool:
-    try:
-        folder.rmdir()
-    except OSError:
-        return False
-    return True
+def link_to_sources(options: WheelInstall, output: str, installed: Iterable[Path]) -> None:
+    """Replace each installed file by a symlink to the source file that it was copied from.
+
+    If the backend does not report the source and several files match, the copy is kept.
+    """
+    sources: dict[str, list[Path]] = {}
+    for path in map(Path, source_files(str(options.source))):
+        sources.setdefault(path.name, []).append(path)
+    made: dict[str, str] = {}
+    for source, target in _COPYING.findall(output):
+        if " -> " not in target:
+            whole = os.path.normpath(options.source / source)
+            made[os.path.normpath(options.source / target / os.path.basename(whole))] = whole  # noqa: PTH119
+    start = f"{options.prefix}{os.sep}"
+    copies = {Path(target): Path(_first(target, made)) for target in made if target.startswith(start)}
+    for path in installed:
+        if path.is_symlink():
+            continue
+        candidates = [
+            source_file
+            for source_file in sources.get(path.name, ())
+            if source_file.is_file()
+            # setuptools makes scripts executable that are not so in the sources.
+            and os.access(source_file, os.X_OK) >= os.access(path, os.X_OK)
+            and filecmp.cmp(source_file, path, shallow=False)
+        ]
+        original = _original(path, candidates, copies, options)
+        if original is not None:
+            path.unlink()
+            path.symlink_to(original)
+
+
+def _original(
+    path: Path, candidates: list[Path], copies: Mapping[Path, Path], options: WheelInstall
+) -> Path | None:
+    """Return the source of a file among the `candidates` with the same name and content, or None."""
+    if path in copies:
+        return copies[path] if copies[path] in candidates else None
+    site = options.prefix / options.site_packages
+    if len(candidates) > 1 and path.is_relative_to(site):
+        # A copy elsewhere, such as in build/lib, is a source as well.
+        below = path.relative_to(site)
+        usual = {options.source / below, options.source / "src" / below}
+        candidates = [source_file for source_file in candidates if source_file in usual]
+    is_metadata = path.parent.suffix in {".dist-info", ".egg-info"}
+    return candidates[0] if len(candidates) == 1 and not is_metadata else None
+
+
+def _first(path: str, made: Mapping[str, str]) -> str:
+    for _ in range(_MAX_COPY_CHAIN):
+        if path not in made:
+            break
+        path = made[path]
+    return path

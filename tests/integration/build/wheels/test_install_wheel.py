@@ -108,19 +108,6 @@ def test_scripts_are_installed_where_setup_cfg_says_or_else_in_bin(
     assert [name for name in files(root / "install") if name.endswith("/hello")] == [f"{folder}/hello"]
 
 
-def test_files_no_longer_in_the_package_are_removed(tree: Tree) -> None:
-    root = tree(SETUP)
-    install(root)
-    (root / "install/share/talk/mine").write_text("of somebody else")
-    (root / "src/talk/talk/old.py").unlink()
-    setup = root / "src/talk/setup.py"
-    setup.write_text(setup.read_text().replace('("share/talk/launch", ["launch/talk.launch.py"])', ""))
-    install(root)
-    gone = {f"{SITE}/talk/old.py", "share/talk/launch/talk.launch.py"}
-    assert files(root / "install") == INSTALLED - gone | {"share/talk/mine"}
-    assert not (root / "install/share/talk/launch").exists()
-
-
 def setup_py(code: str = "", arguments: str = "") -> dict[str, str]:
     """Return the package with more code and arguments in its setup.py."""
     text = SETUP["src/talk/setup.py"].replace("      entry_points", f"      {arguments}\n      entry_points")
@@ -245,9 +232,6 @@ setup(name="second", version="2", py_modules=["second"])
     assert install(root) == 0
     assert (root / "install/share/talk/after").read_text() == f"{root}/install\n"
     assert files(root / "install") == INSTALLED | {"share/talk/after", f"{SITE}/second.py"}
-    (root / "src/talk/setup.py").write_text(SETUP["src/talk/setup.py"])
-    assert install(root) == 0
-    assert files(root / "install") == INSTALLED, "what is no longer installed is removed"
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from forge.build.wheels.links import Installed, link_to_sources
+from forge.build.wheels.backends import WheelInstall
+from forge.build.wheels.install_wheel import link_to_sources
 
 if TYPE_CHECKING:
     from tests.conftest import Tree
@@ -23,6 +24,7 @@ def test_a_copy_in_a_virtual_environment_is_not_a_source(tree: Tree) -> None:
         }
     )
     installed = root / "install/p/mine.py"
-    link_to_sources(Installed(root / "p", root / "install", root / "install/site", ""), [installed])
+    options = WheelInstall(root / "p", "p", root / "build", root / "install", "python3", "site")
+    link_to_sources(options, "", [installed])
     assert installed.is_symlink()
     assert installed.resolve() == root / "p/p/mine.py"
