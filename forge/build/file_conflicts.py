@@ -29,7 +29,6 @@ class MergedPrefix:
     """The files that several packages of a merged prefix install; isolated prefixes have none."""
 
     def __init__(self, layout: Layout, journal: Journal) -> None:
-        """Store the layout and the journal with the installed files of each package."""
         self._layout = layout
         self._journal = journal
         self._states = InstalledStates(layout.build)

@@ -48,7 +48,6 @@ class InstalledList:
 
 
 def read_installed_list(name: str, layout: Layout) -> InstalledList | None:
-    """Return the list of a package's files below the install folder; None if there is none."""
     return read_list(list_file(name, layout), str(layout.install))
 
 
@@ -105,7 +104,6 @@ def package_markers(name: str, layout: Layout) -> tuple[str, ...]:
 
 
 def forget_installed_list(name: str, layout: Layout) -> None:
-    """Remove the list of a package that was removed."""
     list_file(name, layout).unlink(missing_ok=True)
 
 

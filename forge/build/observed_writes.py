@@ -68,7 +68,6 @@ class ObservedSteps:
     complete: bool = False
 
     def without(self, kind: str) -> ObservedSteps:
-        """Return the steps without those of a kind."""
         processes, blind = self.observed.processes, self.observed.blind
         left_out = {
             id(each) for root in processes if self.kinds.get(root.pid) == kind for each in root.family()
@@ -131,13 +130,11 @@ def read_writes(log: Path, prefix: Path) -> ObservedWrites:
 
 
 def begin_log(log: Path) -> None:
-    """Create an empty log."""
     begin_library_log(log)
     log.with_name(f"{log.name}{NOTES}").write_bytes(b"")
 
 
 def remove_log(log: Path) -> None:
-    """Remove a log and the notes beside it."""
     end_log(log)
     log.with_name(f"{log.name}{NOTES}").unlink(missing_ok=True)
 

@@ -41,8 +41,6 @@ _SHARED = stat.S_ISGID | stat.S_IRWXG
 
 
 class FolderStore:
-    """A store in a folder of this machine."""
-
     def __init__(self, folder: Path) -> None:
         """Store the folder; it is created when something is stored."""
         self.folder = folder
@@ -80,7 +78,6 @@ class FolderStore:
             return None
 
     def put_result(self, key: str, result: ActionResult) -> None:
-        """Store a result."""
         with _store_faults():
             path = self.result_path(key)
             self._make(self.folder / "ac")
@@ -88,7 +85,6 @@ class FolderStore:
             replace_file(path, encode_result(result), mode=self.rights & 0o666)
 
     def put(self, digest: Digest, source: Path) -> None:
-        """Store the bytes of `source`."""
         path = self.blob_path(digest.hash)
         if path.is_file():
             return
@@ -133,11 +129,9 @@ class FolderStore:
         return folder / f".{os.urandom(8).hex()}.forge-draft"
 
     def result_path(self, key: str) -> Path:
-        """Return the path of the result for a key."""
         return Path(self._path("ac", key))
 
     def blob_path(self, sha256: str) -> Path:
-        """Return the path of a blob."""
         return Path(self._path("cas", sha256))
 
     @cached_property
@@ -210,7 +204,6 @@ def _set_rights(path: Path, rights: int) -> None:
 
 
 def sha256_of(descriptor: int) -> str:
-    """Return the SHA-256 of an open file."""
     found = hashlib.sha256()
     offset = 0
     while chunk := os.pread(descriptor, _CHUNK, offset):

@@ -192,7 +192,6 @@ class ExternalInputs:
         return found
 
     def contents(self, words: Iterable[str]) -> dict[str, str]:
-        """Return the content of each file by its relocatable path."""
         return {word: content for word, (_, content) in self.look(words).items()}
 
     def _look(self, word: str) -> tuple[str, str]:

@@ -49,7 +49,6 @@ class StoreContents:
 
     @property
     def size(self) -> int:
-        """Bytes of all files."""
         return sum(kept.size for kept in (*self.results, *self.blobs.values()))
 
 

@@ -98,7 +98,6 @@ class PackageCache:
         remote: RemoteStore | None = None,
         warn: Callable[[Problem], object] = lambda _: None,
     ) -> None:
-        """Store the collaborators without opening anything."""
         self._context = context
         self._local = local
         self._remote = remote
@@ -410,7 +409,6 @@ class PackageCache:
         self.notes[pending.package] = note
 
     def _known_scripts(self, key: str) -> keys.Origin | None:
-        """Return what was shown of build scripts."""
         for read in (self._remote and self._remote.result, self._local.result):
             with suppress(StoreError, ValueError):
                 if key and read and (result := read(key)):

@@ -28,7 +28,6 @@ class Relocator:
     """Replaces the folders of one workspace in bytes and strings by placeholders and back."""
 
     def __init__(self, root: Path, layout: Layout) -> None:
-        """Prepare the patterns for the install, build and root folders."""
         self.root = str(root)
         self._home = f"{expand_home('~')}/"
         folders = (str(layout.install), str(layout.build))

@@ -87,7 +87,6 @@ class Tree:
 
     @property
     def empty_folders(self) -> tuple[str, ...]:
-        """The empty folders, sorted."""
         paths = (*(leaf.path for leaf in self.leaves), *dict(self.folders))
         full = {parent for path in paths for parent in _parents(path)}
         return tuple(path for path, _ in self.folders if path not in full)
@@ -158,7 +157,6 @@ def unrecorded_files(install: Path, records: Mapping[str, BuildRecord], since: f
 
 
 def encode_index(tree: Tree) -> bytes:
-    """Return the index: the tree as JSON."""
     value = {"forge_tree": _VERSION, **asdict(tree)}
     value["leaves"] = [list(leaf.values()) for leaf in value["leaves"]]
     return json.dumps(value).encode()
@@ -337,7 +335,6 @@ class CachedTree:
         self._pack = mmap(pack, 0, access=ACCESS_READ) if os.fstat(pack).st_size else b""
 
     def small(self, leaf: Leaf) -> bytes:
-        """Return the bytes of a file in the pack."""
         return self._pack[leaf.offset : leaf.offset + leaf.size]
 
     def close(self) -> None:
@@ -346,10 +343,7 @@ class CachedTree:
 
 
 class TreeWriter:
-    """Writes the leaves of trees below one prefix."""
-
     def __init__(self, prefix: Path, relocator: Relocator) -> None:
-        """Store the prefix and the relocator for placeholders."""
         self._prefix = str(prefix)
         self._relocator = relocator
         self.written: list[tuple[str, os.stat_result, str]] = []
@@ -434,7 +428,6 @@ class TreeWriter:
 
 
 def _has_content(path: str, mode: int, content: bytes) -> bool:
-    """Return True if `path` is a regular file with this mode and content."""
     try:
         status = os.lstat(path)
         if not stat.S_ISREG(status.st_mode) or stat.S_IMODE(status.st_mode) != mode:

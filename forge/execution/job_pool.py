@@ -246,7 +246,6 @@ class JobPool:
 
 
 def without_job_variables(variables: Mapping[str, str]) -> dict[str, str]:
-    """Return the environment without job settings of a parent make or the user."""
     return {name: value for name, value in variables.items() if name not in _JOB_VARIABLES}
 
 

@@ -55,7 +55,6 @@ class Observer:
     library: Path | None
 
     def variables(self, task: Task, variables: Mapping[str, str]) -> Mapping[str, str]:
-        """Return the environment of a step with the variables added."""
         found = {
             **observed(variables, self.library, written_log(task.name, self.layout)),
             LINKS_VARIABLE: str(guarded_links(task.name, self.layout)),
@@ -63,7 +62,6 @@ class Observer:
         return {**found, STAGE_VARIABLE: str(task.stage)} if task.stage else found
 
     def note_process(self, variables: Mapping[str, str], process: int, step: Step) -> None:
-        """Log the start of a step."""
         if self.library is not None and str(self.library) in variables.get("LD_PRELOAD", ""):
             note_step(variables, process, step)
 

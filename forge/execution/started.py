@@ -58,8 +58,6 @@ class _Recorded:
 
 
 class StartedProcesses:
-    """The recorded processes of one build folder."""
-
     def __init__(self, build: Path) -> None:
         self._build = build
         self._machine = _machine()
@@ -162,7 +160,6 @@ def _machine() -> str:
 
 
 def _read_process(number: int) -> Process | None:
-    """Return the process with this id, or None."""
     try:
         stat_line = (_PROCESSES / str(number) / "stat").read_bytes()
     except OSError:

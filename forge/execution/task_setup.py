@@ -125,14 +125,11 @@ class TaskSetup(TaskLifecycle):
         # With a toolchain file, CMake may look for the same path below a sysroot.
         if self.layout.merged or self.layout.target or task.package.build_type not in CMAKE_TYPES:
             return {}
-        return config_variables(map(self._config_folders, task.needs))
-
-    def _config_folders(self, need: str) -> Pairs:
-        """Return the config files of an installed package; remembered for all packages that need it."""
-        if need not in self._configs:
-            record = self.state.journal.records.get(need)
-            self._configs[need] = config_folders(record.files) if record else ()
-        return self._configs[need]
+        for need in task.needs:
+            if need not in self._configs:
+                record = self.state.journal.records.get(need)
+                self._configs[need] = config_folders(record.files) if record else ()
+        return config_variables(self._configs[need] for need in task.needs)
 
     def begin(self, task: Task, environment: Mapping[str, str]) -> None:
         self._back_up(task)
@@ -183,7 +180,9 @@ class TaskSetup(TaskLifecycle):
         # The package's own arguments and the hooks of its dependencies may select another compiler.
         package = task.package
         arguments = (*package.option_values("cmake-args"), *package.option_values("ament-cmake-args"))
-        same_compilers = not arguments and _for_compilers(environment) == _for_compilers(self.variables)
+        same_compilers = not arguments and all(
+            environment.get(name) == self.variables.get(name) for name in FOR_COMPILERS
+        )
         if self.toolchain is not None and same_compilers and package.build_type in CMAKE_TYPES:
             self.toolchain.seed(self.state.source(task), task.build_dir, self.variables)
 
@@ -297,7 +296,12 @@ class TaskSetup(TaskLifecycle):
         asked = [question for question, _ in observed.answers]
         # Plugins whose builds forge stages, such as cargo's, report their files themselves.
         every = () if build_type_of(task.package).staged else observed.all
-        asked += self._about_processor(task, observed)
+        # Options and variables may name the processor, or what is not known may ask for it.
+        asked_variables = {question.removeprefix(VARIABLE) for question in asked}
+        values = map(self.state.world.value, {*dict(task.inputs.environment), *asked_variables})
+        is_named = any(map(is_for_this_processor, (*task.inputs.options, *values)))
+        if is_named or not observed.all or any(each.blind for each in observed.all):
+            asked.append(PROCESSOR)
         found = tuple(sorted(reported.union(asked, *(each.external for each in every))))
         read = graph.known().union(*(each.read for each in observed.all))
         found = (*found, *self._undeclared(task, read, declared))
@@ -369,14 +373,6 @@ class TaskSetup(TaskLifecycle):
             external=external,
         )
 
-    def _about_processor(self, task: Task, observed: ObservedCommands) -> Iterator[str]:
-        """Yield the question about the processor if options or variables name it, or not all is known."""
-        asked = {question.removeprefix(VARIABLE) for question, _ in observed.answers}
-        values = map(self.state.world.value, {*dict(task.inputs.environment), *asked})
-        is_named = any(map(is_for_this_processor, (*task.inputs.options, *values)))
-        if is_named or not observed.all or any(each.blind for each in observed.all):
-            yield PROCESSOR
-
     def _undeclared(self, task: Task, read: Iterable[str], declared: Iterable[Path]) -> Iterator[str]:
         """Yield what a build read of packages of this workspace that it does not depend on."""
         layout, records = self.layout, self.state.journal.records
@@ -425,8 +421,3 @@ _FROM_NEEDS = frozenset(
         *("PKG_CONFIG_PATH", "PYTHONPATH", "FORGE_COMMAND", BUILD_FOLDER_VARIABLE),
     }
 )
-
-
-def _for_compilers(variables: Mapping[str, str]) -> dict[str, str]:
-    """Return the variables that affect compilers."""
-    return {name: value for name, value in variables.items() if name in FOR_COMPILERS}

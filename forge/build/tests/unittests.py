@@ -34,8 +34,6 @@ _UNPRINTABLE = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff
 
 
 class Result(unittest.TextTestResult):
-    """unittest's result class with a record of each test."""
-
     records: list[CaseRecord]
 
     def startTestRun(self) -> None:

@@ -113,8 +113,6 @@ bdist_dir = {build}/build/wheel
 
 @frozen
 class WheelInstall:
-    """The parameters of an installation."""
-
     source: Path = option("folder of the package", positional=True, parse=Path, metavar="SOURCE")
     package: str = option("name of the package", required=True)
     build: Path = option("build folder of the package", required=True, parse=Path, metavar="DIR")

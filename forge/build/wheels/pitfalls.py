@@ -174,7 +174,6 @@ def invalid_scripts(text: str, source: Path) -> Iterator[Problem]:
 
 
 def without_invalid_scripts(text: str) -> str:
-    """Return an entry_points.txt with only the valid scripts."""
     valid = (f"{name} = {target}" for name, target in scripts(text))
     return "\n".join(("[console_scripts]", *filter(_VALID.fullmatch, valid), ""))
 
@@ -195,7 +194,6 @@ def invalid_scripts_of_setup(setup: Path) -> Iterator[Problem]:
 
 
 def defining_file(source: Path) -> Path:
-    """Return the file that defines the entry points of scripts."""
     paths = [source / name for name in _FILES]
     return next((path for path in paths if _OF_SCRIPTS.search(text_or_nothing(path))), paths[0])
 

@@ -168,7 +168,6 @@ class _Metadata:
         return getattr(self._metadata, name)
 
     def entry_points(self, **wanted: str) -> "Any":
-        """Return the entry points with these attributes."""
         path = tuple(map(str, sys.path))
         if path not in self._found:
             self._found[path] = self._metadata.entry_points()
