@@ -98,18 +98,12 @@ def cache_folder(option: str | None, variables: Mapping[str, str]) -> Path:
 
 
 def foreign_store(folder: Path) -> Iterator[Problem]:
-    """Yield a problem if a folder has files where a cache has its own, but was not made by forge.
-
-    Earlier versions did not mark a cache, but counted its uses.
-    """
+    """Yield a problem if a folder has files where a cache has its own, but was not made by forge."""
     from forge.cache.folder_store import FolderStore
-    from forge.cache.maintenance import Counts, read_counts
 
-    entry = FolderStore(folder).foreign_entry()
-    if entry and read_counts(folder) == Counts():
+    if entry := FolderStore(folder).foreign_entry():
         message = f"the folder '{folder}' is not a package cache of forge: it contains '{entry}'"
-        hint = "choose another folder with '--cache'; remove this one if an earlier version of forge made it"
-        yield Problem(message, hint=hint)
+        yield Problem(message, hint="choose another folder with '--cache'")
 
 
 @contextmanager

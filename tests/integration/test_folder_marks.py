@@ -277,13 +277,10 @@ def test_a_folder_that_only_looks_like_a_cache_is_refused(
 
 
 @pytest.mark.needs("cmake", "ninja")
-@pytest.mark.parametrize("earlier", [False, True], ids=["marked", "of an earlier version"])
-def test_a_cache_is_recognized_and_keeps_files_of_others(forge: Forge, tree: Tree, *, earlier: bool) -> None:
+def test_a_cache_is_recognized_and_keeps_files_of_others(forge: Forge, tree: Tree) -> None:
     root = tree({**cmake_package("a"), "c/mine": "mine"})
     cache = ("--cache", str(root / "c"))
     assert forge("build", *cache, cwd=root).code == 0
-    if earlier:
-        (root / "c/.forge_cache").unlink()
     for name in ("cas/notes", "cas/ab/notes", "ac/ab/notes", f"ac/{SHA}"):
         (root / "c" / name).parent.mkdir(exist_ok=True)
         (root / "c" / name).write_text("mine")
