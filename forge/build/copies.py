@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
 _LIST = "list.json"
 _CHUNK = 1 << 20
-_SMALL = 65536
-"""The size in bytes up to which an installed file is copied; larger ones are hard-linked in constant time."""
 INODE, MODE = 2, 3
 """Indexes in `stats_of`."""
 
@@ -33,11 +31,7 @@ class Copies:
     folder: Path
 
     def make(self, paths: Iterable[str], *, of_others: bool = False) -> None:
-        """Copy files, unless older copies exist.
-
-        Those `of_others` include folders, which are only listed, and large files: a step that writes to a
-        file in place would also write to its hard link.
-        """
+        """Copy files, unless older copies exist. Of others, folders are listed, and special files linked."""
         if (self.folder / _LIST).is_file():
             return
         remove_tree(str(self.folder))
@@ -47,7 +41,7 @@ class Copies:
             with contextlib.suppress(FileNotFoundError, NotADirectoryError, IsADirectoryError):
                 status, target = os.lstat(path), self.folder / str(number)
                 if stat.S_ISREG(status.st_mode) or stat.S_ISLNK(status.st_mode):
-                    _copy(Path(path), target, linked=not of_others and status.st_size > _SMALL)
+                    shutil.copy2(path, target, follow_symlinks=False)
                 elif of_others and not stat.S_ISDIR(status.st_mode):
                     with contextlib.suppress(OSError):  # another file system: no copy of a socket or pipe
                         target.hardlink_to(path)
@@ -62,16 +56,11 @@ class Copies:
             for number, path, *status in json.loads((self.folder / _LIST).read_bytes()):
                 yield self.folder / number, path, status
 
-    def restore(self) -> bool:
-        """Restore the files that have changed; return False if a copy is unusable."""
-        complete = True
-        for copy, path, (modified, size, *_) in self.entries():
-            status = copy.lstat()
-            if (status.st_mtime_ns, status.st_size) != (modified, size):
-                complete = False  # hard-linked, and then overwritten in place
-            else:
-                _restore_copy(copy, Path(path))
-        return complete
+    def restore(self) -> None:
+        """Restore the files that have changed, be it with their time."""
+        for copy, path, status in self.entries():
+            if stats_of(path) != status or not is_same_file(path, copy):
+                give_back(path, status, copy)
 
 
 def foreign_entries(root: str) -> tuple[list[str], list[str]]:
@@ -162,28 +151,14 @@ def keep_beside(copy: Path, path: str) -> str:
     while not is_same_file(name, copy):
         if not os.path.lexists(name):
             os.makedirs(os.path.dirname(name), exist_ok=True)
-            _copy(copy, Path(name), linked=False)
+            shutil.copy2(copy, name, follow_symlinks=False)
             return name
         number += 1
         name = f"{path}.before_build{number}"
     return ""
 
 
-def _copy(source: Path, target: Path, *, linked: bool) -> None:
-    if linked:
-        with contextlib.suppress(OSError):  # another file system
-            target.hardlink_to(source)
-            return
-    shutil.copy2(source, target, follow_symlinks=False)
-
-
 def _restore_copy(kept: Path, path: Path) -> None:
-    """Restore a file unless it is unchanged."""
-    status = kept.lstat()
-    with contextlib.suppress(OSError):
-        now = path.lstat()
-        if now.st_ino == status.st_ino:
-            return
     # Anything else at this path was created by the failed build.
     if path.is_dir() and not path.is_symlink():
         remove_empty_tree(str(path))
@@ -194,5 +169,8 @@ def _restore_copy(kept: Path, path: Path) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     draft = path.with_name(f".{path.name}.forge-draft")
     draft.unlink(missing_ok=True)
-    _copy(kept, draft, linked=not kept.is_symlink())
+    if stat.S_ISREG(kept.lstat().st_mode) or kept.is_symlink():
+        shutil.copy2(kept, draft, follow_symlinks=False)
+    else:
+        draft.hardlink_to(kept)
     draft.replace(path)

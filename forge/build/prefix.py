@@ -260,8 +260,7 @@ class PrefixExchange:
     def roll_back(self) -> tuple[Problem, ...]:
         """Remove what the build has written, and move the package's files back.
 
-        If a copy was overwritten, the package is marked as not installed. Return a problem for each file of
-        somebody else that the build may have changed.
+        Return a problem for each file of somebody else that the build may have changed.
         """
         if self._part.is_dir():
             self._move_back(self._part)
@@ -276,9 +275,7 @@ class PrefixExchange:
                 os.makedirs(path, exist_ok=True)
             if os.path.isdir(path) and not os.path.islink(path):
                 os.chmod(path, mode)
-        if not self._copies.restore():
-            for path in self._markers:
-                remove_tree(path)
+        self._copies.restore()
         if self._list.is_file():
             list_file(self._name, self._layout).parent.mkdir(exist_ok=True)  # a step may have removed all
             self._list.replace(list_file(self._name, self._layout))

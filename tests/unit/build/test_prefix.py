@@ -59,13 +59,13 @@ def test_a_kill_while_files_are_moved_loses_none(tmp_path: Path) -> None:
 
 
 def test_files_modified_in_place_are_restored_after_a_failure(tmp_path: Path) -> None:
-    """A large file that others installed, too, is linked: then the package looks not installed."""
+    """Such as a file that others installed, too, which therefore stays where it is."""
     layout, small, large = kept(tmp_path, merged=True)
     with large.open("a") as stream:
         stream.write("more")
     PrefixExchange("walker", layout).roll_back()
-    assert small.read_text() == "small"
-    assert not (layout.prefix("walker") / "share/walker/package.dsv").exists()
+    assert (small.read_text(), large.read_text()) == ("small", BIG)
+    assert (layout.prefix("walker") / "share/walker/package.dsv").is_file()
 
 
 def test_a_failed_first_install_leaves_no_package(tmp_path: Path) -> None:
