@@ -1,5 +1,6 @@
 """Python packages into prefixes, with real backends."""
 
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -279,6 +280,7 @@ def test_intermediate_files_are_never_in_the_sources_nor_of_an_earlier_build(
     assert files(root / "install") == INSTALLED | {"lib/talk/tool"}
     assert files(root / "src") == before
     (root / "src/talk/talk/old.py").unlink()
+    shutil.rmtree(root / "install")
     assert install(root) == 0
     assert files(root / "install") == INSTALLED - {f"{SITE}/talk/old.py"} | {"lib/talk/tool"}
 
