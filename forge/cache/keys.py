@@ -28,10 +28,11 @@ from forge.build.inputs.fingerprints import contents_of, digest_of, source_files
 from forge.build.inputs.native_graph import read_native_graph
 from forge.build.records import read_record
 from forge.engine.commands import NOT_OBSERVED
+from forge.toolchain.os_release import os_release
 from forge.toolchain.programs import program_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Collection, Iterable, Mapping, Sequence
 
     from forge.base.frozen import Pairs
     from forge.build.inputs.fingerprints import FileTable
@@ -63,23 +64,13 @@ class Origin:
         return len(self.root) != len(root) and len(here.parts) != len(there.parts) and here.name != there.name
 
 
-def shared_inputs(tools: Pairs, table: FileTable) -> tuple[str, ...]:
-    """Return the inputs shared by all packages: forge's files, the programs and the system.
-
-    `table` is used for these files only, and saved.
-    """
+def shared_inputs(tools: Pairs, external: ExternalInputs) -> tuple[str, ...]:
+    """Return the inputs shared by all packages: forge's files, the programs and the system."""
     own = [path for folder in own_folders() for path in source_files(str(folder), NO_CODE)]
-    data = contents_of(own, table)
+    data = external.programs(own)
     own_digests = [f"{os.path.relpath(path, PACKAGE.parent)} {data[path]}" for path in own]
     programs = {name: os.path.realpath(program_of(identity)) for name, identity in tools}
-    found = contents_of(programs.values(), table)
-    table.forget_others({*data, *found})
-    with contextlib.suppress(OSError):  # a read-only home folder
-        table.save()
-    try:
-        release = platform.freedesktop_os_release()
-    except OSError:
-        release = {}
+    found, release = external.programs([*programs.values()]), os_release()
     forge_digest = hashlib.sha256("\n".join(own_digests).encode(errors="surrogateescape")).hexdigest()
     return (
         f"{__version__} {forge_digest}",
@@ -194,13 +185,17 @@ class ExternalInputs:
     def contents(self, words: Iterable[str]) -> dict[str, str]:
         return {word: content for word, (_, content) in self.look(words).items()}
 
+    def programs(self, paths: Collection[str]) -> dict[str, str]:
+        """Return the contents of programs: clean builds should not read them again."""
+        self._read_programs.update(paths)
+        return contents_of(paths, self._programs)
+
     def _look(self, word: str) -> tuple[str, str]:
         path = self._relocator.absolutize_input(word)
         if not os.access(path, os.X_OK) or os.path.isdir(path):  # noqa: PTH112
             return path, contents_of((path,), self._table)[path]
-        # Compilers and CMake have tens of megabytes: clean builds should not read them again.
-        self._read_programs.add(path)
-        return path, contents_of((path,), self._programs)[path]
+        # Compilers and CMake have tens of megabytes.
+        return path, self.programs((path,))[path]
 
     def save(self) -> None:
         """Save the table of programs, restricted to those of this build."""

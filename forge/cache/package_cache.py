@@ -57,9 +57,9 @@ INDEX, PACK = "index", "pack"
 class CacheContext:
     """The shared state of one build: folders, dependencies, programs, records, file tables.
 
-    `own` is the file table for forge and its tools, `programs` that for other programs that builds read.
-    `needs` are the direct dependencies of each package; `records` change during the build. `forced` are
-    packages to build even if the cache has them. `values` are those of variables that affect all packages.
+    `programs` is the file table for forge, its tools and other programs that builds read. `needs` are the
+    direct dependencies of each package; `records` change during the build. `forced` are packages to build
+    even if the cache has them. `values` are those of variables that affect all packages.
     """
 
     layout: Layout
@@ -68,7 +68,6 @@ class CacheContext:
     tools: Pairs
     records: Mapping[str, BuildRecord]
     table: FileTable
-    own: FileTable
     programs: FileTable
     forced: Collection[str] = frozenset()
     values: Mapping[str, str] = field(default_factory=dict)
@@ -214,7 +213,7 @@ class PackageCache:
         context = self._context
         with self._lock:  # several packages start at the same time
             if self._shared_inputs is None:
-                self._shared_inputs = keys.shared_inputs(context.tools, context.own)
+                self._shared_inputs = keys.shared_inputs(context.tools, self._external_inputs)
         needs = self._dependencies(task)
         shared = (*self._shared_inputs, *self._package_programs(task))
         settings = keys.settings_key(task, shared, context.relocator, context.values)

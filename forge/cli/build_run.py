@@ -227,8 +227,7 @@ def _package_cache(
         tools=build.context.tools,
         records=state.journal.records,
         table=state.table,
-        own=FileTable(own / "programs.json"),
-        programs=FileTable(own / "read_programs.json"),
+        programs=FileTable(own / "programs.json"),
         forced=frozenset(loaded.selection.names) if options.forced_by else frozenset(),
         values=dict(relevant_environment(build.variables)),
     )
