@@ -66,9 +66,10 @@ def install_package(
     implicit = (prefix / INDEX / "packages" / package.name, share / "package.xml")
     scripts_of_it = (share / f"package.{extension}" for extension in ("dsv", *SHELLS))
     marker = prefix / PACKAGES / package.name
-    hooks = package_hooks(package.name, files, python.site_packages, ament=_is_registered_by_forge(package))
+    # CMake code adds its package to the ament index itself, or means not to.
+    is_registered = package.ros and package.build_type not in {*CMAKE_TYPES, "python"}
+    hooks = package_hooks(package.name, files, python.site_packages, ament=is_registered)
     hook_files = (share / "hook" / f"{name}.dsv" for name in hooks)
-    is_registered = _is_registered_by_forge(package)
     own = (*map(str, (*scripts_of_it, *hook_files, marker, *(implicit if is_registered else ()))),)
     exchange = PrefixExchange(package.name, layout)
     raise_if_any(exchange.in_the_way(own), WorkspaceError)
@@ -181,8 +182,13 @@ def finish_workspace(
     has changed its contribution to the scripts, and they are kept unless underlays or interpreter changed.
     Raises WorkspaceError for an invalid dsv file of a package.
     """
-    root = layout.install
-    chain = _joined_chain(recorded_underlays(root), underlays)
+    root, chain = layout.install, underlays
+    recorded = recorded_underlays(root)
+    if not {path.resolve() for path in recorded} <= {path.resolve() for path in underlays}:
+        joined: dict[Path, Path] = {}
+        for path in (*recorded, *underlays):
+            joined.setdefault(path.resolve(), path)
+        chain = tuple(joined.values())
     state = {
         "version": 1,
         "python": str(python),
@@ -195,14 +201,13 @@ def finish_workspace(
     packages = packages_in_order(root)
     for shell in SHELLS:
         write_if_changed(root / f"local_setup.{shell}", scripts.local_setup(shell, root, packages))
-        below = [_entry_script(underlay, shell) for underlay in chain]
+        # Another tool may have written scripts for some shells only.
+        own, plain = f"local_setup.{shell}", "local_setup.sh"
+        below = [
+            path / (plain if (path / plain).exists() and not (path / own).exists() else own) for path in chain
+        ]
         write_if_changed(root / f"setup.{shell}", scripts.setup(shell, root, below))
     return chain
-
-
-def _is_registered_by_forge(package: Package) -> bool:
-    """Tell whether forge adds a package to the ament index: CMake code does so itself, or means not to."""
-    return package.ros and package.build_type not in {*CMAKE_TYPES, "python"}
 
 
 def _write_implicit(package: Package, prefix: Path, installed: Collection[str], *, symlink: bool) -> None:
@@ -221,20 +226,3 @@ def _write_implicit(package: Package, prefix: Path, installed: Collection[str], 
         draft.replace(path)
     elif path.is_symlink() or not path.is_file() or read_file(path) != read_file(source):
         replace_file(path, read_file(source))
-
-
-def _entry_script(underlay: Path, shell: str) -> Path:
-    """Return the script that sources an underlay: the one for `shell`, or local_setup.sh if it is missing."""
-    files_of_package, plain = underlay / f"local_setup.{shell}", underlay / "local_setup.sh"
-    return plain if plain.exists() and not files_of_package.exists() else files_of_package
-
-
-def _joined_chain(recorded: tuple[Path, ...], sourced: tuple[Path, ...]) -> tuple[Path, ...]:
-    """Return the sourced underlays on top of the recorded ones, lowest first, each of them once."""
-    real = {path.resolve() for path in sourced}
-    if {path.resolve() for path in recorded} <= real:
-        return sourced
-    joined: dict[Path, Path] = {}
-    for path in (*recorded, *sourced):
-        joined.setdefault(path.resolve(), path)
-    return tuple(joined.values())
