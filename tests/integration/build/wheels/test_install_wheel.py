@@ -300,6 +300,7 @@ def test_intermediate_files_of_a_backend_that_wraps_setuptools_are_not_in_the_so
     assert f"{SITE}/talk/old.py" in files(root / "install")
     assert {name for name in files(root / "src") if "__pycache__" not in name} == before
     (root / "src/talk/talk/old.py").unlink()
+    shutil.rmtree(root / "install")
     assert install(root) == 0
     assert f"{SITE}/talk/old.py" not in files(root / "install")
 
