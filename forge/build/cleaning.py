@@ -44,6 +44,7 @@ from forge.build.folder_marks import (
     sources_in,
 )
 from forge.build.installed_lists import (
+    list_file,
     listed_files,
     package_markers,
     read_installed_list,
@@ -144,7 +145,7 @@ def package_removables(name: str, layout: Layout, records: Mapping[str, BuildRec
     if layout.merged:
         if files := _existing(_installed(name, layout, records), layout.install):
             label = f"{counted(len(files), 'installed file')} of '{name}'"
-            yield Removable(label, layout.install, files, _lists(name, layout))
+            yield Removable(label, layout.install, files, (list_file(name, layout),))
     else:
         yield from _of_prefix(name, layout, records)
     if aside := leftover_backups(name, layout):
@@ -227,7 +228,7 @@ def remaining_entries(layout: Layout, bases: Iterable[str]) -> Iterator[tuple[Pa
         for entry in _entries(folder):
             if entry.name == INSTALLED_LISTS_DIR or (entry.name == IGNORE_MARK and is_own_ignore_mark(entry)):
                 continue
-            if base == "install" and _lists(entry.name, layout):
+            if base == "install" and list_file(entry.name, layout).is_file():
                 yield from remaining_in_prefix(entry)
             else:
                 yield entry, _reason(entry)
@@ -302,12 +303,8 @@ def _of_prefix(name: str, layout: Layout, records: Mapping[str, BuildRecord]) ->
         count = len(files) + len(empty) - len(own)
         rest = f", except {counted(count, 'file')} that no build installed" if count else ""
         label = f"prefix of '{name}'{rest}"
-        yield Removable(label, layout.install, paths, _lists(name, layout), prefix=prefix, layout=layout)
-
-
-def _lists(name: str, layout: Layout) -> tuple[Path, ...]:
-    path = layout.install / INSTALLED_LISTS_DIR / f"{name}.json"
-    return (path,) if path.is_file() else ()
+        lists = (list_file(name, layout),)
+        yield Removable(label, layout.install, paths, lists, prefix=prefix, layout=layout)
 
 
 def _installed(name: str, layout: Layout, records: Mapping[str, BuildRecord]) -> set[str]:

@@ -138,11 +138,27 @@ def give_back(path: str, status: Sequence[int], kept: Path) -> None:
             shutil.copyfile(kept, path)
             shutil.copystat(kept, path)
             return
-    if os.path.lexists(kept):
-        _restore_copy(kept, Path(path))
-    elif stat.S_ISDIR(status[MODE]):
-        os.makedirs(path, exist_ok=True)
-        os.chmod(path, stat.S_IMODE(status[MODE]))
+    if not os.path.lexists(kept):
+        if stat.S_ISDIR(status[MODE]):
+            os.makedirs(path, exist_ok=True)
+            os.chmod(path, stat.S_IMODE(status[MODE]))
+        return
+    # Anything else at this path was created by the failed build.
+    if os.path.isdir(path) and not os.path.islink(path):
+        remove_empty_tree(path)
+    target = Path(path)
+    for folder in target.parents:
+        if folder.is_dir():
+            break
+        folder.unlink(missing_ok=True)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    draft = target.with_name(f".{target.name}.forge-draft")
+    draft.unlink(missing_ok=True)
+    if kept.is_symlink() or kept.is_file():
+        shutil.copy2(kept, draft, follow_symlinks=False)
+    else:
+        draft.hardlink_to(kept)
+    draft.replace(target)
 
 
 def keep_beside(copy: Path, path: str) -> str:
@@ -156,21 +172,3 @@ def keep_beside(copy: Path, path: str) -> str:
         number += 1
         name = f"{path}.before_build{number}"
     return ""
-
-
-def _restore_copy(kept: Path, path: Path) -> None:
-    # Anything else at this path was created by the failed build.
-    if path.is_dir() and not path.is_symlink():
-        remove_empty_tree(str(path))
-    for folder in path.parents:
-        if folder.is_dir():
-            break
-        folder.unlink(missing_ok=True)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    draft = path.with_name(f".{path.name}.forge-draft")
-    draft.unlink(missing_ok=True)
-    if stat.S_ISREG(kept.lstat().st_mode) or kept.is_symlink():
-        shutil.copy2(kept, draft, follow_symlinks=False)
-    else:
-        draft.hardlink_to(kept)
-    draft.replace(path)
