@@ -1,7 +1,6 @@
 """Files in a prefix that no build installed are kept unchanged."""
 
 import itertools
-import json
 import os
 import random
 import shutil
@@ -348,31 +347,6 @@ def test_what_code_of_a_package_writes_in_place_is_given_back(
     ran = forge("build", *options, cwd=root)
     assert ran.code == (1 if end else 2), ran.out + ran.err
     assert {name: (share / name).read_text() for name in mine} == mine
-
-
-@pytest.mark.parametrize("text", ["2", "mine"])
-def test_what_code_installed_for_an_earlier_version_is_recognized_by_its_content(
-    forge: Forge, tree: Tree, text: str
-) -> None:
-    """Earlier versions did not list it in a merged prefix."""
-    code = "install(CODE [[file(WRITE ${CMAKE_INSTALL_PREFIX}/share/a/f 2)]])"
-    root = tree(plain(code))
-    assert forge("build", "--merge-install", cwd=root).code == 0
-    file, path = root / "install/.forge_files/a.json", root / "install/share/a/f"
-    data = json.loads(file.read_text())
-    del data["files"]["share/a/f"], data["workspace"]
-    shutil.rmtree(root / "build")  # its record lists the file
-    file.write_text(json.dumps(data))
-    path.write_text(text)
-    ran = forge("build", "--merge-install", "--force", cwd=root)
-    if text == "mine":
-        refuse(ran, str(path))
-        assert path.read_text() == "mine"
-        return
-    assert ran.code == 0, ran.out + ran.err
-    (root / "src/a/CMakeLists.txt").write_text(plain("")["src/a/CMakeLists.txt"])
-    assert forge("build", "--merge-install", cwd=root).code == 0
-    assert not path.exists()
 
 
 def test_a_file_that_nobody_claimed_may_be_written_by_the_package_later(forge: Forge, tree: Tree) -> None:
