@@ -134,7 +134,7 @@ def give_back(path: str, status: Sequence[int], kept: Path) -> None:
     """
     now = stats_of(path)
     if now and stat.S_ISREG(now[MODE]) and now[INODE] == status[INODE]:
-        with contextlib.suppress(PermissionError):
+        with contextlib.suppress(OSError):  # not writable, or a program that runs
             shutil.copyfile(kept, path)
             shutil.copystat(kept, path)
             return
