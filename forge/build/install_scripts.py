@@ -7,13 +7,12 @@ package, with a destination outside the prefix, or of another shape.
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import os
 import re
 from typing import TYPE_CHECKING
 
-from forge.base.files import text_or_nothing
+from forge.base.files import text_or_nothing, tree_below
 from forge.base.frozen import frozen
 from forge.workspace.cmake_text import calls
 
@@ -197,10 +196,10 @@ def installed_entries(rules: Iterable[InstallRule]) -> Mapping[str, tuple[Instal
                 return None
             entries = [(top, source)]
             if rule.kind == "DIRECTORY" and os.path.isdir(source):
-                entries = [
-                    (f"{top}/{path}" if top else path, f"{source.rstrip('/')}/{path}")
-                    for path in _below(source)
-                ]
+                files, empty = tree_below(source.rstrip("/"))
+                start = len(source.rstrip("/")) + 1
+                paths = (*(path for path, _ in files), *empty)
+                entries = [("/".join(filter(None, (top, path[start:]))), path) for path in paths]
             for path, each in entries:
                 if path in found:
                     return None
@@ -217,20 +216,3 @@ def folder_modes(rules: Iterable[InstallRule]) -> Mapping[str, int]:
         for source in rule.sources
         for folder, _, _ in os.walk(source)
     }
-
-
-def _below(folder: str) -> Iterator[str]:
-    """Yield the files and links in a folder, as relative paths, and the folders that are empty."""
-    waiting = [""]
-    while waiting:
-        place = waiting.pop()
-        is_empty = True
-        with contextlib.suppress(OSError), os.scandir(f"{folder.rstrip('/')}/{place}") as entries:
-            for entry in entries:
-                is_empty = False
-                if entry.is_dir(follow_symlinks=False):
-                    waiting.append(f"{place}{entry.name}/")
-                else:
-                    yield f"{place}{entry.name}"
-        if is_empty and place:
-            yield place.rstrip("/")
