@@ -50,6 +50,7 @@ from forge.build.installed_lists import (
     read_list,
 )
 from forge.build.observed_writes import ObservedWrites, append, begin_log, read_writes, remove_log
+from forge.build.records import read_json
 from forge.environment.prefixes import PACKAGES
 
 if TYPE_CHECKING:
@@ -388,10 +389,7 @@ class PrefixExchange:
         replace_file(self._state, json.dumps(data).encode())
 
     def _noted(self, key: str) -> Mapping[str, Any]:
-        try:
-            found = json.loads(self._state.read_bytes())[key]
-        except (OSError, ValueError, LookupError, TypeError, RecursionError):
-            return {}
+        found = read_json(self._state).get(key)
         return found if isinstance(found, dict) else {}
 
     def _move_aside(self, paths: Iterable[str], folders: Iterable[str]) -> None:

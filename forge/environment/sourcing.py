@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import tempfile
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache, lru_cache
 from pathlib import Path
 
@@ -21,19 +21,14 @@ from forge.environment.prefixes import has_packages, installed_packages
 _SET_BY_SHELL = frozenset({"_", "SHLVL", "PWD", "OLDPWD", "COLCON_CURRENT_PREFIX", "AMENT_CURRENT_PREFIX"})
 
 
-def build_environment(
-    packages: Iterable[tuple[str, Path]],
-    variables: Mapping[str, str],
-    edits_of: Callable[[str, Path], tuple[Edit | Script, ...]] | None = None,
-) -> dict[str, str]:
+def build_environment(packages: Iterable[tuple[str, Path]], variables: Mapping[str, str]) -> dict[str, str]:
     """Return `variables` after sourcing the packages (name, prefix), lowest first, entries in front.
 
-    The result is for code of packages and does not contain forge's credentials. It is computed from dsv files
-    or from `edits_of`; only hooks that are pure shell scripts are run, with sh. Raises WorkspaceError for an
-    unreadable dsv file, HostError for a hook that exits.
+    The result is for code of packages and does not contain forge's credentials. It is computed from dsv
+    files; only hooks that are pure shell scripts are run, with sh. Raises WorkspaceError for an unreadable
+    dsv file, HostError for a hook that exits.
     """
-    read_edits = edits_of or package_edits
-    edits = [(prefix, edit) for name, prefix in packages for edit in read_edits(name, prefix)]
+    edits = [(prefix, edit) for name, prefix in packages for edit in package_edits(name, prefix)]
     return _apply(edits, without_secrets(variables), first=True)
 
 
@@ -86,7 +81,7 @@ def packages_in_order(root: Path) -> tuple[PackageEdits, ...]:
 def package_edits(name: str, prefix: Path) -> tuple[Edit | Script, ...]:
     """Return the edits of an installed package; empty without dsv files."""
     try:
-        stamp = (prefix / "share" / name / "package.dsv").stat()
+        stamp = os.stat(f"{prefix}/share/{name}/package.dsv")  # for each dependency of each package
     except (FileNotFoundError, NotADirectoryError):
         return ()
     return _read_edits(name, prefix, (stamp.st_ino, stamp.st_ctime_ns, stamp.st_size))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import os
 import re
 import shlex
@@ -48,7 +47,7 @@ from forge.engine.commands import NOT_OBSERVED, is_for_this_processor
 from forge.engine.variables import FOR_COMPILERS
 from forge.engine.world import PROCESSOR, VARIABLE
 from forge.environment.hooks import config_folders, config_variables
-from forge.environment.sourcing import build_environment, package_edits
+from forge.environment.sourcing import build_environment
 from forge.execution.runner import TaskLifecycle, changed_variables
 from forge.execution.started import BUILD_FOLDER_VARIABLE
 from forge.toolchain.interpreter import own_command
@@ -56,7 +55,7 @@ from forge.toolchain.programs import CMAKE_TYPES
 from forge.workspace.model import RUN_KINDS
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping
+    from collections.abc import Iterable, Iterator, Mapping
     from pathlib import Path
 
     from forge.base.errors import Problem
@@ -71,7 +70,6 @@ if TYPE_CHECKING:
     from forge.build.tasks import Step, Task
     from forge.cache.package_cache import PackageCache
     from forge.engine.commands import ObservedCommands
-    from forge.environment.dsv import Edit, Script
     from forge.toolchain.interpreter import Interpreter
     from forge.workspace.resolve import DependencyResolution
 
@@ -95,10 +93,6 @@ class TaskSetup(TaskLifecycle):
     """Compares what steps read with what is declared; then each package starts in an empty build folder."""
     observes: bool = False
     """Steps run on this machine below the library of forge.engine, so that they can install into a stage."""
-    edits: Callable[[str, Path], tuple[Edit | Script, ...]] = field(
-        default_factory=lambda: functools.cache(package_edits)
-    )
-    """Returns an installed package's changes of the environment; cached, as only dependents request it."""
     kept: list[Problem] = field(default_factory=list)
     """Files that packages no longer install, but that stay because somebody has edited them."""
     _configs: dict[str, Pairs] = field(default_factory=dict)
@@ -110,7 +104,7 @@ class TaskSetup(TaskLifecycle):
 
     def environment(self, task: Task) -> Mapping[str, str]:
         below = ((need, self.layout.prefix(need)) for need in task.needs)
-        found = build_environment(below, self.variables, self.edits)
+        found = build_environment(below, self.variables)
         found[BUILD_FOLDER_VARIABLE] = str(self.layout.build)
         found["FORGE_COMMAND"] = shlex.join(own_command())
         # CMake does not read AMENT_PREFIX_PATH, which has the underlays.
