@@ -74,10 +74,6 @@ class Interpreter:
         """Tell whether the user has chosen it, by an option or by an active environment."""
         return self.origin in _CHOSEN
 
-    @property
-    def own(self) -> bool:
-        return is_own(self.path)
-
 
 _Choice = tuple[Path, str]
 """A program and what chose it."""

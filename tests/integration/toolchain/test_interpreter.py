@@ -3,7 +3,7 @@ import sys
 import pytest
 
 from forge.base.errors import HostError
-from forge.toolchain.interpreter import Interpreter, find_interpreter, own_path
+from forge.toolchain.interpreter import Interpreter, find_interpreter, is_own, own_path
 from tests.conftest import Tree
 
 OWN = Interpreter(own_path(), (sys.version_info.major, sys.version_info.minor))
@@ -16,7 +16,7 @@ def test_the_option_comes_first(tree: Tree) -> None:
     expected = Interpreter(root / "bin/python3.13", (3, 13))
     assert find_interpreter("python3.13", variables) == expected
     assert find_interpreter(str(root / "bin/python3.13"), variables) == expected
-    assert find_interpreter(sys.executable, variables).own
+    assert is_own(find_interpreter(sys.executable, variables).path)
 
 
 @pytest.mark.parametrize(
