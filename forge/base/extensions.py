@@ -35,6 +35,7 @@ CACHES = "forge.caches"
 OWN: Mapping[str, Mapping[str, str]] = {
     COMMANDS: {
         "add": "forge.plugins.fetch.add",
+        "bundle": "forge.plugins.bundle.command",
         "deps": "forge.plugins.system_deps.command",
         "doctor": "forge.plugins.doctor.command",
         "fetch": "forge.plugins.fetch.command",

@@ -11,8 +11,8 @@ from forge.base.frozen import frozen
 from forge.base.options import flag, option
 from forge.cli.options import install_base_option, target_option
 from forge.cli.preparation import check_bases
-from forge.environment.bundling import write_bundle
 from forge.environment.install_state import recorded_underlays
+from forge.plugins.bundle.archive import write_bundle
 from forge.toolchain.targets import Target
 from forge.workspace.selection import SearchPaths
 

@@ -1,0 +1,1 @@
+"""`forge bundle`: packs the install folder into an archive for deployment."""
