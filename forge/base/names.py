@@ -12,6 +12,25 @@ _EMAIL = re.compile(r"[-a-zA-Z0-9_%+]+(\.[-a-zA-Z0-9_%+]+)*@[-a-zA-Z0-9%]+(\.[-a
 _LOWER_THEN_WORD = re.compile(r"(.)([A-Z][a-z]+)")
 _LOWER_THEN_UPPER = re.compile(r"([a-z0-9])([A-Z])")
 
+TYPE_NAME = re.compile(r"[A-Z][A-Za-z0-9]*")
+"""Names of interfaces."""
+LOWER_NAME = re.compile(r"(?!.*__)(?!.*_$)[a-z][a-z0-9_]*")
+"""Names of fields, and of packages of interfaces."""
+
+CPP_KEYWORDS = frozenset(
+    """
+    alignas alignof and and_eq asm auto bitand bitor bool break case catch char char16_t
+    char32_t class compl const const_cast constexpr continue decltype default delete do double
+    dynamic_cast else enum explicit export extern false float for friend goto if inline int long
+    mutable namespace new noexcept not not_eq nullptr operator or or_eq private protected public
+    register reinterpret_cast return short signed sizeof static static_assert static_cast struct
+    switch template this thread_local throw true try typedef typeid typename union unsigned
+    using virtual void volatile wchar_t while xor xor_eq
+    """.split()
+)
+"""The keywords of C++17."""
+CPP20_KEYWORDS = frozenset("char8_t co_await co_return co_yield concept consteval constinit requires".split())
+
 
 def is_package_name(text: str) -> bool:
     """Tell whether a text is a valid package name (REP 127, 140, 149)."""

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, nullcontext
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -36,7 +37,7 @@ from forge.toolchain.compiler_launchers import LauncherStats, open_launcher_stat
 from forge.toolchain.programs import CMAKE_TYPES, any_enables_cxx, ninja_first, program_of
 from forge.toolchain.resources import LIBRARY_PATH_BELOW, gcc_heap, memory
 from forge.workspace.cmake_text import announced_downloads
-from forge.workspace.missing import Whereabouts, missing_dependencies
+from forge.workspace.missing import missing_dependencies, whereabouts
 from forge.workspace.resolve import GENERATORS
 
 if TYPE_CHECKING:
@@ -203,7 +204,7 @@ def _session(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> Abstra
         cmake_variables=defined((*context.cmake_args, *context.ament_cmake_args)),
         python=str(build.interpreter.path),
         prefix_of=prefix_of,
-        whereabouts=Whereabouts(context.root, context.layout).of,
+        whereabouts=partial(whereabouts, context.root, context.layout),
         origin=build.options.origin,
     )
 
@@ -272,8 +273,8 @@ def warn_of_packages(plan: BuildPlan, build: PreparedBuild) -> None:
     """Warn about missing dependencies, overridden underlay packages, and downloads."""
     loaded, layout = build.loaded, build.context.layout
     own = [name for name, task in plan.tasks.items() if not task.embedded]
-    whereabouts = Whereabouts(loaded.workspace.root, layout).of
-    missing = missing_dependencies(loaded.resolution, own, build.options.skip_keys, whereabouts)
+    place_of = partial(whereabouts, loaded.workspace.root, layout)
+    missing = missing_dependencies(loaded.resolution, own, build.options.skip_keys, place_of)
     build.mode.warn((*missing, *overridden(own, layout.install, build.variables)))
     configured = (
         loaded.packages[name]

@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from forge.base.errors import InterfaceError, Location, Problem
+from forge.base.names import LOWER_NAME
 from forge.interfaces.idl.target import idl_text
 from forge.interfaces.model import Source, TypeName, nested_types, sections_of
-from forge.interfaces.read.declarations import LOWER_NAME
 from forge.interfaces.read.parsing import Parsed
 
 ENCODINGS = ("ros2msg", "ros2idl")

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 
 from forge.base.errors import Problem, raise_if_any
 from forge.base.frozen import frozen
-from forge.base.names import is_email, is_package_name
+from forge.base.names import CPP20_KEYWORDS, CPP_KEYWORDS, LOWER_NAME, TYPE_NAME, is_email, is_package_name
 from forge.base.templating import render
 from forge.workspace.model import Person
 
@@ -33,21 +33,10 @@ EXAMPLE_INTERFACES = ("Example.msg", "Example.srv", "Example.action")
 _SCHEMA = "http://download.ros.org/schema/package_format{}.xsd"
 _TARGET = re.compile(r"[a-zA-Z][a-zA-Z0-9_-]*")
 _WORD = re.compile(r"[a-zA-Z][a-zA-Z0-9_]*")
-_INTERFACE = re.compile(r"[A-Z][A-Za-z0-9]*")
-_INTERFACE_PACKAGE = re.compile(r"(?!.*__)(?!.*_$)[a-z][a-z0-9_]*")
 _INTERFACE_TEMPLATES = {"msg": "message.msg.j2", "srv": "service.srv.j2", "action": "action.action.j2"}
 _UNWRITABLE = re.compile("[^\t\n\x20-\x7e\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _CMAKE_TARGETS = """
     all clean edit_cache help install package package_source preinstall rebuild_cache test uninstall
-"""
-_CPP_KEYWORDS = """
-    alignas alignof and and_eq asm auto bitand bitor bool break case catch char char8_t char16_t char32_t
-    class co_await co_return co_yield compl concept const const_cast consteval constexpr constinit continue
-    decltype default delete do double dynamic_cast else enum explicit export extern false float for friend
-    goto if inline int long mutable namespace new noexcept not not_eq nullptr operator or or_eq private
-    protected public register reinterpret_cast requires return short signed sizeof static static_assert
-    static_cast std struct switch template this thread_local throw true try typedef typeid typename union
-    unsigned using virtual void volatile wchar_t while xor xor_eq
 """
 _TEST_TOOLS = {
     "ament_cmake": ("ament_lint_auto", "ament_lint_common"),
@@ -90,7 +79,7 @@ def render_package(blueprint: NewPackage) -> dict[str, str | None]:
         cmake_tools = ("ament_cmake", "ament_cmake_ros") if library else ("ament_cmake",)
         build_tools = cmake_tools[-1:]
     namespace = name.replace("-", "_")
-    if namespace[0].isdigit() or namespace in _CPP_KEYWORDS.split():
+    if namespace[0].isdigit() or namespace in CPP_KEYWORDS | CPP20_KEYWORDS:
         namespace = f"pkg_{namespace}"
     macro = namespace.upper()
     person = blueprint.maintainer
@@ -244,10 +233,10 @@ def _problems(blueprint: NewPackage) -> Iterator[Problem]:
 def _interface_problems(blueprint: NewPackage) -> Iterator[Problem]:
     for name in blueprint.interfaces:
         stem, _, kind = name.partition(".")
-        if kind not in _INTERFACE_TEMPLATES or not _INTERFACE.fullmatch(stem):
+        if kind not in _INTERFACE_TEMPLATES or not TYPE_NAME.fullmatch(stem):
             hint = "use letters and digits, start with a capital letter, and end with .msg, .srv or .action"
             yield Problem(f"invalid interface file '{name}'", hint=hint)
-    if not _INTERFACE_PACKAGE.fullmatch(blueprint.name):
+    if not LOWER_NAME.fullmatch(blueprint.name):
         hint = "use lower case letters, digits and single '_', and start with a letter"
         yield Problem(f"interfaces cannot be in a package named '{blueprint.name}'", hint=hint)
     if blueprint.build_type != "ament_cmake" or blueprint.format < 3:

@@ -150,7 +150,12 @@ class _Walk:
         found = _with_all_dependencies([*self.packages.values(), *self.duplicates])
         count = len(self.packages)
         packages = {package.name: package for package in found[:count]}
-        self.notes += _projects_twice(found[:count])
+        for same in projects(found[:count]).values():
+            plain = [package for package in same if not package.ros]
+            for other in plain[1:]:
+                message = f"'{plain[0].name}' and '{other.name}' are the same Python project (PEP 503)"
+                hint = f"rename one of them; the other is in '{plain[0].path}'"
+                self.notes.append(Problem(message, Location(other.path), hint))
         notes = (*self.notes, *(warning for package in found for warning in package.manifest.warnings))
         broken = []
         for each in self.broken:
@@ -204,16 +209,6 @@ def projects(packages: Iterable[Package]) -> dict[str, list[Package]]:
         if package.build_type in _PYTHON_TYPES:
             found.setdefault(project_name(package.name), []).append(package)
     return found
-
-
-def _projects_twice(packages: Sequence[Package]) -> Iterator[Problem]:
-    """Yield a warning for each Python project of which there are several spellings."""
-    for same in projects(packages).values():
-        plain = [package for package in same if not package.ros]
-        for other in plain[1:]:
-            message = f"'{plain[0].name}' and '{other.name}' are the same Python project (PEP 503)"
-            hint = f"rename one of them; the other is in '{plain[0].path}'"
-            yield Problem(message, Location(other.path), hint)
 
 
 def _with_all_dependencies(packages: Sequence[Package]) -> list[Package]:

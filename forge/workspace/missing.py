@@ -7,13 +7,12 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
 from forge.base.errors import Problem
 from forge.base.files import text_or_nothing
-from forge.base.frozen import frozen
 from forge.base.layout import Layout, docs_url
 from forge.workspace.manifest import declaration
 from forge.workspace.model import BUILD_KINDS, RUN_KINDS
@@ -33,17 +32,22 @@ def missing_dependencies(
     resolution: DependencyResolution,
     names: Iterable[str],
     skip_keys: Collection[str] = (),
-    whereabouts: Callable[[str], str | None] = lambda _: None,
+    place_of: Callable[[str], str | None] = lambda _: None,
 ) -> tuple[Problem, ...]:
     """Return the unresolved dependencies of `names`, except for `skip_keys`.
 
     Test dependencies are ignored, and names that merely resemble ROS packages, unless they are build
-    dependencies or resemble a package that exists. `whereabouts` returns a remedy for a name if it is known
+    dependencies or resemble a package that exists. `place_of` returns a remedy for a name if it is known
     where that package is.
     """
 
     def is_misspelt(name: str) -> bool:
         return resembles_ros_name(name) and similar_package(name, resolution.known()) is not None
+
+    def problem(names: Sequence[str], users: Sequence[str], what: str, hint: str) -> Problem:
+        location = declaration(resolution.packages[users[0]].manifest.path, names[0])
+        verb = "needs" if len(users) == 1 else "need"
+        return Problem(f"{quoted_names(users)} {verb} {quoted_names(names)}, {what}", location, hint)
 
     found: dict[str, list[str]] = {}
     for name in names:
@@ -61,22 +65,7 @@ def missing_dependencies(
                 dependency in used and (is_ros_name(dependency) or is_misspelt(dependency))
             ):
                 found.setdefault(dependency, []).append(name)
-    return _together(found, resolution, whereabouts)
-
-
-def _together(
-    found: Mapping[str, list[str]], resolution: DependencyResolution, whereabouts: Callable[[str], str | None]
-) -> tuple[Problem, ...]:
-    """Return one problem for all dependencies that the same packages lack for the same reason.
-
-    Names that are probably misspelt have a problem each.
-    """
-
-    def problem(names: Sequence[str], users: Sequence[str], what: str, hint: str) -> Problem:
-        location = declaration(resolution.packages[users[0]].manifest.path, names[0])
-        verb = "needs" if len(users) == 1 else "need"
-        return Problem(f"{quoted_names(users)} {verb} {quoted_names(names)}, {what}", location, hint)
-
+    # One problem for all dependencies that the same packages lack for the same reason.
     known = tuple(resolution.known()) if found else ()
     problems: list[Problem] = []
     groups: dict[tuple[tuple[str, ...], str, str | None, str | None], list[str]] = {}
@@ -90,7 +79,7 @@ def _together(
             problems.append(problem([dependency], users, what, hint))
         else:
             reason = resolution.withheld.get(dependency, "")
-            near, place = similar_package(dependency, known), whereabouts(dependency)
+            near, place = similar_package(dependency, known), place_of(dependency)
             groups.setdefault((users, reason, near, place), []).append(dependency)
     for (users, reason, near, place), names in groups.items():
         one = len(names) == 1
@@ -116,34 +105,27 @@ def _together(
     return tuple(problems)
 
 
-@frozen
-class Whereabouts:
-    """Looks for packages around a workspace."""
+def whereabouts(root: Path, layout: Layout, name: str) -> str | None:
+    """Return what to do about a package that is in no known prefix, or None if nothing is known of it."""
 
-    root: Path
-    layout: Layout
-
-    def of(self, name: str) -> str | None:
-        """Return what to do about a package that is in no known prefix, or None if nothing is known of it."""
-        if self._holds(self.layout.install, name):
-            return (
-                f"'{name}' was in the workspace in an earlier build: add it again, or rename or remove the "
-                "dependency; 'forge clean stale' removes its files"
-            )
-        if empty := unchecked_submodules(self.root):
-            fitting = [path for path in empty if path.name == name] or empty
-            return submodule_remedy(fitting)
-        try:
-            beside = sorted(path / "install" for path in self.root.parent.iterdir() if path != self.root)
-        except OSError:
-            beside = []
-        other = next((install for install in beside if self._holds(install, name)), None)
-        return f"source the workspace that contains it: . {other}/setup.sh" if other else None
-
-    @staticmethod
-    def _holds(install: Path, name: str) -> bool:
+    def holds(install: Path) -> bool:
         # Unlike Path.is_dir, os.path.isdir returns False for inaccessible folders.
         return any(os.path.isdir(prefix / "share" / name) for prefix in (install / name, install))  # noqa: PTH112
+
+    if holds(layout.install):
+        return (
+            f"'{name}' was in the workspace in an earlier build: add it again, or rename or remove the "
+            "dependency; 'forge clean stale' removes its files"
+        )
+    if empty := unchecked_submodules(root):
+        fitting = [path for path in empty if path.name == name] or empty
+        return submodule_remedy(fitting)
+    try:
+        beside = sorted(path / "install" for path in root.parent.iterdir() if path != root)
+    except OSError:
+        beside = []
+    other = next(filter(holds, beside), None)
+    return f"source the workspace that contains it: . {other}/setup.sh" if other else None
 
 
 def submodule_remedy(paths: list[Path]) -> str:

@@ -95,11 +95,24 @@ def with_overrides(package: Package, sources: Iterable[Mapping[str, Any]]) -> Pa
     dependencies: list[Dependency] = []
     settings: dict[str, Any] = {}
     hooks: list[str] = []
+    place = Location(package.path / COLCON_PKG)
     for options in sources:
         for key, kinds in _CATEGORIES.items():
-            names = _names(options, key, package)
+            names = options.get(key) or []
+            if not isinstance(names, list) or not all(
+                isinstance(name, str) and is_safe_name(name) for name in names
+            ):
+                raise WorkspaceError(Problem(f"'{key}' of '{package.name}' is not a list of names", place))
             dependencies += (Dependency(name, kinds) for name in names if name != package.name)
-        hooks += _hooks(options, package)
+        # colcon allows a path, or a list of a path and arguments.
+        given = options.get("hooks") or []
+        listed = given if isinstance(given, list) else [None]
+        firsts = [hook[0] if isinstance(hook, list) and hook else hook for hook in listed]
+        paths = [path for path in firsts if isinstance(path, str) and is_safe_relative_path(path)]
+        if len(paths) < len(listed):
+            message = f"'hooks' of '{package.name}' is not a list of paths relative to its prefix"
+            raise WorkspaceError(Problem(message, place, "for example 'share/NAME/hook.sh'"))
+        hooks += paths
         merge(settings, {key: value for key, value in options.items() if key not in NO_SETTINGS})
     if not (dependencies or settings or hooks):
         return package
@@ -107,28 +120,6 @@ def with_overrides(package: Package, sources: Iterable[Mapping[str, Any]]) -> Pa
         package.manifest, dependencies=(*package.manifest.dependencies, *dict.fromkeys(dependencies))
     )
     return replace(package, manifest=manifest, settings=settings, hooks=tuple(hooks))
-
-
-def _names(options: Mapping[str, Any], key: str, package: Package) -> list[str]:
-    names = options.get(key) or []
-    if not isinstance(names, list) or not all(isinstance(name, str) and is_safe_name(name) for name in names):
-        message = f"'{key}' of '{package.name}' is not a list of names"
-        raise WorkspaceError(Problem(message, Location(package.path / COLCON_PKG)))
-    return names
-
-
-def _hooks(options: Mapping[str, Any], package: Package) -> list[str]:
-    """Return the scripts; colcon allows a path, or a list of a path and arguments."""
-    hooks = options.get("hooks") or []
-    listed = hooks if isinstance(hooks, list) else [None]
-    firsts = [hook[0] if isinstance(hook, list) and hook else hook for hook in listed]
-    paths = [path for path in firsts if isinstance(path, str) and is_safe_relative_path(path)]
-    if len(paths) < len(listed):
-        message = f"'hooks' of '{package.name}' is not a list of paths relative to its prefix"
-        raise WorkspaceError(
-            Problem(message, Location(package.path / COLCON_PKG), "for example 'share/NAME/hook.sh'")
-        )
-    return paths
 
 
 def _section(options: Mapping[str, Any], key: str, path: Path) -> Mapping[str, Mapping[str, Any]]:

@@ -104,8 +104,26 @@ def resolve_dependencies(
     the embedded generators generate the events of services. Dependencies that only the tests of `untested`
     need do not count.
     """
-    reasons = _provided_families(workspace, provider, is_embedded)
-    answers, withheld = _embedded_providers(embedded, reasons)
+    # The families that others provide. An underlay that was built without ROS has the embedded generators,
+    # but only the interfaces that it needs.
+    reasons: dict[str, str] = {}
+    ours = provider(GENERATORS) if is_embedded(GENERATORS) else None
+    for family, marks in FAMILY_MARKERS.items():
+        for mark in marks:
+            if mark in workspace:
+                reasons[family] = f"'{mark}' is in the workspace ({workspace[mark].path})"
+            elif (prefix := provider(mark)) and not (family == "rosidl" and prefix == ours):
+                reasons[family] = f"'{mark}' comes from '{prefix}'"
+    answers: dict[str, Package] = {}
+    withheld: dict[str, str] = {}
+    for package in embedded.values():
+        families = (e.content for e in package.manifest.exports if e.tag == "forge_family")
+        reason = next((reasons[family] for family in families if family in reasons), None)
+        for name in _names_of(package):
+            if reason is None:
+                answers[name] = package
+            else:
+                withheld[name] = reason
     events = events and GENERATORS in answers
     packages = dict(workspace)
     needs: dict[str, frozenset[str]] = {}
@@ -223,43 +241,6 @@ def similar_package(name: str, known: Iterable[str]) -> str | None:
     stems = {other.removesuffix(ending): other for other in others if other.endswith(ending)}
     near = nearest(name.removesuffix(ending), stems, _SIMILAR) if ending else nearest(name, others, _SIMILAR)
     return (stems[near] if ending else near) if near else None
-
-
-def _provided_families(
-    workspace: Mapping[str, Package],
-    provider: Callable[[str], object | None],
-    is_embedded: Callable[[str], bool],
-) -> dict[str, str]:
-    """Return the families provided elsewhere, with the provider.
-
-    An underlay that was built without ROS has the embedded generators, but only the interfaces that it needs.
-    """
-    families = {}
-    ours = provider(GENERATORS) if is_embedded(GENERATORS) else None
-    for family, marks in FAMILY_MARKERS.items():
-        for mark in marks:
-            if mark in workspace:
-                families[family] = f"'{mark}' is in the workspace ({workspace[mark].path})"
-            elif (found := provider(mark)) and not (family == "rosidl" and found == ours):
-                families[family] = f"'{mark}' comes from '{found}'"
-    return families
-
-
-def _embedded_providers(
-    embedded: Mapping[str, Package], reasons: Mapping[str, str]
-) -> tuple[dict[str, Package], dict[str, str]]:
-    """Return the names that embedded packages provide, and separately those of unused families."""
-    answers: dict[str, Package] = {}
-    withheld: dict[str, str] = {}
-    for package in embedded.values():
-        names = _names_of(package)
-        families = (e.content for e in package.manifest.exports if e.tag == "forge_family")
-        reason = next((reasons[family] for family in families if family in reasons), None)
-        if reason is None:
-            answers.update(dict.fromkeys(names, package))
-        else:
-            withheld.update(dict.fromkeys(names, reason))
-    return answers, withheld
 
 
 def provided_names(embedded: Mapping[str, Package]) -> frozenset[str]:

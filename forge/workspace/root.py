@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from forge.base.errors import ForgeError
+from forge.base.errors import ForgeError, HostError, Problem
 
 _INSTALL_MARKER = "install/.colcon_install_layout"
 _ROOT_MARKERS = ("forge.toml", _INSTALL_MARKER, "build/.built_by")
@@ -95,16 +95,11 @@ def working_directory(folder: Path) -> Iterator[None]:
     try:
         before = Path.cwd()
     except FileNotFoundError:
-        from forge.base.errors import HostError, Problem
-
         hint = "change to an existing folder: cd"
         raise HostError(Problem("the current folder has been removed", hint=hint)) from None
     try:
         os.chdir(folder)
     except OSError as error:
-        # Imported here, because shell completion imports this module for each completion.
-        from forge.base.errors import HostError, Problem
-
         raise HostError(Problem(f"cannot change to '{folder}': {error.strerror}")) from None
     try:
         yield

@@ -7,7 +7,7 @@ import re
 from functools import cache
 
 from forge.base.frozen import frozen
-from forge.base.names import did_you_mean, snake_case
+from forge.base.names import CPP_KEYWORDS, LOWER_NAME, did_you_mean, snake_case
 from forge.interfaces.model import Array, Element, Named, Primitive, Sequence, String, Type, TypeName
 from forge.interfaces.read.literals import ParseError
 
@@ -35,8 +35,6 @@ _SUGGESTIONS = {
 }
 """Common wrong type names, and the intended types."""
 
-LOWER_NAME = re.compile(r"(?!.*__)(?!.*_$)[a-z][a-z0-9_]*")
-TYPE_NAME = re.compile(r"[A-Z][A-Za-z0-9]*")
 _CONSTANT_NAME = re.compile(r"[A-Z](?:_?[A-Z0-9])*")
 _SECTION_NAME = re.compile(
     r"(?:Sample_)?[A-Z][A-Za-z0-9]*(?:_Feedback)?(?:_Result)?(?:_Goal)?(?:_Response)?(?:_Request)?"
@@ -50,18 +48,9 @@ _START_OF_TYPE = re.compile(
 )
 """The longest part of a malformed type to which something could be added."""
 
-_CPP_KEYWORDS = """
-    alignas alignof and and_eq asm auto bitand bitor bool break case catch char char16_t
-    char32_t class compl const const_cast constexpr continue decltype default delete do double
-    dynamic_cast else enum explicit export extern false float for friend goto if inline int long
-    mutable namespace new noexcept not not_eq nullptr operator or or_eq private protected public
-    register reinterpret_cast return short signed sizeof static static_assert static_cast struct
-    switch template this thread_local throw true try typedef typeid typename union unsigned
-    using virtual void volatile wchar_t while xor xor_eq
-"""
 _KEYWORDS = {
     "Python": frozenset(keyword.kwlist),
-    "C++": frozenset(_CPP_KEYWORDS.split()),
+    "C++": CPP_KEYWORDS,
     "C": frozenset({"restrict"}),  # the only keyword that is in neither of the others
 }
 

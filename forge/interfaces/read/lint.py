@@ -11,7 +11,7 @@ from dataclasses import replace
 from math import inf
 
 from forge.base.errors import Location, Problem
-from forge.base.names import python_attribute
+from forge.base.names import CPP20_KEYWORDS, python_attribute
 from forge.interfaces.model import (
     HIDDEN_MEMBER,
     Array,
@@ -30,15 +30,15 @@ from forge.interfaces.read.literals import QUOTES
 from forge.interfaces.read.parsing import Parsed
 
 _AVOIDED = {
-    "it is a keyword of C++20": """
-        char8_t co_await co_return co_yield concept consteval constinit requires
-    """,
     "it is a macro in common headers": """
         assert errno linux major makedev minor signals slots stderr stdin stdout unix
     """,
     "it shadows a method of the Python class": "get_fields_and_field_types",
 }
-_NAMES = {name: reason for reason, names in _AVOIDED.items() for name in names.split()}
+_NAMES = {
+    **dict.fromkeys(CPP20_KEYWORDS, "it is a keyword of C++20"),
+    **{name: reason for reason, names in _AVOIDED.items() for name in names.split()},
+}
 _MACROS = """
     BUFSIZ DOMAIN EOF FALSE FAR HUGE_VAL IN INFINITY INT_MAX INT_MIN NAN NEAR NULL OUT OVERFLOW
     PLOSS RAND_MAX SING STRICT TLOSS TRUE UNDERFLOW

@@ -11,6 +11,7 @@ from pathlib import PurePosixPath
 
 from forge.base.errors import InterfaceError, Location, Problem, raise_if_any
 from forge.base.frozen import frozen
+from forge.base.names import TYPE_NAME
 from forge.interfaces.model import (
     HIDDEN_MEMBER,
     Action,
@@ -24,7 +25,7 @@ from forge.interfaces.model import (
     String,
     TypeName,
 )
-from forge.interfaces.read.declarations import TYPE_NAME, Declaration, read_declaration
+from forge.interfaces.read.declarations import Declaration, read_declaration
 from forge.interfaces.read.literals import ParseError, read_value
 
 ENDINGS = ("msg", "srv", "action", "idl")

@@ -19,12 +19,11 @@ from forge.base.errors import (
     raise_if_any,
 )
 from forge.base.files import read_file, text_or_nothing, write_if_changed
-from forge.base.names import did_you_mean
+from forge.base.names import LOWER_NAME, did_you_mean
 from forge.build.folder_marks import mark_build_base
 from forge.cli.commands.interface.inputs import distribution_of
 from forge.environment.installed import underlay_prefixes
 from forge.interfaces.model import Catalog
-from forge.interfaces.read.declarations import LOWER_NAME
 from forge.interfaces.read.parsing import parse_all
 from forge.interfaces.read.sources import Library, definition_files, read_source
 from forge.interfaces.resolve.resolution import dependency_catalogs, resolve

@@ -7,7 +7,8 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from itertools import takewhile
 
 from forge.base.frozen import frozen
-from forge.interfaces.read.declarations import TYPE_NAME, check_keyword, valid_name
+from forge.base.names import TYPE_NAME
+from forge.interfaces.read.declarations import check_keyword, valid_name
 from forge.interfaces.read.literals import ParseError
 
 BUILT_IN = {

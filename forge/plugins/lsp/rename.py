@@ -8,8 +8,9 @@ from pathlib import Path
 
 from forge.base.errors import InterfaceError, Problem
 from forge.base.frozen import frozen
+from forge.base.names import TYPE_NAME
 from forge.interfaces.model import TypeName
-from forge.interfaces.read.declarations import TYPE_NAME, read_declaration
+from forge.interfaces.read.declarations import read_declaration
 from forge.interfaces.read.literals import ParseError
 from forge.interfaces.resolve.resolution import same_output
 from forge.plugins.lsp.index import Index

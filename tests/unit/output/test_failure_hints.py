@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -13,7 +14,7 @@ from hypothesis import strategies as st
 from forge.base.layout import PACKAGE, Layout
 from forge.output.failure_hints import FailureContext, failure_context, hint_of
 from forge.workspace.manifest import parse_manifest
-from forge.workspace.missing import Whereabouts
+from forge.workspace.missing import whereabouts
 from forge.workspace.model import Package
 from tests.conftest import Tree
 from tests.packages import manifest_text, package
@@ -241,9 +242,9 @@ def scene_in(root: Path, text: str = "", *depends: str) -> FailureContext:
     (made.path / "CMakeLists.txt").write_text(text)
     layout = Layout(root / "build", root / "install", None)
     packages = {"mine": made, "shapes": package("shapes")}
-    whereabouts = Whereabouts(root, layout).of
+    place_of = partial(whereabouts, root, layout)
     return failure_context(
-        made, packages, prefix_of=lambda name: root / "install" / name, whereabouts=whereabouts
+        made, packages, prefix_of=lambda name: root / "install" / name, whereabouts=place_of
     )
 
 

@@ -10,11 +10,11 @@ from forge.base.ament_index import prefixes
 from forge.base.distributions import VARIABLE, check_distribution, distribution_in, distribution_option
 from forge.base.errors import ForgeError, InterfaceError, Problem, raise_if_any
 from forge.base.frozen import frozen
+from forge.base.names import LOWER_NAME
 from forge.base.options import flag, option, options_of
 from forge.cli.preparation import known_rosdistro
 from forge.environment.installed import known_prefixes
 from forge.interfaces.model import Catalog
-from forge.interfaces.read.declarations import LOWER_NAME
 from forge.interfaces.read.parsing import parse_all
 from forge.interfaces.read.sources import Library, read_folder, read_source
 from forge.interfaces.resolve.resolution import resolve
