@@ -250,15 +250,7 @@ def write_depfile(path: Path, target: Path, sources: Iterable[Path]) -> None:
     if invalid:
         hint = "rename the folder: paths must not contain ';' or line breaks"
         raise HostError(Problem(f"make cannot handle the path {str(invalid[0])!r}", hint=hint))
-    names = " \\\n  ".join(map(_for_make, inputs))
-    write_if_changed(path, f"{_for_make(target)}: {names}\n" if names else f"{_for_make(target)}:\n")
-
-
-def write_stamp(path: Path) -> None:
-    """Create an empty file, or update its modification time."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.touch()
-
-
-def _for_make(path: Path) -> str:
-    return str(path).replace("$", "$$").replace("#", "\\#").replace(" ", "\\ ")
+    escapes = str.maketrans({"$": "$$", "#": "\\#", " ": "\\ "})
+    rule, *names = (str(each).translate(escapes) for each in (target, *inputs))
+    listed = " \\\n  ".join(names)
+    write_if_changed(path, f"{rule}: {listed}\n" if names else f"{rule}:\n")

@@ -120,11 +120,19 @@ def _headers(interface: Interface, wire: MembersViews) -> Iterator[File]:
         has_events=any(service.has_events for service in services),
         actions=[name.name] if is_action else [],
     )
+    starts = []
+    for message in messages:
+        # The C++ type of a message, and that of its first builder step.
+        spelled = start = qualified(message.name)
+        if message.fields:
+            namespace = f"::{message.name.package}::{message.name.kind}::builder"
+            start = f"{namespace}::Init_{message.name.name}_{message.fields[0].name}<{spelled}>"
+        starts.append((spelled, start))
     yield header(
         "builder",
         headers=[own_struct, "rosidl_runtime_cpp/builder.hpp"],
         steps=[step for message in messages for step in _builder_steps(message)],
-        starts=list(map(_builder_start, messages)),
+        starts=starts,
     )
     runtime = ["rosidl_runtime_cpp/traits.hpp", "rosidl_runtime_cpp/yaml.hpp"]
     yield header(
@@ -220,15 +228,6 @@ def _builder_steps(message: Message) -> Iterator[SimpleNamespace]:
             returned=returned,
         )
         result, returned = f"{name}<Message>", f"{name}<Message>(std::move(_message))"
-
-
-def _builder_start(message: Message) -> tuple[str, str]:
-    """Return the C++ type of a message and that of its first builder step."""
-    spelled = qualified(message.name)
-    if not message.fields:
-        return spelled, spelled
-    namespace = f"::{message.name.package}::{message.name.kind}::builder"
-    return spelled, f"{namespace}::Init_{message.name.name}_{message.fields[0].name}<{spelled}>"
 
 
 def _yaml_statement(field: Field) -> str:

@@ -191,7 +191,13 @@ class FileReader:
                     structs.append((path, definition, notes))
                 case "typedef":
                     with self._reporting():
-                        self._add_typedef(definition)
+                        type_tree, declarator = _subtrees(definition)
+                        word = _token(declarator)
+                        self.typedefs.append(word)
+                        type_ = self._declared(self._type(type_tree), declarator)
+                        if self._types.setdefault(str(word), type_) != type_:
+                            message = f"'{word}' is already defined as another type"
+                            raise ParseError(message, offset=_start(word))
                 case "enumeration":
                     self._enumerations.add(str(_token(definition)))
                 case "constant":
@@ -297,20 +303,22 @@ class FileReader:
                 check_keyword(str(token), _start(token), what)
         return TypeName(self.source.package, str(kind), str(name))
 
-    def _add_typedef(self, tree: Tree[Token]) -> None:
-        type_tree, declarator = _subtrees(tree)
-        name = _token(declarator)
-        self.typedefs.append(name)
-        type_ = self._declared(self._type(type_tree), declarator)
-        if self._types.setdefault(str(name), type_) != type_:
-            raise ParseError(f"'{name}' is already defined as another type", offset=_start(name))
-
     def _message(self, name: TypeName, tree: Tree[Token], annotations: list[Tree[Token]]) -> Message:
         """Convert a struct to a message, without invalid members."""
         constants: dict[str, Constant] = {}
-        for constant in self._constants.get((name.package, name.kind, f"{name.name}_Constants"), []):
+        for definition, notes in self._constants.get((name.package, name.kind, f"{name.name}_Constants"), []):
             with self._reporting():
-                self._add_constant(*constant, constants)
+                type_tree, expression = _subtrees(definition)
+                word = cast("Token", definition.children[1])
+                _check_name(word, "constant", constants)
+                type_ = self._type(type_tree)
+                if not (isinstance(type_, Primitive) or (isinstance(type_, String) and type_.bound is None)):
+                    message = f"constant '{word}' cannot be of this type"
+                    hint = "a constant must be a number, a boolean or an unbounded string"
+                    raise ParseError(message, offset=_start(word), hint=hint)
+                value = value_of(read_expression(expression), type_)
+                doc = _documentation(self._annotations(notes))
+                constants[str(word)] = Constant(str(word), type_, value, doc, self.place(_start(word)))
         fields: dict[str, Field] = {}
         for member in _subtrees(tree):
             if member.data == "member":
@@ -320,20 +328,6 @@ class FileReader:
             fields.clear()
         doc = _documentation(self._annotations(annotations))
         return Message(name, tuple(fields.values()), tuple(constants.values()), doc)
-
-    def _add_constant(
-        self, tree: Tree[Token], annotations: list[Tree[Token]], constants: dict[str, Constant]
-    ) -> None:
-        type_tree, expression = _subtrees(tree)
-        name = cast("Token", tree.children[1])
-        _check_name(name, "constant", constants)
-        type_ = self._type(type_tree)
-        if not (isinstance(type_, Primitive) or (isinstance(type_, String) and type_.bound is None)):
-            hint = "a constant must be a number, a boolean or an unbounded string"
-            raise ParseError(f"constant '{name}' cannot be of this type", offset=_start(name), hint=hint)
-        value = value_of(read_expression(expression), type_)
-        doc = _documentation(self._annotations(annotations))
-        constants[str(name)] = Constant(str(name), type_, value, doc, self.place(_start(name)))
 
     def _add_members(
         self, tree: Tree[Token], fields: dict[str, Field], constants: dict[str, Constant]
@@ -352,8 +346,9 @@ class FileReader:
                 _check_name(name, "field", fields, constants)
                 type_ = self._declared(base, declarator)
                 default = self._default(annotations, type_)
-                doc, unit = _documentation(annotations), _unit(annotations)
-                place = self.place(_start(name))
+                doc, place = _documentation(annotations), self.place(_start(name))
+                units = [each["value"].value for each in annotations.get("unit", []) if "value" in each]
+                unit = str(units[0]) if len(units) == 1 else None
                 fields[str(name)] = Field(str(name), type_, default, doc, unit, place)
 
     def _type(self, tree: Tree[Token]) -> Type:
@@ -463,13 +458,6 @@ def _documentation(annotations: Annotations) -> tuple[str, ...]:
     ]
     block = textwrap.dedent("\n".join(texts)).strip("\n")
     return tuple(block.split("\n")) if block else ()
-
-
-def _unit(annotations: Annotations) -> str | None:
-    values = [
-        parameters["value"].value for parameters in annotations.get("unit", []) if "value" in parameters
-    ]
-    return str(values[0]) if len(values) == 1 else None
 
 
 def _check_name(name: Token, what: str, *taken: Mapping[str, object]) -> None:

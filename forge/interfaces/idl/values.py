@@ -158,8 +158,6 @@ def _single(written: Expression, type_: Type) -> bool | int | float | str:
 
 def _collection(written: Expression, of: Element) -> tuple[bool | int | float | str, ...]:
     """Parse a Python tuple in a string, which is the form of array defaults in .idl files of rosidl."""
-    import ast
-
     if isinstance(of, Named):
         raise ParseError("a member of a struct's type cannot have a default", hint="leave it out")
     if written.kind != "text":
@@ -174,8 +172,6 @@ def _collection(written: Expression, of: Element) -> tuple[bool | int | float | 
 
 
 def _element(node: ast.expr) -> Expression:
-    import ast
-
     match node:
         case ast.UnaryOp(ast.USub(), ast.Constant() | ast.Name() as operand):
             return _signed("-", _element(operand))

@@ -90,11 +90,7 @@ def _names(message: Message) -> Iterator[Problem]:
         if constant.name in _CONSTANT_NAMES:
             text = f"avoid the constant name '{constant.name}': it is a macro of C or Windows"
             yield _problem(constant.place, text, "use a more specific name", at=constant.name)
-    yield from _twins(message)
-
-
-def _twins(message: Message) -> Iterator[Problem]:
-    """Yield a problem for each state that has the number of another one; names differ in the last word."""
+    # States with the number of another one; their names differ in the last word.
     states: dict[tuple[str, str, object], str] = {}
     for constant in message.constants:
         family = constant.name.rpartition("_")[0]

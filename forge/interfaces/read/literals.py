@@ -59,7 +59,7 @@ def read_value(text: str, type_: Type) -> Value:
             check_length(values, type_)
             return values
         case String():
-            return within_bound(_unescape(_unquote(text)), type_)
+            return within_bound(_text(text), type_)
         case Primitive(name):
             return _number(text, name)
         case Named():
@@ -135,30 +135,22 @@ def _unreadable(text: str, kind: str, hint: str | None = None) -> ParseError:
     return ParseError(f"{shown} is not {kind}", hint=hint)
 
 
-def _unquote(text: str) -> str:
+def _text(text: str) -> str:
+    """Return a string without its quotes and with the characters of its escapes."""
     for quote in QUOTES:
         if text.startswith(quote) and text.endswith(quote):
-            inside = text[1:-1]
-            stray = re.match(rf"(?:[^\\{quote}]|\\.)*{quote}", inside)
-            if stray:
+            text = text[1:-1]
+            if stray := re.match(rf"(?:[^\\{quote}]|\\.)*{quote}", text):
                 raise ParseError(
                     f"a quote inside a quoted text must be escaped: \\{quote}",
                     offset=stray.end(),
                     hint="or use the other kind of quotes around the text",
                 )
-            return inside
-    return text
-
-
-def _unescape(text: str) -> str:
-    if "\\" not in text:
-        return text
+            break
     plain = _ESCAPE.sub(escaped_character, text)
-    lone = SURROGATES.search(plain)
-    if lone:
-        raise ParseError(
-            f"'\\u{ord(lone.group()):04x}' is half of a surrogate pair", hint="write the character itself"
-        )
+    if "\\" in text and (lone := SURROGATES.search(plain)):
+        message = f"'\\u{ord(lone.group()):04x}' is half of a surrogate pair"
+        raise ParseError(message, hint="write the character itself")
     return plain
 
 

@@ -72,11 +72,9 @@ def _listed(share: Path) -> list[str] | None:
         return None
     paths = [path for path in text.split("\n") if path.rpartition(".")[2] in ENDINGS]
     # Requests and responses of services are installed beside them.
-    return sorted(_own(path for path in paths if not _is_part(path) and (share / path).is_file())) or None
-
-
-def _is_part(path: str) -> bool:
-    return path.endswith(".msg") and PurePosixPath(path).parent.name in {"srv", "action"}
+    messages = {path for path in paths if path.endswith(".msg")}
+    parts = {path for path in messages if PurePosixPath(path).parent.name in {"srv", "action"}}
+    return sorted(_own(path for path in paths if path not in parts and (share / path).is_file())) or None
 
 
 def _found(folder: Path) -> list[str]:
@@ -208,7 +206,10 @@ class Library:
 
     def folder(self, package: str) -> Path | None:
         """Return the folder with the msg, srv and action folders of a package."""
-        return next((each for each in self._folders(package) if _has_interfaces(each, self.rosdistro)), None)
+        folders = [self.includes[package]] if package in self.includes else []
+        folders += [prefix / "share" / package for prefix in self.prefixes]
+        folders += [self.embedded / package] if self.embedded else []
+        return next((each for each in folders if _has_interfaces(each, self.rosdistro)), None)
 
     def packages(self) -> dict[str, Path]:
         """Return the folder of each package that has interfaces, by name."""
@@ -246,14 +247,6 @@ class Library:
                 tags = root.children if root else ()
                 self._declared = frozenset(each.text.strip() for each in tags if each.tag.endswith("depend"))
         return package in self._declared
-
-    def _folders(self, package: str) -> Iterator[Path]:
-        if package in self.includes:
-            yield self.includes[package]
-        for prefix in self.prefixes:
-            yield prefix / "share" / package
-        if self.embedded:
-            yield self.embedded / package
 
 
 @dataclass(frozen=True, slots=True)

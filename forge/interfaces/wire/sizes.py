@@ -54,7 +54,11 @@ class SizeCalculator:
             alignment = self._alignment(member.type)
             low, phase = _rounded(low, alignment), phase.aligned(alignment)
             high = None if high is None else _rounded(high, alignment)
-            smallest, largest = self._size_range(member.type, phase)
+            # The minimum and maximum size over all start offsets of the phase.
+            starts = range(phase.remainder, MAX_ALIGNMENT, phase.modulus)
+            smallest = min(self._size_at(member.type, start, full=False) or 0 for start in starts)
+            sizes = [self._size_at(member.type, start, full=True) for start in starts]
+            largest = None if None in sizes else max(size for size in sizes if size is not None)
             members.append(MemberSize(low, low == high, alignment, smallest, largest))
             key = (member.type, phase)
             if key not in self._end_phases:
@@ -64,13 +68,6 @@ class SizeCalculator:
             high = None if high is None or more is None else high + more
             low += self._size_at(member.type, low % MAX_ALIGNMENT, full=False) or 0
         return MessageSize(tuple(members), low, high)
-
-    def _size_range(self, type_: Type, phase: Phase) -> tuple[int, int | None]:
-        """Return the minimum and maximum size of a member over all start offsets of a phase."""
-        starts = range(phase.remainder, MAX_ALIGNMENT, phase.modulus)
-        smallest = min(self._size_at(type_, start, full=False) or 0 for start in starts)
-        sizes = [self._size_at(type_, start, full=True) for start in starts]
-        return smallest, None if None in sizes else max(size for size in sizes if size is not None)
 
     def _alignment(self, type_: Type) -> int:
         match type_:

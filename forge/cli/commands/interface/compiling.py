@@ -32,7 +32,6 @@ from forge.interfaces.writing import (
     read_states,
     write,
     write_depfile,
-    write_stamp,
 )
 
 _DEFAULT_LANGUAGES = ("python", "cpp")
@@ -109,7 +108,8 @@ def _generate(options: _Options) -> int:
         sources = [source.path for each in (catalog, *others) for source in each.sources.values()]
         write_depfile(options.depfile, options.stamp or options.output, dict.fromkeys(sources))
     if options.stamp:
-        write_stamp(options.stamp)
+        options.stamp.parent.mkdir(parents=True, exist_ok=True)
+        options.stamp.touch()
     else:
         print(f"{len(written.changed)} of {counted(written.total, 'file')} written to '{options.output}'")
     return 0
