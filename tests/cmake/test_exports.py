@@ -41,9 +41,10 @@ def library(ament: Ament, name: str, exports: str, *, uses: str = "", body: str 
 
 @cxx
 @pytest.mark.parametrize(
-    "base", [MODERN, CLASSIC, MODERN + "\n" + CLASSIC], ids=["modern", "classic", "both"]
+    ("base", "top"),
+    [(MODERN, CLASSIC), (CLASSIC, MODERN), (f"{MODERN}\n{CLASSIC}", MODERN)],
+    ids=["modern-classic", "classic-modern", "both-modern"],
 )
-@pytest.mark.parametrize("top", [MODERN, CLASSIC], ids=["modern", "classic"])
 def test_libraries_are_used_in_every_style(ament: Ament, base: str, top: str) -> None:
     library(ament, "base", base)
     library(ament, "top", top, uses="base", body="return base();")
@@ -83,6 +84,7 @@ def test_targets_of_several_sets_are_listed_in_order_and_programs_left_out(ament
     assert "share/single/environment/library_path.sh" in single.files()
 
 
+@pytest.mark.newest_cmake
 def test_classic_variables_collect_what_dependencies_add(ament: Ament) -> None:
     ament(
         "ament_export_include_directories(include/base include/base)\nament_export_definitions(BASE=1)\n"
@@ -120,21 +122,27 @@ def test_a_missing_dependency_is_an_error_for_users(ament: Ament) -> None:
     assert '"nowhere"' in outcome.flat
 
 
+KEYWORDS = ("", "PUBLIC", "SYSTEM PUBLIC", "SYSTEM", "INTERFACE")
+
+
 @cxx
-@pytest.mark.parametrize("keyword", ["", "PUBLIC", "SYSTEM PUBLIC", "SYSTEM", "INTERFACE"])
-def test_keywords_select_the_signature(ament: Ament, keyword: str) -> None:
+def test_keywords_select_the_signature(ament: Ament) -> None:
     ament(
         "add_library(offer INTERFACE)\ntarget_compile_definitions(offer INTERFACE OFFERED)\n"
         "install(TARGETS offer EXPORT set)\nament_export_targets(set)\nament_package()",
         name="offer",
     ).install()
-    follow = "m" if "PUBLIC" not in keyword and "INTERFACE" not in keyword else "PRIVATE m"
-    kind = "INTERFACE" if keyword == "INTERFACE" else "STATIC lib.cpp"
-    link = "" if keyword == "INTERFACE" else f"target_link_libraries(lib {follow})\n"
+    lines = ["find_package(offer REQUIRED)"]
+    for number, keyword in enumerate(KEYWORDS):
+        library, program = f"lib{number}", f"main{number}"
+        kind = "INTERFACE" if keyword == "INTERFACE" else "STATIC lib.cpp"
+        lines += [f"add_library({library} {kind})", f"ament_target_dependencies({library} {keyword} offer)"]
+        if keyword != "INTERFACE":
+            # CMake rejects the plain signature after one with a keyword, and the reverse.
+            lines += [f"target_link_libraries({library} {'PRIVATE' * ('PUBLIC' in keyword)} m)"]
+        lines += [f"add_executable({program} main.cpp)", f"target_link_libraries({program} {library})"]
     user = ament(
-        f"find_package(offer REQUIRED)\nadd_library(lib {kind})\n"
-        f"ament_target_dependencies(lib {keyword} offer)\n"
-        f"{link}add_executable(main main.cpp)\ntarget_link_libraries(main lib)",
+        "\n".join(lines),
         name="user",
         files={
             "lib.cpp": "#ifndef OFFERED\n#error\n#endif\n",
@@ -172,6 +180,7 @@ PUBLIC_COMMANDS: Mapping[str, tuple[str, str]] = {
 }
 
 
+@pytest.mark.newest_cmake
 def test_small_commands_work_as_documented(ament: Ament) -> None:
     """One project for all: each result is printed under its number."""
     lines = [

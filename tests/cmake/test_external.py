@@ -18,6 +18,7 @@ install(FILES "${{CMAKE_CURRENT_BINARY_DIR}}/foreign-prefix/src/foreign-build/ma
 """
 
 
+@pytest.mark.newest_cmake
 @pytest.mark.needs("cmake", "ninja", "make", "gcc")
 def test_vendored_makefiles_build_beside_ninja_packages(forge: Forge, tree: Tree) -> None:
     root = tree(

@@ -13,23 +13,24 @@ pytestmark = [pytest.mark.needs("cmake"), pytest.mark.needs("ninja")]
 INDEX = "share/ament_index/resource_index"
 
 
-@pytest.mark.parametrize(
-    ("argument", "text"),
-    [
-        ('CONTENT "ns::A;lib/liba.so\\nns::B;lib/libb.so\\n"', "ns::A;lib/liba.so\nns::B;lib/libb.so\n"),
-        ('CONTENT "[x] $<1:y> z"', "[x] y z"),
-        ('CONTENT ""', ""),
-        ("", ""),
-        ("CONTENT_FILE plain.txt", "a;b\n@NAME@\n"),
-        ("CONTENT_FILE expanded.txt.in", "a;demo\n"),
-        ("CONTENT x PACKAGE_NAME other", "x"),
-    ],
+CONTENTS = (
+    ('CONTENT "ns::A;lib/liba.so\\nns::B;lib/libb.so\\n"', "ns::A;lib/liba.so\nns::B;lib/libb.so\n"),
+    ('CONTENT "[x] $<1:y> z"', "[x] y z"),
+    ('CONTENT ""', ""),
+    ("", ""),
+    ("CONTENT_FILE plain.txt", "a;b\n@NAME@\n"),
+    ("CONTENT_FILE expanded.txt.in", "a;demo\n"),
+    ("CONTENT x PACKAGE_NAME other", "x"),
 )
-def test_resource_contents_are_unchanged(ament: Ament, argument: str, text: str) -> None:
+
+
+def test_resource_contents_are_unchanged(ament: Ament) -> None:
     files = {"plain.txt": "a;b\n@NAME@\n", "expanded.txt.in": "a;@PROJECT_NAME@\n"}
-    demo = ament(f"ament_index_register_resource(kind {argument})", files=files).install()
-    name = "other" if "PACKAGE_NAME" in argument else "demo"
-    assert demo.read(f"{INDEX}/kind/{name}") == text
+    calls = (f"ament_index_register_resource(kind{n} {words})" for n, (words, _) in enumerate(CONTENTS))
+    demo = ament("\n".join(calls), files=files).install()
+    for number, (words, text) in enumerate(CONTENTS):
+        name = "other" if "PACKAGE_NAME" in words else "demo"
+        assert demo.read(f"{INDEX}/kind{number}/{name}") == text, words
 
 
 def test_resources_are_found_in_the_order_of_the_prefixes(ament: Ament, tmp_path: Path) -> None:

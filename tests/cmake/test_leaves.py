@@ -9,7 +9,7 @@ import pytest
 
 from .conftest import PYTHON_VERSION, Ament
 
-pytestmark = [pytest.mark.needs("cmake"), pytest.mark.needs("ninja")]
+pytestmark = [pytest.mark.newest_cmake, pytest.mark.needs("cmake"), pytest.mark.needs("ninja")]
 SITE = f"lib/python{PYTHON_VERSION}/site-packages"
 cxx = pytest.mark.needs("g++")
 

@@ -18,7 +18,11 @@ PACKAGES = {
 
 
 @pytest.mark.parametrize(
-    "words", [(), ("--symlink-install", "--merge-install"), ("--test-result-base", "results")]
+    "words",
+    [
+        pytest.param((), marks=pytest.mark.newest_cmake),
+        ("--symlink-install", "--merge-install", "--test-result-base", "results"),
+    ],
 )
 def test_unused_forge_variables_give_no_cmake_warnings(
     words: tuple[str, ...], forge: Forge, tree: Tree

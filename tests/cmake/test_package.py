@@ -11,7 +11,7 @@ import pytest
 
 from .conftest import BUILD_TOOLS, EMBEDDED, Ament
 
-pytestmark = [pytest.mark.needs("cmake"), pytest.mark.needs("ninja")]
+pytestmark = [pytest.mark.newest_cmake, pytest.mark.needs("cmake"), pytest.mark.needs("ninja")]
 
 PLAIN = "cmake_minimum_required(VERSION 3.12)\nproject(consumer NONE)\n"
 

@@ -94,6 +94,7 @@ def linked(tmp_path_factory: pytest.TempPathFactory) -> Built:
     return _workspace(root, 8, "--symlink-install", "--merge-install", "--cmake-args", "-DBUILD_TESTING=OFF")
 
 
+@pytest.mark.newest_cmake
 def test_every_shape_is_built_and_installs_what_it_should(copied: Built, golden: Golden) -> None:
     golden(
         "cmake/shapes", {f"{name}.txt": _listing(copied.root / "install" / name) for name in copied.packages}
@@ -108,6 +109,7 @@ def _listing(prefix: Path) -> str:
     return "".join(f"{version.sub('pythonX.Y', path)}\n" for path in paths if not inside.search(path))
 
 
+@pytest.mark.newest_cmake
 def test_a_second_build_has_nothing_to_do(copied: Built) -> None:
     assert "Starting" not in copied.build()
     for name in copied.packages:
@@ -115,11 +117,13 @@ def test_a_second_build_has_nothing_to_do(copied: Built) -> None:
         assert not re.search(r"Building|Generating|Linking|^\[\d+/", said, re.MULTILINE), said
 
 
+@pytest.mark.newest_cmake
 def test_the_tests_of_the_shapes_pass(copied: Built) -> None:
     for name in copied.packages:
         copied.ctest(name, "--output-on-failure")
 
 
+@pytest.mark.newest_cmake
 def test_linters_that_are_missing_are_skipped_tests(copied: Built) -> None:
     listing = copied.ctest("late_lib", "-N")
     assert set(re.findall(r"#\d+: (\w+)$", listing, re.MULTILINE)) == {
@@ -128,6 +132,7 @@ def test_linters_that_are_missing_are_skipped_tests(copied: Built) -> None:
     }
 
 
+@pytest.mark.newest_cmake
 def test_users_of_every_style_run(copied: Built) -> None:
     programs = sorted((copied.root / "install/users/lib/users").iterdir())
     assert len(programs) == 20

@@ -94,6 +94,7 @@ def test_variables_are_set_and_appended(tmp_path: Path) -> None:
     assert run(tmp_path / "r.xml", *words, "--command", "sh", "-c", script) == (0, "passed")
 
 
+@pytest.mark.newest_cmake
 def test_ament_add_test_registers_a_test_with_its_properties(ament: Ament) -> None:
     demo = ament(
         "ament_add_test(one COMMAND true ENV A= B=$<CONFIG> TIMEOUT 5 GENERATE_RESULT_FOR_RETURN_CODE_ZERO)\n"
@@ -161,6 +162,7 @@ add_library(gtest_main STATIC gtest_main.cpp)
 
 
 @pytest.mark.needs("g++")
+@pytest.mark.newest_cmake
 def test_google_test_is_built_from_sources_where_they_are(ament: Ament) -> None:
     demo = ament(
         "find_package(ament_cmake_gtest REQUIRED)\nament_add_gtest(one one.cpp TIMEOUT 9)\n"
@@ -322,6 +324,7 @@ def test_the_main_of_version_3_of_catch2_is_linked(ament: Ament) -> None:
     assert registered(demo).keys() == {"one", "two"}
 
 
+@pytest.mark.newest_cmake
 def test_pytest_runs_and_leaves_a_result(ament: Ament) -> None:
     demo = ament(
         "find_package(ament_cmake_pytest REQUIRED)\n"
