@@ -67,7 +67,7 @@ class Ros:
         folder = self.root / "repositories" / f"{repository}.git"
         if not folder.exists():
             folder.mkdir(parents=True)
-            _git(folder, "init", "--quiet", "--initial-branch=main")
+            _git(folder, "init", "--quiet", "--template=", "--initial-branch=main")
         write_files(folder, files)
         _git(folder, "add", "--all")
         _git(folder, "commit", "--quiet", "--allow-empty", "--message", tag)

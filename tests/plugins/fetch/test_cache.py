@@ -4,6 +4,7 @@ import fcntl
 import os
 import shutil
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -11,7 +12,7 @@ import pytest
 from forge.plugins.fetch.underlay import lock_path
 from tests.conftest import Forge, Ran
 from tests.packages import write_files
-from tests.plugins.fetch.ros import small_ros
+from tests.plugins.fetch.ros import Ros
 from tests.plugins.fetch.test_underlay import new_workspace, underlay
 
 pytestmark = pytest.mark.needs("cmake", "git")
@@ -20,9 +21,8 @@ DAYS = 86400
 
 
 @pytest.fixture
-def env(tmp_path: Path, forge: Forge) -> dict[str, str]:
+def env(ros: Ros, tmp_path: Path, forge: Forge) -> dict[str, str]:
     """Build a workspace on the small distribution; return the variables."""
-    ros = small_ros(tmp_path / "ros")
     workspace, variables = new_workspace(tmp_path / "ws"), ros.variables()
     assert forge("fetch", cwd=workspace, env=variables).code == 0
     assert forge("build", cwd=workspace, env=variables).code == 0
@@ -144,27 +144,24 @@ def test_cache_folder_of_packages_says_nothing_of_ros(
     assert listed(forge, env) == before
 
 
-@pytest.mark.parametrize("change", ["edit", "add", "remove", "mode"])
-def test_changed_file_of_a_source_is_found(
-    env: dict[str, str], forge: Forge, tmp_path: Path, change: str
-) -> None:
+def test_changed_file_of_a_source_is_found(env: dict[str, str], forge: Forge, tmp_path: Path) -> None:
     assert forge("cache", "verify", env=env).code == 0
     (folder,) = (tmp_path / "ros/user cache/forge/ros/sources/rclmini").glob("*-*/")
-    file = folder / ("CMakeLists.txt" if change != "add" else "new.txt")
-    if change == "remove":
-        file.unlink()
-    else:
-        if file.exists():
-            file.chmod(0o755 if change == "mode" else 0o644)
-        if change != "mode":
-            file.write_text("# mine\n")
-    ran = forge("cache", "verify", env=env)
-    assert ran.code == 1
-    assert f"{folder}: '{file.name}' changed after the download; remove the folder to get it again" in ran.out
-    assert folder.is_dir(), "it may be the work of somebody"
-    shutil.rmtree(folder)
-    assert forge("fetch", cwd=tmp_path / "ws", env=env).code == 0
-    assert forge("cache", "verify", env=env).code == 0
+    lists, new = folder / "CMakeLists.txt", folder / "new.txt"
+    changes: dict[Path, tuple[Callable[[], object], ...]] = {
+        lists: (lambda: lists.write_text("# mine\n"), lists.unlink, lambda: lists.chmod(0o755)),
+        new: (lambda: new.write_text("mine\n"),),
+    }
+    for file, change in ((file, change) for file, each in changes.items() for change in each):
+        change()
+        ran = forge("cache", "verify", env=env)
+        assert ran.code == 1
+        message = f"{folder}: '{file.name}' changed after the download; remove the folder to get it again"
+        assert message in ran.out
+        assert folder.is_dir(), "it may be the work of somebody"
+        shutil.rmtree(folder)
+        assert forge("fetch", cwd=tmp_path / "ws", env=env).code == 0
+        assert forge("cache", "verify", env=env).code == 0
 
 
 def test_damaged_clone_and_missing_sources_are_found(

@@ -11,16 +11,11 @@ import pytest
 from forge.base.formats import read_toml, read_yaml, yaml_text
 from tests.conftest import Forge
 from tests.packages import manifest_text, write_files
-from tests.plugins.fetch.ros import CMAKE, SERVER, Ros, depends, small_ros
+from tests.plugins.fetch.ros import CMAKE, SERVER, Ros, depends
 
 pytestmark = pytest.mark.needs("cmake", "git")
 
 NEEDED = ["lib_vendor", "rclmini", "rmw_cyclonedds_cpp", "rmw_implementation"]
-
-
-@pytest.fixture
-def ros(tmp_path: Path) -> Ros:
-    return small_ros(tmp_path / "ros")
 
 
 def new_workspace(root: Path, *lines: str) -> Path:

@@ -12,16 +12,11 @@ import pytest
 
 from forge.toolchain.interpreter import own_command
 from tests.conftest import Forge
-from tests.plugins.fetch.ros import Ros, small_ros
+from tests.plugins.fetch.ros import Ros
 from tests.plugins.fetch.server import GitServer, git_server
 from tests.plugins.fetch.test_fetch import NEEDED, locked, new_workspace
 
 pytestmark = pytest.mark.needs("git")
-
-
-@pytest.fixture
-def ros(tmp_path: Path) -> Ros:
-    return small_ros(tmp_path / "ros")
 
 
 @pytest.fixture

@@ -17,7 +17,7 @@ from forge.toolchain.interpreter import own_command
 from tests.conftest import Forge
 from tests.e2e.test_live import build as on_terminal
 from tests.packages import manifest_text, write_files
-from tests.plugins.fetch.ros import CMAKE, Ros, depends, small_ros
+from tests.plugins.fetch.ros import CMAKE, Ros, depends
 from tests.plugins.fetch.wheels import Index
 
 pytestmark = pytest.mark.needs("cmake", "git")
@@ -27,11 +27,6 @@ enable_language(C)
 file(WRITE ${CMAKE_CURRENT_BINARY_DIR}/code.c "const char *where(void) { return __FILE__; }")
 add_library(rclmini SHARED lib.c ${CMAKE_CURRENT_BINARY_DIR}/code.c)
 install(TARGETS rclmini DESTINATION lib)"""
-
-
-@pytest.fixture
-def ros(tmp_path: Path) -> Ros:
-    return small_ros(tmp_path / "ros")
 
 
 def new_workspace(root: Path, needs: str = "rclmini") -> Path:
