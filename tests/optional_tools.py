@@ -26,7 +26,12 @@ def modules() -> list[Path]:
         for folder in ("e2e", "integration", "plugins")
         for path in HERE.joinpath(folder).rglob("test_*.py")
     )
-    return [path for path in paths if names.search(path.read_text(encoding="utf-8"))]
+    return [
+        path
+        for path in paths
+        # New users have bare machines.
+        if path.name == "test_tutorial.py" or names.search(path.read_text(encoding="utf-8"))
+    ]
 
 
 if __name__ == "__main__":
