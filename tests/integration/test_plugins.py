@@ -39,10 +39,10 @@ def run_forge(
 ) -> subprocess.CompletedProcess[str]:
     """Run forge with the modules in the folder `path` first."""
     environment = {
-        **(variables or {}),
         "PYTHONPATH": str(path),
         "PATH": f"{Path(sys.executable).parent}:/usr/bin:/bin",
         "HOME": str(folder),
+        **(variables or {}),
     }
     argv = [sys.executable, "-m", "forge", *words]
     return subprocess.run(argv, cwd=folder, env=environment, capture_output=True, text=True, check=False)
@@ -55,11 +55,12 @@ def forge_without(plugin: str, copy: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def underlay(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """Build the embedded packages once; return the variables of their prefix."""
+    """Build the embedded packages once; return the variables of their prefix and of what forge keeps."""
     root = write_files(tmp_path_factory.mktemp("underlay"), WORKSPACE) / "ws"
     ran = run_forge(root, "build", "--merge-install")
     assert ran.returncode == 0, ran.stderr
-    return dict.fromkeys(("AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH"), str(root / "install"))
+    prefix = str(root / "install")
+    return {"AMENT_PREFIX_PATH": prefix, "CMAKE_PREFIX_PATH": prefix, "HOME": str(root)}
 
 
 @pytest.mark.parametrize("plugin", PLUGINS)
@@ -68,8 +69,8 @@ def test_forge_builds_without_the_plugin(
 ) -> None:
     copy = forge_without(plugin, tmp_path / "copy")
     root = tree(WORKSPACE) / "ws"
-    for words in (("--help",), ("completion", "bash"), ("extensions",), ("list",), ("build",), ("test",)):
-        ran = run_forge(root, *words, path=copy, variables=underlay)
+    for words in ("completion bash", "extensions", "list", "build", "test"):
+        ran = run_forge(root, *words.split(), path=copy, variables=underlay)
         assert ran.returncode == 0, ran.stdout + ran.stderr
     assert (root / "install/shapes/share/shapes/msg/Point.msg").is_file()
 
