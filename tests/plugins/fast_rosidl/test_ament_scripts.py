@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.packages import manifest_text
+from tests.packages import manifest_text, write_files
 from tests.rosidl import DEBIAN, interface_package, underlay
 
 if TYPE_CHECKING:
@@ -64,16 +64,20 @@ def started_scripts(root: Path, *options: str) -> Counter[str]:
     return Counter(SCRIPT.findall(text))
 
 
-def test_ament_scripts_run_in_the_worker_with_the_same_result(
-    tree: Tree, tmp_path_factory: pytest.TempPathFactory
-) -> None:
-    slow = tree(FILES).rename(tmp_path_factory.mktemp("slow") / "ws")
-    fast = tree(FILES)
+@pytest.fixture(scope="module")
+def fast(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a workspace in which no script had a process of its own."""
+    root = write_files(tmp_path_factory.mktemp("fast"), FILES)
+    assert not started_scripts(root)
+    return root
+
+
+def test_ament_scripts_run_in_the_worker_with_the_same_result(fast: Path, tree: Tree) -> None:
+    slow = tree(FILES)
     assert started_scripts(slow, "--no-fast-rosidl") == {
         "package_xml_2_cmake.py": 3,
         "templates_2_cmake.py": 3,
     }
-    assert not started_scripts(fast)
     for name in ("one", "two", "three"):
         for result in RESULTS[name == "three" :]:
             both = [(root / "build" / name / result).read_text(encoding="utf-8") for root in (fast, slow)]
@@ -88,12 +92,10 @@ def test_the_embedded_ament_has_no_such_scripts(tree: Tree) -> None:
     assert not (root / "build/one/.forge/ament_scripts.cmake").exists()
 
 
-def test_without_forge_ament_scripts_run_unchanged(tree: Tree) -> None:
-    root = tree(FILES)
-    assert not started_scripts(root)
-    package = root / "build/one/ament_cmake_core/package.cmake"
+def test_without_forge_ament_scripts_run_unchanged(fast: Path) -> None:
+    package = fast / "build/one/ament_cmake_core/package.cmake"
     before = package.read_text(encoding="utf-8")
     package.unlink()
     variables = {**os.environ, **underlay()}
-    subprocess.run(("cmake", root / "build/one"), env=variables, check=True, capture_output=True)
+    subprocess.run(("cmake", fast / "build/one"), env=variables, check=True, capture_output=True)
     assert package.read_text(encoding="utf-8") == before

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from tests.packages import write_files
 from tests.rosidl import DEBIAN, interface_package, underlay
 
 if TYPE_CHECKING:
@@ -24,6 +25,26 @@ FILES = {
     "msg/Plain.msg": '# A comment\nint32 X=3\nfloat64 a 1.5\nstring<=5 s "x"\nint8[3] arr [1, 2, 3]\n',
     "msg/Nested.msg": "fast_msgs/Plain[] plains\nwstring w\nfast_msgs/Plain[2] pair\n",
     "srv/Ask.srv": "int8 a\n---\nNested b\n",
+}
+SMALL = {"msg/Plain.msg": "int32 a\n"}
+OWN_SOURCE = """
+add_library(own SHARED own/a.c own/b.c)
+install(TARGETS own DESTINATION lib)
+"""
+GENERATED_LIBRARY = """
+set(folder "${CMAKE_CURRENT_BINARY_DIR}/rosidl_own")
+file(WRITE "${folder}/a.c" "%s")
+file(WRITE "${folder}/b.c" "static int one(void) { return 2; } int b(void) { return one(); }")
+add_library(clash SHARED "${folder}/a.c" "${folder}/b.c")
+install(TARGETS clash DESTINATION lib)
+"""
+CLASH = GENERATED_LIBRARY % "static int one(void) { return 1; } int a(void) { return one(); }"
+BROKEN = GENERATED_LIBRARY % "int a(void) { return missing; }"
+DESCRIBED = re.sub(r"\b([ab])\.c\b", r"\1__description.c", CLASH).replace("clash", "described")
+BUILT = {
+    **interface_package("fast_msgs", FILES, after=OWN_SOURCE + DESCRIBED),
+    "src/fast_msgs/own/a.c": "static int one(void) { return 1; }\nint a(void) { return one(); }\n",
+    "src/fast_msgs/own/b.c": "static int one(void) { return 2; }\nint b(void) { return one(); }\n",
 }
 GENERATED = ("rosidl_adapter", "rosidl_generator_c", "rosidl_generator_cpp")
 INTROSPECTION = ("rosidl_typesupport_introspection_c", "rosidl_typesupport_introspection_cpp")
@@ -57,29 +78,36 @@ def symbols(library: Path) -> list[str]:
     return sorted(subprocess.run(argv, capture_output=True, text=True, check=True).stdout.split())
 
 
-def test_accelerated_builds_match_rosidl(tree: Tree, tmp_path_factory: pytest.TempPathFactory) -> None:
-    fast = tree(interface_package("fast_msgs", FILES))
-    slow = fast.rename(tmp_path_factory.mktemp("slow") / "ws")
-    tree(interface_package("fast_msgs", FILES))
-    done = build(fast), build(slow, "--no-fast-rosidl")
-    assert [one.returncode for one in done] == [0, 0], done
-    assert "forge: runs" not in log(fast)
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the workspace of a package with sources of its own that is built once for several tests."""
+    root = write_files(tmp_path_factory.mktemp("built"), BUILT)
+    done = build(root)
+    assert done.returncode == 0, done.stderr
+    return root
+
+
+def test_accelerated_builds_match_rosidl(built: Path, tree: Tree) -> None:
+    slow = tree(BUILT)
+    done = build(slow, "--no-fast-rosidl")
+    assert done.returncode == 0, done.stderr
+    assert "forge: " not in log(built)
     for folder in (*GENERATED, *INTROSPECTION):
-        generated = [generated_files(root / "build/fast_msgs" / folder) for root in (fast, slow)]
+        generated = [generated_files(root / "build/fast_msgs" / folder) for root in (built, slow)]
         assert generated[0]
         assert generated[0] == generated[1]
-    installed = [sorted(contents(root / "install/fast_msgs")) for root in (fast, slow)]
+    installed = [sorted(contents(root / "install/fast_msgs")) for root in (built, slow)]
     assert installed[0] == installed[1]
-    libraries = sorted(path.name for path in (fast / "install/fast_msgs/lib").glob("*.so"))
+    libraries = sorted(path.name for path in (built / "install/fast_msgs/lib").glob("libfast_msgs*.so"))
     assert len(libraries) == 3  # C, and introspection of C and of C++
     for name in libraries:
-        assert symbols(fast / "install/fast_msgs/lib" / name) == symbols(
+        assert symbols(built / "install/fast_msgs/lib" / name) == symbols(
             slow / "install/fast_msgs/lib" / name
         )
-    units = [list((root / "build/fast_msgs").rglob("unity_*.o")) for root in (fast, slow)]
+    units = [list((root / "build/fast_msgs").rglob("unity_*.o")) for root in (built, slow)]
     assert units[0]
     assert not units[1]
-    assert precompiled(fast)
+    assert precompiled(built)
     assert not precompiled(slow)
 
 
@@ -91,67 +119,45 @@ def precompiled(root: Path) -> list[Path]:
 @pytest.mark.needs("ccache")
 def test_a_compiler_launcher_gets_no_precompiled_headers(tree: Tree) -> None:
     """What is compiled with them would not be cached."""
-    root = tree(interface_package("fast_msgs", FILES))
+    root = tree(interface_package("fast_msgs", SMALL))
     assert build(root, "--compiler-launcher", "ccache").returncode == 0
     assert not precompiled(root)
 
 
-def test_precompiled_headers_are_no_input_of_the_package(tree: Tree) -> None:
-    root = tree(interface_package("fast_msgs", FILES))
-    assert build(root).returncode == 0
-    for path in precompiled(root):
+def test_precompiled_headers_are_no_input_of_the_package(built: Path) -> None:
+    for path in precompiled(built):
         path.unlink()
-    assert "1 package unchanged" in build(root).stdout
+    assert "1 package unchanged" in build(built).stdout
 
 
-def test_printed_commands_work_outside_of_the_build(tree: Tree) -> None:
-    root = tree(interface_package("fast_msgs", FILES))
-    assert build(root).returncode == 0
-    environment = (root / "build/fast_msgs/.forge/environment.sh").read_text(encoding="utf-8")
+def test_printed_commands_work_outside_of_the_build(built: Path) -> None:
+    environment = (built / "build/fast_msgs/.forge/environment.sh").read_text(encoding="utf-8")
     assert "FORGE_PRECOMPILED_HEADERS" not in environment
     assert "FORGE_ROSIDL_WORKER" not in environment
 
 
-def test_a_changed_definition_is_regenerated_and_recompiled(tree: Tree) -> None:
-    root = tree(interface_package("fast_msgs", FILES))
-    assert build(root).returncode == 0
-    tree({"src/fast_msgs/msg/Plain.msg": "int32 renamed\n"})
-    assert build(root).returncode == 0
-    header = root / "install/fast_msgs/include/fast_msgs/fast_msgs/msg/detail/plain__struct.h"
+def test_compile_commands_name_every_generated_source(built: Path) -> None:
+    entries = json.loads((built / "build/compile_commands.json").read_text(encoding="utf-8"))
+    named = {Path(entry["file"]).name for entry in entries}
+    assert {"plain__functions.c", "nested__functions.c", "ask__functions.c"} <= named
+
+
+@pytest.mark.parametrize("name", ["own", "described"])
+def test_own_sources_and_descriptions_of_types_are_compiled_one_by_one(built: Path, name: str) -> None:
+    """Debian's rosidl generates no descriptions yet: those of later distributions clash in one unit."""
+    assert symbols(built / f"install/fast_msgs/lib/lib{name}.so") == ["a", "b"]
+
+
+def test_a_changed_definition_is_regenerated_and_recompiled(built: Path) -> None:
+    write_files(built, {"src/fast_msgs/msg/Plain.msg": "int32 renamed\n"})
+    assert build(built).returncode == 0
+    header = built / "install/fast_msgs/include/fast_msgs/fast_msgs/msg/detail/plain__struct.h"
     assert "int32_t renamed;" in header.read_text(encoding="utf-8")
-    assert "1 package unchanged" in build(root).stdout
-
-
-OWN_SOURCE = """
-add_library(own SHARED own/a.c own/b.c)
-install(TARGETS own DESTINATION lib)
-"""
-
-
-def test_the_users_own_sources_are_compiled_one_by_one(tree: Tree) -> None:
-    files = interface_package("fast_msgs", FILES, after=OWN_SOURCE)
-    files |= {
-        "src/fast_msgs/own/a.c": "static int one(void) { return 1; }\nint a(void) { return one(); }\n",
-        "src/fast_msgs/own/b.c": "static int one(void) { return 2; }\nint b(void) { return one(); }\n",
-    }
-    root = tree(files)
-    assert build(root).returncode == 0
-    assert symbols(root / "install/fast_msgs/lib/libown.so") == ["a", "b"]
-
-
-GENERATED_LIBRARY = """
-set(folder "${CMAKE_CURRENT_BINARY_DIR}/rosidl_own")
-file(WRITE "${folder}/a.c" "%s")
-file(WRITE "${folder}/b.c" "static int one(void) { return 2; } int b(void) { return one(); }")
-add_library(clash SHARED "${folder}/a.c" "${folder}/b.c")
-install(TARGETS clash DESTINATION lib)
-"""
-CLASH = GENERATED_LIBRARY % "static int one(void) { return 1; } int a(void) { return one(); }"
-BROKEN = GENERATED_LIBRARY % "int a(void) { return missing; }"
+    assert "1 package unchanged" in build(built).stdout
 
 
 def test_sources_that_do_not_compile_together_are_compiled_one_by_one(tree: Tree) -> None:
-    root = tree(interface_package("fast_msgs", FILES, after=CLASH))
+    root = tree(interface_package("fast_msgs", SMALL, after=CLASH))
     done = build(root)
     assert done.returncode == 0, done.stderr
     line = "forge: the generated sources do not compile together; compiling them one by one"
@@ -169,52 +175,44 @@ foreach(name IN ITEMS a b c d e f g h i j k l)
   file(WRITE "${source}" "int ${name}(void) { return 1; }")
   list(APPEND sources "${source}")
 endforeach()
-add_library(own SHARED ${sources})
-install(TARGETS own DESTINATION lib)
+add_library(own_%s SHARED ${sources})
 """
 
 
-@pytest.mark.parametrize(("kind", "sizes"), [("msg", [12]), ("srv", [12]), ("action", [6, 6])])
-def test_units_have_about_the_same_number_of_messages(kind: str, sizes: list[int], tree: Tree) -> None:
+def test_units_have_about_the_same_number_of_messages(tree: Tree) -> None:
     """The source of an action has those of two services and more, so fewer of them make a unit."""
-    root = tree(interface_package("fast_msgs", FILES, after=OWN_INTERFACES % kind))
+    kinds = {"msg": [12], "srv": [12], "action": [6, 6]}
+    after = "".join(OWN_INTERFACES % (kind, kind) for kind in kinds)
+    root = tree(interface_package("fast_msgs", SMALL, after=after))
     done = build(root)
     assert done.returncode == 0, done.stderr
-    units = sorted((root / "build/fast_msgs/CMakeFiles/own.dir/Unity").glob("*.c"))
-    assert [unit.read_text(encoding="utf-8").count("#include") for unit in units] == sizes
-
-
-def test_descriptions_of_types_are_compiled_one_by_one(tree: Tree) -> None:
-    """Debian's rosidl generates none yet: those of later distributions clash in one unit."""
-    after = re.sub(r"\b([ab])\.c\b", r"\1__description.c", CLASH)
-    root = tree(interface_package("fast_msgs", FILES, after=after))
-    done = build(root)
-    assert done.returncode == 0, done.stderr
-    assert "do not compile together" not in log(root)
-    assert symbols(root / "install/fast_msgs/lib/libclash.so") == ["a", "b"]
+    for kind, sizes in kinds.items():
+        units = sorted((root / f"build/fast_msgs/CMakeFiles/own_{kind}.dir/Unity").glob("*.c"))
+        assert [unit.read_text(encoding="utf-8").count("#include") for unit in units] == sizes
 
 
 def test_sources_that_do_not_compile_at_all_fail(tree: Tree) -> None:
-    root = tree(interface_package("fast_msgs", FILES, after=BROKEN))
+    root = tree(interface_package("fast_msgs", SMALL, after=BROKEN))
     done = build(root)
     assert done.returncode == 1
     assert re.search("error: .missing. undeclared", done.stderr)
 
 
 THIRD_PARTY = """
-add_custom_command(OUTPUT third.txt
-  COMMAND "${Python3_EXECUTABLE}" "${CMAKE_CURRENT_SOURCE_DIR}/third.py"
-          --generator-arguments-file arguments.json
-  COMMAND "${CMAKE_COMMAND}" -E echo "another command")
-add_custom_target(third ALL DEPENDS third.txt)
+file(WRITE "${CMAKE_CURRENT_BINARY_DIR}/arguments.json" "{}")
+foreach(name third declined)
+  add_custom_command(OUTPUT ${name}.txt
+    COMMAND "${Python3_EXECUTABLE}" "${CMAKE_CURRENT_SOURCE_DIR}/${name}.py"
+            --generator-arguments-file arguments.json
+    COMMAND "${CMAKE_COMMAND}" -E echo "another command")
+  add_custom_target(${name} ALL DEPENDS ${name}.txt)
+endforeach()
 """
-ARGUMENTS = 'file(WRITE "${CMAKE_CURRENT_BINARY_DIR}/arguments.json" "{}")\n'
-
-
+RUNS = "import sys\nprint('third party')\nopen('third.txt', 'w').write(sys.argv[1])\n"
 FAILS_ONCE = """import os
 if os.path.exists("tried"):
-    print("third party")
-    open("third.txt", "w")
+    print("the second time")
+    open("declined.txt", "w")
 else:
     open("tried", "w")
     print("in vain")
@@ -222,25 +220,17 @@ else:
 """
 
 
-@pytest.mark.parametrize(
-    ("program", "reason"),
-    [
-        ("import sys\nprint('third party')\nopen('third.txt', 'w').write(sys.argv[1])\n", None),
-        (FAILS_ONCE, "runs third.py in a process of its own: ValueError: once"),
-    ],
-    ids=["runs in the worker", "declined"],
-)
-def test_third_party_generators(tree: Tree, program: str, reason: str | None) -> None:
-    files = interface_package("fast_msgs", FILES, after=ARGUMENTS + THIRD_PARTY)
-    root = tree({**files, "src/fast_msgs/third.py": program})
+def test_third_party_generators_run_in_the_worker_or_in_a_process_of_their_own(tree: Tree) -> None:
+    files = interface_package("fast_msgs", SMALL, after=THIRD_PARTY)
+    root = tree({**files, "src/fast_msgs/third.py": RUNS, "src/fast_msgs/declined.py": FAILS_ONCE})
     done = build(root)
     assert done.returncode == 0, done.stderr
     printed = log(root)
-    assert printed.count("third party") == 1
+    assert printed.count("third party") == printed.count("the second time") == 1
     assert "in vain" not in printed
-    assert [line for line in printed.splitlines() if line.startswith("forge: ")] == (
-        [f"forge: {reason}"] if reason else []
-    )
+    assert [line for line in printed.splitlines() if line.startswith("forge: ")] == [
+        "forge: runs declined.py in a process of its own: ValueError: once"
+    ]
 
 
 def test_an_invalid_definition_has_the_message_of_rosidl(tree: Tree) -> None:
@@ -251,17 +241,9 @@ def test_an_invalid_definition_has_the_message_of_rosidl(tree: Tree) -> None:
     assert "  first error in step 'build':\n    forge: " not in done.stderr
 
 
-def test_compile_commands_name_every_generated_source(tree: Tree) -> None:
-    root = tree(interface_package("fast_msgs", FILES))
-    assert build(root).returncode == 0
-    entries = json.loads((root / "build/compile_commands.json").read_text(encoding="utf-8"))
-    named = {Path(entry["file"]).name for entry in entries}
-    assert {"plain__functions.c", "nested__functions.c", "ask__functions.c"} <= named
-
-
 @pytest.mark.needs("colcon")
 def test_colcon_and_forge_can_continue_each_others_builds(tree: Tree) -> None:
-    root = tree(interface_package("fast_msgs", FILES))
+    root = tree(interface_package("fast_msgs", SMALL))
     environment = {**os.environ, **underlay()}
     argv = ["colcon", "build", "--cmake-args", f"-DPython3_EXECUTABLE={sys.executable}"]
     library = root / "install/fast_msgs/lib/libfast_msgs__rosidl_generator_c.so"

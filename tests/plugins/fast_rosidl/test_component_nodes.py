@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.packages import manifest_text
+from tests.packages import manifest_text, write_files
 from tests.rosidl import DEBIAN, underlay
 
 if TYPE_CHECKING:
@@ -98,9 +98,15 @@ def precompiled(root: Path) -> list[Path]:
     return list((root / "build/nodes").rglob("*.gch"))
 
 
-def test_component_nodes_share_a_precompiled_header(tree: Tree) -> None:
-    root = tree(FILES)
-    assert "warning" not in build(root)
+@pytest.fixture(scope="module")
+def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a workspace that is built once for several tests."""
+    folder = write_files(tmp_path_factory.mktemp("nodes"), FILES)
+    assert "warning" not in build(folder)
+    return folder
+
+
+def test_component_nodes_share_a_precompiled_header(root: Path) -> None:
     assert len(precompiled(root)) == 1
     assert [said(root, f"node_{index}") for index in (1, ENOUGH)] == [
         "Hello from node_1!\n",
@@ -112,13 +118,18 @@ def test_component_nodes_share_a_precompiled_header(tree: Tree) -> None:
     assert sorted(apart) == ["node_main_asking", "node_main_hidden"]
 
 
-def test_a_changed_header_is_compiled(tree: Tree) -> None:
-    root = tree(FILES)
-    build(root)
-    tree({"src/rclcpp_components/include/greeting/greeting.hpp": '#pragma once\n#define GREETING "Bye"\n'})
+def test_a_changed_header_is_compiled(root: Path) -> None:
+    greeting = '#pragma once\n#define GREETING "Bye"\n'
+    write_files(root, {"src/rclcpp_components/include/greeting/greeting.hpp": greeting})
     build(root)
     assert said(root, "node_1") == "Bye from node_1!\n"
     assert "2 packages unchanged" in build(root)
+
+
+def test_the_option_turns_it_off(root: Path) -> None:
+    assert "--no-fast-rosidl" in build(root, "--no-fast-rosidl", "--explain")
+    assert "cmake_pch" not in (root / "build/nodes/build.ninja").read_text(encoding="utf-8")
+    assert said(root, "node_1").endswith(" from node_1!\n")
 
 
 def test_few_component_nodes_share_no_header(tree: Tree) -> None:
@@ -141,15 +152,6 @@ def test_only_leading_includes_are_shared(tree: Tree) -> None:
     build(root)
     assert not precompiled(root)
     assert said(root, "node_1") == "HELLO from node_1!\n"
-
-
-def test_the_option_turns_it_off(tree: Tree) -> None:
-    root = tree(FILES)
-    build(root)
-    assert "--no-fast-rosidl" in build(root, "--no-fast-rosidl", "--explain")
-    programs = (root / "build/nodes/build.ninja").read_text(encoding="utf-8")
-    assert "cmake_pch" not in programs
-    assert said(root, "node_1") == "Hello from node_1!\n"
 
 
 @pytest.mark.needs("ccache")

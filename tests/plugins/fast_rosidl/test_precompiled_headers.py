@@ -97,19 +97,15 @@ def test_the_dependencies_of_an_object_are_complete(compile_source: Compile, tmp
     assert {*usual.split()} - {"x.o:", "\\"} <= {*found.split()}
 
 
-@pytest.mark.parametrize(
-    "others",
-    [
-        *(("-O2",), ("-std=c++20",), ("-fPIC",), ("-D_GLIBCXX_DEBUG",), ("-Wpedantic",)),
-        ("-fvisibility=hidden",),
-    ],
-)
-def test_options_that_affect_code_have_a_header_of_their_own(
-    others: tuple[str, ...], compile_source: Compile, folder: Path
-) -> None:
-    for options in ((), others, ()):
+OPTIONS = ("-O2", "-std=c++20", "-fPIC", "-D_GLIBCXX_DEBUG", "-Wpedantic", "-fvisibility=hidden")
+
+
+def test_options_that_affect_code_have_a_header_of_their_own(compile_source: Compile, folder: Path) -> None:
+    for number, options in enumerate(((), *((option,) for option in OPTIONS)), 1):
         assert f"! {folder}/" in said(compile_source(*options))
-    assert len(precompiled(folder)) == 2
+        assert len(precompiled(folder)) == number
+    assert f"! {folder}/" in said(compile_source())
+    assert len(precompiled(folder)) == 1 + len(OPTIONS)
 
 
 def test_another_cpp_library_has_a_separate_precompiled_header(
