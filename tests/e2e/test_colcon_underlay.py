@@ -11,7 +11,6 @@ import pytest
 from forge.environment.sourcing import sourced_environment
 from tests.conftest import Forge
 from tests.e2e.test_colcon_installs import told
-from tests.e2e.test_shells import each_layout
 from tests.packages import manifest_text, write_files
 from tests.peers import Colcon
 
@@ -76,31 +75,27 @@ def sourced(script: Path, shell: str, before: dict[str, str]) -> dict[str, str]:
     return {name: value for name, _, value in pairs if name not in _SHELL_S_OWN}
 
 
-def build(tool: str, root: Path, options: list[str], variables: dict[str, str], forge: Forge) -> None:
+def build(tool: str, root: Path, variables: dict[str, str], forge: Forge) -> None:
     """Build a workspace with one of the two, in the environment of its underlay."""
     if tool == "forge":
-        ran = forge("build", *options, cwd=root, env=variables)
+        ran = forge("build", cwd=root, env=variables)
     else:
         colcon = Colcon({**variables, "COLCON_LOG_PATH": "/dev/null"})
-        ran = colcon("build", *options, cwd=root)
+        ran = colcon("build", cwd=root)
         colcon.end()
     assert ran.code == 0, ran.out + ran.err
 
 
-@each_layout
-def test_forge_and_colcon_workspaces_can_be_each_others_underlays(
-    layout_word: str, forge: Forge, tmp_path: Path
-) -> None:
+def test_forge_and_colcon_workspaces_can_be_each_others_underlays(forge: Forge, tmp_path: Path) -> None:
     """For each pair of tools: shells see the same environment, and forge finds it unsourced."""
-    options = ["--merge-install"] if layout_word == "merged" else []
     plain = {"PATH": os.environ["PATH"], "HOME": str(tmp_path), "LOGNAME": "someone"}
     seen: dict[tuple[str, str, str], dict[str, str]] = {}
     for below, above in itertools.product(("forge", "colcon"), repeat=2):
         home = tmp_path / f"{above}_on_{below}"
         for workspace, files in WORKSPACES.items():
             write_files(home / workspace, files)
-        build(below, home / "below", options, plain, forge)
-        build(above, home / "above", options, sourced(home / "below/install/setup.sh", "sh", plain), forge)
+        build(below, home / "below", plain, forge)
+        build(above, home / "above", sourced(home / "below/install/setup.sh", "sh", plain), forge)
         for shell in SHELLS:
             script = home / f"above/install/setup.{shell}"
             if shell == "fish" and above == "colcon":
