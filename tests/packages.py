@@ -1,10 +1,8 @@
-"""Makes packages for tests, from the text of a manifest, and the context of a build with CMake."""
+"""Makes packages for tests, from the text of a manifest."""
 
 from collections.abc import Mapping
 from pathlib import Path
 
-from forge.base.layout import Layout
-from forge.build.recipes.context import BuildContext
 from forge.workspace.discovery import ROS_DEFAULTS
 from forge.workspace.manifest import parse_manifest
 from forge.workspace.model import Package
@@ -44,16 +42,3 @@ def package(name: str, *depends: str, build_type: str = "ament_cmake", tag: str 
     path = Path("src") / name
     content = manifest_text(name, *lines, build_type=build_type).encode()
     return Package(path, parse_manifest(content, path / "package.xml", ROS_DEFAULTS))
-
-
-def build_context(root: Path) -> BuildContext:
-    """Return the context of an isolated build in a workspace."""
-    return BuildContext(
-        root=root,
-        layout=Layout(root / "build", root / "install", None),
-        python=Path("/usr/bin/python3"),
-        site_packages="lib/python3.11/site-packages",
-        wheels=("forge-install-wheel",),
-        generator=("forge",),
-        cmake=Path("/usr/bin/cmake"),
-    )

@@ -92,41 +92,45 @@ class Workspace:
 
 
 READERS = {
-    "open": 'version = open("../../VERSION").read().strip()',
-    "an absolute path": 'version = open(os.path.join(here, "..", "..", "VERSION")).read().strip()',
-    "pathlib": 'import pathlib; version = pathlib.Path("../../VERSION").read_text().strip()',
-    "another folder": 'os.chdir("../.."); version = open("VERSION").read().strip(); os.chdir(here)',
-    "exec": 'exec(open("../../shared/version.py").read())',
-    "import": 'sys.path.insert(0, "../../shared"); from version import version',
-    "configparser": (
-        "import configparser; said = configparser.ConfigParser(); said.read('../../shared/version.ini'); "
-        "version = said['all']['version']"
-    ),
-    "copied data": 'data.append(("share/talk", ["../../VERSION"]))',
-    "a shell": 'version = os.popen("cat ../../VERSION").read().strip()',
-    "a program": 'version = subprocess.check_output(["cat", "../../VERSION"], text=True).strip()',
-    "a Python program": 'version = subprocess.check_output([sys.executable, "ask.py"], text=True).strip()',
-    "a fork": (
+    "opened": 'version = open("../../VERSION").read().strip()',
+    "in_another_folder": 'os.chdir("../.."); version = open("VERSION").read().strip(); os.chdir(here)',
+    "imported": 'sys.path.insert(0, "../../shared"); from version import version',
+    "copied": 'data.append(("share/talk", ["../../VERSION"]))',
+    "by_a_program": 'version = subprocess.check_output(["cat", "../../VERSION"], text=True).strip()',
+    "by_python": 'version = subprocess.check_output([sys.executable, "ask.py"], text=True).strip()',
+    "by_a_fork": (
         "if not os.fork():\n"
         '    open("talk/v.txt", "w").write(open("../../VERSION").read()); os._exit(0)\n'
         "os.wait()\n"
         "version = open('talk/v.txt').read().strip(); os.remove('talk/v.txt')"
     ),
 }
+"""Lines of setup.py by the name of a package."""
 
 
-@pytest.mark.parametrize("reader", READERS.values(), ids=READERS.keys())
-def test_an_external_file_read_by_setup_py_is_an_input(reader: str, tree: Tree, forge: Forge) -> None:
+def test_external_files_read_by_setup_py_are_inputs(tree: Tree, forge: Forge) -> None:
     def version(number: str) -> dict[str, str]:
-        return {
-            "VERSION": f"{number}\n",
-            "shared/version.py": f"version = '{number}'\n",
-            "shared/version.ini": f"[all]\nversion = {number}\n",
-        }
+        return {"VERSION": f"{number}\n", "shared/version.py": f"version = '{number}'\n"}
 
-    ask = "print(open('../../VERSION').read())"
-    workspace = Workspace(tree(package(reader, **version("1.0"), **{"src/talk/ask.py": ask})), forge)
-    assert workspace.change(version("2.0")).startswith(("'VERSION' ", "'shared/version."))
+    files = version("1.0")
+    for name, reader in READERS.items():
+        ask = {"src/talk/ask.py": "print(open('../../VERSION').read())"}
+        for path, text in package(reader, **ask).items():
+            for word in ("<name>{}<", 'name="{}"', "share/{}"):
+                text = text.replace(word.format("talk"), word.format(name))
+            files[path.replace("src/talk/", f"src/{name}/")] = text
+    root = tree(files)
+    assert forge("build", cwd=root).code == 0
+    assert f"{len(READERS)} packages unchanged" in forge("build", cwd=root).out
+    tree(version("2.0"))
+    ran = forge("build", "--explain", cwd=root)
+    for name in READERS:
+        assert f"{name}: build, 'VERSION' " in ran.out or f"{name}: build, 'shared/version." in ran.out
+    actual = look(root / "install")
+    for name in ("build", "install"):
+        shutil.rmtree(root / name)
+    assert forge("build", cwd=root).code == 0
+    assert differences(actual, look(root / "install")) == []
 
 
 def test_a_missing_file_that_appears_causes_a_rebuild(tree: Tree, forge: Forge) -> None:

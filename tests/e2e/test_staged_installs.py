@@ -406,7 +406,7 @@ class Rules:
 
 
 @LAYOUTS
-@pytest.mark.parametrize("seed", range(int(os.environ.get("FORGE_TEST_EXAMPLES", "3"))))
+@pytest.mark.parametrize("seed", range(int(os.environ.get("FORGE_TEST_EXAMPLES", "2"))))
 def test_any_change_of_files_and_rules_installs_what_a_clean_build_does(
     forge: Forge, tree: Tree, seed: int, options: tuple[str, ...]
 ) -> None:

@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.base.distributions import EMBEDDED
-from forge.interfaces.model import Catalog, Message, Source
 from forge.interfaces.read.parsing import parse_all
 from forge.interfaces.read.sources import Library, read_folder
 from forge.interfaces.resolve.resolution import resolve
@@ -29,17 +27,6 @@ MANIFEST = (
 )
 HOSTILE = """</pre><script>alert(1)</script> "'><img src=x onerror=alert(2)> &lt;b&gt; {{ 7 * 7 }} --> ]]>"""
 DOCS = ("interface", "docs")
-
-
-def page_of(message: Message, **about: str) -> dict[str, str]:
-    """Return the files of a site about one message."""
-    name = message.name
-    source = Source(
-        name.package, f"msg/{name.name}.msg", EMBEDDED / "x", f"# {HOSTILE}\nint8 a # {HOSTILE}\n"
-    )
-    catalog = Catalog(name.package, {name: message}, {name: message}, {name: source})
-    files = site([catalog], {name.package: PackageInfo(**about)}, HOSTILE)
-    return {file.path: file.text for file in files}
 
 
 def workspace(tree: Tree) -> Path:
