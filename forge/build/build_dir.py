@@ -61,7 +61,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from forge.base.layout import Layout
-    from forge.build.inputs.fingerprints import FileTable, Manifest
+    from forge.build.inputs.fingerprints import FileTable
     from forge.build.inputs.native_graph import NativeGraph
     from forge.build.installed_states import InstalledStates
     from forge.build.model import BuildRecord
@@ -314,10 +314,8 @@ def _externals_changed(build: Path, last: FolderRecord, graph: NativeGraph, tabl
     A build that did not finish recorded no contents of such files: of those that its commands read, the ones
     written since it started count as changed.
     """
-    if last.externals is not None:
-        now = contents_of(last.externals, table)
-        if any(state.content != now[path] for path, state in last.externals.items()):
-            return True
+    if last.externals is not None and contents_of(last.externals, table) != last.externals:
+        return True
     if last.complete:
         return last.externals is None
     outside = (path for path in graph.known() - last.sources.keys() if not path.startswith(f"{build}/"))
@@ -375,7 +373,7 @@ def saved_during_build(
     source: Path,
     last: FolderRecord | None,
     begun: FolderRecord,
-    externals: Manifest,
+    externals: Mapping[str, str],
     table: FileTable,
     observed: frozenset[str],
 ) -> frozenset[str]:
@@ -399,7 +397,7 @@ def saved_during_build(
         path
         for path in externals.keys() - written
         if written_since(path, begun.began)
-        and not (path in again and path in before and before[path].content == externals[path].content)
+        and not (path in again and path in before and before[path] == externals[path])
     )
 
 

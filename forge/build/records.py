@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from forge.engine.commands import ObservedCommands
 
-_VERSION = 1
+_VERSION = 2
 _INVALID = (ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError)
 
 
@@ -61,8 +61,10 @@ class FolderRecord:
     """What CMake and the commands did that made the contents; nothing is known of steps that were killed."""
     complete: bool = False
     """The build has succeeded."""
-    externals: Manifest | None = None
-    """What the last successful build with these contents read outside of the package; None without one."""
+    externals: Mapping[str, str] | None = None
+    """What the last successful build with these contents read outside of the package, and the content of each;
+    None without one.
+    """
     saved: frozenset[str] = frozenset()
     """Inputs that were written while the build ran."""
     generated: str = ""
@@ -85,7 +87,7 @@ def begin_record(build: Path, record: FolderRecord) -> None:
     replace_file(build / SCRATCH_DIR / RECORD_FILE, json.dumps(data).encode() + b"\n")
 
 
-_AT_BEGIN = ("base", "shape", "needs", "sources", "stamp", "began", "from_empty", "externals")
+_AT_BEGIN = ("base", "shape", "needs", "sources", "stamp", "began", "externals")
 
 
 def add_commands(build: Path, commands: ObservedCommands) -> None:
@@ -93,7 +95,7 @@ def add_commands(build: Path, commands: ObservedCommands) -> None:
     _append(build, {"commands": encode_commands(commands)})
 
 
-def complete_record(build: Path, externals: Manifest, saved: frozenset[str], generated: str) -> None:
+def complete_record(build: Path, externals: Mapping[str, str], saved: frozenset[str], generated: str) -> None:
     """Record that the build succeeded."""
     _append(build, {"externals": externals, "saved": sorted(saved), "generated": generated, "complete": True})
 
@@ -121,7 +123,7 @@ def read_record(build: Path) -> FolderRecord | None:
                 **data,
                 "needs": dict(data["needs"]),
                 "sources": _manifest(data["sources"]),
-                "externals": None if data["externals"] is None else _manifest(data["externals"]),
+                "externals": data["externals"] and dict(data["externals"]),
                 "dropped": frozenset(data["dropped"]),
                 "read_by_commands": frozenset(data["read_by_commands"]),
                 "commands": decode_commands(data["commands"]) if "commands" in data else NOT_OBSERVED,

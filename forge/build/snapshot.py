@@ -165,7 +165,7 @@ def changed_external_files(
     now = contents_of(record.externals, table)
     then = last.externals if last else None
     if then is not None:
-        before = {path: then[path].content for path in record.externals if path in then}
+        before = {path: then[path] for path in record.externals if path in then}
         changed = {path for path in before if before[path] != now[path]}
     else:
         before = {}

@@ -28,7 +28,6 @@ from forge.build.inputs.fingerprints import (
     contents_of,
     digest_of,
     digest_strings,
-    file_manifest,
     fingerprint_files,
     fingerprint_tree,
 )
@@ -299,16 +298,15 @@ class TaskSetup(TaskLifecycle):
         found = tuple(sorted(reported.union(asked, *(each.external for each in every))))
         read = graph.known().union(*(each.read for each in observed.all))
         found = (*found, *self._undeclared(task, read, declared))
-        externals = file_manifest(found, self.state.table)
+        externals = contents_of(found, self.state.table)
         last, begun = self._begun.pop(task.name)
         written = frozenset[str]().union(*(each.written for each in observed.all))
         source = self.state.source(task)
         saved = saved_during_build(build, source, last, begun, externals, self.state.table, written)
         complete_record(build, externals, saved, generated_digest(build))
         names = (path.removeprefix(f"{source}/") for path in sorted(saved))
-        contents = {path: state.content for path, state in externals.items()}
         record = replace(
-            self._record(task, installed, stats, tuple(externals), digest_of(externals, contents)),
+            self._record(task, installed, stats, tuple(externals), digest_of(externals, externals)),
             began=begun.began / 1e9,
             # The cache key has the sources as planned.
             saved=(*names, *((str(task.package.path),) if begun.stamp == UNPLANNED else ())),

@@ -237,15 +237,6 @@ def tree_stats(root: str) -> dict[str, str]:
     return {path: _stats(path, status) for path, status, _ in _walk(root)}
 
 
-def file_manifest(paths: Iterable[str], table: FileTable, stats: Stats = _NO_STATS) -> Manifest:
-    """Return the state of each of `paths`; `stats` may provide stats that were just taken."""
-    found = {}
-    for path in paths:
-        status = stats.get(path) or _status(path)
-        found[path] = FileState(_stats(path, status), _content(path, status, table))
-    return found
-
-
 def stamp_files(paths: Iterable[str]) -> str:
     """Return a stamp of the stats of `paths` and of link targets without reading files."""
     stamp = hashlib.blake2b(digest_size=16)

@@ -11,7 +11,7 @@ import pytest
 
 from forge.base.layout import RECORD_FILE, SCRATCH_DIR, Layout
 from forge.build import build_dir
-from forge.build.inputs.fingerprints import FileTable, file_manifest, fingerprint_tree
+from forge.build.inputs.fingerprints import FileTable, contents_of, fingerprint_tree
 from forge.build.installed_states import InstalledStates
 from forge.build.observed_writes import append, begin_log, read_steps
 from forge.build.records import FolderRecord, add_commands, complete_record, read_record
@@ -121,7 +121,7 @@ class Probe:
         """Note that the build ended well; return what was saved meanwhile."""
         assert self.begun is not None
         table = self.table()
-        externals = file_manifest(self.externals, table)
+        externals = contents_of(self.externals, table)
         saved = build_dir.saved_during_build(
             self.build, self.source, self.last, self.begun, externals, table, frozenset()
         )
@@ -206,8 +206,8 @@ def test_a_clock_set_back_rebuilds_everything(probe: Probe) -> None:
 @pytest.mark.parametrize(
     "text",
     [
-        *(None, "", "[]", "{", "null", '{"began": "x"}', '{"version": 1}', '{"version": 0}', "[" * 9999),
-        *(-1, 1, 100, '{"version": 1, "began": -1}', '{"version": 1, "began": 0}\nnull'),
+        *(None, "", "[]", "{", "null", '{"began": "x"}', '{"version": 2}', '{"version": 0}', "[" * 9999),
+        *(-1, 1, 100, '{"version": 2, "began": -1}', '{"version": 2, "began": 0}\nnull'),
     ],
 )
 def test_a_lost_or_damaged_record_never_reuses_changed_files(probe: Probe, text: str | int | None) -> None:
