@@ -5,26 +5,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache, partial
-from typing import TYPE_CHECKING, TypeVar, overload
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from forge.base.errors import Problem, WorkspaceError, raise_if_any
-from forge.base.frozen import frozen
 from forge.base.graph import closure, closures, ordered_names, weak_edges_on_cycles
 from forge.build.build_types import build_type_of, unknown_type, unknown_types
 from forge.build.installed_lists import listed_files, without_other_installs
-from forge.build.model import BuildInputs, Fingerprint
 from forge.build.tasks import BuildPlan, Task
-from forge.build.up_to_date import (
-    DependencyHashes,
-    reason_to_build,
-)
+from forge.build.up_to_date import DependencyHashes, reason_to_build
 from forge.engine.variables import FOR_COMPILERS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Mapping
 
-    from forge.base.frozen import Pairs
-    from forge.build.model import Snapshot
+    from forge.build.model import BuildInputs, Snapshot
     from forge.build.recipes.context import BuildContext
     from forge.workspace.model import Package, Selection
     from forge.workspace.resolve import DependencyResolution
@@ -46,12 +40,14 @@ def make_plan(
     resolution: DependencyResolution,
     snapshot: Snapshot,
     context: BuildContext,
-    global_inputs: GlobalInputs,
+    shared: BuildInputs,
+    forced: Mapping[str, str],
 ) -> tuple[BuildPlan, DependencyHashes]:
     """Return the tasks for `names`, which are in topological order, and the dependency hashes.
 
-    A package of `names` without a task is up to date. Raises WorkspaceError for unknown build types and for
-    dependencies that are not installed.
+    `shared` are the inputs of all packages, and `forced` the packages that are built in any case, with the
+    option that says so. A package of `names` without a task is up to date. Raises WorkspaceError for unknown
+    build types and for dependencies that are not installed.
     """
     ordered = ordered_names(resolution.needs)
     read_from = _read_from(resolution, snapshot)
@@ -68,29 +64,29 @@ def make_plan(
     hashes = DependencyHashes(
         resolution.needs, {name: fingerprint.digest for name, fingerprint in snapshot.installed.items()}
     )
-    tools, variables = global_inputs.tools, global_inputs.environment
     tasks: dict[str, Task] = {}
     for name in names:
         needs = closed[name]
         package = resolution.packages[name]
         need_hashes = hashes.needs_of(name, needs)
-        inputs = BuildInputs(
-            forge=global_inputs.forge,
+        inputs = replace(
+            shared,
             options=build_type_of(package).options(package, context.of(package)),
-            tools=tuple(pair for pair in tools if not package.embedded or pair[0] in _CONFIGURING),
-            environment=tuple(
-                pair for pair in variables if not (package.embedded and pair[0] in FOR_COMPILERS)
-            ),
             sources=snapshot.sources[name].digest,
             needs=need_hashes or (),
-            underlays=global_inputs.underlays,
         )
+        if package.embedded:  # it compiles nothing
+            inputs = replace(
+                inputs,
+                tools=tuple(pair for pair in shared.tools if pair[0] in _CONFIGURING),
+                environment=tuple(pair for pair in shared.environment if pair[0] not in FOR_COMPILERS),
+            )
         record = snapshot.records.get(name)
-        forced = global_inputs.force if name in global_inputs.selected else ""
+        option = forced.get(name)
         # What depends on pending packages is decided when these have ended.
         now = replace(inputs, needs=record.inputs.needs) if need_hashes is None and record else inputs
         change = reason_to_build(name, now, record, snapshot)
-        reason = change.text if change else (f"requested by {forced}" if forced else None)
+        reason = change.text if change else (f"requested by {option}" if option else None)
         after = read_from.get(name, frozenset()) & tasks.keys()
         if reason is not None or need_hashes is None or after:
             hashes.expect(name)
@@ -100,7 +96,7 @@ def make_plan(
                 reason=reason or "one of its dependencies is being rebuilt and may change",
                 conditional=reason is None,
                 after=after,
-                from_empty=forced == "--force",
+                from_empty=option == "--force",
             )
     return BuildPlan(tasks, tuple(name for name in names if name not in tasks)), hashes
 
@@ -125,46 +121,6 @@ def _read_from(resolution: DependencyResolution, snapshot: Snapshot) -> dict[str
 
 _CONFIGURING = frozenset({"python", "cmake", "ninja", "make"})
 """The tools of packages that compile nothing."""
-
-
-@frozen
-class GlobalInputs:
-    """The build inputs shared by all packages, and the option that forces a rebuild.
-
-    `underlays` is a digest of the package names available in the underlays.
-    """
-
-    forge: str
-    tools: Pairs
-    environment: Pairs
-    underlays: str = ""
-    force: str = ""
-    selected: frozenset[str] = frozenset()
-
-
-def make_whole_plan(
-    names: Sequence[str],
-    resolution: DependencyResolution,
-    snapshot: Snapshot,
-    context: BuildContext,
-    global_inputs: GlobalInputs,
-    overwritten: Callable[[BuildPlan], frozenset[str]],
-) -> tuple[BuildPlan, DependencyHashes]:
-    """Return the plan of make_plan(), extended by packages that must be reinstalled because of it.
-
-    `overwritten(plan)` returns up-to-date packages whose installed files a task of the plan will overwrite.
-    They are installed again after it.
-    """
-    plan, hashes = make_plan(names, resolution, snapshot, context, global_inputs)
-    while found := overwritten(plan):
-        changes = dict.fromkeys(found, "another package that is built overwrites one of its files")
-        snapshot = replace(
-            snapshot,
-            installed={**snapshot.installed, **dict.fromkeys(found, Fingerprint())},
-            installed_changes={**snapshot.installed_changes, **changes},
-        )
-        plan, hashes = make_plan(names, resolution, snapshot, context, global_inputs)
-    return plan, hashes
 
 
 def _task(
@@ -236,35 +192,14 @@ class _LazyTuple(Sequence[_Item_co]):
     Most tasks of a plan never run, because their dependencies are unchanged or their results are cached.
     """
 
-    __slots__ = ("_items", "_make")
-
     def __init__(self, make: Callable[[], tuple[_Item_co, ...]]) -> None:
-        self._make = make
-        self._items: tuple[_Item_co, ...] | None = None
+        self._items = cache(make)
 
     def __len__(self) -> int:
-        return len(self._computed())
+        return len(self._items())
 
-    @overload
-    def __getitem__(self, index: int) -> _Item_co: ...
-    @overload
-    def __getitem__(self, index: slice) -> tuple[_Item_co, ...]: ...
-    def __getitem__(self, index: int | slice) -> _Item_co | tuple[_Item_co, ...]:
-        return self._computed()[index]
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, tuple | _LazyTuple) and self._computed() == tuple(other)
-
-    def __hash__(self) -> int:
-        return hash(self._computed())
+    def __getitem__(self, index: Any) -> Any:
+        return self._items()[index]
 
     def __reduce__(self) -> tuple[type[tuple[_Item_co, ...]], tuple[tuple[_Item_co, ...]]]:
-        return (tuple, (self._computed(),))
-
-    def __repr__(self) -> str:
-        return repr(self._computed())
-
-    def _computed(self) -> tuple[_Item_co, ...]:
-        if self._items is None:
-            self._items = self._make()
-        return self._items
+        return (tuple, (self._items(),))

@@ -62,8 +62,8 @@ class FolderRecord:
     complete: bool = False
     """The build has succeeded."""
     externals: Mapping[str, str] | None = None
-    """What the last successful build with these contents read outside of the package, and the content of each;
-    None without one.
+    """What the last successful build with these contents read outside of the package, with the contents; None
+    without one.
     """
     saved: frozenset[str] = frozenset()
     """Inputs that were written while the build ran."""

@@ -32,11 +32,11 @@ from forge.base.files import current_umask
 from forge.base.frozen import frozen
 from forge.base.graph import closure
 from forge.base.layout import NO_CODE, OWN_CACHE_DIR, PACKAGE, PACKAGE_LOCK, own_folders
-from forge.build import folder_marks
+from forge.build import folder_marks, planning
 from forge.build.build_types import leave_out, with_toolchains
 from forge.build.inputs.fingerprints import digest_strings, source_files, stamp_files
 from forge.build.journal import open_journal
-from forge.build.planning import GlobalInputs, make_whole_plan, names_to_build
+from forge.build.model import BuildInputs, Fingerprint
 from forge.build.preflight import path_problems, variable_length_problems
 from forge.build.recipes.cmake import FLAGS, unfit_generator
 from forge.build.recipes.context import BuildContext
@@ -181,7 +181,7 @@ def _packages_to_build(
 
     Packages of unknown build types that nothing requires are left out with a warning.
     """
-    names, query = names_to_build(loaded.selection, loaded.resolution), options.query
+    names, query = planning.names_to_build(loaded.selection, loaded.resolution), options.query
     requested = frozenset(names) if query.strict else query.named
     selected, warnings = leave_out(names, loaded.packages, loaded.resolution.needs, requested)
     warn(warnings)
@@ -332,7 +332,6 @@ def _has_many_wheels(packages: Iterable[Package]) -> bool:
 def make_plan(build: PreparedBuild, state: BuildState) -> tuple[BuildPlan, Snapshot]:
     """Compare all inputs with the journal, and record what is up to date."""
     loaded, context, variables = build.loaded, build.context, build.variables
-    resolution = loaded.resolution
     snapshot = take_snapshot(
         context.root, loaded.packages.values(), context.layout, state.journal, state.table
     )
@@ -342,22 +341,23 @@ def make_plan(build: PreparedBuild, state: BuildState) -> tuple[BuildPlan, Snaps
         for folder in ("share", "lib/cmake"):
             with suppress(OSError):
                 words += (f"{prefix}/{folder}", *sorted(os.listdir(prefix / folder)))  # noqa: PTH208
-    shared_inputs = GlobalInputs(
+    shared = BuildInputs(
         forge=forge_stamp(),
         tools=condensed(context.tools),
         environment=tuple((name, digest_strings(value)) for name, value in relevant_environment(variables)),
         underlays=digest_strings(*words) if words else "",
-        force=build.options.forced_by,
-        selected=frozenset(loaded.selection.names),
     )
-    plan, hashes = make_whole_plan(
-        build.names,
-        resolution,
-        snapshot,
-        context,
-        shared_inputs,
-        state.merged_prefix.packages_to_reinstall,
-    )
+    forced = dict.fromkeys(loaded.selection.names, build.options.forced_by)
+    plan, hashes = planning.make_plan(build.names, loaded.resolution, snapshot, context, shared, forced)
+    # Up-to-date packages whose files another package will overwrite are installed again after it.
+    while found := state.merged_prefix.packages_to_reinstall(plan):
+        changes = dict.fromkeys(found, "another package that is built overwrites one of its files")
+        snapshot = replace(
+            snapshot,
+            installed={**snapshot.installed, **dict.fromkeys(found, Fingerprint())},
+            installed_changes={**snapshot.installed_changes, **changes},
+        )
+        plan, hashes = planning.make_plan(build.names, loaded.resolution, snapshot, context, shared, forced)
     plan = state.merged_prefix.in_order(plan)
     state.confirm_up_to_date(plan, snapshot, hashes)
     return plan, snapshot

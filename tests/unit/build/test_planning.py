@@ -7,8 +7,8 @@ import pytest
 
 from forge.base.errors import WorkspaceError
 from forge.base.layout import Layout
-from forge.build.model import Fingerprint, Snapshot
-from forge.build.planning import GlobalInputs, make_plan
+from forge.build.model import BuildInputs, Fingerprint, Snapshot
+from forge.build.planning import make_plan
 from forge.build.recipes.context import BuildContext
 from forge.build.tasks import BuildPlan
 from forge.workspace.model import Package
@@ -29,7 +29,11 @@ CONTEXT = BuildContext(
 )
 SOURCES = {name: Fingerprint("stamp", f"sources of {name}") for name in ("e", "a", "b", "p")}
 COMPLETE = Snapshot(present=frozenset({"e", "a", "b"}), sources=SOURCES)
-GLOBAL = GlobalInputs("forge 1", (("c++", "12"), ("cmake", "3")), (("CXX", "g++"), ("ROS_DISTRO", "jazzy")))
+SHARED = BuildInputs(
+    forge="forge 1",
+    tools=(("c++", "12"), ("cmake", "3")),
+    environment=(("CXX", "g++"), ("ROS_DISTRO", "jazzy")),
+)
 
 
 def resolution(*packages: Package) -> DependencyResolution:
@@ -51,16 +55,15 @@ def plan(
     *names: str,
     snapshot: Snapshot = COMPLETE,
     context: BuildContext = CONTEXT,
-    global_inputs: GlobalInputs = GLOBAL,
 ) -> BuildPlan:
     """Plan the names in the provision above."""
-    return make_plan(names, RESOLUTION, snapshot, context, global_inputs)[0]
+    return make_plan(names, RESOLUTION, snapshot, context, SHARED, {})[0]
 
 
 def test_a_ros_1_package_gets_its_own_error_message() -> None:
     """A package.xml without a build type means catkin (REP 149): often the wrong branch of a repository."""
     with pytest.raises(WorkspaceError) as raised:
-        make_plan(("a",), resolution(package("a", build_type="catkin")), Snapshot(), CONTEXT, GLOBAL)
+        make_plan(("a",), resolution(package("a", build_type="catkin")), Snapshot(), CONTEXT, SHARED, {})
     assert str(raised.value).endswith(
         "error: unsupported build type 'catkin' of package 'a'\n"
         "hint: catkin, the build type of a package.xml that names none, is for ROS 1; "
