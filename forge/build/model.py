@@ -10,7 +10,6 @@ from forge.base.frozen import Pairs, frozen
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from forge.build.inputs.fingerprints import Manifest
     from forge.build.up_to_date import InputChange
 
 
@@ -87,7 +86,6 @@ class Snapshot:
     `sources` and `installed` are current fingerprints, the latter of the files listed in the record.
     `present` are the packages whose prefix is marked as complete. `changed_externals`, `source_changes` and
     `installed_changes` name what changed for a package: inputs outside it, its sources, its installed files.
-    `manifests` are the states of all sources of those packages whose sources were read.
     """
 
     records: Mapping[str, BuildRecord] = field(default_factory=dict)
@@ -97,4 +95,3 @@ class Snapshot:
     present: frozenset[str] = frozenset()
     source_changes: Mapping[str, str] = field(default_factory=dict)
     installed_changes: Mapping[str, str] = field(default_factory=dict)
-    manifests: Mapping[str, Manifest] = field(default_factory=dict)

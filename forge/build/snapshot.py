@@ -56,7 +56,7 @@ def take_snapshot(
 ) -> Snapshot:
     """Return the state of `packages`, whose paths are relative to `root` unless they are absolute."""
     records = dict(journal.records)
-    sources, manifests, installed, source_changes, installed_changes, present = {}, {}, {}, {}, {}, set()
+    sources, installed, source_changes, installed_changes, present = {}, {}, {}, {}, set()
     changed_externals = find_changed_externals(journal, table)
     recent = recently_changed(table)
     states = InstalledStates(layout.build)
@@ -76,8 +76,6 @@ def take_snapshot(
         home = str(root / package.path)
         known = record.sources if record else None
         sources[name], manifest = fingerprint_tree(home, table, known, partial(settled_sources, name))
-        if manifest:
-            manifests[name] = manifest
         if record:
             if sources[name].digest != record.sources.digest:
                 source_changes[name] = changed_sources(home, manifest, last_record(name), table)
@@ -100,7 +98,6 @@ def take_snapshot(
         frozenset(present),
         source_changes,
         installed_changes,
-        manifests,
     )
 
 

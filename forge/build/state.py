@@ -27,8 +27,6 @@ if TYPE_CHECKING:
 
     from forge.base.layout import Layout
     from forge.build.events import Event
-    from forge.build.inputs.fingerprints import Manifest
-    from forge.build.journal import Journal
     from forge.build.model import Snapshot
     from forge.build.tasks import BuildPlan, Task
     from forge.build.up_to_date import DependencyHashes
@@ -39,19 +37,17 @@ class BuildState:
     """The records of finished and running builds, and the dependency hashes derived from them."""
 
     def __init__(
-        self, root: Path, layout: Layout, interpreter: Interpreter, journal: Journal, world: World
+        self, root: Path, layout: Layout, interpreter: Interpreter, variables: Mapping[str, str]
     ) -> None:
-        """Start with the journal of the workspace at `root`."""
+        """Open the state of the workspace at `root`; `variables` is the environment of builds."""
         self.layout = layout
-        self.journal = journal
-        self.table = FileTable(layout.build / FILE_TABLE, world.answer)
+        self.journal = open_journal(layout.build)
+        self.world = World(variables)
+        self.table = FileTable(layout.build / FILE_TABLE, self.world.answer)
         self.installed_states = InstalledStates(layout.build)
-        self.manifests: dict[str, Manifest] = {}
-        """The sources of packages that are to be built, as they were read when the build was planned."""
-        self.merged_prefix = MergedPrefix(layout, journal)
-        self.scripts = WorkspaceScripts(layout, journal, self.table)
+        self.merged_prefix = MergedPrefix(layout, self.journal)
+        self.scripts = WorkspaceScripts(layout, self.journal, self.table)
         self.root = root
-        self.world = world
         self._interpreter = interpreter
         self._hashes: DependencyHashes | None = None
         self._ran = False
@@ -61,7 +57,6 @@ class BuildState:
     def confirm_up_to_date(self, plan: BuildPlan, snapshot: Snapshot, hashes: DependencyHashes) -> None:
         """Record the new stamps of the up-to-date packages, so that the next build compares equal."""
         self._hashes = hashes
-        self.manifests = {name: each for name, each in snapshot.manifests.items() if name in plan.tasks}
         for name in plan.fresh:
             record = self.journal.records[name]
             now = replace(record, sources=snapshot.sources[name], installed=snapshot.installed[name])
@@ -170,10 +165,3 @@ class BuildState:
         """Close the journal and save the file table."""
         self.journal.close()
         self.table.save()
-
-
-def open_state(
-    root: Path, layout: Layout, interpreter: Interpreter, variables: Mapping[str, str]
-) -> BuildState:
-    """Open the state below the build folder; `variables` is the environment of builds."""
-    return BuildState(root, layout, interpreter, open_journal(layout.build), World(variables))

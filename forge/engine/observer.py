@@ -50,6 +50,17 @@ def compile_library(folder: Path, variables: Mapping[str, str]) -> Path | None:
     return library
 
 
+def observed(variables: Mapping[str, str], library: Path | None, log: Path) -> dict[str, str]:
+    """Return an environment in which the library, if there is one, writes to a log."""
+    found = {**variables, LOG_VARIABLE: str(log)}
+    if library is not None:
+        found["LD_PRELOAD"] = " ".join(filter(None, (variables.get("LD_PRELOAD"), str(library))))
+        # A program built with AddressSanitizer otherwise requires that no library precedes its own.
+        options = (variables.get("ASAN_OPTIONS"), "verify_asan_link_order=0")
+        found["ASAN_OPTIONS"] = ":".join(filter(None, options))
+    return found
+
+
 def run_observed(
     argv: Sequence[str], variables: Mapping[str, str], library: Path | None, log: Path, folders: Folders
 ) -> tuple[subprocess.CompletedProcess[bytes], Accesses]:
@@ -60,10 +71,12 @@ def run_observed(
         )
         return done, Accesses(blind=True)
     begin_log(log)
-    preloaded = " ".join(filter(None, (variables.get("LD_PRELOAD"), str(library))))
-    observed = {**variables, LOG_VARIABLE: str(log), "LD_PRELOAD": preloaded}
     with subprocess.Popen(
-        argv, env=observed, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        argv,
+        env=observed(variables, library, log),
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
     ) as process:
         output, errors = process.communicate()
     step = read_log(log, frozenset({process.pid}))

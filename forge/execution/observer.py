@@ -11,7 +11,7 @@ from forge.base.frozen import frozen
 from forge.build.observed_writes import append
 from forge.build.prefix import guarded_links, written_log
 from forge.engine.observation import LINKS_VARIABLE, LOG_VARIABLE, STAGE_VARIABLE
-from forge.engine.observer import compile_library
+from forge.engine.observer import compile_library, observed
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -29,17 +29,6 @@ class StepObserver(Protocol):
 
     def note_process(self, variables: Mapping[str, str], process: int, step: Step, /) -> None:
         """Log the start of a step."""
-
-
-def observed(variables: Mapping[str, str], library: Path | None, log: Path) -> dict[str, str]:
-    """Return an environment in which the library, if there is one, writes to a log."""
-    found = {**variables, LOG_VARIABLE: str(log)}
-    if library is not None:
-        found["LD_PRELOAD"] = " ".join(filter(None, (variables.get("LD_PRELOAD"), str(library))))
-        # A program built with AddressSanitizer otherwise requires that no library precedes its own.
-        options = (variables.get("ASAN_OPTIONS"), "verify_asan_link_order=0")
-        found["ASAN_OPTIONS"] = ":".join(filter(None, options))
-    return found
 
 
 def note_step(variables: Mapping[str, str], process: int, step: Step) -> None:

@@ -138,12 +138,8 @@ class TaskSetup(TaskLifecycle):
         state, build, inputs = self.state, task.build_dir, task.inputs
         source, records = str(state.source(task)), state.journal.records
         last = last_record(build)
-        sources, stamp = state.manifests.pop(task.name, None), task.sources.stamp
-        if sources is None and last and stamp and last.stamp == stamp:
-            sources = last.sources if next(iter(last.sources), "").startswith(f"{source}/") else None
-        if sources is None:
-            found, sources = fingerprint_tree(source, state.table)
-            stamp = found.stamp if found.digest == task.sources.digest else UNPLANNED
+        found, sources = fingerprint_tree(source, state.table, last=lambda: last.settled if last else {})
+        stamp = found.stamp if found.digest == task.sources.digest else UNPLANNED
         pairs = map("=".join, (*inputs.tools, *inputs.environment, *set_by_needs))
         # What another target has made, or files with other permissions, would stay in the folder.
         whole = (option for option in inputs.options if option.startswith((TARGET, UMASK)))

@@ -37,8 +37,9 @@ from forge.build.observed_writes import begin_log, read_steps, remove_log
 from forge.build.tasks import CACHED, NOT_CACHED, Step, Task
 from forge.engine.commands import CACHED_BYTECODE
 from forge.engine.observation import KINDS_FOR_TESTS, ObservedStep
+from forge.engine.observer import observed
 from forge.execution.job_pool import without_job_variables
-from forge.execution.observer import note_step, observed
+from forge.execution.observer import note_step
 from forge.execution.started import is_running
 from forge.testing.outcomes import Outcome
 

@@ -17,7 +17,7 @@ from forge.base.templating import keep_compiled
 from forge.base.text import listed
 from forge.build.folder_marks import create_output_folders, other_layout
 from forge.build.stale_packages import stale_package_warnings
-from forge.build.state import open_state
+from forge.build.state import BuildState
 from forge.cli.build_options import BuildOptions
 from forge.cli.options import LOG_LEVELS, add_options, read_options
 from forge.cli.preparation import BuildMode, PreparedBuild, check_plan, make_plan, prepare
@@ -68,7 +68,7 @@ def build(options: BuildOptions, mode: BuildMode) -> int:
     with (
         lock_build_dir(layout.build, wait=not options.folders.no_wait) as waited,
         lock_install_dir(layout.install, wait=not options.folders.no_wait) as waited_again,
-        closing(open_state(prepared.context.root, layout, prepared.interpreter, prepared.variables)) as state,
+        closing(BuildState(prepared.context.root, layout, prepared.interpreter, prepared.variables)) as state,
     ):
         prepared = replace(prepared, began=prepared.began + waited + waited_again)
         # Another forge may have begun to install here with the other layout at the same time.
