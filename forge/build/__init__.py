@@ -12,6 +12,8 @@ __all__ = [
     "folder_marks",
     "inputs",
     "journal",
+    "model",
+    "observed_writes",
     "recipes",
     "tasks",
     "tests",

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.env_vars import SEQUENTIAL, own_cache, without_secrets
 from forge.base.errors import WorkspaceError, print_problem, raise_if_any
+from forge.base.extensions import AUDITS, find
 from forge.base.frozen import Pairs
 from forge.base.layout import OWN_CACHE_DIR, PROGRAMS_DIR
 from forge.build.compile_commands import merge_compile_commands
@@ -53,10 +54,9 @@ def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
     state.begin()
     audit = None
     if options.audit:
-        from forge.build.audit import Audit
-
         packages = build.loaded.resolution.packages
-        audit = Audit(context, packages, state.journal.records, build.variables)
+        plugin = find(AUDITS, "declarations", "audit", ("Audit",))
+        audit = plugin.Audit(context, packages, state.journal.records, build.variables)
     launcher_stats = LauncherStats()
     if context.launcher and compiles:
         launcher_stats = open_launcher_stats(
@@ -108,7 +108,7 @@ def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
             state,
             cache,
             _toolchain(plan, build, state, observer.library),
-            audit,
+            audit and audit.collect,
             observes=observer.library is not None and not remote and not audit,
         )
         executor: Executor = remote or LocalExecutor(

@@ -60,9 +60,9 @@ if TYPE_CHECKING:
     from forge.base.errors import Problem
     from forge.base.frozen import Pairs
     from forge.base.layout import Layout
-    from forge.build.audit import Audit
     from forge.build.compiler_probe import Toolchain
     from forge.build.inputs.fingerprints import Stats
+    from forge.build.inputs.native_graph import NativeGraph
     from forge.build.model import BuildRecord
     from forge.build.observed_writes import ObservedSteps
     from forge.build.state import BuildState
@@ -88,7 +88,7 @@ class TaskSetup(TaskLifecycle):
     cache: PackageCache | None = None
     toolchain: Toolchain | None = None
     """Lets new build folders skip CMake's compiler checks."""
-    audit: Audit | None = None
+    audit: Callable[[Task, ObservedSteps, NativeGraph], None] | None = None
     """Compares what steps read with what is declared; then each package starts in an empty build folder."""
     observes: bool = False
     """Steps run on this machine below the library of forge.engine, so that they can install into a stage."""
@@ -310,7 +310,7 @@ class TaskSetup(TaskLifecycle):
             read_from=self._owners_of(task, externals),
         )
         if self.audit is not None:
-            self.audit.collect(task)
+            self.audit(task, read_steps(written_log(task.name, self.layout), kinds="RWB"), graph)
         self._commit(task)
         return self.cache.keep(task, record) if self.cache else record
 

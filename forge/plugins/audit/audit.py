@@ -18,9 +18,7 @@ from forge.base.frozen import frozen
 from forge.base.layout import BACKUP_DIR, PACKAGE, own_folders
 from forge.base.text import counted
 from forge.build.inputs.depfiles import cmake_root
-from forge.build.inputs.native_graph import Edge, EdgeFinder, read_native_graph
-from forge.build.observed_writes import read_steps
-from forge.build.prefix import written_log
+from forge.build.inputs.native_graph import Edge, EdgeFinder
 from forge.build.tasks import StepKind
 from forge.engine.commands import CACHED_BYTECODE
 from forge.environment.prefixes import find_underlays
@@ -30,6 +28,7 @@ if TYPE_CHECKING:
 
     from forge.build.inputs.native_graph import NativeGraph
     from forge.build.model import BuildRecord
+    from forge.build.observed_writes import ObservedSteps
     from forge.build.recipes.context import BuildContext
     from forge.build.tasks import Task
     from forge.engine.observation import Process
@@ -91,10 +90,8 @@ class Audit:
         self.findings: dict[str, list[Finding]] = {}
         self.unobserved: dict[str, tuple[str, ...]] = {}
 
-    def collect(self, task: Task) -> None:
-        """Compare what the steps of a package read, whose log is still there, with what is declared."""
-        steps = read_steps(written_log(task.name, self._layout), kinds="RWB")
-        graph = read_native_graph(task.build_dir)
+    def collect(self, task: Task, steps: ObservedSteps, graph: NativeGraph) -> None:
+        """Compare what the steps of a package read with what is declared."""
         package = _Package(self, task, graph, dict(self._records))
         finder = EdgeFinder(graph)
         for process in steps.observed.processes:

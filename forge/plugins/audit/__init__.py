@@ -1,0 +1,1 @@
+"""What packages read without declaring it, for `forge build --audit`."""
