@@ -31,7 +31,7 @@ RECIPES = "forge.recipes"
 TOOLCHAINS = "forge.toolchains"
 UNDERLAYS = "forge.underlays"
 CACHES = "forge.caches"
-AUDITS = "forge.audits"
+OPTIONS = "forge.options"
 
 OWN: Mapping[str, Mapping[str, str]] = {
     COMMANDS: {
@@ -67,7 +67,7 @@ OWN: Mapping[str, Mapping[str, str]] = {
     EXECUTORS: {"dask": "forge.plugins.dask.executor"},
     UNDERLAYS: {"forge.lock": "forge.plugins.fetch.underlay"},
     CACHES: {"ros": "forge.plugins.fetch.cache"},
-    AUDITS: {"declarations": "forge.plugins.audit.audit"},
+    OPTIONS: {"audit": "forge.plugins.audit.audit", "cached": "forge.plugins.cached_tests.cached"},
     RECIPES: {"fast_rosidl": "forge.plugins.fast_rosidl.recipe"},
     REPORTERS: {
         "coverage": "forge.plugins.coverage.reporter",

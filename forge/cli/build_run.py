@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.env_vars import SEQUENTIAL, own_cache, without_secrets
 from forge.base.errors import WorkspaceError, print_problem, raise_if_any
-from forge.base.extensions import AUDITS, find
+from forge.base.extensions import OPTIONS, find
 from forge.base.frozen import Pairs
 from forge.base.layout import OWN_CACHE_DIR, PROGRAMS_DIR
 from forge.build.compile_commands import merge_compile_commands
@@ -55,7 +55,7 @@ def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
     audit = None
     if options.audit:
         packages = build.loaded.resolution.packages
-        plugin = find(AUDITS, "declarations", "audit", ("Audit",))
+        plugin = find(OPTIONS, "audit", "option", ("Audit",))
         audit = plugin.Audit(context, packages, state.journal.records, build.variables)
     launcher_stats = LauncherStats()
     if context.launcher and compiles:

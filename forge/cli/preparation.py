@@ -27,7 +27,7 @@ from forge.base.errors import (
     WorkspaceError,
     raise_if_any,
 )
-from forge.base.extensions import AUDITS, RECIPES, UNDERLAYS, absent, find, installed
+from forge.base.extensions import OPTIONS, RECIPES, UNDERLAYS, absent, find, installed
 from forge.base.files import current_umask
 from forge.base.frozen import frozen
 from forge.base.graph import closure
@@ -313,7 +313,7 @@ def prepare(options: BuildOptions, layout: Layout, mode: BuildMode) -> PreparedB
     )
     context = with_toolchains(context, packages, variables)
     if options.audit:
-        if problem := absent(AUDITS, "declarations", "audit"):
+        if problem := absent(OPTIONS, "audit", "option"):
             raise HostError(problem)
         from forge.engine.observer import compile_library
 

@@ -3,3 +3,5 @@
 Start reading at `preparing` (the plan of a run; forge.build.tests has the steps), `outcomes` (result files to
 counts and cases) and `showing` (their output).
 """
+
+__all__ = ["outcomes"]

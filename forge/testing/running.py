@@ -7,7 +7,7 @@ import re
 import shutil
 from dataclasses import field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from forge.base.files import delete_tree, replace_file
 from forge.base.frozen import frozen
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from forge.build.events import Event
     from forge.build.tasks import Step, Task
     from forge.build.tests.recipes import TestContext
-    from forge.testing.cached import CachedTests
     from forge.testing.outcomes import Case, Outcome
 
 RESULT = "colcon_test.rc"
@@ -50,7 +49,8 @@ class TestSetup(TaskLifecycle):
     failed: set[str] = field(default_factory=set)
     """Packages with failed tests, perhaps not in the last repetition."""
     results: dict[str, tuple[Outcome, ...]] = field(default_factory=dict)
-    cached: CachedTests | None = None
+    cached: Any = None
+    """The plugin behind '--cached', None without the option."""
 
     def results_of(self, task: Task, fault: str = "") -> tuple[Outcome, ...]:
         """Return the results of a package's tests in this run.
@@ -114,7 +114,8 @@ class TestSetup(TaskLifecycle):
         return BuildRecord(BuildInputs())
 
     def remark(self, task: Task) -> str:
-        return self.cached.remarks.get(task.name, "") if self.cached else ""
+        remarks: Mapping[str, str] = self.cached.remarks if self.cached else {}
+        return remarks.get(task.name, "")
 
     def begin(self, task: Task, environment: Mapping[str, str]) -> None:
         if self.context.options.test_result_base is not None:

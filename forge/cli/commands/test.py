@@ -7,10 +7,11 @@ import sys
 import time
 from contextlib import closing
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from forge.base.env_vars import SEQUENTIAL, own_cache
 from forge.base.errors import Problem, WarningReporter, WorkspaceError, print_problem, raise_if_any
+from forge.base.extensions import OPTIONS, find
 from forge.base.frozen import frozen
 from forge.base.layout import OWN_CACHE_DIR, TEST_FILE_TABLE
 from forge.base.options import options_of
@@ -62,7 +63,6 @@ if TYPE_CHECKING:
     from forge.build.tests.recipes import TestContext
     from forge.cli.session import Session
     from forge.execution.job_pool import JobPool
-    from forge.testing.cached import CachedTests
 
 
 @frozen
@@ -178,7 +178,7 @@ def _open_cached_tests(
     needs: Mapping[str, Sequence[str]],
     variables: Mapping[str, str],
     warn: WarningReporter,
-) -> CachedTests | None:
+) -> Any:
     """Return the records of passed tests for `--cached`, None if all tests are to run."""
     others = ("coverage", "pytest_with_coverage", "retest_until_fail", "retest_until_pass")
     contrary = next((name for name in others if getattr(options, name)), None)
@@ -187,15 +187,15 @@ def _open_cached_tests(
     if not options.cached or contrary:
         return None
     from forge.engine.observer import compile_library
-    from forge.testing.cached import CachedTests
 
+    plugin = find(OPTIONS, "cached", "option", ("CachedTests",))
     layout = context.layout
     records = open_journal(layout.build).records
     folder = own_cache(variables) or layout.build / OWN_CACHE_DIR
     library = None if layout.target else compile_library(folder, variables)
     if library is None:
         warn([Problem("no pass is recorded: tests cannot be observed here without a C compiler")])
-    return CachedTests(
+    return plugin.CachedTests(
         library,
         FileTable(layout.build / TEST_FILE_TABLE),
         context.results_of,
