@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from forge.build.events import Event
     from forge.build.tasks import BuildPlan
 
-_HEADER = {"forge_journal": 6}
+_HEADER = {"forge_journal": 7}
 _MUCH = 1 << 20
 """The number of characters up to which obsolete lines do not matter."""
 _INVALID_ENTRY = (ArithmeticError, LookupError, TypeError, ValueError)

@@ -76,7 +76,7 @@ class BuildRecord:
     @property
     def source(self) -> str:
         """The folder from which the package was built, '' if no build got that far."""
-        return self.inputs.options[0] if self.inputs.options else ""
+        return self.inputs.options[1] if self.inputs.options[1:] else ""
 
 
 @frozen

@@ -113,21 +113,17 @@ def reason_to_build(
     if not record.complete:
         return InputChange(InputKind.OWN, "the last build did not finish successfully")
     # First the folders: otherwise, the files in the former ones would seem to be removed.
-    return _changed_common_option(now.options, record.inputs.options) or (
-        _changed_file(name, record, snapshot)
-        or changed_input(now, record.inputs, snapshot.source_changes.get(name, UNKNOWN_SOURCES))
-    )
-
-
-def _changed_file(name: str, record: BuildRecord, snapshot: Snapshot) -> InputChange | None:
-    """Return a change of files besides the sources: installed, outside the package, or during the build."""
+    for option, old, new in zip(COMMON_OPTIONS, record.inputs.options, now.options, strict=False):
+        if old != new:
+            # Paths of folders differ from package to package, the name does not.
+            return InputChange(InputKind.OTHER, f"the {option} changed from '{old}' to '{new}'", (option,))
     if name not in snapshot.present or snapshot.installed[name].digest != record.installed.digest:
         return InputChange(InputKind.OWN, snapshot.installed_changes.get(name, UNKNOWN_INSTALLED))
     if name in snapshot.changed_externals:
         return snapshot.changed_externals[name]
     if record.saved:
         return InputChange(InputKind.OWN, f"'{record.saved[0]}' was modified during the last build")
-    return None
+    return changed_input(now, record.inputs, snapshot.source_changes.get(name, UNKNOWN_SOURCES))
 
 
 def changed_input(
@@ -179,87 +175,46 @@ def _forge_change(now: str, then: str) -> str:
 
 def _changed_options(now: Sequence[str], then: Sequence[str]) -> InputChange:
     """Describe the differences between options as the user knows them."""
-    if common := _changed_common_option(now, then):
-        return common
-    before, after = _own_options(then), _own_options(now)
+    before, after = (
+        [" ".join(argument.words) for argument in cmake_arguments(options[len(COMMON_OPTIONS) :])]
+        for options in (then, now)
+    )
     added = [option for option in after if option not in before]
     removed = [option for option in before if option not in after]
     digested = next((option for option in (*added, *removed) if option.startswith(_DIGESTED)), None)
     added, removed = (
         [option for option in options if not option.startswith(_DIGESTED)] for options in (added, removed)
     )
-    values = {option.partition("=")[0]: option for option in removed if "=" in option}
-    texts = [
-        f"the option '{values[name]}' changed to '{option}'"
-        if (name := option.partition("=")[0]) in values
-        else _NEGATIVE.get(option, (f"the option '{option}' was added",))[0]
-        for option in added
-    ]
-    texts += [_NEGATIVE.get(option, ("", f"the option '{option}' was removed"))[1] for option in removed]
-    if not texts:
+    for one, other in ((added, removed), (removed, added)):
+        if FAST_ROSIDL in one:  # recorded where the user gave no option
+            one.remove(FAST_ROSIDL)
+            other.append("--no-fast-rosidl")
+            break
+    if not (added or removed):
         text = f"{digested.rpartition(' ')[0]} changed" if digested else "the order of its options changed"
         return InputChange(InputKind.OTHER if digested else InputKind.OPTION, text)
     if added and removed and added[0].startswith(ROSDISTRO) and removed[0].startswith(ROSDISTRO):
         old, new = removed[0].removeprefix(ROSDISTRO), added[0].removeprefix(ROSDISTRO)
         return InputChange(InputKind.OTHER, f"the ROS distribution changed from '{old}' to '{new}'")
     replaced = {option.partition("=")[0] for option in added}
-    names = [_NEGATIVE[option][2] if option in _NEGATIVE else option for option in added]
-    names += [
-        _NEGATIVE[option][3] if option in _NEGATIVE else f"{option} (removed)"
-        for option in removed
-        if option.partition("=")[0] not in replaced
-    ]
-    return InputChange(InputKind.OPTION, texts[0], tuple(names))
+    names = (*added, *(f"{each} (removed)" for each in removed if each.partition("=")[0] not in replaced))
+    first = (added or removed)[0]
+    values = {option.partition("=")[0]: option for option in removed if "=" in option}
+    if old_value := values.get(first.partition("=")[0]) if added else None:
+        return InputChange(InputKind.OPTION, f"the option '{old_value}' changed to '{first}'", names)
+    verb = "added" if added else "removed"
+    return InputChange(InputKind.OPTION, f"the option '{first}' was {verb}", names)
 
-
-def _own_options(options: Sequence[str]) -> list[str]:
-    """Return the options after those of every package, with that for links first."""
-    links = [SYMLINK_INSTALL] if options[_LAYOUT].endswith(LINKS) else []
-    return [
-        *links,
-        *(" ".join(argument.words) for argument in cmake_arguments(options[len(COMMON_OPTIONS) :])),
-    ]
-
-
-def _changed_common_option(now: Sequence[str], then: Sequence[str]) -> InputChange | None:
-    """Return a difference between the options of every package; the layout explains other differences."""
-    pairs = list(zip(COMMON_OPTIONS, then, now, strict=False))
-    for name, before, after in sorted(pairs, key=lambda pair: pair[0] != INSTALL_LAYOUT):
-        old, new = before.removesuffix(LINKS), after.removesuffix(LINKS)
-        if old != new:
-            # Paths of folders differ from package to package, the name does not.
-            return InputChange(InputKind.OTHER, f"the {name} changed from '{old}' to '{new}'", (name,))
-    return None
-
-
-INSTALL_LAYOUT = "install layout"
-LINKS = " links"
-"""The suffix of the install layout with symbolic links to sources."""
 
 COMMON_OPTIONS = (
-    *("source folder", "build folder", "install folder", INSTALL_LAYOUT),
+    *("install layout", "source folder", "build folder", "install folder"),
     *("Python interpreter", "folder of Python modules"),
 )
-"""The meaning of the first recorded options of every package."""
+"""The meaning of the first recorded options of every package. The layout explains changes of the others."""
 
-_LAYOUT = COMMON_OPTIONS.index(INSTALL_LAYOUT)
-SYMLINK_INSTALL = "--symlink-install"
 ROSDISTRO = "--rosdistro="
 TARGET, UMASK = "--cmake-target=", "umask="
-PATH_MAPS, FAST_ROSIDL = "path maps", "fast rosidl"
-_NO_FAST_ROSIDL = "--no-fast-rosidl"
-_NEGATIVE = {
-    PATH_MAPS: (
-        *("a package cache is now used", "the package cache is no longer used"),
-        *("--cache", "--cache (removed)"),
-    ),
-    FAST_ROSIDL: (
-        *(f"the option '{_NO_FAST_ROSIDL}' was removed", f"the option '{_NO_FAST_ROSIDL}' was added"),
-        *(f"{_NO_FAST_ROSIDL} (removed)", _NO_FAST_ROSIDL),
-    ),
-}
-"""Recorded words that are no options of the user: sentences and options if they were added or removed."""
-
+FAST_ROSIDL = "fast rosidl"
 
 MANIFEST, BUILD_TYPE = "the evaluated package.xml", "the build type "
 RECIPE = "the recipe "

@@ -105,7 +105,7 @@ test = ["pytest"]
 [tool.poetry]
 name = "other"
 """
-_JOURNAL: Final = b"""{"forge_journal": 6}
+_JOURNAL: Final = b"""{"forge_journal": 7}
 {"ended": false}
 {"externals": ["/usr/include/a.h", "/usr/include/b.h"]}
 {"package": "p", "inputs": {"forge": "1", "options": ["a"], "tools": [["cmake", "1"]], \

@@ -214,13 +214,13 @@ SHAPES: Final[dict[str, tuple[Shape, ...]]] = {
             Shape(
                 f"{shape.name} in a line",
                 shape.middle,
-                b'{"forge_journal": 6}\n' + shape.before,
+                b'{"forge_journal": 7}\n' + shape.before,
                 shape.closing,
             )
             for shape in _JSON
         ),
-        Shape("packages", b'{"package": "p%d"}\n', b'{"forge_journal": 6}\n'),
-        Shape("externals", b'"/a%d", ', b'{"forge_journal": 6}\n{"externals": [', after=b'""]}\n'),
+        Shape("packages", b'{"package": "p%d"}\n', b'{"forge_journal": 7}\n'),
+        Shape("externals", b'"/a%d", ', b'{"forge_journal": 7}\n{"externals": [', after=b'""]}\n'),
     ),
     "tables": _JSON,
     "dsv": (

@@ -12,7 +12,7 @@ from forge.base.layout import CONFIGURED_FILE, SCRATCH_DIR
 from forge.build.recipes.context import Recipe, common_options
 from forge.build.recipes.extensions import active_extensions
 from forge.build.tasks import Step, StepKind
-from forge.build.up_to_date import PATH_MAPS, ROSDISTRO, TARGET
+from forge.build.up_to_date import ROSDISTRO, TARGET
 from forge.workspace.resolve import GENERATORS
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 def options(package: Package, context: BuildContext) -> tuple[str, ...]:
     """Return the options that require a configure run when they change."""
     # Not the maps themselves: they follow from the paths among the common options.
-    mapped = (PATH_MAPS,) if context.path_maps else ()
+    mapped = ("--cache",) if context.path_maps else ()
     variables = _ament_variables(package, context)
     named = (f"{_OPTIONS[name]}{value}" for name, value in variables if name in _OPTIONS)
     extended = (option for each in active_extensions(context) for option in each.options(package, context))

@@ -15,7 +15,7 @@ from forge.base.frozen import frozen
 from forge.base.layout import PACKAGE
 from forge.base.text import digest
 from forge.build.tasks import Step, StepKind
-from forge.build.up_to_date import LINKS, MANIFEST, UMASK
+from forge.build.up_to_date import MANIFEST, UMASK
 from forge.toolchain.cmake_variables import BUILD_TESTING, defined
 
 if TYPE_CHECKING:
@@ -169,12 +169,13 @@ def common_options(package: Package, context: BuildContext) -> tuple[str, ...]:
     """
     layout = context.layout
     return (
+        layout.word,
         str(context.root / package.path),
         str(layout.build_dir(package.name)),
         str(layout.prefix(package.name)),
-        f"{layout.word}{LINKS if layout.symlink and not package.embedded else ''}",
         str(context.python),
         context.site_packages,
+        *(("--symlink-install",) if layout.symlink and not package.embedded else ()),
         *((f"{UMASK}{context.umask:03o}",) if context.umask else ()),
         *(option for name, option in context.toolchains if name == package.build_type),
         *(() if package.embedded else (f"{MANIFEST} {_manifest(package)}",)),
