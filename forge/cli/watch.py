@@ -295,7 +295,7 @@ def watch_specs(
     packages = [*workspace.packages.values(), *workspace.duplicates]
     homes = {os.path.normpath(os.path.join(root, package.path)) for package in packages}
     for home in sorted(homes):
-        for folder, targets in source_folders(home):
+        for folder, targets in source_folders(home).items():
             add(folder, WatchSpec())
             for target in targets:
                 add(os.path.dirname(target), WatchSpec(frozenset({os.path.basename(target)}), folders=False))

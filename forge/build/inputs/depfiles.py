@@ -57,7 +57,7 @@ def _read_by_backend(build: Path, inside: Sequence[Path]) -> Iterator[str]:
             yield path
         elif not any(f"{folder}/".startswith(f"{path}/") for folder in inside):
             yield from source_files(path)
-            yield from (f"{folder}{DIR_LISTING_SUFFIX}" for folder, _ in source_folders(path))
+            yield from (f"{folder}{DIR_LISTING_SUFFIX}" for folder in source_folders(path))
 
 
 def _listed(build: Path, name: str) -> Iterator[str]:

@@ -310,40 +310,15 @@ def own_files(root: str) -> Iterator[tuple[str, os.stat_result]]:
             yield path, status
 
 
-def source_folders(root: str) -> Iterator[tuple[str, tuple[str, ...]]]:
-    """Yield each folder that `source_files` looks into, with the files elsewhere that links in it lead to."""
-    waiting: list[tuple[str, tuple[str, ...]]] = [(root, (root,))]
-    while waiting:
-        folder, ancestors = waiting.pop()
-        entries = _entries(folder, ancestors[0])
-        if entries is None:
-            continue
-        targets = []
-        names = {entry.name for entry in entries}
-        for entry in entries:
-            if entry.is_dir(follow_symlinks=False):
-                if is_source_folder(entry.name, names.__contains__):
-                    waiting.append((entry.path, ancestors))
-            elif entry.is_symlink() and is_source(entry.name, names.__contains__):
-                target = os.path.realpath(entry.path)
-                if not _links_to_dir(entry):
-                    targets.append(target)
-                elif not _is_cycle(target, ancestors):
-                    waiting.append((entry.path, (*ancestors, target)))
-        yield folder, tuple(targets)
-
-
-def _links_to_dir(link: os.DirEntry[str]) -> bool:
-    """Return True if a link points to a folder; a link to itself does not."""
-    try:
-        return link.is_dir()
-    except OSError:
-        return False
-
-
-def _is_cycle(target: str, ancestors: tuple[str, ...]) -> bool:
-    """Return True if the resolved folder `target` contains one of its `ancestors`."""
-    return any(f"{os.path.realpath(folder)}/".startswith(f"{target}/") for folder in ancestors)
+def source_folders(root: str) -> Mapping[str, list[str]]:
+    """Return each folder that `source_files` looks into, and the files elsewhere that its links lead to."""
+    found: dict[str, list[str]] = {root: []} if os.path.isdir(root) else {}
+    for path, status, _ in _walk(root):
+        if path.endswith("/"):
+            found[path[:-1]] = []
+        elif stat.S_ISLNK(status.st_mode) and not os.path.isdir(path):
+            found[os.path.dirname(path)].append(os.path.realpath(path))
+    return found
 
 
 def _entries(folder: str, root: str) -> list[os.DirEntry[str]] | None:
@@ -394,10 +369,11 @@ def _walk(root: str, excluded: Collection[str] = ()) -> list[tuple[str, os.stat_
                 look_into(entry.path, ancestors, status)
                 continue
             found.append((entry.path, status, via_link))
-            if entry.is_symlink() and _links_to_dir(entry):
+            if entry.is_symlink() and os.path.isdir(entry.path):
                 target = os.path.realpath(entry.path)
-                if not _is_cycle(target, ancestors):
-                    look_into(entry.path, (*ancestors, target))
+                # A link to a folder that contains the link would be followed without end.
+                if not any(f"{os.path.realpath(each)}/".startswith(f"{target}/") for each in ancestors):
+                    look_into(entry.path, (*ancestors, target), _status(target, follow=True))
 
     look_into(root, (root,))
     return found
