@@ -69,6 +69,7 @@ if TYPE_CHECKING:
     from forge.build.records import FolderRecord
     from forge.build.tasks import Task
     from forge.engine.commands import ObservedCommands
+    from forge.engine.observation import Process
     from forge.engine.world import World
 
 _GENERATED = (
@@ -348,6 +349,12 @@ def observed_commands(
     own = (f"{folder}/" for folder in own_folders())
     caches = (*_CACHES, *filter(None, map(world.value, _CACHE_VARIABLES)))
     tracked = (*own, cmake_root(build), *(f"{os.path.expanduser(folder)}/" for folder in caches))
+    find_edge = EdgeFinder(graph)
+
+    def outputs_of(process: Process, written: frozenset[str]) -> tuple[str, ...]:
+        edge = find_edge(process, written)
+        return edge.outputs if edge else ()
+
     sources = {path for edge in graph.edges if edge.compiles for path in graph.inputs_of(edge)}
     folders = Folders(
         build,
@@ -359,7 +366,7 @@ def observed_commands(
         source,
         workspace,
     )
-    found = commands_of(steps.observed, steps.kinds, EdgeFinder(graph), folders)
+    found = commands_of(steps.observed, steps.kinds, outputs_of, folders)
     outputs = frozenset(edge.outputs[0] for edge in graph.edges)
     # Which commands ran is unknown if a part of the log is missing.
     commands = (NOT_OBSERVED if steps.observed.blind else before).merged(found, outputs)

@@ -36,7 +36,14 @@ class InstalledStates:
         """Record the contents of a package's installed files by absolute path; remove old states."""
         folder = self._home / name
         replace_file(folder / f"{digest}.json", json.dumps(contents).encode())
-        self._keep_interfaces(folder / _INTERFACES, contents)
+        libraries = {content: path for path, content in contents.items() if SHARED_LIBRARY.search(path)}
+        if libraries:
+            known = read_json(folder / _INTERFACES)
+            now = {content: known.get(content) or abi_digest(path) for content, path in libraries.items()}
+            older = {content: interface for content, interface in known.items() if content not in now}
+            kept = dict([*older.items()][-max(_LIBRARIES, _KEPT * len(now)) :]) | now
+            if kept != known:
+                replace_file(folder / _INTERFACES, json.dumps(kept).encode())
         newest_first = sorted(folder.glob("*.json"), key=lambda path: path.stat().st_mtime_ns, reverse=True)
         for path in newest_first[_KEPT:]:
             path.unlink(missing_ok=True)
@@ -72,15 +79,3 @@ class InstalledStates:
             and interface == known.get(other[path])
             for path in changes.modified
         )
-
-    @staticmethod
-    def _keep_interfaces(file: Path, contents: Mapping[str, str]) -> None:
-        libraries = {content: path for path, content in contents.items() if SHARED_LIBRARY.search(path)}
-        if not libraries:
-            return
-        known = read_json(file)
-        now = {content: known.get(content) or abi_digest(path) for content, path in libraries.items()}
-        older = {content: interface for content, interface in known.items() if content not in now}
-        kept = dict([*older.items()][-max(_LIBRARIES, _KEPT * len(now)) :]) | now
-        if kept != known:
-            replace_file(file, json.dumps(kept).encode())

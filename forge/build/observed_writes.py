@@ -149,16 +149,13 @@ def note_start(variables: Mapping[str, str]) -> None:
 
     The library itself logs the programs that an observed process starts; forge's worker is none.
     """
-    if "LD_PRELOAD" in variables and not _is_observed():
+    if "LD_PRELOAD" not in variables:
+        return
+    started_with = b""
+    with contextlib.suppress(OSError):
+        started_with = Path("/proc/self/environ").read_bytes()
+    if LOG_VARIABLE.encode() not in started_with:  # else the library is in this process
         append(variables.get(LOG_VARIABLE), b"P")
-
-
-def _is_observed() -> bool:
-    """Tell whether this process started with the library."""
-    try:
-        return LOG_VARIABLE.encode() in Path("/proc/self/environ").read_bytes()
-    except OSError:
-        return False
 
 
 def note_unobserved(program: str) -> None:

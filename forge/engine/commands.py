@@ -150,13 +150,13 @@ def _parent(path: str) -> str:
 def commands_of(
     step: ObservedStep,
     roots: Mapping[int, str],
-    edge_of: Callable[[Process, frozenset[str]], tuple[str, frozenset[str]] | None],
+    outputs_of: Callable[[Process, frozenset[str]], tuple[str, ...]],
     folders: Folders,
 ) -> ObservedCommands:
     """Return what a log says; `roots` has the kind of each step by its process.
 
-    `edge_of` returns the first output and all outputs of the edge that a process below ninja runs, whose
-    written files are given, or None if it is unknown.
+    `outputs_of` returns the outputs of the edge that a process below ninja runs, whose written files are
+    given; none if the edge is unknown.
     """
     configure: Accesses | None = None
     edges: dict[str, Accesses] = {}
@@ -188,14 +188,13 @@ def commands_of(
         family = process.family()
         seen = look(family, step.blind)
         accesses = folders.accesses(as_read(seen, seen), family)
-        edge = edge_of(process, accesses.written)
-        if edge is not None:
+        outputs = outputs_of(process, accesses.written)
+        if outputs:
             others.difference_update(family)
-            output, outputs = edge
             # A server has written what the command itself did not.
-            others_outputs = outputs - {path.rstrip("/") for path in accesses.written}
+            others_outputs = {*outputs} - {path.rstrip("/") for path in accesses.written}
             blind = accesses.blind or any(map(os.path.lexists, others_outputs))
-            edges[output] = replace(accesses, found=frozenset(), blind=blind)
+            edges[outputs[0]] = replace(accesses, found=frozenset(), blind=blind)
             missing |= folders.paths(seen.missing)
     copying = {each for each in others if each.parent is None and roots.get(each.pid) == "install"}
     started = [each for each in others if each.parent and folders.tools.isdisjoint(each.programs[-1:])]

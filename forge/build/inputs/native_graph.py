@@ -33,9 +33,9 @@ _TOKEN = re.compile(r"(?:\$\{\w+\}|\$.|[^\s$:|])+|\|\|?@?|:")
 _ESCAPE = re.compile(r"\$([ :$])")
 _WORKDIR = "${cmake_ninja_workdir}"
 _COMPILES = re.compile(r"(C|CXX|ASM\w*|CUDA|HIP|OBJC|OBJCXX|ISPC|RC)_COMPILER_")
-_LINKS = re.compile(r"\w+_(STATIC_LIBRARY|SHARED_LIBRARY|SHARED_MODULE|MODULE_LIBRARY|EXECUTABLE)_LINKER_")
 _LINKS_DYNAMICALLY = re.compile(r"\w+_(SHARED_LIBRARY|SHARED_MODULE|MODULE_LIBRARY|EXECUTABLE)_LINKER_")
 _COMMAND = re.compile(r"^  COMMAND = (.*)$", re.MULTILINE)
+_DEPFILE = re.compile(r"^  depfile = (.*)$", re.MULTILINE)
 _MAKE_WORD = re.compile(r"(?:\\.|[^\\\s])+")
 
 
@@ -52,11 +52,6 @@ class Edge:
     def compiles(self) -> bool:
         """Return True if the command compiles one file."""
         return bool(_COMPILES.match(self.rule))
-
-    @property
-    def links(self) -> bool:
-        """Return True if the command makes a library or a program, whatever else it runs."""
-        return bool(_LINKS.match(self.rule))
 
     @property
     def links_dynamically(self) -> bool:
@@ -107,12 +102,7 @@ class EdgeFinder:
             if (match := _COMMAND.search(edge.text)) is not None
         }
 
-    def __call__(self, process: Process, written: frozenset[str]) -> tuple[str, frozenset[str]] | None:
-        """Return the first output of the edge and all of its outputs; None if it is unknown."""
-        edge = self.edge(process, written)
-        return None if edge is None else (edge.outputs[0], frozenset(edge.outputs))
-
-    def edge(self, process: Process, written: frozenset[str]) -> Edge | None:
+    def __call__(self, process: Process, written: frozenset[str]) -> Edge | None:
         """Return the edge of a process that wrote some files; None if it is unknown."""
         edge = self._by_command.get(process.command)
         return edge or next((self._by_output[path] for path in written if path in self._by_output), None)
@@ -154,10 +144,13 @@ def _ninja_graph(folder: Path, build: Path, rules: str) -> NativeGraph:
             edges.append(edge)
     reported = dict(_ninja_reports(folder, build))
     for edge in edges:
-        depfile = _binding(edge.text, "depfile")
-        if depfile and edge.outputs[0] not in reported:
-            where = _absolute(build, depfile).replace(str(build), str(folder), 1)
-            reported[edge.outputs[0]] = tuple(_depfile(build, Path(where)))
+        if edge.outputs[0] not in reported and (depfile := _DEPFILE.search(edge.text)):
+            where = _absolute(build, _ESCAPE.sub(r"\1", depfile[1])).replace(str(build), str(folder), 1)
+            _, _, words = _text(Path(where)).replace("\\\n", " ").partition(": ")
+            reported[edge.outputs[0]] = tuple(
+                _absolute(build, re.sub(r"\\(.)", r"\1", word))
+                for word in _MAKE_WORD.findall(words.replace("$$", "$"))
+            )
     return NativeGraph(tuple(edges), reported, read, "ninja", " dyndep = " in rules, aliases)
 
 
@@ -226,18 +219,6 @@ def _ninja_reports(folder: Path, build: Path) -> Iterator[tuple[str, tuple[str, 
         words = struct.unpack(f"<{size // 4}I", body[: size // 4 * 4])
         if words and words[0] < len(paths):
             yield paths[words[0]], tuple(paths[number] for number in words[skipped:] if number < len(paths))
-
-
-def _depfile(build: Path, path: Path) -> Iterator[str]:
-    """Yield the inputs that a depfile in make's syntax names."""
-    _, _, words = _text(path).replace("\\\n", " ").partition(": ")
-    for word in _MAKE_WORD.findall(words.replace("$$", "$")):
-        yield _absolute(build, re.sub(r"\\(.)", r"\1", word))
-
-
-def _binding(text: str, name: str) -> str:
-    match = re.search(rf"^  {name} = (.*)$", text, re.MULTILINE)
-    return _ESCAPE.sub(r"\1", match.group(1)) if match else ""
 
 
 def _absolute(build: str | Path, path: str) -> str:

@@ -43,6 +43,7 @@ _OF_CMAKE = re.compile(
 )
 """Files in a build folder that CMake and forge write for themselves."""
 _TARGET = re.compile(r"CMakeFiles/([^/]+)\.dir\b")
+_LINKS = re.compile(r"\w+_(STATIC_LIBRARY|SHARED_LIBRARY|SHARED_MODULE|MODULE_LIBRARY|EXECUTABLE)_LINKER_")
 _PARTS = 5
 """The number of parts of a path in an underlay among which the name of its package is."""
 _MAX_LISTED = 3
@@ -104,7 +105,7 @@ class Audit:
             # Only ninja says what its rules declare.
             elif graph.tool and process.parent and _runs_rules(process.parent) and not _runs_rules(process):
                 written = frozenset(word for each in family for _, kind, word in each.records if kind == "W")
-                if edge := finder.edge(process, written):
+                if edge := finder(process, written):
                     output = os.path.relpath(edge.outputs[0], task.build_dir)
                     package.compare(family, edge, f"'{output}'", _hint(edge, output))
                 else:
@@ -274,7 +275,7 @@ def _hint(edge: Edge, output: str) -> str:
     if edge.compiles:
         source = edge.inputs[0] if edge.inputs else "SOURCE"
         return f"add 'set_property(SOURCE {source} APPEND PROPERTY OBJECT_DEPENDS {_PATH})'"
-    if edge.links:
+    if _LINKS.match(edge.rule):
         target = _TARGET.search("\n".join((edge.text, *edge.inputs)))
         name = target[1] if target else output
         return f"add 'set_property(TARGET {name} APPEND PROPERTY LINK_DEPENDS {_PATH})'"

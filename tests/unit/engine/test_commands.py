@@ -92,7 +92,7 @@ def test_the_children_of_ninja_are_the_commands(tmp_path: Path) -> None:
     )
     step = ObservedStep((cmake, ninja, shell, gcc))
     folders = Folders(build, (source,))
-    found = commands_of(step, {1: "build"}, lambda _, written: (str(output), written), folders)
+    found = commands_of(step, {1: "build"}, lambda *_: (str(output),), folders)
     accesses = found.edges[str(output)]
     assert accesses.read == {str(source / "x.c")}
     assert accesses.written == {str(output)}
@@ -100,9 +100,7 @@ def test_the_children_of_ninja_are_the_commands(tmp_path: Path) -> None:
     assert found.missing == {str(source / "y.h")}
     assert accesses.external == {str(external)}
     assert accesses.outputs_known
-    found = commands_of(
-        step, {1: "build"}, lambda *_: (str(output), frozenset({str(output), str(external)})), folders
-    )
+    found = commands_of(step, {1: "build"}, lambda *_: (str(output), str(external)), folders)
     assert not found.edges[str(output)].outputs_known
 
 
@@ -115,7 +113,7 @@ def test_the_names_in_the_folder_of_temporary_files_are_no_input(tmp_path: Path)
     found = commands_of(
         ObservedStep((cmake, ninja, *ninja.children)),
         {1: "build"},
-        lambda _, written: ("x.so", written),
+        lambda *_: ("x.so",),
         Folders(tmp_path / "b", (tmp_path / "s",)),
     )
     assert found.edges["x.so"].external == {f"{tmp_path}/names/."}
@@ -131,9 +129,7 @@ def test_an_inner_ninja_belongs_to_the_command_that_starts_it(tmp_path: Path) ->
     folders = Folders(tmp_path, ())
 
     def found(name: str | None) -> ObservedCommands:
-        return commands_of(
-            step, {1: "build"}, lambda each, _: (each.command, frozenset()) if name else None, folders
-        )
+        return commands_of(step, {1: "build"}, lambda each, _: (each.command,) if name else (), folders)
 
     source = {str(tmp_path / "x.c")}
     assert {name: each.read for name, each in found("outer").edges.items()} == {"outer": source}
