@@ -67,7 +67,11 @@ OWN: Mapping[str, Mapping[str, str]] = {
     EXECUTORS: {"dask": "forge.plugins.dask.executor"},
     UNDERLAYS: {"forge.lock": "forge.plugins.fetch.underlay"},
     CACHES: {"ros": "forge.plugins.fetch.cache"},
-    OPTIONS: {"audit": "forge.plugins.audit.audit", "cached": "forge.plugins.cached_tests.cached"},
+    OPTIONS: {
+        "audit": "forge.plugins.audit.audit",
+        "cached": "forge.plugins.cached_tests.cached",
+        "compiler-launcher": "forge.plugins.compiler_launchers.statistics",
+    },
     RECIPES: {"fast_rosidl": "forge.plugins.fast_rosidl.recipe"},
     REPORTERS: {
         "coverage": "forge.plugins.coverage.reporter",

@@ -34,7 +34,7 @@ from forge.execution.runner import LocalExecutor, TaskRunner
 from forge.execution.started import StartedProcesses
 from forge.execution.task_setup import TaskSetup
 from forge.toolchain.cmake_variables import defined
-from forge.toolchain.compiler_launchers import LauncherStats, open_launcher_stats
+from forge.toolchain.compiler_launchers import LauncherStats
 from forge.toolchain.programs import CMAKE_TYPES, any_enables_cxx, ninja_first, program_of
 from forge.toolchain.resources import LIBRARY_PATH_BELOW, gcc_heap, memory
 from forge.workspace.cmake_text import announced_downloads
@@ -59,7 +59,8 @@ def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
         audit = plugin.Audit(context, packages, state.journal.records, build.variables)
     launcher_stats = LauncherStats()
     if context.launcher and compiles:
-        launcher_stats = open_launcher_stats(
+        plugin = find(OPTIONS, "compiler-launcher", "option", ("open_launcher_stats",))
+        launcher_stats = plugin.open_launcher_stats(
             context.launcher, context.root, context.layout.build, without_job_variables(build.variables)
         )
         if launcher_stats.problem:

@@ -17,7 +17,6 @@ from forge.toolchain.compiler_launchers import (
     LAUNCHERS,
     LauncherSummary,
     launcher_variables,
-    remote_slots,
     selected_launcher,
 )
 from forge.toolchain.resources import processors
@@ -101,21 +100,6 @@ def test_the_initial_cache_sets_the_launcher_and_removes_a_former_one() -> None:
     assert "unset(CMAKE_CXX_COMPILER_LAUNCHER CACHE)" in initial_cache(
         context_of(None), Path("manifest.cmake")
     )
-
-
-@pytest.mark.parametrize(
-    ("text", "slots"),
-    [
-        ("", []),
-        ("localhost\nlocalhost/3\n", []),
-        ("127.0.0.1\n", [4]),
-        ("red/8,lzo\nblue:4000/3\n[::1]:4000/7\n", [8, 3, 7]),
-        ("old/6:4001,lzo,cpp\n", [6]),
-        ("someone@red/5:/opt/bin/distccd,lzo\n@blue:/opt/9/distccd\n", [5, 4]),
-    ],
-)
-def test_distcc_host_lists_are_parsed(text: str, slots: list[int]) -> None:
-    assert remote_slots(text) == slots
 
 
 @pytest.mark.parametrize(

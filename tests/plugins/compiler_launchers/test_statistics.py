@@ -9,9 +9,25 @@ from pathlib import Path
 import pytest
 
 from forge.base.layout import COMPILATIONS_FILE
-from forge.toolchain.compiler_launchers import LauncherSummary, open_launcher_stats
+from forge.plugins.compiler_launchers.statistics import open_launcher_stats, remote_slots
+from forge.toolchain.compiler_launchers import LauncherSummary
 from tests.conftest import Forge, Tree
 from tests.unit.toolchain.test_compiler_launchers import PACKAGE
+
+
+@pytest.mark.parametrize(
+    ("text", "slots"),
+    [
+        ("", []),
+        ("localhost\nlocalhost/3\n", []),
+        ("127.0.0.1\n", [4]),
+        ("red/8,lzo\nblue:4000/3\n[::1]:4000/7\n", [8, 3, 7]),
+        ("old/6:4001,lzo,cpp\n", [6]),
+        ("someone@red/5:/opt/bin/distccd,lzo\n@blue:/opt/9/distccd\n", [5, 4]),
+    ],
+)
+def test_distcc_host_lists_are_parsed(text: str, slots: list[int]) -> None:
+    assert remote_slots(text) == slots
 
 
 @pytest.mark.needs("distcc")
