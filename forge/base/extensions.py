@@ -71,6 +71,7 @@ OWN: Mapping[str, Mapping[str, str]] = {
         "audit": "forge.plugins.audit.audit",
         "cached": "forge.plugins.cached_tests.cached",
         "compiler-launcher": "forge.plugins.compiler_launchers.statistics",
+        "toolchain-cache": "forge.plugins.compiler_probe.probe",
     },
     RECIPES: {"fast_rosidl": "forge.plugins.fast_rosidl.recipe"},
     REPORTERS: {

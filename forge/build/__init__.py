@@ -15,6 +15,7 @@ __all__ = [
     "model",
     "observed_writes",
     "recipes",
+    "records",
     "tasks",
     "tests",
     "up_to_date",

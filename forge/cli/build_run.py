@@ -12,11 +12,10 @@ from typing import TYPE_CHECKING
 
 from forge.base.env_vars import SEQUENTIAL, own_cache, without_secrets
 from forge.base.errors import WorkspaceError, print_problem, raise_if_any
-from forge.base.extensions import OPTIONS, find
+from forge.base.extensions import OPTIONS, find, is_installed
 from forge.base.frozen import Pairs
 from forge.base.layout import OWN_CACHE_DIR, PROGRAMS_DIR
 from forge.build.compile_commands import merge_compile_commands
-from forge.build.compiler_probe import Surroundings, Toolchain
 from forge.build.recipes.cmake import common_arguments
 from forge.build.recipes.extensions import active_extensions
 from forge.build.state import BuildState
@@ -43,6 +42,7 @@ from forge.workspace.resolve import GENERATORS
 
 if TYPE_CHECKING:
     from forge.cache.package_cache import PackageCache
+    from forge.execution.task_setup import Seed
 
 
 def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
@@ -236,16 +236,16 @@ def _package_cache(
     return open_cache(options.cache, context, state, build.variables, build.mode.warn)
 
 
-def _toolchain(
-    plan: BuildPlan, build: PreparedBuild, state: BuildState, library: Path | None
-) -> Toolchain | None:
-    """Return the cached compiler detection for new CMake packages.
+def _toolchain(plan: BuildPlan, build: PreparedBuild, state: BuildState, library: Path | None) -> Seed | None:
+    """Return what copies detected compilers into the new build folders of CMake packages.
 
-    None with --no-toolchain-cache, without CMake, and if ament packages get extra arguments, which may select
-    another compiler.
+    None with --no-toolchain-cache, without its plugin or CMake, and if ament packages get extra arguments,
+    which may select another compiler.
     """
     context = build.context
     if build.options.cmake.no_toolchain_cache or context.cmake is None or context.ament_cmake_args:
+        return None
+    if not is_installed(OPTIONS, "toolchain-cache"):
         return None
     # Unlike the embedded one, other versions of ament_cmake look for Python.
     ament = build.loaded.resolution.packages.get("ament_cmake")
@@ -254,15 +254,18 @@ def _toolchain(
     packages = (task.package for task in plan.tasks.values() if not task.package.embedded)
     languages = "C CXX" if any_enables_cxx(packages) else "C"
     arguments = common_arguments(context)
-    return Toolchain(
+    plugin = find(OPTIONS, "toolchain-cache", "option", ("Toolchain",))
+    toolchain = plugin.Toolchain(
         context.layout.build,
         context.cmake,
         arguments,
         _compilers(build),
         python,
         languages=languages,
-        observed=Surroundings(state.world, state.table, library),
+        observed=plugin.Surroundings(state.world, state.table, library),
     )
+    seed: Seed = toolchain.seed
+    return seed
 
 
 def _compilers(build: PreparedBuild) -> Pairs:

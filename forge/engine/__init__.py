@@ -1,3 +1,3 @@
 """What the steps of a build read, write and execute, and what follows for the next build."""
 
-__all__ = ["commands", "observation", "observer"]
+__all__ = ["commands", "observation", "observer", "world"]

@@ -60,7 +60,6 @@ if TYPE_CHECKING:
     from forge.base.errors import Problem
     from forge.base.frozen import Pairs
     from forge.base.layout import Layout
-    from forge.build.compiler_probe import Toolchain
     from forge.build.inputs.fingerprints import Stats
     from forge.build.inputs.native_graph import NativeGraph
     from forge.build.model import BuildRecord
@@ -71,6 +70,9 @@ if TYPE_CHECKING:
     from forge.engine.commands import ObservedCommands
     from forge.toolchain.interpreter import Interpreter
     from forge.workspace.resolve import DependencyResolution
+
+    Seed = Callable[[Path, Path, Mapping[str, str]], bool]
+    """Prepares a package for CMake, given its source folder, build folder and variables."""
 
 
 _METADATA = re.compile(r"-packages/[^/]+\.(dist|egg)-info/")
@@ -86,7 +88,7 @@ class TaskSetup(TaskLifecycle):
     variables: Mapping[str, str]
     state: BuildState
     cache: PackageCache | None = None
-    toolchain: Toolchain | None = None
+    seed: Seed | None = None
     """Lets new build folders skip CMake's compiler checks."""
     audit: Callable[[Task, ObservedSteps, NativeGraph], None] | None = None
     """Compares what steps read with what is declared; then each package starts in an empty build folder."""
@@ -172,8 +174,8 @@ class TaskSetup(TaskLifecycle):
         same_compilers = not arguments and all(
             environment.get(name) == self.variables.get(name) for name in FOR_COMPILERS
         )
-        if self.toolchain is not None and same_compilers and package.build_type in CMAKE_TYPES:
-            self.toolchain.seed(self.state.source(task), task.build_dir, self.variables)
+        if self.seed is not None and same_compilers and package.build_type in CMAKE_TYPES:
+            self.seed(self.state.source(task), task.build_dir, self.variables)
 
     def staged(self, task: Task) -> Task:
         # With DESTDIR, nothing is installed into the prefix.

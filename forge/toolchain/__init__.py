@@ -4,6 +4,7 @@ May import the packages above it in docs/explanation/architecture.md, up to `wor
 """
 
 __all__ = [
+    "cmake_variables",
     "compiler_launchers",
     "interpreter",
     "os_release",

@@ -10,7 +10,7 @@ import shlex
 from collections.abc import Iterator
 from pathlib import Path
 
-from forge.build.compiler_probe import Toolchain
+from forge.plugins.compiler_probe.probe import Toolchain
 from tests.bench.commands import forge
 from tests.bench.figures import Case
 from tests.bench.sitting import Sitting, run

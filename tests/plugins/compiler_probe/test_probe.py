@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from forge.build.compiler_probe import Toolchain
+from forge.plugins.compiler_probe.probe import Toolchain
 from forge.toolchain.cmake_variables import unused_variables
 from tests.conftest import Tree
 

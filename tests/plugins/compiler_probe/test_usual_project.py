@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.build.compiler_probe import usual_project
+from forge.plugins.compiler_probe.probe import usual_project
 
 if TYPE_CHECKING:
     from tests.conftest import Tree
