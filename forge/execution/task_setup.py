@@ -54,7 +54,7 @@ from forge.toolchain.programs import CMAKE_TYPES
 from forge.workspace.model import RUN_KINDS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
+    from collections.abc import Callable, Iterable, Iterator, Mapping
     from pathlib import Path
 
     from forge.base.errors import Problem
