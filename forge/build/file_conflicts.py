@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from forge.base.errors import Problem
 from forge.build.inputs.fingerprints import contents_of, fingerprint_files
 from forge.build.installed_states import InstalledStates
+from forge.build.model import Fingerprint
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping
@@ -33,8 +34,8 @@ class MergedPrefix:
         self._journal = journal
         self._states = InstalledStates(layout.build)
 
-    def conflicting_files(self, names: Collection[str]) -> Mapping[str, list[str]]:
-        """Return, by path, the packages that install a file differently, one of `names` among them."""
+    def _common_files(self, names: Collection[str]) -> Mapping[str, list[str]]:
+        """Return, by path, the packages that install a file, several, and one of `names` among them."""
         if not self._layout.merged or not names:
             return {}
         records = self._journal.records
@@ -43,11 +44,15 @@ class MergedPrefix:
             if records[name].complete:
                 for path in records[name].files:
                     owners.setdefault(path, []).append(name)
-        shared = {
+        return {
             path: owners
             for path, owners in sorted(owners.items())
             if len(owners) > 1 and not frozenset(names).isdisjoint(owners)
         }
+
+    def conflicting_files(self, names: Collection[str]) -> Mapping[str, list[str]]:
+        """Return, by path, the packages that install a file differently, one of `names` among them."""
+        records, shared = self._journal.records, self._common_files(names)
         contents = {
             name: self._states.contents(name, records[name].installed.digest) or {}
             for name in {name for owners in shared.values() for name in owners}
@@ -81,9 +86,9 @@ class MergedPrefix:
         return frozenset(name for owners in found for name in owners).intersection(plan.fresh)
 
     def in_order(self, plan: BuildPlan) -> BuildPlan:
-        """Return the plan with each package after those whose files it is known to overwrite."""
+        """Return the plan with each package after those that are known to install the same file."""
         tasks = dict(plan.tasks)
-        for owners in self.conflicting_files(plan.tasks).values():
+        for owners in self._common_files(plan.tasks).values():
             built = [name for name in plan.tasks if name in owners]
             for before, name in pairwise(built):
                 tasks[name] = replace(tasks[name], after=tasks[name].after | {before})
@@ -93,14 +98,21 @@ class MergedPrefix:
         """Accept files that a later package has just overwritten as unchanged.
 
         The digest of the package remains that of its own files; only the stamp is updated. The next build
-        compares the content of a file that the later package no longer installs. Return True if an earlier
-        package has overwritten a file, which the next build gives back to the later one.
+        compares the content of a file that the later package no longer installs. Return True if packages have
+        installed or removed the same file in any order, which the next build does in the right one.
         """
         if not self._layout.merged:
             return False
         records = self._journal.records
         overwritten, deprived = set[str](), set[str]()
         states = cache(lambda name: self._states.contents(name, records[name].installed.digest) or {})
+        for owners in self._common_files(plan.tasks).values():
+            built = [name for name in plan.tasks if name in owners and records[name].complete]
+            for before, name in pairwise(built):
+                task = plan.tasks[name]
+                if before not in task.needs and before not in task.after:
+                    # Either may have recorded what the other one had installed.
+                    deprived.update((before, name))
         for path, owners in self.conflicting_files(plan.tasks).items():
             built = [name for name in plan.tasks if name in owners and records[name].complete]
             overwritten.update(
@@ -111,9 +123,8 @@ class MergedPrefix:
             known = states(built[-1]) if built else {}
             if known and contents_of([path], table)[path] != known.get(path):
                 deprived.add(built[-1])
-        for name in deprived:
-            record = records[name]
-            self._journal.set_record(name, replace(record, installed=replace(record.installed, stamp="")))
+        for name in sorted(deprived):
+            self._journal.set_record(name, replace(records[name], installed=Fingerprint()))
         overwritten -= deprived
         for name in sorted(overwritten):
             record = records[name]
@@ -129,8 +140,15 @@ class MergedPrefix:
             for path in frozenset(task.earlier).difference(records[name].files)
         }
         for name, record in sorted(records.items() if left else ()):
-            if record.installed.stamp and not left.isdisjoint(record.files):
+            taken = left.intersection(record.files)
+            if record.installed.stamp and taken:
                 self._journal.set_record(name, replace(record, installed=replace(record.installed, stamp="")))
+            # The former owner may have removed it last.
+            if name in plan.tasks and any(
+                content != states(name).get(path)
+                for path, content in contents_of(sorted(taken), table).items()
+            ):
+                deprived.add(name)
         return bool(deprived)
 
 

@@ -106,10 +106,12 @@ def with_all_written(graph: NativeGraph, dropped: frozenset[str], seen: Observed
     """Add what the commands of `dropped` outputs wrote beside them, and what was made from that.
 
     The native tool knows neither. A command that runs again because of its inputs begins without its side
-    outputs, too.
+    outputs, too, and without what other commands made only after it.
     """
     known = [(edge, seen.edges[edge.outputs[0]]) for edge in graph.edges if is_known(edge, seen)]
     users = graph.users() if known and dropped else {}
+    # Such as into the sources: the native tool has looked at it before they run.
+    beside = _written_beside(graph, seen) if dropped else frozenset[str]()
     dirty: set[str] = set()
     more = set(dropped)
     while more - dirty:
@@ -127,13 +129,28 @@ def with_all_written(graph: NativeGraph, dropped: frozenset[str], seen: Observed
                 or (not dirty.isdisjoint(edge.outputs) and not each.written.issubset(edge.outputs))
                 or not more.isdisjoint(each.written)
                 or not (dirty & each.read).issubset(graph.inputs_of(edge))
+                or not beside.isdisjoint(each.read)
             )
             if again:
                 more.update(each.written, edge.outputs)
             else:
                 kept.append((edge, each))
         known = kept
+        begun = (edge for edge in graph.edges if not dirty.isdisjoint(edge.outputs))
+        accesses = filter(None, (seen.edges.get(edge.outputs[0]) for edge in begun))
+        early = frozenset[str]().union(*(each.early for each in accesses)) - more
+        for edge, each in known if early else ():
+            if not early.isdisjoint((*edge.outputs, *each.written)):
+                more.update(each.written, edge.outputs)
     return frozenset(more)
+
+
+def _written_beside(graph: NativeGraph, seen: ObservedCommands) -> frozenset[str]:
+    """Return what commands that run again after any change wrote beside their outputs."""
+    unknown = (edge for edge in graph.edges if not is_known(edge, seen) and edge.outputs[0] in seen.edges)
+    return frozenset(
+        path for edge in unknown for path in seen.edges[edge.outputs[0]].written.difference(edge.outputs)
+    )
 
 
 def would_only_link(graph: NativeGraph, needed: Changes, seen: ObservedCommands) -> bool:

@@ -25,7 +25,7 @@ from forge.build.installed_states import InstalledStates
 from forge.build.model import Snapshot
 from forge.build.records import read_record
 from forge.build.up_to_date import UNKNOWN_INSTALLED, UNKNOWN_SOURCES, InputChange, InputKind
-from forge.engine.world import KIND, MODULES, PACKAGE_FOUND, PROCESSOR, PROGRAM, VARIABLE
+from forge.engine.world import KIND, LIBRARY, MODULES, PACKAGE_FOUND, PROCESSOR, PROGRAM, VARIABLE
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Mapping
@@ -43,6 +43,7 @@ _MISSING = "missing"
 _QUESTIONS = (
     (InputKind.VARIABLE, "environment variable", VARIABLE),
     (InputKind.TOOL, "tool", PROGRAM),
+    (InputKind.OUTSIDE, "place in LD_LIBRARY_PATH of the library", LIBRARY),
     (InputKind.OTHER, "place of the package", PACKAGE_FOUND),
     (InputKind.OTHER, "processor", PROCESSOR),
     (InputKind.OUTSIDE, "kind, mode or size of", KIND),

@@ -24,6 +24,7 @@ from forge.engine.variables import copies_environment, mentioned
 from forge.engine.world import (
     CPU_INFO,
     KIND,
+    LIBRARY,
     PROCESSOR,
     PROGRAM,
     ModuleSearch,
@@ -48,8 +49,9 @@ class Accesses:
     folders in which it did. All these lie in the folders that matter. `external` are other files that it read
     or looked for in vain, and folders that it listed, ending with '/.'. `asked` are questions for a `World`.
     `written` has created folders, too, ending with '/'. Programs with `ledgers`, a digest and a path each,
-    have written what is `kept`, see `forge.engine.observed`. `outside` is True if it wrote elsewhere than to
-    the build folder, and `blind` if not all is known.
+    have written what is `kept`, see `forge.engine.observed`. `early` is what other commands wrote only after
+    it had looked for it, or had listed its folder. `outside` is True if it wrote elsewhere than to the build
+    folder, and `blind` if not all is known.
     """
 
     read: frozenset[str] = frozenset()
@@ -61,6 +63,7 @@ class Accesses:
     asked: frozenset[str] = frozenset()
     kept: frozenset[str] = frozenset()
     ledgers: frozenset[str] = frozenset()
+    early: frozenset[str] = frozenset()
     outside: bool = False
     blind: bool = False
 
@@ -184,6 +187,7 @@ def commands_of(
             accesses = folders.accesses(seen, family)
             configure = replace(accesses, searched=folders.paths(seen.missing))
             missing |= configure.searched
+    later = _LaterWrites(step)
     for process in step.edges():
         family = process.family()
         seen = look(family, step.blind)
@@ -194,13 +198,37 @@ def commands_of(
             # A server has written what the command itself did not.
             others_outputs = {*outputs} - {path.rstrip("/") for path in accesses.written}
             blind = accesses.blind or any(map(os.path.lexists, others_outputs))
-            edges[outputs[0]] = replace(accesses, found=frozenset(), blind=blind)
+            early = folders.paths(later.after(family)) - accesses.written
+            edges[outputs[0]] = replace(accesses, found=frozenset(), blind=blind, early=early)
             missing |= folders.paths(seen.missing)
     copying = {each for each in others if each.parent is None and roots.get(each.pid) == "install"}
     started = [each for each in others if each.parent and folders.tools.isdisjoint(each.programs[-1:])]
     seen = as_read(look(others, step.blind), look(started))
     rest = folders.accesses(seen, others, copying)
     return ObservedCommands(configure, edges, frozenset(missing), rest)
+
+
+class _LaterWrites:
+    """What the commands of a step wrote, and when."""
+
+    def __init__(self, step: ObservedStep) -> None:
+        self._first: dict[str, int] = {}
+        self._names: dict[str, list[str]] = {}
+        for process in step.processes:
+            for order, kind, path in process.records:
+                if kind in "WD" and order < self._first.get(path, order + 1):
+                    self._first[path] = order
+        for path in self._first:
+            self._names.setdefault(os.path.dirname(path), []).append(path)
+
+    def after(self, processes: Iterable[Process]) -> Iterator[str]:
+        """Yield what was written after processes had looked for it in vain, or had listed its folder."""
+        for process in processes:
+            for order, kind, path in process.records:
+                if kind == "N" and self._first.get(path, 0) > order:
+                    yield path
+                elif kind == "L":
+                    yield from (each for each in self._names.get(path, ()) if self._first[each] > order)
 
 
 class Folders:
@@ -244,7 +272,7 @@ class Folders:
         self._folders: dict[str, str] = {"": "", "/": "/"}
         self._modules = ModuleSearch()
         self._metadata: dict[str, tuple[str, ...]] = {}
-        self._mentioned: dict[tuple[str, str], frozenset[str]] = {}
+        self._mentioned: dict[str, frozenset[str]] = {}
         # Commands of one package read and miss mostly the same: each path is looked at once.
         self._is_read_file = cache(self._look_at_file)
         self._is_missing = cache(self._look_for)
@@ -315,6 +343,7 @@ class Folders:
         kinds = (f"{KIND}{path}" for path in only_found if self._is_found(path))
         used = (path.rpartition("/") for path in chain(seen.missing, seen.found, seen.executed, read))
         asked = {f"{PROGRAM}{name}" for folder, _, name in used if folder in self._path}
+        asked.update(f"{LIBRARY}{os.path.basename(path)}" for path in seen.loaded)
         variables = seen.variables.union(*map(self._mentioned_by, processes))
         # Of modules elsewhere, it is compared which of them Python finds.
         modules = {
@@ -479,14 +508,13 @@ class Folders:
 
     def _mentioned_by(self, process: Process) -> frozenset[str]:
         """Return the variables that a process may have read from a copy of its environment."""
-        found = [mentioned(program, process.command) for program in process.programs if process.command]
+        found = [mentioned(process.command)] if any(map(copies_environment, process.programs)) else []
         for number, kind, path in process.records:
             program = process.program_at(number) if kind == "R" else ""
             if program and copies_environment(program) and self._is_script(path):
-                if (program, path) not in self._mentioned:
-                    text = _script(path).decode(errors="replace")
-                    self._mentioned[program, path] = mentioned(program, text)
-                found.append(self._mentioned[program, path])
+                if path not in self._mentioned:
+                    self._mentioned[path] = mentioned(_script(path).decode(errors="replace"))
+                found.append(self._mentioned[path])
         return frozenset[str]().union(*found)
 
     def _look_for_script(self, path: str) -> bool:
@@ -542,7 +570,7 @@ _NATIVE_FLAG = re.compile(rb"-m(?:arch|tune|cpu)=native|target-cpu=native|-xHost
 _VOLATILE = ("/proc/", "/sys/")
 """What the kernel makes up."""
 CACHED_BYTECODE = re.compile(r"^(.*)/__pycache__/([^/.]+)\.[^/]*\.pyc$")
-_SETS = ("read", "found", "listed", "searched", "written", "external", "asked", "kept", "ledgers")
+_SETS = ("read", "found", "listed", "searched", "written", "external", "asked", "kept", "ledgers", "early")
 
 
 def encode_commands(commands: ObservedCommands) -> Mapping[str, object]:

@@ -175,7 +175,8 @@ def read_log(
         if process and kind in _OF_PATHS:
             process.records.append((number, kind, resolve(word) if "/.." in word else word))
             continue
-        executes = kind == "P" and pending.pop(pid, None) is not None
+        started = pending.pop(pid, None) if kind == "P" else None
+        executes = started is not None
         if process is None or (kind == "P" and not executes) or (kind == "O" and last_kind[pid] != "P"):
             process = running[pid] = Process(pid)
             processes.append(process)
@@ -185,6 +186,9 @@ def read_log(
                 spawned.pop(pid, None)
                 process.programs.append(word)
                 process.starts.append(number)
+                if started and started.startswith("/") and os.path.realpath(started) != word:
+                    # The kernel has read the interpreter that a script names.
+                    process.records.append((number, "R", word))
             case "O" if process.parent is None:
                 process.parent = running.get(int(word))
                 if process.parent:

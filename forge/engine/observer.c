@@ -79,6 +79,7 @@
 #include <sys/xattr.h>
 #include <unistd.h>
 #include <utime.h>
+#include <wordexp.h>
 
 #define EXPORT __attribute__((visibility("default")))
 /* The next definition of a function, which this library hides. */
@@ -817,24 +818,44 @@ static void observe_python(void)
         add(audit, NULL);
 }
 
-/* Note the text that a shell or interpreter runs, or the variable that printenv prints. */
-static void note_command(int prints_variables)
+/* Programs that copy the environment, whose names for variables are in what they run. */
+static const char *const with_text[] = {"/sh", "/dash", "/bash", "/busybox", "/python", NULL};
+static const char *const with_arguments[] = {"/awk", "/gawk", "/mawk", "/perl", "/ruby", "/node", NULL};
+
+static int begins_with_one(const char *name, const char *const *beginnings)
 {
+    while (*beginnings && strncmp(name, *beginnings, strlen(*beginnings)))
+        beginnings++;
+    return *beginnings != NULL;
+}
+
+/* Note the text after -c, all arguments, or the variable that printenv prints. */
+static void note_command(const char *program)
+{
+    int is_printenv = !strcmp(program, "/printenv"), joins = begins_with_one(program, with_arguments);
     char words[1 << 16];
-    int descriptor = kernel()(SYS_openat, AT_FDCWD, "/proc/self/cmdline", O_RDONLY | O_CLOEXEC);
+    int descriptor;
     ssize_t size, flag;
 
+    if (!is_printenv && !joins && !begins_with_one(program, with_text))
+        return;
+    descriptor = kernel()(SYS_openat, AT_FDCWD, "/proc/self/cmdline", O_RDONLY | O_CLOEXEC);
     if (descriptor < 0)
         return;
     size = kernel()(SYS_read, descriptor, words, sizeof words);
     kernel()(SYS_close, descriptor);
-    if (size <= 0 || words[size - 1])
+    if (size <= 0 || (words[size - 1] && !joins))
         return;
+    words[size - 1] = 0;
     flag = strlen(words) + 1;
     if (flag >= size)
         return;
-    if (prints_variables)
+    for (char *end = words + flag; joins && (end = memchr(end, 0, words + size - 1 - end));)
+        *end = ' ';
+    if (is_printenv)
         say('V', words + flag, strlen(words + flag));
+    else if (joins)
+        say('C', words + flag, strlen(words + flag));
     else if (flag + 3 < size && !strcmp(words + flag, "-c"))
         say('C', words + flag + 3, strlen(words + flag + 3));
 }
@@ -869,11 +890,8 @@ static void note_process(long parent)
     say('P', program, strlen(program));
     note_child_of(parent);
     name = strrchr(program, '/');
-    if (name && (!strcmp(name, "/sh") || !strcmp(name, "/dash") || !strcmp(name, "/bash") || !strcmp(name, "/busybox")
-                 || !strncmp(name, "/python", 7)))
-        note_command(0);
-    else if (name && !strcmp(name, "/printenv"))
-        note_command(1);
+    if (name)
+        note_command(name);
     dl_iterate_phdr(note_library, NULL);
 }
 
@@ -1511,6 +1529,28 @@ EXPORT FTSENT *fts_children(FTS *walk, int options)
 {
     note('B', "fts_children");
     return NEXT(fts_children)(walk, options);
+}
+
+/* The C library expands patterns and variables by itself. */
+EXPORT int wordexp(const char *words, wordexp_t *result, int flags)
+{
+    int code = NEXT(wordexp)(words, result, flags), saved = errno;
+    size_t first = flags & WRDE_DOOFFS ? result->we_offs : 0;
+
+    if (words[strcspn(words, "$`?[")] || strstr(words, "*/"))
+        note('B', "wordexp");
+    for (size_t each = 0; !code && words[strcspn(words, "*?[")] && each < result->we_wordc; each++) {
+        char folder[PATH_MAX];
+
+        snprintf(folder, sizeof folder, "%s", result->we_wordv[first + each]);
+        if (strchr(folder, '/'))
+            *strrchr(folder, '/') = 0;
+        else
+            strcpy(folder, ".");
+        found('L', AT_FDCWD, *folder ? folder : "/");
+    }
+    errno = saved;
+    return code;
 }
 #else
 EXPORT int glob(const char *pattern, int flags, int (*failed)(const char *, int), glob_t *paths)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import os
 import re
-from functools import cache
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -91,39 +90,27 @@ _UNTRACKED_BEGINNINGS = (
 )
 
 
-def mentioned(program: str, text: str) -> frozenset[str]:
-    """Return the variables named in a text that a program reads, if it copies the whole environment.
+def mentioned(text: str) -> frozenset[str]:
+    """Return the variables named in a text that was read by a program that copies the whole environment.
 
-    `program` is its path. What it asks for cannot be observed, only what its scripts say.
+    What such a program asks for cannot be observed, only what it reads: scripts, and templates that it fills.
     """
-    pattern = _naming(os.path.basename(program))
-    if pattern is None:
-        return frozenset()
-    return frozenset(match[match.lastindex] for match in pattern.finditer(text) if match.lastindex)
+    return frozenset(match[match.lastindex] for match in _NAMING.finditer(text) if match.lastindex)
 
 
 def copies_environment(program: str) -> bool:
     """Tell if a program, given as its path, copies the whole environment."""
-    return _naming(os.path.basename(program)) is not None
+    return _COPIES_ENVIRONMENT.match(os.path.basename(program)) is not None
 
 
-@cache
-def _naming(program: str) -> re.Pattern[str] | None:
-    """Return how scripts of a program name variables, None if the program asks for each."""
-    return next((pattern for programs, pattern in _COPIES_ENVIRONMENT if programs.match(program)), None)
-
-
-_COPIES_ENVIRONMENT = (
-    (re.compile(r"(ba|da|k|z|fi)?sh$|busybox$|g?make$"), re.compile(r"\$[({]?([A-Za-z_]\w*)")),
-    (
-        re.compile(r"python"),
-        re.compile(
-            r"environb?\s*(?:\[|\.\s*\w+\s*\()\s*[bru]*['\"](\w+)|getenvb?\s*\(\s*[bru]*['\"](\w+)"
-            # Names that are looked up through an alias, as after `env = os.environ`.
-            r"|['\"]([A-Z][A-Z0-9_]+)['\"]|['\"](\w+)['\"]\s+(?:not\s+)?in\s+(?:os\s*\.\s*)?environ"
-        ),
-    ),
-    (re.compile(r"perl"), re.compile(r"\bENV\{\s*['\"]?(\w+)")),
-    (re.compile(r"[gm]?awk|ruby|node"), re.compile(r"\b(?:ENVIRON|ENV|env)(?:\[['\"]|\.)(\w+)")),
+_COPIES_ENVIRONMENT = re.compile(r"(ba|da|k|z|fi)?sh$|busybox$|g?make$|python|perl|[gm]?awk$|ruby|node")
+_NAMING = re.compile(
+    # Shells, make, Perl's and Python's templates.
+    r"\$[({]?([A-Za-z_]\w*)"
+    # Python.
+    r"|environb?\s*(?:\[|\.\s*\w+\s*\()\s*[bru]*['\"](\w+)|getenvb?\s*\(\s*[bru]*['\"](\w+)"
+    # Names that are looked up through an alias, as after `env = os.environ`.
+    r"|['\"]([A-Z][A-Z0-9_]+)['\"]|['\"](\w+)['\"]\s+(?:not\s+)?in\s+(?:os\s*\.\s*)?environ"
+    # Perl, awk, Ruby, Node.js.
+    r"|\bENV\{\s*['\"]?(\w+)|\b(?:ENVIRON|ENV|env)(?:\[['\"]|\.)(\w+)"
 )
-"""Programs whose variables cannot be observed, and how their scripts name them."""

@@ -1,7 +1,7 @@
 """What a build asks of its surroundings by name: variables, programs, packages, modules, kinds of files.
 
-Questions are texts, so that records can keep them with the answers: '$NAME', 'program NAME', 'package NAME',
-'FORGE_PROCESSOR', 'modules FOLDER:FOLDER NAME,NAME' and 'kind PATH'.
+Questions are texts, so that records can keep them with the answers: '$NAME', 'program NAME', 'library NAME',
+'package NAME', 'FORGE_PROCESSOR', 'modules FOLDER:FOLDER NAME,NAME' and 'kind PATH'.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 _SYSTEM = ("/usr/local", "/usr", "", "/opt")
 _OF_PACKAGES = re.compile(r"/?|/(lib\w*|share)(/[\w-]+-linux-\w+)?(/cmake|/CMake)?")
-VARIABLE, PROGRAM, PACKAGE_FOUND, MODULES = "$", "program ", "package ", "modules "
+VARIABLE, PROGRAM, LIBRARY, PACKAGE_FOUND, MODULES = "$", "program ", "library ", "package ", "modules "
 KIND = "kind "
 """The beginnings of questions."""
 PROCESSOR = "FORGE_PROCESSOR"
@@ -54,6 +54,7 @@ class World:
         underlays = filter(None, os.pathsep.join(paths).split(os.pathsep))
         self._prefixes = tuple(dict.fromkeys((*underlays, *prefixes_of_path(self._lookup.folders), *_SYSTEM)))
         self._answers: dict[str, str] = {}
+        self._libraries: dict[str, str] | None = None
         folders = self._lookup.folders
         self.path = frozenset((*folders, *map(os.path.realpath, folders)))
         """The folders of PATH."""
@@ -89,6 +90,8 @@ class World:
             name = question.removeprefix(PROGRAM)
             found = self._lookup.identity(name) if name in self._lookup.names else ""
             return found.rsplit(" ", 2)[0]
+        if question.startswith(LIBRARY):
+            return self._library_folders.get(question.removeprefix(LIBRARY), "")
         if question.startswith(MODULES):
             path, _, names = question.removeprefix(MODULES).rpartition(" ")
             folders = path.split(os.pathsep)
@@ -100,6 +103,17 @@ class World:
             return _kind(question.removeprefix(KIND))
         name = question.removeprefix(PACKAGE_FOUND)
         return next(filter(None, (self._configs.folder(prefix, name) for prefix in self._prefixes)), "")
+
+    @property
+    def _library_folders(self) -> Mapping[str, str]:
+        """The folder of LD_LIBRARY_PATH in which the dynamic linker finds each name first."""
+        if self._libraries is None:
+            self._libraries = {}
+            for folder in filter(None, self.value("LD_LIBRARY_PATH").split(os.pathsep)):
+                with contextlib.suppress(OSError):
+                    for name in os.listdir(folder):
+                        self._libraries.setdefault(name, folder)
+        return self._libraries
 
 
 def _position(place: str, folders: list[str]) -> str:

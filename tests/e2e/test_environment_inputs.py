@@ -3,6 +3,7 @@
 import json
 import os
 import shutil
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -395,3 +396,57 @@ def test_cached_results_depend_on_variables_and_programs(forge: Forge, tree: Tre
         ran = forge("build", "--cache", str(root / "cache"), cwd=root, env=variables)
         made.append("came from the cache" in ran.out)
     assert made == [False, False, False, True], "the first three are three different results"
+
+
+READS_A_COPY = {
+    "awk": """find_program(AWK awk)
+execute_process(COMMAND ${AWK} [[BEGIN { print "#define V 1" ENVIRON["MINE"] }]]
+                OUTPUT_FILE ${CMAKE_BINARY_DIR}/v.h)
+""",
+    "a template": """find_package(Python3 REQUIRED COMPONENTS Interpreter)
+execute_process(COMMAND ${Python3_EXECUTABLE} ${CMAKE_SOURCE_DIR}/fill.py ${CMAKE_SOURCE_DIR}/v.h.in
+                OUTPUT_FILE ${CMAKE_BINARY_DIR}/v.h)
+""",
+}
+
+
+@pytest.mark.parametrize("reader", READS_A_COPY)
+def test_a_variable_named_in_what_reads_a_copy_of_the_environment_is_an_input(
+    forge: Forge, tree: Tree, reader: str
+) -> None:
+    files = cmake("a", READS_A_COPY[reader] + "include_directories(${CMAKE_BINARY_DIR})\n") | {
+        "src/a/x.c": '#include "v.h"\n' + MAIN,
+        "src/a/fill.py": "import os, sys\nprint(os.path.expandvars(open(sys.argv[1]).read()))\n",
+        "src/a/v.h.in": "#define V 1$MINE\n",
+    }
+    builds = Builds(forge, tree(files))
+    builds.build({"MINE": "1"})
+    assert builds.build({"MINE": "2"}) == ["a"]
+    assert builds.build({"MINE": "2", "OTHER": "1"}) == []
+    assert builds.same_as_clean({"MINE": "2"})
+
+
+def test_a_library_that_appears_in_front_of_another_causes_a_rebuild(forge: Forge, tree: Tree) -> None:
+    text = """execute_process(COMMAND $ENV{TOOL} OUTPUT_VARIABLE v)
+add_definitions(-DV=${v})
+"""
+    root = tree(cmake("a", text))
+    folder = root / "tools"
+    for name in ("first", "second"):
+        (folder / name).mkdir(parents=True)
+    for value, name in ((1, "second"), (2, "later")):
+        (folder / "l.c").write_text(f"int value(void) {{ return {value}; }}\n")
+        library = folder / ("second/libvalue.so" if name == "second" else name)
+        subprocess.run(["gcc", "-shared", "-fPIC", "-o", library, folder / "l.c"], check=True)
+    (folder / "t.c").write_text(
+        '#include <stdio.h>\nint value(void);\nint main(void) { printf("%d", value()); }\n'
+    )
+    command = f"gcc -o '{folder}/tool' '{folder}/t.c' '-L{folder}/second' -lvalue"
+    subprocess.run(command, shell=True, check=True)
+    env = {"TOOL": f"{folder}/tool", "LD_LIBRARY_PATH": f"{folder}/first:{folder}/second"}
+    builds = Builds(forge, root)
+    builds.build(env)
+    (folder / "later").rename(folder / "first/libvalue.so")
+    assert builds.build(env) == ["a"]
+    assert builds.build(env) == []
+    assert builds.same_as_clean(env)

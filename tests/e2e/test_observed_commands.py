@@ -498,3 +498,66 @@ def test_an_edited_file_that_cmake_writes_into_the_sources_is_written_again(forg
     edit(root, "made.txt", "2")
     built(forge, root)
     assert (root / "install/a/share/made.txt").read_text() == "1"
+
+
+LATER = {
+    "looked for": '[ ! -e x ] || echo "// found x" >> gen.h\n',
+    "listed": 'ls d | sed "s#^#// #" >> gen.h\n',
+}
+
+
+@pytest.mark.parametrize("how", LATER)
+def test_a_command_that_runs_again_does_not_see_what_was_made_after_it(
+    forge: Forge, tree: Tree, how: str
+) -> None:
+    folder = "." if how == "looked for" else "d"
+    script = f'mkdir -p d\necho "#define X $(cat "$1/value.txt")" > gen.h\n{LATER[how]}'
+    text = (
+        HEAD + "set(S ${CMAKE_SOURCE_DIR})\nadd_custom_command(OUTPUT gen.h COMMAND sh ${S}/gen.sh ${S})\n"
+        "add_custom_target(first ALL DEPENDS gen.h)\nadd_executable(x x.c)\nadd_dependencies(x first)\n"
+        f"set_target_properties(x PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${{CMAKE_BINARY_DIR}}/{folder})\n"
+        "install(FILES ${CMAKE_BINARY_DIR}/gen.h DESTINATION share)\n"
+    )
+    source = "int main(void) { return 0; }\n"
+    root = tree({**FILES, "src/a/CMakeLists.txt": text, "src/a/gen.sh": script, "src/a/x.c": source})
+    built(forge, root)
+    edit(root, "value.txt", "4\n")
+    built(forge, root)
+    assert is_as_clean(forge, root)
+
+
+def test_what_a_command_writes_into_the_sources_is_compiled_in_the_same_build(
+    forge: Forge, tree: Tree
+) -> None:
+    text = (
+        HEAD
+        + "set(S ${CMAKE_SOURCE_DIR})\nadd_custom_target(g ALL COMMAND cmake -E copy ${S}/v.txt ${S}/gen.h)\n"
+        "add_executable(x x.c)\nadd_dependencies(x g)\ninstall(TARGETS x DESTINATION bin)\n"
+    )
+    root = tree({**FILES, "src/a/CMakeLists.txt": text, "src/a/v.txt": "#define X 1\n"})
+    built(forge, root)
+    edit(root, "v.txt", "#define X 2\n")
+    built(forge, root)
+    assert is_as_clean(forge, root)
+
+
+def test_the_interpreter_that_a_script_names_is_an_input(forge: Forge, tree: Tree) -> None:
+    text = HEAD + "add_custom_command(OUTPUT gen.h COMMAND ${CMAKE_SOURCE_DIR}/gen VERBATIM)\n"
+    text += (
+        "add_custom_target(t ALL DEPENDS gen.h)\ninstall(FILES ${CMAKE_BINARY_DIR}/gen.h DESTINATION share)\n"
+    )
+    root = tree({**FILES, "src/a/CMakeLists.txt": text})
+    interpreter, script = root / "tools/run", root / "src/a/gen"
+    interpreter.parent.mkdir()
+    for value in (1, 2):
+        (root / "t.c").write_text(
+            f'#include <stdio.h>\nint main(void) {{ fputs("{value}", fopen("gen.h", "w")); return 0; }}\n'
+        )
+        program = root / f"run{value}"
+        subprocess.run(["gcc", "-o", program, root / "t.c"], check=True)
+        program.replace(interpreter)
+        if value == 1:
+            script.write_text(f"#!{interpreter}\n")
+            script.chmod(0o755)
+        built(forge, root)
+    assert (root / "install/a/share/gen.h").read_text() == "2"
