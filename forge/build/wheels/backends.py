@@ -12,7 +12,6 @@ import re
 import subprocess
 import sys
 import warnings
-from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,7 +19,14 @@ from typing import TYPE_CHECKING, Any
 import pyproject_hooks
 
 from forge.base.errors import HostError, Location, Problem, WorkspaceError, raise_if_any
-from forge.base.files import delete_tree, listed_paths, read_file, replace_file, text_or_nothing
+from forge.base.files import (
+    delete_tree,
+    listed_paths,
+    read_file,
+    replace_file,
+    text_if_exists,
+    text_or_nothing,
+)
 from forge.base.formats import read_toml
 from forge.base.frozen import frozen
 from forge.base.layout import PACKAGE, SCRATCH_DIR
@@ -182,7 +188,7 @@ def run_setup_install(options: WheelInstall, scripts: str | None) -> tuple[tuple
     except subprocess.CalledProcessError as error:
         if DISK_FULL.search(trace.output):
             raise _full_disk(options.prefix) from None
-        outside = _text(trace.folder / setup_install.OUTSIDE)
+        outside = text_if_exists(trace.folder / setup_install.OUTSIDE) or ""
         raise _setup_fault(error.returncode, outside, options) from None
     finally:
         # After a failure, too: what was installed is removed again.
@@ -284,14 +290,10 @@ class _Trace:
         self._products = build / "build"
         inside = (source, build, prefix)
         self._inside = {*map(str, inside), *map(os.path.realpath, inside)}
-        self._bundled: Path | None = None
+        self.bundled: Path | None = None
+        """A folder with forge's setuptools, if the interpreter lacks one."""
         self.output = ""
         """The backend's output."""
-
-    def provide_setuptools(self, python: str, *, wheels: bool) -> Path | None:
-        """Return a folder with the bundled setuptools if the interpreter lacks one (that builds wheels)."""
-        self._bundled = setuptools_path(python, self.folder / "lent", wheels=wheels)
-        return self._bundled
 
     def argv(self, command: Sequence[str], prefix: str) -> tuple[str, ...]:
         """Return the traced version of a Python command whose last argument is its folder."""
@@ -310,11 +312,11 @@ class _Trace:
 
     def finish(self) -> Traced:
         """Record the external inputs, and the sources that were written; return the parsed log."""
-        traced = parse_trace(_text(self._log))
-        if self._bundled:
+        traced = parse_trace(text_if_exists(self._log) or "")
+        if self.bundled:
             # The bundled setuptools is used until these modules are installed.
             traced.missing.update(setuptools=True, wheel=True)
-            traced.read.update(map(os.path.realpath, self._bundled.glob("*.dist-info/RECORD")))
+            traced.read.update(map(os.path.realpath, self.bundled.glob("*.dist-info/RECORD")))
         scratch = self._build / SCRATCH_DIR
         _write_list(scratch / READ_BY_BACKEND, external_inputs(traced, tuple(self._inside)))
         _write_list(scratch / WRITTEN_BY_BACKEND, sorted(_respelled(traced.written, self._source)))
@@ -332,12 +334,6 @@ def _respelled(paths: Iterable[str], folder: Path) -> set[str]:
     return {
         f"{folder}{os.sep}{path[len(home) :]}" for home in homes for path in paths if path.startswith(home)
     }
-
-
-def _text(path: Path) -> str:
-    with suppress(OSError), path.open(encoding="utf-8", errors="surrogateescape", newline="\n") as stream:
-        return stream.read()
-    return ""
 
 
 def _remove_leftovers(build: Path) -> None:
@@ -362,14 +358,14 @@ def _remove(path: Path) -> None:
         path.unlink(missing_ok=True)
 
 
-def _write_list(path: Path, paths: Iterable[str]) -> None:
-    replace_file(path, "".join(_lines(paths)).encode("utf-8", "surrogateescape"))
-
-
-def _lines(paths: Iterable[str]) -> Iterator[str]:
-    for path in paths:
-        fits = "\n" not in path and "\r" not in path
-        yield f"{path}\n" if fits else f"# omitted because of a line break in its name: {path!a}\n"
+def _write_list(file: Path, paths: Iterable[str]) -> None:
+    lines = (
+        f"# omitted because of a line break in its name: {path!a}\n"
+        if "\n" in path or "\r" in path
+        else f"{path}\n"
+        for path in paths
+    )
+    replace_file(file, "".join(lines).encode("utf-8", "surrogateescape"))
 
 
 def _backend_environment(
@@ -378,9 +374,9 @@ def _backend_environment(
     """Return the environment of the backend, with the bundled setuptools if needed."""
     variables = {**os.environ, **trace.variables()}
     if system["build-backend"].startswith("setuptools.") or "backend-path" in system:
-        bundled = trace.provide_setuptools(python, wheels=wheels)
-        if bundled is not None:
-            path = os.pathsep.join(filter(None, (str(bundled), os.environ.get("PYTHONPATH"))))
+        trace.bundled = setuptools_path(python, trace.folder / "lent", wheels=wheels)
+        if trace.bundled is not None:
+            path = os.pathsep.join(filter(None, (str(trace.bundled), os.environ.get("PYTHONPATH"))))
             variables["PYTHONPATH"] = path
     return variables
 

@@ -29,17 +29,16 @@ def refuse_what_no_backend_reads(source: Path, site: Path) -> None:
     if setup.is_file():
         problem = _syntax_problem(setup, setup) if _same_version(site) else None
         raise_if_any((problem,) if problem else (), WorkspaceError)
-    elif not (source / "pyproject.toml").is_file() and not _is_named(source / "setup.cfg"):
+        return
+    if (source / "pyproject.toml").is_file():
+        return
+    from forge.workspace.python_metadata import read_setup_cfg
+
+    if not read_setup_cfg(text_or_nothing(source / "setup.cfg")).name:
         hint = "'forge pkg create --build-type ament_python NAME' creates a complete package"
         raise WorkspaceError(
             Problem("there is neither a setup.py nor a pyproject.toml", Location(source), hint)
         )
-
-
-def _is_named(path: Path) -> bool:
-    from forge.workspace.python_metadata import read_setup_cfg
-
-    return bool(read_setup_cfg(text_or_nothing(path)).name)
 
 
 def wheel_warnings(source: Path, site: Path, installed: Sequence[Path]) -> Iterator[Problem]:
@@ -60,8 +59,12 @@ def wheel_warnings(source: Path, site: Path, installed: Sequence[Path]) -> Itera
             if problem:
                 broken.add(name)
                 yield problem
-    yield from invalid_scripts(text_or_nothing(points) if points else "", source)
-    for script, module, function in _entry_points(points):
+    text = text_or_nothing(points) if points else ""
+    yield from invalid_scripts(text, source)
+    for script, target in scripts(text):
+        if not (match := _POINT.match(target)):
+            continue
+        module, function = match.groups()
         if module in modules and module not in broken:
             yield from _missing_function(source, script, module, function, modules[module])
         elif module not in modules:
@@ -103,13 +106,6 @@ def _defined(tree: ast.Module) -> tuple[set[str], bool]:
             case ast.Name(id=name, ctx=ast.Store()):
                 names.add(name)
     return names, names.isdisjoint({"*", "__getattr__"})
-
-
-def _entry_points(path: Path | None) -> Iterator[tuple[str, str, str]]:
-    for script, target in scripts(text_or_nothing(path) if path else ""):
-        match = _POINT.match(target)
-        if match:
-            yield script, match[1], match[2]
 
 
 def _syntax_problem(path: Path, shown: Path) -> Problem | None:
