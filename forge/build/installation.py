@@ -38,7 +38,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from forge.base.layout import Layout
-    from forge.build.observed_writes import ObservedWrites
     from forge.toolchain.interpreter import Interpreter
     from forge.workspace.model import Package
 
@@ -125,11 +124,17 @@ def installed_files(package: Package, layout: Layout, earlier: Collection[str] =
     # A listed file may be missing: the package's own code can remove files that CMake installed.
     others, writes = exchange.others(), exchange.writes()
     if layout.merged:
-        observed, made = _observed(writes, below)
-        observed.update(filter(os.path.lexists, listed))
+        observed, made_folders = {*filter(os.path.lexists, listed)}, set[str]()
+        for path in writes.files | writes.folders:
+            hidden = BYTECODE in path or path.startswith(f"{below}.forge")
+            if hidden or not path.startswith(below) or not os.path.lexists(path):
+                continue
+            if os.path.islink(path) or not os.path.isdir(path):
+                observed.add(path)
+            elif path not in others and not os.listdir(path):
+                made_folders.add(f"{path}/")
         raise_if_any(exchange.overwritten(observed), WorkspaceError)
-        made_folders = sorted(f"{path}/" for path in made if path not in others)
-        return InstalledFiles(tuple(sorted(observed)), tuple(made_folders))
+        return InstalledFiles(tuple(sorted(observed)), tuple(sorted(made_folders)))
     knows_all = writes.complete or build_type_of(package).staged
     earlier = {*earlier, *exchange.unclaimed()}
     claimed, unclaimed = [path for path in listed if not path.startswith(below) and os.path.lexists(path)], []
@@ -144,20 +149,6 @@ def installed_files(package: Package, layout: Layout, earlier: Collection[str] =
         f"{path}/" for path in folders if path not in others and (path in writes.folders or not knows_all)
     ]
     return InstalledFiles(tuple(sorted((*claimed, *unclaimed))), tuple(sorted(empty)), frozenset(unclaimed))
-
-
-def _observed(writes: ObservedWrites, below: str) -> tuple[set[str], set[str]]:
-    """Return the observed files and empty folders that still exist below a merged prefix."""
-    files, empty = set[str](), set[str]()
-    for path in writes.files | writes.folders:
-        hidden = BYTECODE in path or path.startswith(f"{below}.forge")
-        if hidden or not path.startswith(below) or not os.path.lexists(path):
-            continue
-        if os.path.islink(path) or not os.path.isdir(path):
-            files.add(path)
-        elif not os.listdir(path):
-            empty.add(path)
-    return files, empty
 
 
 def uninstall_markers(name: str, layout: Layout) -> None:

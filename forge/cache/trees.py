@@ -386,18 +386,14 @@ class TreeWriter:
                 new = True
             except FileExistsError:
                 new = False
-                self._check_inside_prefix(path)
+                real, prefix = os.path.realpath(path), os.path.realpath(self._prefix)
+                if not os.path.isdir(real) or not f"{real}/".startswith(f"{prefix}/"):
+                    raise NotADirectoryError(20, "not a folder below the prefix", path) from None
         else:
             new = not os.path.isdir(path)
             os.makedirs(path, exist_ok=True)
         self._created[name] = new
         return new
-
-    def _check_inside_prefix(self, path: str) -> None:
-        """Raise NotADirectoryError unless the path is a folder that resolves to a path below the prefix."""
-        real = os.path.realpath(path)
-        if not os.path.isdir(real) or not f"{real}/".startswith(f"{os.path.realpath(self._prefix)}/"):
-            raise NotADirectoryError(20, "not a folder below the prefix", path)
 
     def _write(self, path: str, leaf: Leaf, found: CachedTree, *, new: bool) -> None:
         """Write a file, unless it is small and identical; `new` tells that its folder was empty."""

@@ -92,7 +92,11 @@ class JobPool:
             self._begin()
             self._waiting.append(ticket)
             self._changed.notify_all()
-            while not self._stopped and not self._may_begin(ticket):
+            while not self._stopped and (
+                not self._free_tokens
+                or self._waiting[0] is not ticket
+                or (self._overloaded and self._running)
+            ):
                 self._changed.wait()
             self._waiting.remove(ticket)
             token = None if self._stopped else self._free_tokens.pop()
@@ -169,10 +173,6 @@ class JobPool:
             self._threads.append(threading.Thread(target=self._collect, args=(self._pool,), daemon=True))
         for thread in self._threads:
             thread.start()
-
-    def _may_begin(self, ticket: object) -> bool:
-        is_next = bool(self._free_tokens) and self._waiting[0] is ticket
-        return is_next and not (self._overloaded and self._running)
 
     @contextmanager
     def _share(self) -> Iterator[int]:

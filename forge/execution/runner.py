@@ -338,22 +338,16 @@ def _read_lines(process: subprocess.Popen[bytes], put: Callable[[bytes, bool], N
                 chunk = os.read(key.fd, _LONGEST_LINE)
                 if not chunk:
                     selector.unregister(key.fileobj)
-                partial_lines[key.data] = _emit_lines(partial_lines[key.data] + chunk, key.data, put)
+                lines, newline, partial_line = (partial_lines[key.data] + chunk).rpartition(b"\n")
+                if lines := without_jobserver_notices(lines + newline):
+                    put(lines, key.data)
+                if len(partial_line) >= _LONGEST_LINE:
+                    put(partial_line, key.data)
+                    partial_line = b""
+                partial_lines[key.data] = partial_line
         for stderr, partial_line in partial_lines.items():
             if partial_line:
                 put(partial_line + b"\n", stderr)
-
-
-def _emit_lines(data: bytes, stderr: bool, put: Callable[[bytes, bool], None]) -> bytes:
-    """Put the complete lines; return the incomplete last one."""
-    lines, end, partial_line = data.rpartition(b"\n")
-    lines = without_jobserver_notices(lines + end)
-    if lines:
-        put(lines, stderr)
-    if len(partial_line) >= _LONGEST_LINE:
-        put(partial_line, stderr)
-        return b""
-    return partial_line
 
 
 def changed_variables(variables: Mapping[str, str]) -> tuple[tuple[str, str], ...]:
