@@ -92,10 +92,6 @@ class BlobError(StoreError):
     """One blob or result is corrupt or too large for the store; others are not affected."""
 
 
-class WritingRefused(StoreError):
-    """The store rejects writing; it may still be read."""
-
-
 @frozen
 class RemoteOptions:
     """How to use a remote store.

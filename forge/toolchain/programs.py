@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 CMAKE_TYPES = frozenset({"ament_cmake", "cmake"})
 PYTHON_TYPES = frozenset({"ament_python", "python"})
 
-_COMPILERS = ("c++", "g++", "clang++", "cc", "gcc", "clang")
+COMPILERS = ("c++", "g++", "clang++", "cc", "gcc", "clang")
 _BEFORE_PROJECT = frozenset({"cmake_minimum_required", "cmake_policy", "message", "set"})
 PROJECT_DETAILS = frozenset({"COMPAT_VERSION", "DESCRIPTION", "HOMEPAGE_URL", "SPDX_LICENSE", "VERSION"})
 _ENABLING = frozenset({"enable_language", "project"})
@@ -99,7 +99,7 @@ def find_tools(
     if not (
         has_compiler
         or not {"CC", "CXX", "CMAKE_TOOLCHAIN_FILE"}.isdisjoint(variables)
-        or any(shutil.which(name, path=path) for name in _COMPILERS)
+        or any(shutil.which(name, path=path) for name in COMPILERS)
     ):
         compiled = [
             package
@@ -156,14 +156,6 @@ def enables_cxx(text: str) -> bool:
         if call.command in _ENABLING and (not words or not _WITHOUT_CXX.issuperset(words)):
             return True
     return False
-
-
-def compiler_words(variables: Mapping[str, str]) -> list[str]:
-    """Return the C++ compiler command: CXX, else the first compiler on PATH; empty without one."""
-    if variables.get("CXX", "").strip():
-        return variables["CXX"].split()
-    found = (shutil.which(name, path=variables.get("PATH", os.defpath)) for name in _COMPILERS)
-    return [name for name in found if name][:1]
 
 
 def ninja_first(ninja: Path | None, folder: Path, variables: Mapping[str, str]) -> dict[str, str]:

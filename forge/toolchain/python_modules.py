@@ -15,17 +15,6 @@ from forge.base.own_environment import has_no_pip
 from forge.toolchain.interpreter import ask_python, is_own
 from forge.toolchain.os_release import DEBIAN, RED_HAT, families, os_release
 
-_TRAITS = """import importlib.metadata as m, importlib.util as u, os, sys, sysconfig
-print("version=%d.%d.%d" % sys.version_info[:3])
-header = sysconfig.get_path("include") + "/Python.h"
-os.path.exists(header) and print("header=" + header)
-for name in sys.argv[1:]:
-    u.find_spec(name) and print(name + "=there")
-try:
-    print("setuptools=" + m.version("setuptools"))
-except m.PackageNotFoundError:
-    pass
-"""
 _MISSING = "import importlib.util as u, sys; print(*(n for n in sys.argv[1:] if not u.find_spec(n)))"
 
 _SETUPTOOLS = """import importlib.util, os, sys
@@ -90,15 +79,6 @@ def install_command(python: Path, modules: Sequence[str], system: Mapping[str, s
     if has_no_pip(python.parent.parent):
         return f"uv pip install --python {program} {words}"
     return f"{program} -m pip install {words}"
-
-
-def interpreter_properties(python: Path, names: Iterable[str]) -> Mapping[str, str]:
-    """Return properties of an interpreter; raises HostError if it does not run.
-
-    The keys are 'version'; 'header', if C extensions can be compiled; 'setuptools', its version; and the
-    names of those modules in `names` that exist.
-    """
-    return dict(line.split("=", 1) for line in ask_python(python, _TRAITS, *names).splitlines())
 
 
 def missing_modules(python: Path, names: Iterable[str]) -> list[str]:

@@ -13,11 +13,11 @@ from forge.base.own_environment import extra_command, install_beside_forge
 from forge.environment.install_state import recorded_python
 from forge.environment.shells import SHELLS
 from forge.plugins.doctor.model import CheckContext, CheckResult, graded
-from forge.toolchain.interpreter import find_interpreter, other_than_recorded
+from forge.toolchain.interpreter import ask_python, find_interpreter, other_than_recorded
 from forge.toolchain.programs import (
     CMAKE_TYPES,
+    COMPILERS,
     compiled_packages,
-    compiler_words,
     find_cmake,
     find_ninja,
     find_program,
@@ -25,7 +25,7 @@ from forge.toolchain.programs import (
     no_cmake,
     no_compiler,
 )
-from forge.toolchain.python_modules import interpreter_properties, missing_modules_problem
+from forge.toolchain.python_modules import missing_modules_problem
 from forge.workspace.cmake_text import calls
 from forge.workspace.model import Package
 from forge.workspace.resolve import INTERFACE_GROUP
@@ -35,6 +35,20 @@ _POLICIES_GONE, _LEAST_POLICY = (4, 0), (3, 5)
 """From the former CMake version on, projects written for versions before the latter are rejected."""
 
 _PROGRAM = "#include <optional>\nint main() { if constexpr (true) { return std::optional(0).value(); } }\n"
+_TRAITS = """import importlib.metadata as m, importlib.util as u, os, sys, sysconfig
+print("version=%d.%d.%d" % sys.version_info[:3])
+header = sysconfig.get_path("include") + "/Python.h"
+os.path.exists(header) and print("header=" + header)
+for name in sys.argv[1:]:
+    u.find_spec(name) and print(name + "=there")
+try:
+    print("setuptools=" + m.version("setuptools"))
+except m.PackageNotFoundError:
+    pass
+"""
+"""Prints an interpreter's version, the header with which C extensions are compiled, setuptools' version,
+and the names of those modules that exist.
+"""
 _VERSION = re.compile(r"\d+(?:\.\d+)+")
 _HEADERS = re.compile(r"pybind11|PythonLibs|Python3?\b[^)]*\bDevelopment|Python3_add_library|nanobind")
 _SH_COMPATIBLE = frozenset({"ash", "busybox", "dash", "ksh", "mksh"})
@@ -45,7 +59,10 @@ _PROJECT_TABLE = (61, 0)
 def compiler(subject: CheckContext) -> CheckResult:
     """Check for a C++ compiler with C++17 support."""
     compiled = compiled_packages(subject.packages.values())
-    words = compiler_words(subject.variables)
+    words = subject.variables.get("CXX", "").split()
+    if not words:
+        path = subject.variables.get("PATH", os.defpath)
+        words = [found for name in COMPILERS if (found := shutil.which(name, path=path))][:1]
     if not words:
         return graded("compiler", "none", (no_compiler(compiled),), serious=bool(compiled))
     summary = " ".join(words)
@@ -99,7 +116,10 @@ def python(subject: CheckContext) -> CheckResult:
         interpreter = find_interpreter(
             subject.python, subject.variables, subject.underlays.chain, root=subject.root
         )
-        known = interpreter_properties(interpreter.path, ("numpy", "em", "catkin_pkg", "lark"))
+        names = ("numpy", "em", "catkin_pkg", "lark")
+        known = dict(
+            line.split("=", 1) for line in ask_python(interpreter.path, _TRAITS, *names).splitlines()
+        )
     except HostError as fault:
         return CheckResult("python", "none", errors=fault.problems)
     setuptools = known.get("setuptools", "")

@@ -14,8 +14,9 @@ from urllib.parse import unquote, urlsplit
 from forge import __version__
 from forge.base.errors import ForgeError, HostError, Problem
 from forge.base.own_environment import extra_command
-from forge.cache.model import BlobError, StoreError, WritingRefused
+from forge.cache.model import BlobError, StoreError
 from forge.plugins.remote_cache.remote import Remote
+from forge.plugins.remote_cache.store import WritingRefused
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Iterable, Iterator, Mapping

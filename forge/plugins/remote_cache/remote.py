@@ -10,9 +10,9 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final, TypeVar
 
-from forge.cache.model import ActionResult, BlobError, Digest, RemoteOptions, StoreError, WritingRefused
+from forge.cache.model import ActionResult, BlobError, Digest, RemoteOptions, StoreError
 from forge.plugins.remote_cache.deadline import RATE
-from forge.plugins.remote_cache.store import Backend, Store
+from forge.plugins.remote_cache.store import Backend, Store, WritingRefused
 
 _Answer = TypeVar("_Answer")
 

@@ -21,6 +21,10 @@ _BLOCK: Final = 1 << 16
 _USER: Final = re.compile(r"(?<=//)[^/]*@")
 
 
+class WritingRefused(StoreError):
+    """The store rejects writing; it may still be read."""
+
+
 class Backend(Protocol):
     """Files on a server, by the paths ac/KEY and cas/SHA-256.
 

@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING
 import pytest
 
 from forge.base.errors import ForgeError
-from forge.cache.model import ActionResult, BlobError, Digest, OutputFile, StoreError, WritingRefused
+from forge.cache.model import ActionResult, BlobError, Digest, OutputFile, StoreError
 from forge.plugins.remote_cache import deadline
 from forge.plugins.remote_cache import store as stores
 from forge.plugins.remote_cache.action_result import encode
 from forge.plugins.remote_cache.http_backend import HttpBackend
-from forge.plugins.remote_cache.store import Store
+from forge.plugins.remote_cache.store import Store, WritingRefused
 from tests.plugins.remote_cache.opening import opened
 from tests.rude import Shelf, reply, rude
 

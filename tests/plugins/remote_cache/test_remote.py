@@ -16,9 +16,10 @@ from typing import TYPE_CHECKING
 import pytest
 
 from forge.base.errors import ForgeError
-from forge.cache.model import ActionResult, BlobError, Digest, OutputFile, RemoteOptions, WritingRefused
+from forge.cache.model import ActionResult, BlobError, Digest, OutputFile, RemoteOptions
 from forge.plugins.remote_cache.action_result import encode
 from forge.plugins.remote_cache.remote import Remote
+from forge.plugins.remote_cache.store import WritingRefused
 from tests.plugins.remote_cache.opening import opened
 from tests.rude import Shelf, reply, rude
 

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 import pytest
 import urllib3
 
-from forge.cache.model import ActionResult, BlobError, Digest, OutputFile, StoreError, WritingRefused
+from forge.cache.model import ActionResult, BlobError, Digest, OutputFile, StoreError
 from forge.plugins.remote_cache.fsspec_backend import FsspecBackend
 from forge.plugins.remote_cache.http_backend import HttpBackend
-from forge.plugins.remote_cache.store import Store
+from forge.plugins.remote_cache.store import Store, WritingRefused
 from tests.nginx import documented, serving
 
 if TYPE_CHECKING:
