@@ -138,7 +138,13 @@ def _load(
     """
     if options.reset_underlays and not options.dry_run and folder_marks.is_own_install_base(layout.install):
         forget_underlays(layout.install)
-    variables = build_variables(layout, os.environ, options.rosdistro, _locked_underlays(options, layout))
+    locked: tuple[Path, ...] = ()
+    if os.path.lexists(PACKAGE_LOCK) and not options.dry_run:
+        # The underlay that the lock of the workspace names, after building what it lacks.
+        build = find(UNDERLAYS, PACKAGE_LOCK, "file", ("build",)).build
+        surroundings = without_own(os.environ, layout)
+        locked = build(Path.cwd(), find_underlays(surroundings, layout.install).chain, surroundings, options)
+    variables = build_variables(layout, os.environ, options.rosdistro, locked)
     warn(
         (
             *lost_underlays(layout.install, without_own(os.environ, layout)),
@@ -156,17 +162,6 @@ def _load(
     )
     warn(loaded.warnings)
     return loaded, variables
-
-
-def _locked_underlays(options: BuildOptions, layout: Layout) -> tuple[Path, ...]:
-    """Return the underlay that the lock of the workspace names, after building what it lacks."""
-    if options.dry_run or not os.path.lexists(PACKAGE_LOCK):
-        return ()
-    build = find(UNDERLAYS, PACKAGE_LOCK, "file", ("build",)).build
-    variables = without_own(os.environ, layout)
-    chain = find_underlays(variables, layout.install).chain
-    underlays: tuple[Path, ...] = build(Path.cwd(), chain, variables, options)
-    return underlays
 
 
 def _builds_tests(options: BuildOptions) -> Callable[[Package], bool | None]:

@@ -95,8 +95,8 @@ class Session:
         report = reporter.conclude(complete=self.complete)
         if report.lines:
             self.report.show_report(report.lines)
-        for event in report.events:
-            self.json_events.note(*event)
+        for event, package, members in report.events:
+            self.json_events.emit(event, package, **members)
 
     def conclude(self, seconds: float, code: int | None = None) -> None:
         """Log the results and let reporters write files; `code` overrides the exit code of the report."""

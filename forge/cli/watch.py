@@ -160,7 +160,11 @@ class WatchLoop(BuildMode):
                 self._update_folders()
             self._build(self._options, self)
         except (ForgeError, OSError) as error:
-            self._print_problems(problems_of(error))
+            self._failed = True
+            for problem in share_hints(problems_of(error)):
+                print_problem(problem)
+            sys.stderr.flush()
+            self._print("nothing was built; waiting for the next change")
         self._consecutive_builds = (
             self._consecutive_builds + 1 if self._ran and self.silent_if_up_to_date else 0
         )
@@ -229,13 +233,6 @@ class WatchLoop(BuildMode):
         if not self._options.report.json:
             sys.stdout.write(f"{_clock()} {line}\n")
             sys.stdout.flush()
-
-    def _print_problems(self, problems: Sequence[Problem]) -> None:
-        self._failed = True
-        for problem in share_hints(problems):
-            print_problem(problem)
-        sys.stderr.flush()
-        self._print("nothing was built; waiting for the next change")
 
 
 def line_of(order: Sequence[str], tally: Tally, seconds: float, palette: Palette) -> str:

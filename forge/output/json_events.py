@@ -63,24 +63,24 @@ class JsonEvents:
         last = seconds or {}
         needs = reduced({name: task.needs for name, task in self._plan.tasks.items()}, [*self._plan.tasks])
         for name in self._plan.fresh:
-            self._emit("Fresh", name)
+            self.emit("Fresh", name)
         for name, task in self._plan.tasks.items():
             commands = {"steps": [_step(step) for step in task.steps]} if steps else {}
             known = {"last": round(last[name], 3)} if name in last else {}
             planned = {"reason": task.reason, "conditional": task.conditional, "needs": needs[name]}
-            self._emit("Planned", name, **planned, **known, **commands)
+            self.emit("Planned", name, **planned, **known, **commands)
 
     def write(self, event: Event, report: ConsoleReporter, why: Problem | None = None) -> None:
         """Write one event with the report's result; `why` is the reason if a package could not be started."""
         match event:
             case Started(name):
-                self._emit("Started", name, reason=self._plan.tasks[name].reason)
+                self.emit("Started", name, reason=self._plan.tasks[name].reason)
             case Fresh(name):
-                self._emit("Fresh", name)
+                self.emit("Fresh", name)
             case StepStarted(name, step):
-                self._emit("StepStarted", name, **_step(step))
+                self.emit("StepStarted", name, **_step(step))
             case StepFinished(name, step, code):
-                self._emit("StepFinished", name, step=step.label, code=code)
+                self.emit("StepFinished", name, step=step.label, code=code)
             case Output(name, lines, stderr):
                 for line in split_lines(lines) if self.printed and self._output else ():
                     text = line.decode(errors="replace")
@@ -101,36 +101,33 @@ class JsonEvents:
                         "hint": why.hint if why else fault.hint,
                         "repeat": fault.repeat,
                     }
-                self._emit("Finished", name, **values)
+                self.emit("Finished", name, **values)
             case Aborted(name, seconds):
-                self._emit("Aborted", name, seconds=round(seconds, 3))
+                self.emit("Aborted", name, seconds=round(seconds, 3))
             case Skipped(name, because):
-                self._emit("Skipped", name, because=because)
+                self.emit("Skipped", name, because=because)
 
     def report_failures(self, failures: Iterable[Failure]) -> None:
         for failure in failures:
             values = {"test": failure.test, "message": list(failure.lines), "repeat": failure.repeat}
-            self._emit("TestFailure", failure.package, **values)
-
-    def note(self, event: str, package: str | None, members: Mapping[str, object]) -> None:
-        self._emit(event, package, **members)
+            self.emit("TestFailure", failure.package, **values)
 
     def conclude(self, report: ConsoleReporter, seconds: float, code: int | None = None) -> None:
         """Write the results, ending with a Summary; `code` overrides the exit code of the report."""
         for outcome in report.launcher_summaries:
             counted = {name: number for name, number in asdict(outcome).items() if number is not None}
-            self._emit("Launcher", None, **counted)
+            self.emit("Launcher", None, **counted)
         log = str(report.logs) if report.logs else None
         if isinstance(sys.exc_info()[1], KeyboardInterrupt):
             code = EXIT_INTERRUPTED
         elif code is None:
             code = report.exit_code
         tests = {"tests": asdict(report.test_counts)} if report.test_counts is not None else {}
-        self._emit(
+        self.emit(
             "Summary", None, code=code, seconds=round(seconds, 3), log=log, **asdict(report.tally), **tests
         )
 
-    def _emit(self, event: str, name: str | None, **values: object) -> None:
+    def emit(self, event: str, name: str | None, **values: object) -> None:
         line = self._line(event, name, **values)
         if self._log:
             self._log(line)

@@ -196,7 +196,14 @@ def open_log(logs: Path | None, verb: str, argv: list[str], **options: object) -
         logs.mkdir(parents=True, exist_ok=True)
         if not os.path.lexists(logs / IGNORE_MARK):
             (logs / IGNORE_MARK).touch()
-        folder = _new_folder(logs, datetime.now().astimezone().strftime(f"{verb}_%Y-%m-%d_%H-%M-%S"))
+        name = datetime.now().astimezone().strftime(f"{verb}_%Y-%m-%d_%H-%M-%S")
+        for suffix in ("", *(f"_{number}" for number in range(2, 1000))):
+            folder = logs / f"{name}{suffix}"
+            with contextlib.suppress(FileExistsError):
+                folder.mkdir()
+                break
+        else:
+            raise FileExistsError(0, "too many runs within a second", str(logs))
         parsed = ", ".join(f"{name}={value!r}" for name, value in {"verb_name": verb, **options}.items())
         (folder / "logger_all.log").write_text(
             f"[0.000s] DEBUG:colcon:Command line arguments: {[without_passwords(word) for word in argv]}\n"
@@ -209,14 +216,6 @@ def open_log(logs: Path | None, verb: str, argv: list[str], **options: object) -
         hint = "choose another folder with --log-base DIR"
         raise HostError(Problem(f"cannot write logs: {error.strerror}", Location(logs), hint)) from None
     return LogWriter(folder)
-
-
-def _new_folder(logs: Path, name: str) -> Path:
-    for suffix in ("", *(f"_{number}" for number in range(2, 1000))):
-        with contextlib.suppress(FileExistsError):
-            (logs / (name + suffix)).mkdir()
-            return logs / (name + suffix)
-    raise FileExistsError(0, "too many runs within a second", str(logs))
 
 
 def _point(link: Path, target: str) -> None:

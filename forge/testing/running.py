@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from forge.base.files import delete_tree, replace_file
 from forge.base.frozen import frozen
+from forge.base.layout import TEST_RESULT
 from forge.build.events import Aborted, Finished
 from forge.build.folder_marks import mark_result_dir
 from forge.build.model import BuildInputs, BuildRecord
@@ -31,8 +32,6 @@ if TYPE_CHECKING:
     from forge.build.tasks import Step, Task
     from forge.build.tests.recipes import TestContext
     from forge.testing.outcomes import Case, Outcome
-
-RESULT = "colcon_test.rc"
 
 
 @frozen
@@ -171,7 +170,7 @@ def write_result_file(event: Event, task: Task, failed_tests: frozenset[str]) ->
         case _:
             return
     if task.build_dir.is_dir():
-        replace_file(task.build_dir / RESULT, f"{result}\n".encode())
+        replace_file(task.build_dir / TEST_RESULT, f"{result}\n".encode())
 
 
 def write_results_of_untested(
@@ -183,7 +182,7 @@ def write_results_of_untested(
         if name in untested:
             result = error_result(name, path.stem, untested[name].message)
             # First the marker, without which the folder would not be forge's.
-            replace_file(context.layout.build_dir(name) / RESULT, b"1\n")
+            replace_file(context.layout.build_dir(name) / TEST_RESULT, b"1\n")
             mark_result_dir(context.results_of(name))
             replace_file(path, result.encode(errors="surrogateescape"))
         else:
@@ -212,7 +211,12 @@ def failures_of(task: Task, setup: TestSetup, displayed: Callable[[Path], str] =
         runs = [outcome for outcome in results if outcome.by_name]
         others = [outcome for outcome in results if not outcome.by_name]
         for case in (case for outcome in runs for case in outcome.cases):
-            yield _ctest_failure(case, task, others, displayed)
+            # The JUnit file of the test is preferred to its output.
+            homes = {one.home for one in others}
+            junit = next(filter(None, (find_junit(case.name, home, others) for home in homes)), None)
+            lines = first_lines(junit.cases) if junit and junit.cases else last_lines(case.text)
+            argv = (task.steps[0].argv[0], "-V", "-R", f"^{re.escape(case.name)}$")
+            yield _failure(task, case.name, lines, replace(task.steps[0], argv=argv, env=()), displayed)
         # Failures that CTest does not know of: in files of tests that it took for successful.
         failed = {case.name for outcome in runs for case in outcome.cases}
         for outcome in (one for one in others if one.test not in failed):
@@ -237,19 +241,6 @@ def _failure(
 ) -> Failure:
     file = environment_file(task)
     return Failure(task.name, test, lines, step_line(repeat, file), short_step_line(repeat, file, displayed))
-
-
-def _ctest_failure(
-    case: Case, task: Task, junits: Sequence[Outcome], displayed: Callable[[Path], str]
-) -> Failure:
-    """Return a CTest failure; the JUnit file of the test is preferred to its output."""
-    junit = next(
-        (found for home in {j.home for j in junits} if (found := find_junit(case.name, home, junits))), None
-    )
-    lines = first_lines(junit.cases) if junit and junit.cases else last_lines(case.text)
-    step = task.steps[0]
-    argv = (step.argv[0], "-V", "-R", f"^{re.escape(case.name)}$")
-    return _failure(task, case.name, lines, replace(step, argv=argv, env=()), displayed)
 
 
 def _selector(case: Case, package: str, kind: StepKind, exists: Callable[[str], bool]) -> tuple[str, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import keyword
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 
 from forge.base.errors import Problem, raise_if_any
 from forge.base.frozen import frozen
@@ -94,7 +94,34 @@ def render_package(blueprint: NewPackage) -> dict[str, str | None]:
         "macro": macro,
         "class_name": "".join(part[:1].upper() + part[1:] for part in (library or "").split("_")),
     }
-    files: dict[str, str | None] = {"package.xml": _manifest(blueprint, build_tools)}
+    # rosidl requires this dependency of actions in the manifest.
+    implied = ("action_msgs",) if any(file.endswith(".action") for file in blueprint.interfaces) else ()
+    groups = [
+        [("buildtool_depend", each) for each in build_tools],
+        [("depend", each) for each in dict.fromkeys((*blueprint.dependencies, *implied))],
+    ]
+    if blueprint.interfaces:
+        groups += [[("exec_depend", "rosidl_default_runtime")]]
+        groups += [[("member_of_group", "rosidl_interface_packages")]]
+    else:
+        groups += [[("test_depend", each) for each in _TEST_TOOLS.get(blueprint.build_type, ())]]
+    texts = {
+        "description": blueprint.description,
+        "email": person.email or "",
+        "maintainer": person.name,
+        "license": blueprint.license,
+    }
+    manifest = render(
+        "pkg/package.xml.j2",
+        schema=_SCHEMA.format(blueprint.format),
+        format=blueprint.format,
+        name=name,
+        version=VERSION,
+        groups=list(filter(None, groups)),
+        build_type=blueprint.build_type,
+        **{key: text.translate(_ESCAPES) for key, text in texts.items()},
+    )
+    files: dict[str, str | None] = {"package.xml": manifest}
 
     def add(path: str, template: str, **more: object) -> None:
         files[path] = render(f"pkg/{template}.j2", **names, **more)
@@ -149,36 +176,6 @@ def placeholder_email(name: str) -> str:
     return f"{re.sub('[^-a-zA-Z0-9_%+]+', '.', name).strip('.') or 'maintainer'}@todo.todo"
 
 
-def _manifest(blueprint: NewPackage, build_tools: Iterable[str]) -> str:
-    # rosidl requires this dependency of actions in the manifest.
-    implied = ("action_msgs",) if any(name.endswith(".action") for name in blueprint.interfaces) else ()
-    groups = [
-        [("buildtool_depend", name) for name in build_tools],
-        [("depend", name) for name in dict.fromkeys((*blueprint.dependencies, *implied))],
-    ]
-    if blueprint.interfaces:
-        groups += [[("exec_depend", "rosidl_default_runtime")]]
-        groups += [[("member_of_group", "rosidl_interface_packages")]]
-    else:
-        groups += [[("test_depend", name) for name in _TEST_TOOLS.get(blueprint.build_type, ())]]
-    texts = {
-        "description": blueprint.description,
-        "email": blueprint.maintainer.email or "",
-        "maintainer": blueprint.maintainer.name,
-        "license": blueprint.license,
-    }
-    return render(
-        "pkg/package.xml.j2",
-        schema=_SCHEMA.format(blueprint.format),
-        format=blueprint.format,
-        name=blueprint.name,
-        version=VERSION,
-        groups=list(filter(None, groups)),
-        build_type=blueprint.build_type,
-        **{key: text.translate(_ESCAPES) for key, text in texts.items()},
-    )
-
-
 def _problems(blueprint: NewPackage) -> Iterator[Problem]:
     name, python = blueprint.name, blueprint.build_type == "ament_python"
     if not is_package_name(name):
@@ -213,8 +210,20 @@ def _problems(blueprint: NewPackage) -> Iterator[Problem]:
             yield Problem(f"invalid {option} '{target}'", hint=fault)
     if blueprint.node is not None and blueprint.node == blueprint.library:
         yield Problem(f"node and library cannot both be named '{blueprint.node}'")
-    if blueprint.interfaces:
-        yield from _interface_problems(blueprint)
+    for file in blueprint.interfaces:
+        stem, _, kind = file.partition(".")
+        if kind not in _INTERFACE_TEMPLATES or not TYPE_NAME.fullmatch(stem):
+            hint = "use letters and digits, start with a capital letter, and end with .msg, .srv or .action"
+            yield Problem(f"invalid interface file '{file}'", hint=hint)
+    if blueprint.interfaces and not LOWER_NAME.fullmatch(blueprint.name):
+        hint = "use lower case letters, digits and single '_', and start with a letter"
+        yield Problem(f"interfaces cannot be in a package named '{blueprint.name}'", hint=hint)
+    if blueprint.interfaces and (blueprint.build_type != "ament_cmake" or blueprint.format < 3):
+        message = "--interfaces requires the build type ament_cmake and package format 3"
+        yield Problem(message, hint="put other programs into a package of their own")
+    if blueprint.interfaces and (blueprint.node or blueprint.library):
+        message = "--interfaces cannot be combined with --node-name and --library-name"
+        yield Problem(message, hint="put them into another package, which depends on this one")
     if not is_email(blueprint.maintainer.email or ""):
         message = f"invalid email address '{blueprint.maintainer.email}'"
         yield Problem(message, hint="set it with --maintainer-email")
@@ -228,20 +237,3 @@ def _problems(blueprint: NewPackage) -> Iterator[Problem]:
             yield Problem(f"{option} cannot be empty")
         elif _UNWRITABLE.search(text) or ("\n" in text and option != "--description"):
             yield Problem(f"{option} contains characters not allowed in XML: {text!r}")
-
-
-def _interface_problems(blueprint: NewPackage) -> Iterator[Problem]:
-    for name in blueprint.interfaces:
-        stem, _, kind = name.partition(".")
-        if kind not in _INTERFACE_TEMPLATES or not TYPE_NAME.fullmatch(stem):
-            hint = "use letters and digits, start with a capital letter, and end with .msg, .srv or .action"
-            yield Problem(f"invalid interface file '{name}'", hint=hint)
-    if not LOWER_NAME.fullmatch(blueprint.name):
-        hint = "use lower case letters, digits and single '_', and start with a letter"
-        yield Problem(f"interfaces cannot be in a package named '{blueprint.name}'", hint=hint)
-    if blueprint.build_type != "ament_cmake" or blueprint.format < 3:
-        message = "--interfaces requires the build type ament_cmake and package format 3"
-        yield Problem(message, hint="put other programs into a package of their own")
-    if blueprint.node or blueprint.library:
-        message = "--interfaces cannot be combined with --node-name and --library-name"
-        yield Problem(message, hint="put them into another package, which depends on this one")

@@ -39,17 +39,28 @@ def run(options: Options) -> int:
     loaded = options.listing.load()
     packages = _requested(loaded, tuple(name.lstrip() for name in options.names))
     packages.sort(key=lambda package: (package.name, str(package.path)))
-    rows: list[dict[str, Any]] = [
-        {
-            "path": shared.displayed(package.path, options.origin),
-            "type": package.type,
-            "name": package.name,
-            "dependencies": _dependencies(package),
-            "hooks": list(package.hooks),
-            "metadata": _metadata(package),
-        }
-        for package in packages
-    ]
+    rows: list[dict[str, Any]] = []
+    for package in packages:
+        manifest = package.manifest
+        dependencies = {word: sorted(set(manifest.names(kinds))) for word, kinds in _CATEGORIES}
+        if package.type == "cmake" and not dependencies["test"]:
+            del dependencies["test"]  # CMake files have no such category
+        metadata: dict[str, object] = {}
+        people = [f"{person.name} <{person.email}>" for person in manifest.maintainers if person.email]
+        if people:
+            metadata["maintainers"] = people
+        if manifest.version:
+            metadata["version"] = manifest.version
+        rows.append(
+            {
+                "path": shared.displayed(package.path, options.origin),
+                "type": package.type,
+                "name": package.name,
+                "dependencies": dependencies,
+                "hooks": list(package.hooks),
+                "metadata": {**metadata, **package.settings},
+            }
+        )
     if options.listing.json:
         print(json.dumps({**_surroundings(options), "packages": rows}, indent=2, default=str))
         return 0
@@ -116,22 +127,3 @@ def _requested(loaded: LoadedWorkspace, names: tuple[str, ...]) -> list[Package]
     print_warnings(unknown)
     selected = (loaded.packages[node] for node in loaded.selection.names)
     return [package for package in selected if not names or package.name in names]
-
-
-def _dependencies(package: Package) -> dict[str, list[str]]:
-    """Return the dependencies by category; the ones read from CMake files have no test category."""
-    found = {word: sorted(set(package.manifest.names(kinds))) for word, kinds in _CATEGORIES}
-    if package.type == "cmake" and not found["test"]:
-        del found["test"]
-    return found
-
-
-def _metadata(package: Package) -> dict[str, object]:
-    manifest = package.manifest
-    found: dict[str, object] = {}
-    people = [f"{person.name} <{person.email}>" for person in manifest.maintainers if person.email]
-    if people:
-        found["maintainers"] = people
-    if manifest.version:
-        found["version"] = manifest.version
-    return {**found, **package.settings}

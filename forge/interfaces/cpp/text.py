@@ -30,11 +30,6 @@ _FIRST_UNIVERSAL = 0xA0
 _FIRST_ASTRAL = 0x10000
 
 
-def message_type(name: TypeName, allocator: str = "ContainerAllocator") -> str:
-    """Return the struct template of a message with its allocator."""
-    return f"{qualified(name)}_<{allocator}>"
-
-
 def qualified(name: TypeName) -> str:
     return f"::{name.package}::{name.kind}::{name.name}"
 
@@ -47,7 +42,7 @@ def spell(type_: Type) -> str:
         case String(wide):
             return f"::rosidl_runtime_cpp::{'U16String' if wide else 'String'}<ContainerAllocator>"
         case Named(name):
-            return message_type(name)
+            return f"{qualified(name)}_<ContainerAllocator>"
         case Array(of, size):
             return f"std::array<{spell(of)}, {size}>"
         case Sequence(of, None):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,7 @@ from forge.cli.options import add_verb
 from forge.engine.observed import keep
 from forge.interfaces.model import Catalog
 from forge.interfaces.read.lint import python_keywords
-from forge.interfaces.read.sources import Library, read_runtime
+from forge.interfaces.read.sources import read_runtime
 from forge.interfaces.rendering import Part, fingerprints, parts
 from forge.interfaces.resolve.resolution import dependency_catalogs, undeclared_dependencies
 from forge.interfaces.writing import (
@@ -90,8 +90,14 @@ def _generate(options: _Options) -> int:
     print_warnings(python_keywords(catalog.interfaces.values()))
     needed = () if options.no_runtime else dependency_catalogs(catalog, library)
     others = () if options.no_runtime else _others(catalog, options, states)
+    folders = {each.package: library.folder(each.package) for each in needed}
     state = OutputState(
-        needs=tuple(name for each in needed for name in each.interfaces), folders=_folders(needed, library)
+        needs=tuple(name for each in needed for name in each.interfaces),
+        folders={
+            package: folder.absolute()
+            for package, folder in folders.items()
+            if folder and not folder.is_relative_to(EMBEDDED)
+        },
     )
     keep_compiled(*compiled_templates(os.environ, options.output / STATE_FOLDER / "templates"))
     catalogs = (catalog, *others)
@@ -136,13 +142,3 @@ def _others(catalog: Catalog, options: _Options, found: Mapping[str, OutputState
     return tuple(
         other for other in dependency_catalogs(catalog, library, needs) if other.package not in whole
     )
-
-
-def _folders(others: Iterable[Catalog], library: Library) -> dict[str, Path]:
-    """Return the folders of the definitions of other packages, except embedded ones."""
-    found = {other.package: library.folder(other.package) for other in others}
-    return {
-        package: folder.absolute()
-        for package, folder in found.items()
-        if folder and not folder.is_relative_to(EMBEDDED)
-    }
