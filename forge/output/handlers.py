@@ -12,7 +12,7 @@ from forge.base.options import flag, option
 from forge.output.reporters import find_reporter
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
     from forge.output.reporters import Start
 
@@ -40,28 +40,6 @@ _PROSE = ("console_start_end", "console_cohesion", "console_direct", "console_pa
 """The event handlers that print text on stdout."""
 
 
-def handlers_of(words: Sequence[str]) -> dict[str, bool]:
-    """Return the state of each event handler; raises SelectionError for unknown ones."""
-    problems = []
-    for word in words:
-        name, sign = word[:-1], word[-1:]
-        # forge's own reporters have options.
-        is_known = name in HANDLERS or (name not in OWN[REPORTERS] and find_reporter(name) is not None)
-        if sign in {"+", "-"} and is_known:
-            continue
-        name = word.rstrip("+-")
-        near = nearest(name, HANDLERS)
-        question = f"did you mean '{near}{'-' if sign == '-' else '+'}'? " if near else ""
-        hint = f"{question}event handlers: {', '.join(HANDLERS)}"
-        message = f"--event-handlers: unknown event handler '{name}'"
-        if name in HANDLERS:
-            message = f"--event-handlers expects names followed by '+' or '-', not '{word}'"
-            hint = f"'{name}+' enables it, '{name}-' disables it"
-        problems.append(Problem(message, hint=hint))
-    raise_if_any(problems, SelectionError)
-    return {**HANDLERS, **{word[:-1]: word.endswith("+") for word in words}}
-
-
 def without_text_output(handlers: Mapping[str, bool]) -> dict[str, bool]:
     """Return the event handlers with those disabled that print text on stdout."""
     return {**handlers, **dict.fromkeys(_PROSE, False)}
@@ -86,7 +64,24 @@ class ReportOptions:
     @property
     def handlers(self) -> dict[str, bool]:
         """Return the state of each event handler; raises SelectionError for unknown ones."""
-        return handlers_of(self.event_handlers)
+        problems = []
+        for word in self.event_handlers:
+            name, sign = word[:-1], word[-1:]
+            # forge's own reporters have options.
+            is_known = name in HANDLERS or (name not in OWN[REPORTERS] and find_reporter(name) is not None)
+            if sign in {"+", "-"} and is_known:
+                continue
+            name = word.rstrip("+-")
+            near = nearest(name, HANDLERS)
+            question = f"did you mean '{near}{'-' if sign == '-' else '+'}'? " if near else ""
+            hint = f"{question}event handlers: {', '.join(HANDLERS)}"
+            message = f"--event-handlers: unknown event handler '{name}'"
+            if name in HANDLERS:
+                message = f"--event-handlers expects names followed by '+' or '-', not '{word}'"
+                hint = f"'{name}+' enables it, '{name}-' disables it"
+            problems.append(Problem(message, hint=hint))
+        raise_if_any(problems, SelectionError)
+        return {**HANDLERS, **{word[:-1]: word.endswith("+") for word in self.event_handlers}}
 
     def reporters(self, *names: str) -> dict[str, Start]:
         """Return these reporters and those of --event-handlers; raises ForgeError if one is missing."""

@@ -42,8 +42,6 @@ _PKG_CONFIG_FLAGS = frozenset(
     {"GLOBAL", "IMPORTED_TARGET", "NO_CMAKE_ENVIRONMENT_PATH", "NO_CMAKE_PATH", "QUIET", "REQUIRED"}
 )
 _SCOPES = frozenset({"PUBLIC", "PRIVATE", "INTERFACE", "SYSTEM"})
-_OPAQUE = frozenset({"include", "add_subdirectory", "macro", "function", "cmake_language"})
-"""Commands that may call others."""
 _DOWNLOADING = frozenset(
     {"ament_vendor", "cpmaddpackage", "externalproject_add", "fetchcontent_declare", "fetchcontent_populate"}
 )
@@ -154,12 +152,6 @@ def cmake_dependencies(texts: Iterable[str]) -> frozenset[str]:
                 modules = (word for word in call.words[1:] if word not in _PKG_CONFIG_FLAGS)
                 found.update(re.split("[<>=]", module, maxsplit=1)[0] for module in modules)
     return frozenset(filter(None, found))
-
-
-def may_register_package(text: str) -> bool:
-    """Tell whether ament_package() is called, or may be called by another file or a macro."""
-    commands = {call.command for call in calls(text)} - {"find_package", "ament_python_install_package"}
-    return not commands.isdisjoint(_OPAQUE) or any("package" in name for name in commands)
 
 
 def targets(text: str) -> tuple[str, ...]:

@@ -30,24 +30,3 @@ def table_of(content: Mapping[str, Any], key: str, path: Path) -> dict[str, Any]
             hint = f"write a table [{key}] of 'option = value'"
         raise WorkspaceError(Problem(f"'{key}' is not a table of options", Location(path), hint))
     return table
-
-
-def package_options(content: Mapping[str, Any], root: Path) -> dict[str, dict[str, Any]]:
-    """Return the options for single packages in forge.toml; raises WorkspaceError if they are malformed."""
-    packages = table_of(content, "packages", root / FORGE_TOML)
-    return {name: table_of(packages, name, root / FORGE_TOML) for name in packages}
-
-
-def plugin_types(content: Mapping[str, Any], root: Path) -> tuple[str, ...]:
-    """Return the build types in forge.toml that find packages without package.xml."""
-    names = content.get("build-types", [])
-    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-        hint = "for example: build-types = ['make']"
-        raise WorkspaceError(
-            Problem("'build-types' is not a list of names", Location(root / FORGE_TOML), hint)
-        )
-    if names:
-        from forge.workspace.identity import require_plugins
-
-        require_plugins(tuple(names), root / FORGE_TOML)
-    return tuple(names)

@@ -85,12 +85,3 @@ def identify_with(name: str, folder: Folder) -> Identity | None:
         message = f"the build type '{name}' returned {type(identity).__name__} instead of an Identity"
         raise WorkspaceError(Problem(message, Location(folder.display_path)))
     return identity
-
-
-def require_plugins(names: tuple[str, ...], file: Path) -> None:
-    """Raise WorkspaceError for the first build type of forge.toml that no distribution provides."""
-    for name in names:
-        if plugin(name) is None:
-            message = f"no installed distribution provides the build type '{name}'"
-            hint = f"install it beside forge, source its workspace, or remove '{name}' from 'build-types'"
-            raise WorkspaceError(Problem(message, Location(file), hint))

@@ -16,7 +16,8 @@ from forge.base.files import read_file
 from forge.base.formats import read_yaml
 from forge.base.frozen import frozen
 from forge.base.names import is_safe_name, is_safe_relative_path
-from forge.workspace.forge_toml import package_options, plugin_types, read_forge_toml
+from forge.workspace.forge_toml import FORGE_TOML, read_forge_toml, table_of
+from forge.workspace.identity import plugin
 from forge.workspace.model import Dependency, DependencyKind, Package
 
 COLCON_PKG = "colcon.pkg"
@@ -69,10 +70,20 @@ def read_overrides(root: Path, metas: Iterable[str], home: Path | None) -> Overr
                 folder = path.parent / str(name).replace("\0", "")
                 merged = target.setdefault(str(name) if key == "names" else os.path.realpath(folder), {})
                 merge(merged, values)
-    content = read_forge_toml(root)
-    for name, values in package_options(content, root).items():
-        merge(by_name.setdefault(name, {}), values)
-    return Overrides(by_name, by_path, plugin_types(content, root))
+    content, path = read_forge_toml(root), root / FORGE_TOML
+    packages = table_of(content, "packages", path)
+    for name in packages:
+        merge(by_name.setdefault(name, {}), table_of(packages, name, path))
+    build_types = content.get("build-types", [])
+    if not isinstance(build_types, list) or not all(isinstance(name, str) for name in build_types):
+        hint = "for example: build-types = ['make']"
+        raise WorkspaceError(Problem("'build-types' is not a list of names", Location(path), hint))
+    for name in build_types:
+        if plugin(name) is None:
+            message = f"no installed distribution provides the build type '{name}'"
+            hint = f"install it beside forge, source its workspace, or remove '{name}' from 'build-types'"
+            raise WorkspaceError(Problem(message, Location(path), hint))
+    return Overrides(by_name, by_path, tuple(build_types))
 
 
 def merge(target: dict[str, Any], values: Mapping[str, Any]) -> None:

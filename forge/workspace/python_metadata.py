@@ -17,7 +17,6 @@ from forge.workspace.model import Dependency, DependencyKind, Person
 _REQUIREMENT = re.compile(r"\s*([A-Za-z0-9][A-Za-z0-9._-]*)")
 _ASKED = re.compile(r"(~=(?=\s*\d+\.)|==|!=|<=|>=|<|>)\s*(\d{1,18}(?:\.\d{1,18})*)(?![\w.*+!-])")
 _SYMBOLS = {"==": "eq", "!=": "neq", "<=": "lte", ">=": "gte", "<": "lt", ">": "gt"}
-_IMPORT = re.compile(r"^[ \t]*(?:from[ \t]+(\w+)|import[ \t]+([^#\n]+))", re.MULTILINE)
 _TEST_EXTRAS = ("test", "tests", "testing")
 _KINDS = {
     "setup_requires": frozenset({DependencyKind.BUILD}),
@@ -130,40 +129,6 @@ def read_pyproject(table: Mapping[str, Any]) -> PythonMetadata | None:
 def _below(table: Mapping[str, Any], key: str) -> Mapping[str, Any]:
     found = table.get(key)
     return found if isinstance(found, dict) else {}
-
-
-def mentioned_modules(text: str) -> frozenset[str]:
-    """Return the top-level modules in lines that look like imports: a superset of the imported ones."""
-    lists = (match[1] or match[2] for match in _IMPORT.finditer(text))
-    return frozenset(
-        re.split(r"[.\s]", name.strip(), maxsplit=1)[0] for names in lists for name in names.split(",")
-    )
-
-
-def imported_modules(text: str) -> Iterator[tuple[str, int]]:
-    """Yield the top-level modules that a file imports unconditionally, with line numbers.
-
-    Imports in `try` or below TYPE_CHECKING are left out. Raises SyntaxError like Python.
-    """
-    try:
-        yield from list(_imported(ast.parse(text)))
-    except (MemoryError, RecursionError, ValueError):
-        raise SyntaxError("too deeply nested, or contains a NUL character") from None
-
-
-def _imported(node: ast.AST) -> Iterator[tuple[str, int]]:
-    for child in ast.iter_child_nodes(node):
-        match child:
-            case ast.Import(names=names):
-                yield from ((name.name.partition(".")[0], child.lineno) for name in names)
-            case ast.ImportFrom(module=str(module), level=0):
-                yield module.partition(".")[0], child.lineno
-            case ast.Try() | ast.expr():
-                pass  # the former may fail, the latter contains no statements
-            case ast.If(test=test) if "TYPE_CHECKING" in ast.dump(test):
-                pass
-            case _:
-                yield from _imported(child)
 
 
 def _facts(values: Mapping[str, Any]) -> PythonMetadata:

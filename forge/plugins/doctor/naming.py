@@ -8,9 +8,12 @@ from collections.abc import Iterator
 from forge.base.errors import GroupedProblems, Location, Problem
 from forge.base.text import counted
 from forge.plugins.doctor.model import CheckContext, CheckResult
-from forge.workspace.cmake_text import may_register_package, project_name
+from forge.workspace.cmake_text import calls, project_name
 from forge.workspace.model import Package
 from forge.workspace.python_metadata import read_setup_py
+
+_OPAQUE = frozenset({"include", "add_subdirectory", "macro", "function", "cmake_language"})
+"""Commands that may call others."""
 
 
 def names(subject: CheckContext) -> CheckResult:
@@ -36,7 +39,7 @@ def _project(subject: CheckContext, package: Package) -> Iterator[Problem]:
 def _registration(subject: CheckContext, package: Package) -> Iterator[Problem]:
     """Yield a problem if the package is not registered in the ament index, so that nothing finds it."""
     text = subject.text(package, "CMakeLists.txt")
-    if package.build_type == "ament_cmake" and text and not may_register_package(text):
+    if package.build_type == "ament_cmake" and text and not _may_register_package(text):
         yield Problem(
             f"'{package.name}' does not call ament_package(): 'forge run' and other packages do not find it",
             Location(package.path / "CMakeLists.txt"),
@@ -79,3 +82,9 @@ def _setup(subject: CheckContext, package: Package) -> Iterator[Problem]:
                 "add install_scripts=$base/lib/NAME to the section [install] of each setup.cfg",
             ),
         )
+
+
+def _may_register_package(text: str) -> bool:
+    """Tell whether ament_package() is called, or may be called by another file or a macro."""
+    commands = {call.command for call in calls(text)} - {"find_package", "ament_python_install_package"}
+    return not commands.isdisjoint(_OPAQUE) or any("package" in name for name in commands)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import sys
 from collections import defaultdict
@@ -18,7 +19,6 @@ from forge.plugins.doctor.model import CheckContext, CheckResult
 from forge.workspace.cmake_text import calls, package_references
 from forge.workspace.discovery import discover_embedded
 from forge.workspace.model import TEST_KINDS, DependencyKind, Package
-from forge.workspace.python_metadata import imported_modules, mentioned_modules
 from forge.workspace.resolve import ALL_KINDS, INTERFACE_GROUP, is_ros_name, provided_names
 
 Finding = tuple[Severity, Problem]
@@ -29,6 +29,7 @@ _DATA = (".xml", ".launch", ".yaml", ".yml", ".json", ".urdf", ".xacro", ".sdf",
 _SEARCHED = (*_CODE, *_BUILDING, *_DATA, ".msg", ".srv", ".action", ".idl")
 """Files in which a dependency may be mentioned."""
 
+_IMPORT = re.compile(r"^[ \t]*(?:from[ \t]+(\w+)|import[ \t]+([^#\n]+))", re.MULTILINE)
 _TEST_FOLDERS = frozenset({"test", "tests"})
 _TEST_PARTS = _TEST_FOLDERS | {"testing"}
 _SILENT_BEGINNINGS = ("ament_", "rosidl_", "rmw_")
@@ -241,3 +242,37 @@ def _undeclared(package: Package, name: str, place: Location, tag: str) -> Probl
             f"add {line} to each package.xml",
         ),
     )
+
+
+def mentioned_modules(text: str) -> frozenset[str]:
+    """Return the top-level modules in lines that look like imports: a superset of the imported ones."""
+    lists = (match[1] or match[2] for match in _IMPORT.finditer(text))
+    return frozenset(
+        re.split(r"[.\s]", name.strip(), maxsplit=1)[0] for names in lists for name in names.split(",")
+    )
+
+
+def imported_modules(text: str) -> Iterator[tuple[str, int]]:
+    """Yield the top-level modules that a file imports unconditionally, with line numbers.
+
+    Imports in `try` or below TYPE_CHECKING are left out. Raises SyntaxError like Python.
+    """
+    try:
+        yield from list(_imported(ast.parse(text)))
+    except (MemoryError, RecursionError, ValueError):
+        raise SyntaxError("too deeply nested, or contains a NUL character") from None
+
+
+def _imported(node: ast.AST) -> Iterator[tuple[str, int]]:
+    for child in ast.iter_child_nodes(node):
+        match child:
+            case ast.Import(names=names):
+                yield from ((name.name.partition(".")[0], child.lineno) for name in names)
+            case ast.ImportFrom(module=str(module), level=0):
+                yield module.partition(".")[0], child.lineno
+            case ast.Try() | ast.expr():
+                pass  # the former may fail, the latter contains no statements
+            case ast.If(test=test) if "TYPE_CHECKING" in ast.dump(test):
+                pass
+            case _:
+                yield from _imported(child)
