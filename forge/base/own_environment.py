@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +41,14 @@ def install_beside_forge(*requirements: str, prefix: Path | None = None) -> str:
     """
     own = prefix or Path(sys.prefix)
     if (own / _UV_RECEIPT).is_file():
-        words = ["uv", "tool", "install", *_uv_arguments(own / _UV_RECEIPT, requirements)]
+        receipt = own / _UV_RECEIPT
+        entries = read_toml(receipt.read_bytes(), receipt).get("tool", {}).get("requirements", [])
+        earlier = [_uv_requirement(entry) for entry in entries if entry.get("name") != _NAME]
+        words = ["uv", "tool", "install"]
+        for requirement in dict.fromkeys((*earlier, *requirements)):
+            words += ("--with", requirement)
+        for entry in (entry for entry in entries if entry.get("name") == _NAME):
+            words += (*(("--editable",) if "editable" in entry else ()), _uv_requirement(entry))
     elif (own / _PIPX_METADATA).is_file():
         words = ["pipx", "inject", own.name, *requirements]
     elif has_no_pip(own):
@@ -55,18 +62,6 @@ def has_no_pip(environment: Path) -> bool:
     """Tell whether a virtual environment was made by uv, without pip."""
     by_uv = any(line.startswith("uv =") for line in text_or_nothing(environment / "pyvenv.cfg").splitlines())
     return by_uv and not any(environment.glob("lib/python*/site-packages/pip"))
-
-
-def _uv_arguments(receipt: Path, requirements: tuple[str, ...]) -> Iterator[str]:
-    tool = read_toml(receipt.read_bytes(), receipt).get("tool", {})
-    entries = tool.get("requirements", [])
-    earlier_requirements = [_uv_requirement(entry) for entry in entries if entry.get("name") != _NAME]
-    for requirement in dict.fromkeys((*earlier_requirements, *requirements)):
-        yield from ("--with", requirement)
-    for entry in entries:
-        if entry.get("name") == _NAME:
-            yield from ("--editable",) if "editable" in entry else ()
-            yield _uv_requirement(entry)
 
 
 def _uv_requirement(entry: Mapping[str, Any]) -> str:

@@ -170,7 +170,13 @@ def _header_not_found(header: str, context: FailureContext) -> str | None:
     if not rest or name == context.package.name:
         return _own_header_not_found(header, context)
     prefix = context.prefix_of(name)
-    installed = _installed_headers(name, prefix) if prefix else frozenset()
+    # As sources include them: 'shapes/circle.hpp'. Some packages install below a folder with their name, so
+    # that overlays do not mix their headers.
+    installed: set[str] = set()
+    for root in (prefix / "include", prefix / "include" / name) if prefix else ():
+        for place, _, names in os.walk(root / name):
+            below = os.path.relpath(place, root)
+            installed.update(f"{below}/{file}" for file in names if file.endswith(_HEADERS))
     if name in context.packages:
         folder, _, file = header.rpartition("/")
         stem, dot, ending = file.partition(".")
@@ -295,7 +301,18 @@ def _target_not_found(target: str, context: FailureContext) -> str | None:
     name = target.split("::", maxsplit=1)[0]
     if name in context.found or name == context.package.name:
         prefix = context.prefix_of(name)
-        known = _exported_targets(name, prefix) if prefix else ()
+        folders = (
+            [prefix / folder for folder in (f"share/{name}", f"lib/cmake/{name}", "cmake")] if prefix else []
+        )
+        files = (path for folder in folders for path in sorted(folder.rglob("*.cmake")))
+        exported = (
+            call.words[0]
+            for path in files
+            for call in calls(text_or_nothing(path))
+            if call.command in {"add_executable", "add_library"}
+            and not {"IMPORTED", "ALIAS"}.isdisjoint(call.words)
+        )
+        known = tuple(dict.fromkeys(each for each in exported if "$" not in each))
         if not known:
             return f"'{name}' has no target '{target}'; try ament_target_dependencies(YOUR_TARGET {name})"
         near = nearest(target, known, _SURE)
@@ -370,31 +387,6 @@ def _no_download(url: str, context: FailureContext) -> str:
         f", or install the system package that contains {quoted_names(looked_for)}" if looked_for else ""
     )
     return f"the package downloads {url.rstrip('/')} during the build: provide network access{instead}"
-
-
-def _exported_targets(package: str, prefix: Path) -> tuple[str, ...]:
-    """Return the targets that the CMake files of an installed package define."""
-    folders = (prefix / "share" / package, prefix / "lib/cmake" / package, prefix / "cmake")
-    files = (path for folder in folders for path in sorted(folder.rglob("*.cmake")))
-    found = (
-        call.words[0]
-        for path in files
-        for call in calls(text_or_nothing(path))
-        if call.command in {"add_executable", "add_library"}
-        and not {"IMPORTED", "ALIAS"}.isdisjoint(call.words)
-    )
-    return tuple(dict.fromkeys(name for name in found if "$" not in name))
-
-
-def _installed_headers(package: str, prefix: Path) -> frozenset[str]:
-    """Return the headers that a package installed, as sources include them: 'shapes/circle.hpp'."""
-    found: set[str] = set()
-    # Some packages install below a folder with their name, so that overlays do not mix their headers.
-    for root in (prefix / "include", prefix / "include" / package):
-        for folder, _, names in os.walk(root / package):
-            below = os.path.relpath(folder, root)
-            found.update(f"{below}/{name}" for name in names if name.endswith(_HEADERS))
-    return frozenset(found)
 
 
 def _unknown_argument(word: str, context: FailureContext) -> str | None:

@@ -19,7 +19,7 @@ from forge.cache.maintenance import DEFAULT_SIZE, prune, prune_entries, read_cou
 from forge.cache.model import CacheEntry
 from forge.cache.opening import byte_count, cache_folder, foreign_store
 from forge.cli.main import Parser
-from forge.cli.options import add_verb
+from forge.cli.options import NoOptions, add_verb
 
 _DAY = 86400.0
 
@@ -27,11 +27,6 @@ _DAY = 86400.0
 @frozen
 class _Options:
     cache: str | None = option("cache folder (default: ~/.cache/forge/packages)", metavar="DIR")
-
-
-@frozen
-class _ListOptions:
-    """None: what plugins keep lies in forge's own cache."""
 
 
 def _days(text: str) -> int:
@@ -57,7 +52,7 @@ class _PruneOptions:
 def register(parser: Parser) -> None:
     verbs = parser.add_subparsers(metavar="VERB", required=True)
     add_verb(verbs, "stats", "print the size of the cache and its hit rate", _Options, _stats)
-    add_verb(verbs, "list", "list what forge keeps besides packages", _ListOptions, _list)
+    add_verb(verbs, "list", "list what forge keeps besides packages", NoOptions, _list)
     add_verb(verbs, "prune", "remove the least recently used entries", _PruneOptions, _prune)
     summary = "verify the checksums of all entries and remove corrupt ones"
     add_verb(verbs, "verify", summary, _Options, _verify)
@@ -91,7 +86,7 @@ def _stats(options: _Options) -> int:
     return 0
 
 
-def _list(_: _ListOptions) -> int:
+def _list(_: NoOptions) -> int:
     """Print a line for each entry of plugins: kind, name, size, days since its last use, and path."""
     rows = [
         (entry.kind, entry.name, _shown(entry.size), _age(entry.used), os.fspath(entry.path))
