@@ -12,10 +12,11 @@ import pytest
 
 from forge.base.distributions import EMBEDDED
 from forge.base.files import write_if_changed
-from forge.interfaces.model import Catalog, Message, Source
+from forge.interfaces.model import Catalog, File, Message, Source
 from forge.interfaces.python import target
 from forge.interfaces.read.parsing import parse_all
 from forge.interfaces.read.sources import Library, read_folder
+from forge.interfaces.rendering import parts
 from forge.interfaces.resolve.resolution import dependency_catalogs, resolve
 
 RUNTIME = EMBEDDED / "rosidl_default_runtime" / "python"
@@ -36,6 +37,11 @@ def catalog_of(package: str, definitions: Mapping[str, str]) -> Catalog:
         Source(package, path, Path("/src") / package / path, text) for path, text in definitions.items()
     ]
     return resolve(package, parse_all(sources), Library())
+
+
+def render(catalog: Catalog, target: str) -> tuple[File, ...]:
+    """Return all files of a target, below a folder of its name: 'python/std_msgs/msg/_string.py'."""
+    return tuple(file for part in parts(catalog, target, {}) for file in part.files())
 
 
 def probe_catalog() -> Catalog:

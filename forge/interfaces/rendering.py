@@ -56,18 +56,10 @@ class Part:
             yield File(f"{self.language}/{file.path}", file.text)
 
 
-def render(catalog: Catalog, target: str) -> tuple[File, ...]:
-    """Return all files of a target, below a folder of its name: 'python/std_msgs/msg/_string.py'.
-
-    Raises ForgeError if the target does not exist or cannot be loaded.
-    """
-    return tuple(file for part in parts(catalog, target, {}) for file in part.files())
-
-
 def parts(catalog: Catalog, target: str, digests: Mapping[TypeName, str]) -> Iterator[Part]:
     """Yield the parts that a target generates for a catalog; `digests` are the known ones of its interfaces.
 
-    Raises ForgeError as `render` does, or if messages are nested too deeply.
+    Raises ForgeError if the target does not exist or cannot be loaded, or if messages are nested too deeply.
     """
     if target in _NESTING:
         raise_if_any(nesting_problems(catalog.known), InterfaceError)

@@ -31,7 +31,6 @@ from forge.interfaces.model import (
 )
 from forge.interfaces.read.parsing import Parsed, parse
 from forge.interfaces.read.sources import Library, read_source
-from forge.interfaces.rendering import render
 from forge.interfaces.resolve.resolution import resolve
 from forge.interfaces.writing import write_depfile
 from forge.workspace.creation import BUILD_TYPES, NewPackage, render_package
@@ -39,6 +38,7 @@ from forge.workspace.identification import identify
 from forge.workspace.manifest import parse_manifest
 from forge.workspace.model import Person
 from forge.workspace.overrides import Overrides
+from tests.generated import render
 from tests.hostile import CANARY, FRAGMENTS, hostile
 from tests.packages import manifest_text
 

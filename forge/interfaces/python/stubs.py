@@ -106,10 +106,6 @@ def view_stub(message: Message, names: StubNames) -> SimpleNamespace:
     )
 
 
-def shadowed_builtins(messages: Iterable[Message]) -> frozenset[str]:
-    return BUILTINS & {field.name for message in messages for field in message.fields}
-
-
 def stub_imports(messages: Collection[Message], shadowed: Iterable[str], *, aliases: bool) -> list[str]:
     """Return the import lines of a stub, the standard library's first.
 

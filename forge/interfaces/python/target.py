@@ -31,7 +31,8 @@ from forge.interfaces.model import (
 )
 from forge.interfaces.python import cdr
 from forge.interfaces.python.fields import BUILTINS, Scope, view_field
-from forge.interfaces.python.stubs import StubNames, shadowed_builtins, stub_imports, view_stub
+from forge.interfaces.python.stubs import BUILTINS as STUB_BUILTINS
+from forge.interfaces.python.stubs import StubNames, stub_imports, view_stub
 from forge.interfaces.python.types import literal, module_name
 
 _CANCEL = TypeName("action_msgs", "srv", "CancelGoal")
@@ -120,7 +121,7 @@ def _modules(interface: Interface, root: str) -> Iterator[File]:
     views = [_message(message, classes) for message in messages]
     lines = _imports(views, shadows_property="property" in field_names)
     yield File(f"{path}.py", render("python/interface.py.j2", **shared, messages=views, imports=lines))
-    names = StubNames(classes, shadowed_builtins(messages))
+    names = StubNames(classes, STUB_BUILTINS & field_names)
     stubs = [view_stub(message, names) for message in messages]
     lines = stub_imports(messages, names.shadowed, aliases=bool(services))
     yield File(f"{path}.pyi", render("python/interface.pyi.j2", **shared, messages=stubs, imports=lines))

@@ -8,9 +8,9 @@ from forge.interfaces.hashing import hashes
 from forge.interfaces.model import TypeName
 from forge.interfaces.read.parsing import parse_all
 from forge.interfaces.read.sources import Library, read_folder
-from forge.interfaces.rendering import render
 from forge.interfaces.resolve.resolution import resolve
 from tests.conftest import Tree
+from tests.generated import render
 
 
 def test_type_ids_follow_rep_2011(tree: Tree) -> None:

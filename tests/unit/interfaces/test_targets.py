@@ -9,8 +9,9 @@ import pytest
 
 from forge.base.errors import ForgeError
 from forge.interfaces.model import Catalog
-from forge.interfaces.rendering import TARGETS, render
+from forge.interfaces.rendering import TARGETS
 from tests.conftest import Forge, Tree
+from tests.generated import render
 
 EMPTY = Catalog("demo", {}, {}, {})
 METADATA = "Metadata-Version: 2.1\nName: third\nVersion: 1.0\n"

@@ -10,9 +10,9 @@ import pytest
 
 from forge.interfaces.read.parsing import parse_all
 from forge.interfaces.read.sources import Library, read_folder
-from forge.interfaces.rendering import render
 from forge.interfaces.resolve.resolution import resolve
 from tests.conftest import GOLDEN, Forge, Golden, Tree
+from tests.generated import render
 from tests.packages import manifest_text
 
 INDEX = "share/ament_index/resource_index"
