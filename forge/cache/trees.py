@@ -39,7 +39,7 @@ _SPECIAL = stat.S_ISUID | stat.S_ISGID | stat.S_ISVTX
 TICK = 0.05
 """The tolerated difference in seconds between file times and process clocks."""
 
-_VERSION = 3
+_VERSION = 4
 _NO_NAMES = frozenset({"", ".", ".."})
 _HEX = re.compile(r"[0-9a-f]{64}\Z")
 _LONGEST = 4096
@@ -78,7 +78,6 @@ class Tree:
     With `has_tests`, tests need the build folder, which is not stored.
     """
 
-    package: str
     leaves: tuple[Leaf, ...]
     folders: tuple[tuple[str, int], ...] = ()
     seconds: float = 0.0
@@ -137,7 +136,7 @@ def scan_tree(
             pack(content)
             offset += len(content)
     folders = _folders(prefix, names, [_name(prefix, path.rstrip("/")) for path in record.folders])
-    return Tree(package, tuple(leaves), folders, 0.0, Digest(whole.hexdigest(), offset))
+    return Tree(tuple(leaves), folders, 0.0, Digest(whole.hexdigest(), offset))
 
 
 def unrecorded_files(install: Path, records: Mapping[str, BuildRecord], since: float) -> dict[str, float]:
@@ -173,7 +172,6 @@ def decode_index(index: bytes) -> Tree:
             raise ValueError("unsupported version")
         pack = value["pack"]
         tree = Tree(
-            package=_text(value["package"]),
             leaves=tuple(_leaf_of(entry) for entry in value["leaves"]),
             folders=tuple((_safe(path), _number(mode) & 0o777) for path, mode in value["folders"]),
             seconds=_duration(value["seconds"]),

@@ -152,10 +152,10 @@ _CTEST: Final = b"""<Site><Testing><Test Status="failed"><Name>a</Name><Results>
 """
 _FLAGS: Final = b"kw -j8 -l2.5 --jobserver-auth=3,4 --jobserver-fds=5,6 --no-print-directory -- A=b"
 _TREE: Final = (
-    b'{"forge_tree": 2, "package": "p", "seconds": 1.5, "bound": "", "folders": [["share/empty", 448]], '
+    b'{"forge_tree": 4, "seconds": 1.5, "has_tests": true, "folders": [["share/empty", 448]], '
     b'"pack": {"hash": "' + b"0" * 64 + b'", "size": 9}, "leaves": ['
-    b'["lib/a", 420, 9, "' + b"1" * 64 + b'", 0, true, null], '
-    b'["lib/b", 0, 0, "", -1, false, "a"]]}'
+    b'["lib/a", 420, 9, "' + b"1" * 64 + b'", 0, true, null, ""], '
+    b'["lib/b", 0, 0, "", -1, false, "a", ""]]}'
 )
 _ACTION: Final = (
     b"\x12O\n\x04pack\x12E\n@"
@@ -195,7 +195,7 @@ SEEDS: Final[dict[str, tuple[bytes, ...]]] = {
     "stored-result": (b'{"files": [["index", "%s", 7]], "stdout": "note"}' % (b"0a" * 32),),
     "cached-tree": (_TREE,),
     "cached-inputs": (
-        b'{"forge_inputs": 1, "lists": [["/usr/include/a.h", "plain", ""], ["spaced", "\'x\' has"]]}',
+        b'{"forge_inputs": 3, "lists": [["/usr/include/a.h", "plain", ""], ["spaced", "\'x\' has"]]}',
     ),
     "generator-arguments": (b"--package\np\n--include\nq=/x\n--file\n/src:msg/X.msg\n@other\n",),
 }

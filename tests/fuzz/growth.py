@@ -144,11 +144,11 @@ _JSON: Final = (
 )
 
 _TREE: Final = (
-    b'{"forge_tree": 2, "package": "p", "seconds": 1.5, "bound": "", "folders": [], "pack": {"hash": "'
+    b'{"forge_tree": 4, "seconds": 1.5, "has_tests": true, "folders": [], "pack": {"hash": "'
     + b"0" * 64
     + b'", "size": 9}, "leaves": ['
 )
-_LINK: Final = b'["z", 0, 0, "", -1, false, "x"]]}'
+_LINK: Final = b'["z", 0, 0, "", -1, false, "x", ""]]}'
 
 SHAPES: Final[dict[str, tuple[Shape, ...]]] = {
     "manifest": _DOCUMENT,
@@ -287,10 +287,10 @@ SHAPES: Final[dict[str, tuple[Shape, ...]]] = {
     ),
     "cached-tree": (
         *_JSON,
-        Shape("links", b'["l%d", 0, 0, "", -1, false, "x"], ', _TREE, after=_LINK),
-        Shape("files", b'["f%d", 420, 1, "' + b"1" * 64 + b'", 0, true, null], ', _TREE, after=_LINK),
-        Shape("twins", b'["l", 0, 0, "", -1, false, "x"], ', _TREE, after=_LINK),
-        Shape("files below files", b'["a%e/a%d", 0, 0, "", -1, false, "x"], ', _TREE, after=_LINK),
+        Shape("links", b'["l%d", 0, 0, "", -1, false, "x", ""], ', _TREE, after=_LINK),
+        Shape("files", b'["f%d", 420, 1, "' + b"1" * 64 + b'", 0, true, null, ""], ', _TREE, after=_LINK),
+        Shape("twins", b'["l", 0, 0, "", -1, false, "x", ""], ', _TREE, after=_LINK),
+        Shape("files below files", b'["a%e/a%d", 0, 0, "", -1, false, "x", ""], ', _TREE, after=_LINK),
         Shape("a deep file", b"a/", _TREE + b'["', after=_LINK[2:]),
         Shape(
             "folders",
@@ -301,8 +301,8 @@ SHAPES: Final[dict[str, tuple[Shape, ...]]] = {
     ),
     "cached-inputs": (
         *_JSON,
-        Shape("files", b'"/a%d", ', b'{"forge_inputs": 1, "lists": [[', after=b'"plain", ""]]}'),
-        Shape("lists", b'["/a%d", "plain", ""], ', b'{"forge_inputs": 1, "lists": [', after=b"[]]}"),
+        Shape("files", b'"/a%d", ', b'{"forge_inputs": 3, "lists": [[', after=b'"plain", ""]]}'),
+        Shape("lists", b'["/a%d", "plain", ""], ', b'{"forge_inputs": 3, "lists": [', after=b"[]]}"),
     ),
     "generator-arguments": (Shape("words", b"--include\na=/b\n"), Shape("a long word", b"a", b"--package\n")),
 }

@@ -9,6 +9,8 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
+from forge.cache import keys
+from forge.cache.trees import decode_index
 from tests.fuzz.food import SEEDS, mutated
 from tests.fuzz.harnesses import HARNESSES
 
@@ -28,6 +30,11 @@ def test_mutated_inputs_give_a_value_or_an_error(name: str) -> None:
         except BaseException as error:
             error.args = (*error.args, f"given {data!r}")
             raise
+
+
+def test_the_seeds_of_the_cache_are_of_its_formats() -> None:
+    assert all(map(decode_index, SEEDS["cached-tree"]))
+    assert all(map(keys.decode_lists, SEEDS["cached-inputs"]))
 
 
 @pytest.mark.parametrize("name", HARNESSES)

@@ -140,8 +140,7 @@ def test_bytecode_caches_are_not_stored(tmp_path: Path) -> None:
 def index(*leaves: list[Any], **other: object) -> bytes:
     """Return an index as somebody else may write it."""
     said: dict[str, object] = {
-        "forge_tree": 3,
-        "package": "a",
+        "forge_tree": 4,
         "leaves": leaves,
         "folders": [],
         "seconds": 0,
