@@ -69,6 +69,14 @@ def open_regular(path: str, flags: int) -> int:
     return descriptor
 
 
+def capabilities(path: str) -> bytes:
+    """Return the capabilities of a program, as setcap sets them; b"" for none."""
+    try:
+        return os.getxattr(path, "security.capability", follow_symlinks=False)
+    except OSError:
+        return b""
+
+
 def read_text(path: str | Path, errors: str = "replace") -> str:
     """Return the text of a regular file, as by `read_file`, with universal newlines.
 

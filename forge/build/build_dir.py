@@ -53,7 +53,7 @@ from forge.build.reuse import (
     would_only_link,
 )
 from forge.build.up_to_date import changed_input
-from forge.engine.commands import NOT_OBSERVED, Folders, commands_of
+from forge.engine.commands import NOT_OBSERVED, Accesses, Folders, commands_of
 from forge.engine.world import PACKAGE_FOUND
 from forge.toolchain.programs import CMAKE_TYPES
 
@@ -339,10 +339,14 @@ def observed_commands(
     layout: Layout,
     world: World,
     before: ObservedCommands,
+    detected: frozenset[str] = frozenset(),
     *,
     workspace: Path | None = None,
 ) -> ObservedCommands:
-    """Return what the steps of a package did, and what was done `before` in its build folder."""
+    """Return what the steps of a package did, and what was done `before` in its build folder.
+
+    CMake found the results of a run elsewhere there, which has `detected` them from other inputs.
+    """
     if not steps.kinds:
         return NOT_OBSERVED
     graph = read_native_graph(build)
@@ -367,6 +371,12 @@ def observed_commands(
         workspace,
     )
     found = commands_of(steps.observed, steps.kinds, outputs_of, folders)
+    if detected and found.configure:
+        modules = cmake_root(build)
+        paths = frozenset(each for each in detected if each.startswith("/"))
+        external = frozenset(path for path in paths if not path.startswith(modules))
+        configure = found.configure | Accesses(external=external, asked=detected - paths)
+        found = replace(found, configure=configure)
     outputs = frozenset(edge.outputs[0] for edge in graph.edges)
     # Which commands ran is unknown if a part of the log is missing.
     commands = (NOT_OBSERVED if steps.observed.blind else before).merged(found, outputs)

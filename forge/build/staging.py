@@ -19,7 +19,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from forge.base.files import BYTECODE, listed_paths, remove_tree, replace_file, tree_below
+from forge.base.files import BYTECODE, capabilities, listed_paths, remove_tree, replace_file, tree_below
 from forge.base.layout import INSTALLED_STATES_DIR, SCRATCH_DIR
 from forge.base.text import digest
 from forge.build.copies import is_same_file, status_of
@@ -405,6 +405,8 @@ def _is_folder(path: str) -> bool:
 
 
 def _is_same(path: str, other: str) -> bool:
-    """Tell whether two files have the same content and mode, or two links the same target."""
-    now = status_of(other)
-    return now is not None and os.lstat(path).st_mode == now.st_mode and is_same_file(path, Path(other))
+    """Tell whether two files have the same content, mode, owner and capabilities; or two links one target."""
+    one, two = os.lstat(path), status_of(other)
+    if two is None or (one.st_mode, one.st_uid, one.st_gid) != (two.st_mode, two.st_uid, two.st_gid):
+        return False
+    return is_same_file(path, Path(other)) and capabilities(path) == capabilities(other)

@@ -15,7 +15,7 @@ from dataclasses import asdict
 from mmap import ACCESS_READ, mmap
 from typing import TYPE_CHECKING, Any
 
-from forge.base.files import BYTECODE
+from forge.base.files import BYTECODE, capabilities
 from forge.base.frozen import frozen
 from forge.base.layout import BACKUP_DIR, INSTALLED_LISTS_DIR
 from forge.build.inputs.elf_abi import linked_parts
@@ -126,10 +126,10 @@ def scan_tree(
     """
     prefix = str(layout.prefix(package))
     names = [_name(prefix, path) for path in record.files]
-    leaves, offset = [], 0
+    leaves, offset, owner = [], 0, os.stat(prefix).st_uid
     whole = hashlib.sha256()
     for name in sorted(names):
-        leaf, content = _leaf(f"{prefix}/{name}", name, relocator, offset)
+        leaf, content = _leaf(f"{prefix}/{name}", name, relocator, offset, owner)
         leaves.append(leaf)
         if content:
             whole.update(content)
@@ -206,14 +206,16 @@ def _folders(prefix: str, names: Iterable[str], empty: Iterable[str]) -> tuple[t
     return tuple(sorted(found.items()))
 
 
-def _leaf(path: str, name: str, relocator: Relocator, offset: int) -> tuple[Leaf, bytes | None]:
-    """Return a file as a leaf, and its bytes for the pack."""
+def _leaf(path: str, name: str, relocator: Relocator, offset: int, owner: int) -> tuple[Leaf, bytes | None]:
+    """Return a file as a leaf, and its bytes for the pack; `owner` is that of the prefix."""
     status = os.lstat(path)
     if stat.S_ISLNK(status.st_mode):
         target = os.readlink(path)
         return Leaf(name, 0, 0, "", target=relocator.relativize_word(target)), None
     if not stat.S_ISREG(status.st_mode) or status.st_mode & _SPECIAL:
         raise Uncacheable(f"'{name}' is not a regular file")
+    if capabilities(path) or status.st_uid != owner:
+        raise Uncacheable(f"'{name}' has capabilities or belongs to another user")
     kept, rewritten = _content(path, status, relocator)
     leaf = Leaf(
         name,

@@ -71,7 +71,7 @@ if TYPE_CHECKING:
     from forge.toolchain.interpreter import Interpreter
     from forge.workspace.resolve import DependencyResolution
 
-    Seed = Callable[[Path, Path, Mapping[str, str]], bool]
+    Seed = Callable[[Path, Path, Mapping[str, str]], frozenset[str]]
     """Prepares a package for CMake, given its source folder, build folder and variables."""
 
 
@@ -102,6 +102,8 @@ class TaskSetup(TaskLifecycle):
     _steps: dict[str, ObservedSteps] = field(default_factory=dict)
     _earlier_steps: dict[str, ObservedSteps] = field(default_factory=dict)
     _observed: dict[str, ObservedCommands] = field(default_factory=dict)
+    _detected: dict[str, frozenset[str]] = field(default_factory=dict)
+    """What the detection of compilers read whose results were copied into a build folder."""
 
     def environment(self, task: Task) -> Mapping[str, str]:
         below = ((need, self.layout.prefix(need)) for need in task.needs)
@@ -175,7 +177,7 @@ class TaskSetup(TaskLifecycle):
             environment.get(name) == self.variables.get(name) for name in FOR_COMPILERS
         )
         if self.seed is not None and same_compilers and package.build_type in CMAKE_TYPES:
-            self.seed(self.state.source(task), task.build_dir, self.variables)
+            self._detected[task.name] = self.seed(self.state.source(task), task.build_dir, self.variables)
 
     def staged(self, task: Task) -> Task:
         # With DESTDIR, nothing is installed into the prefix.
@@ -328,6 +330,7 @@ class TaskSetup(TaskLifecycle):
             self.layout,
             self.state.world,
             begun[1].commands if begun else NOT_OBSERVED,
+            self._detected.pop(task.name, frozenset()),
             workspace=self.state.root,
         )
         if begun and commands is not NOT_OBSERVED:

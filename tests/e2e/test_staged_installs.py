@@ -549,3 +549,27 @@ def test_the_manifest_that_forge_installs_follows_its_source(
     build(forge, root, *options)
     assert "new" in (root / "install/p/share/p/package.xml").read_text()
     hold_against_clean(forge, root, *options)
+
+
+CAPABILITY = """
+import os, sys
+if os.geteuid() == 0:
+    os.setxattr(sys.argv[1], "security.capability", bytes.fromhex("01000002000800" + "00" * 13))
+"""
+
+
+def test_capabilities_of_an_installed_program_come_and_go(forge: Forge, tree: Tree) -> None:
+    """Only root may give them."""
+    rules = "install(PROGRAMS x DESTINATION bin)\n"
+    code = 'execute_process(COMMAND \\"{}\\" \\"{}\\" \\"\\${{CMAKE_INSTALL_PREFIX}}/bin/x\\")'
+    root = tree(cmake("a", rules, **{"x": "#!/bin/sh\n", "cap.py": CAPABILITY}))
+    program, description = root / "install/a/bin/x", root / "src/a/CMakeLists.txt"
+    expected = ["security.capability"] if os.geteuid() == 0 else []
+    without = description.read_text()
+    build(forge, root)
+    description.write_text(f'{without}install(CODE "{code.format(sys.executable, root / "src/a/cap.py")}")\n')
+    build(forge, root)
+    assert os.listxattr(program) == expected
+    description.write_text(without)
+    build(forge, root)
+    assert os.listxattr(program) == []

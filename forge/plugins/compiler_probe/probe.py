@@ -101,30 +101,31 @@ class Toolchain:
         self._lock = threading.Lock()
         self._asked = False
 
-    def seed(self, source: Path, build: Path, variables: Mapping[str, str]) -> bool:
-        """Copy the results into a new build folder; return whether that was done."""
+    def seed(self, source: Path, build: Path, variables: Mapping[str, str]) -> frozenset[str]:
+        """Copy the results into a new build folder; return what they were observed to depend on."""
         project = None if (build / "CMakeCache.txt").exists() else usual_project(source)
         if project is None:
-            return False
+            return frozenset()
         compiles = "NONE" not in project
         if not (compiles or self._asks_python):
-            return False
+            return frozenset()
         with self._lock:
             if not self._asked:
                 self._configure(variables)
                 self._asked = True
         answers = self._results()
         if answers is None:
-            return False
+            return frozenset()
+        inputs = frozenset(read_json(self._home / _READ))
         if not compiles:
             replace_file(build / "CMakeCache.txt", self._cache(_OF_PYTHON))
-            return True
+            return inputs
         (build / "CMakeFiles").mkdir(parents=True, exist_ok=True)
         target = build / "CMakeFiles" / answers.name
         remove_tree(str(target))
         shutil.copytree(answers, target, ignore=shutil.ignore_patterns("CompilerId*"))
         replace_file(build / "CMakeCache.txt", self._cache())
-        return True
+        return inputs
 
     def _configure(self, variables: Mapping[str, str]) -> None:
         """Configure the reference project, unless an earlier build did."""
