@@ -12,7 +12,6 @@ import os
 import re
 import time
 from dataclasses import replace
-from functools import cache
 from operator import ne
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -126,7 +125,6 @@ def prepare_build_dir(
     if can_reuse and last:
         decision = _decision(build, last, now, states, table, reconfigure=reconfigure)
     reuse, seen = decision.reuse, last.commands if last else NOT_OBSERVED
-    made: frozenset[str] = frozenset()
     if reuse is Reuse.EVERYTHING:
         # The first output of a command goes in any case, or the native tool would not run it.
         remaining = (
@@ -142,14 +140,13 @@ def prepare_build_dir(
                 _discard(Path(path))
         _touch_build_ninja(build)
     else:
-        made = _begin_empty(build, reuse, kept)
+        _begin_empty(build, reuse, kept)
     (build / SCRATCH_DIR / DEFERRED_BUILD_FILE).unlink(missing_ok=True)
     record = replace(
         now,
         began=time.time_ns(),
         from_empty=reuse is Reuse.NOTHING and not any((build / name).exists() for name in kept),
         dropped=decision.dropped if reuse is Reuse.PRODUCTS else frozenset(),
-        read_by_commands=made,
         commands=seen if reuse is not Reuse.NOTHING or kept else NOT_OBSERVED,
         externals=last.externals if last and reuse is Reuse.EVERYTHING else None,
     )
@@ -179,13 +176,14 @@ def _restore(build: Path, before: Path) -> None:
     same = {edge.outputs[0] for edge in graph.edges if texts.get(edge.outputs) == edge.text}
     seen = replace(seen, edges={name: each for name, each in seen.edges.items() if name in same})
     graph = replace(graph, reported=then.reported)
-    dropped |= affected_outputs(graph, _generated_changes(build, before), seen)
-    dropped = with_all_written(graph, dropped | _readers_of_generated(build, before, graph, seen), seen)
+    dropped |= affected_outputs(graph, _generated_changes(build, before, graph, seen), seen)
+    dropped = with_all_written(graph, dropped, seen)
     for product in restorable_outputs(graph, dropped, seen):
         for path in (product, *(seen.edges[product].written if product in seen.edges else ())):
             if path.startswith(f"{build}/"):
                 _move(path, path.replace(str(build), str(before), 1))
-    for path in record.read_by_commands if record else ():
+    made = {path for edge in then.edges for path in edge.outputs}
+    for path in (path for path in then.known() - made if path.startswith(f"{build}/")):
         earlier = path.replace(str(build), str(before), 1)
         with contextlib.suppress(OSError):
             if filecmp.cmp(path, earlier, shallow=False):
@@ -196,29 +194,6 @@ def _restore(build: Path, before: Path) -> None:
     _trash(build).parent.mkdir(exist_ok=True)
     before.rename(_trash(build))
     _discard(_trash(build))
-
-
-def _readers_of_generated(
-    build: Path, before: Path, graph: NativeGraph, seen: ObservedCommands
-) -> frozenset[str]:
-    """Return the outputs of observed commands that read what CMake now generates otherwise, or no longer."""
-    commands = [edge for edge in graph.edges if is_known(edge, seen)]
-    made = {path for edge in graph.edges for path in edge.outputs}
-    made.update(path for edge in commands for path in seen.edges[edge.outputs[0]].written)
-
-    @cache
-    def differs(path: str) -> bool:
-        if not path.startswith(f"{build}/") or path in made or os.path.isdir(path):
-            return False
-        earlier = path.replace(str(build), str(before), 1)
-        return (os.path.lexists(path) or os.path.lexists(earlier)) and not _same(path, earlier)
-
-    return frozenset(
-        output
-        for edge in commands
-        if any(map(differs, seen.edges[edge.outputs[0]].read))
-        for output in edge.outputs
-    )
 
 
 def set_aside_path(build: Path) -> Path:
@@ -424,11 +399,8 @@ def generated_digest(build: Path) -> str:
     return digest_strings(*texts)
 
 
-def _begin_empty(build: Path, reuse: Reuse, more: tuple[str, ...]) -> frozenset[str]:
-    """Replace a build folder by an empty one, keeping the results of tests and files of other tools.
-
-    Return the files in a folder that was set aside which its commands read, but did not make.
-    """
+def _begin_empty(build: Path, reuse: Reuse, more: tuple[str, ...]) -> None:
+    """Replace a build folder by an empty one, keeping the results of tests and files of other tools."""
     target = set_aside_path(build) if reuse is Reuse.PRODUCTS else _trash(build)
     if build.is_dir() and not build.is_symlink():
         target.parent.mkdir(exist_ok=True)
@@ -445,10 +417,6 @@ def _begin_empty(build: Path, reuse: Reuse, more: tuple[str, ...]) -> frozenset[
         (target / path).rename(build / path)
     if reuse is not Reuse.PRODUCTS:
         _discard(target)
-        return frozenset()
-    graph = read_native_graph(target, build)
-    made = {output for edge in graph.edges for output in edge.outputs}
-    return frozenset(path for path in graph.known() if path.startswith(f"{build}/")) - made
 
 
 def _test_results(build: Path) -> Iterator[str]:
@@ -493,23 +461,30 @@ def _move(path: str, source: str) -> None:
         os.rename(source, path)
 
 
-def _generated_changes(build: Path, before: Path) -> Changes:
-    """Return the changes of generated files compared with the folder set aside.
+def _generated_changes(build: Path, before: Path, graph: NativeGraph, seen: ObservedCommands) -> Changes:
+    """Return how the files that CMake has generated differ from those in the folder that was set aside.
 
-    Removed files are not included: Ninja detects them where compilers have reported them.
+    Of those that are gone, the ones count that commands have read and not made.
     """
-    added, modified = set(), set()
+    commands = [seen.edges[edge.outputs[0]] for edge in graph.edges if is_known(edge, seen)]
+    made = {path for edge in graph.edges for path in edge.outputs}.union(*(each.written for each in commands))
+    read = frozenset[str]().union(*(each.read for each in commands)) - made
+    paths = {path for path in read if path.startswith(f"{build}/") and not os.path.isdir(path)}
     for folder, folders, files in os.walk(build):
         if folder == str(build):
-            folders[:] = [name for name in folders if name not in {"CMakeFiles", *_KEPT}]
-        for name in files:
-            path = os.path.join(folder, name)
-            earlier = path.replace(str(build), str(before), 1)
-            if not os.path.lexists(earlier):
+            folders[:] = [name for name in folders if name not in _KEPT]
+        paths.update(os.path.join(folder, name) for name in files)
+    added, removed, modified = set(), set(), set()
+    for path in paths:
+        earlier = path.replace(str(build), str(before), 1)
+        match os.path.lexists(earlier), os.path.lexists(path):
+            case False, True:
                 added.add(path)
-            elif not _same(path, earlier):
+            case True, False:
+                removed.add(path)
+            case True, True if not _same(path, earlier):
                 modified.add(path)
-    return Changes(added=frozenset(added), modified=frozenset(modified))
+    return Changes(frozenset(added), frozenset(removed), frozenset(modified))
 
 
 def _same(path: str, other: str) -> bool:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from forge.engine.commands import ObservedCommands
 
-_VERSION = 2
+_VERSION = 3
 _INVALID = (ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError)
 
 
@@ -55,8 +55,6 @@ class FolderRecord:
     """The build started in an empty folder."""
     dropped: frozenset[str] = frozenset()
     """Products in the folder that was set aside which are not restored after CMake has run."""
-    read_by_commands: frozenset[str] = frozenset()
-    """Files of that folder that its commands read and did not make: CMake may generate them again."""
     commands: ObservedCommands = NOT_OBSERVED
     """What CMake and the commands did that made the contents; nothing is known of steps that were killed."""
     complete: bool = False
@@ -82,7 +80,6 @@ def begin_record(build: Path, record: FolderRecord) -> None:
         "version": _VERSION,
         **{name: getattr(record, name) for name in _AT_BEGIN},
         "dropped": sorted(record.dropped),
-        "read_by_commands": sorted(record.read_by_commands),
     }
     replace_file(build / SCRATCH_DIR / RECORD_FILE, json.dumps(data).encode() + b"\n")
 
@@ -125,7 +122,6 @@ def read_record(build: Path) -> FolderRecord | None:
                 "sources": _manifest(data["sources"]),
                 "externals": data["externals"] and dict(data["externals"]),
                 "dropped": frozenset(data["dropped"]),
-                "read_by_commands": frozenset(data["read_by_commands"]),
                 "commands": decode_commands(data["commands"]) if "commands" in data else NOT_OBSERVED,
                 "saved": frozenset(data.get("saved", ())),
             }

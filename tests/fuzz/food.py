@@ -122,7 +122,7 @@ _TABLE: Final = b"""{"version": 2, "began": 12, "python": "/usr/bin/python3", "u
 "woken": {"a": 1},
 "traces": {"base": "", "options": "", "shape": "", "moved": ""}, "files": {"a": ["1 2", "d"]},
 "base": "b", "shape": "s", "stamp": "", "sources": {"/a": ["1 2", "d"]}, "externals": null,
-"from_empty": true, "dropped": [], "read_by_commands": [],
+"dropped": [],
 "needs": ["a/msg/B"], "folders": {"a": "/a"}, "parts": {"python X": ["d", {"f": [1, 2]}]}}
 """
 _DSV: Final = b"""# hooks
