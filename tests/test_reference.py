@@ -29,6 +29,7 @@ LONGEST_HELP = 200
 ENTAILED = {
     *(
         "AMENT_PREFIX_PATH",
+        "COLUMNS",
         "LD_LIBRARY_PATH",
         "PYTHONPATH",
         "PATH",
@@ -147,7 +148,7 @@ def _events() -> dict[str, set[str]]:
     found: dict[str, set[str]] = {}
     for node in ast.walk(tree):
         match node:
-            case ast.Call(ast.Attribute(attr="_emit" | "_line"), [ast.Constant(str(event)), *_], keywords):
+            case ast.Call(ast.Attribute(attr="emit" | "_line"), [ast.Constant(str(event)), *_], keywords):
                 keys = {keyword.arg for keyword in keywords if keyword.arg}
                 found.setdefault(event, set()).update(keys | more.get(event, set()))
     return found
