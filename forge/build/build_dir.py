@@ -30,6 +30,7 @@ from forge.base.layout import (
     own_folders,
 )
 from forge.base.xml import mentions
+from forge.build.copies import status_of
 from forge.build.inputs.depfiles import cmake_root, written_by_backend
 from forge.build.inputs.fingerprints import (
     Changes,
@@ -237,7 +238,8 @@ def _decision(
         return _NOTHING
     # After a build that did not finish, a file that was written since may have had other content in between.
     differ = content_differs if last.complete else ne
-    own = compare(last.sources, now.sources, differ) | Changes(modified=last.saved)
+    edited = (path for path, state in last.products.items() if _state(path) != state)
+    own = compare(last.sources, now.sources, differ) | Changes(modified=last.saved.union(edited))
     if last.needs.keys() != now.needs.keys():
         # Other prefixes are in the search paths: nothing was looked for in them.
         seen = NOT_OBSERVED
@@ -391,6 +393,17 @@ def saved_during_build(
         if written_since(path, begun.began)
         and not (path in again and path in before and before[path] == externals[path])
     )
+
+
+def products_of(build: Path, commands: ObservedCommands) -> Mapping[str, str]:
+    """Return kind, size and time of what the commands of the native tool have written to the build folder."""
+    written = frozenset[str]().union(*(each.written for each in commands.edges.values()))
+    return {path: _state(path) for path in written if path.startswith(f"{build}/") and path[-1] != "/"}
+
+
+def _state(path: str) -> str:
+    status = status_of(path)
+    return f"{status.st_mode:o} {status.st_size} {status.st_mtime_ns}" if status else ""
 
 
 def generated_digest(build: Path) -> str:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+from dataclasses import field
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -67,6 +68,8 @@ class FolderRecord:
     """Inputs that were written while the build ran."""
     generated: str = ""
     """A digest of what CMake generated for the native tool."""
+    products: Mapping[str, str] = field(default_factory=dict)
+    """Kind, size and time of what the commands of the native tool wrote, after the build."""
 
     @property
     def settled(self) -> Manifest:
@@ -92,9 +95,16 @@ def add_commands(build: Path, commands: ObservedCommands) -> None:
     _append(build, {"commands": encode_commands(commands)})
 
 
-def complete_record(build: Path, externals: Mapping[str, str], saved: frozenset[str], generated: str) -> None:
+def complete_record(
+    build: Path,
+    externals: Mapping[str, str],
+    saved: frozenset[str],
+    generated: str,
+    products: Mapping[str, str],
+) -> None:
     """Record that the build succeeded."""
-    _append(build, {"externals": externals, "saved": sorted(saved), "generated": generated, "complete": True})
+    found = {"externals": externals, "saved": sorted(saved), "generated": generated, "products": products}
+    _append(build, {**found, "complete": True})
 
 
 def _append(build: Path, data: Mapping[str, object]) -> None:

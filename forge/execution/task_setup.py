@@ -18,6 +18,7 @@ from forge.build.build_dir import (
     last_record,
     observed_commands,
     prepare_build_dir,
+    products_of,
     saved_during_build,
 )
 from forge.build.build_types import build_type_of
@@ -303,7 +304,7 @@ class TaskSetup(TaskLifecycle):
         written = frozenset[str]().union(*(each.written for each in observed.all))
         source = self.state.source(task)
         saved = saved_during_build(build, source, last, begun, externals, self.state.table, written)
-        complete_record(build, externals, saved, generated_digest(build))
+        complete_record(build, externals, saved, generated_digest(build), products_of(build, observed))
         names = (path.removeprefix(f"{source}/") for path in sorted(saved))
         record = replace(
             self._record(task, installed, stats, tuple(externals), digest_of(externals, externals)),

@@ -561,3 +561,12 @@ def test_the_interpreter_that_a_script_names_is_an_input(forge: Forge, tree: Tre
             script.chmod(0o755)
         built(forge, root)
     assert (root / "install/a/share/gen.h").read_text() == "2"
+
+
+def test_an_edited_product_is_made_again_when_something_else_is_built(forge: Forge, tree: Tree) -> None:
+    root = tree({**FILES, "src/a/CMakeLists.txt": GENERATES})
+    built(forge, root)
+    (root / "build/a/gen.h").write_text("#define X 7\n")
+    edit(root, "x.c", FILES["src/a/x.c"] + "\n")
+    built(forge, root)
+    assert is_as_clean(forge, root)

@@ -125,7 +125,7 @@ class Probe:
         saved = build_dir.saved_during_build(
             self.build, self.source, self.last, self.begun, externals, table, frozenset()
         )
-        complete_record(self.build, externals, saved, build_dir.generated_digest(self.build))
+        complete_record(self.build, externals, saved, build_dir.generated_digest(self.build), {})
         return saved
 
     def make(self) -> tuple[Reuse, set[str]]:
