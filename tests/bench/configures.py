@@ -85,7 +85,8 @@ def _known_compilers(folder: Path, command: str) -> Path:
         cmake, *words = shlex.split(command)
         generator = tuple(word for word in words if word in {"-G", "Ninja"} or "CMAKE_MAKE_PROGRAM" in word)
         toolchain = Toolchain(folder / "build", Path(cmake), generator, ())
-        assert toolchain.seed(source, seed, os.environ)
+        toolchain.seed(source, seed, os.environ)
+        assert (seed / "CMakeCache.txt").is_file()
     return seed
 
 
