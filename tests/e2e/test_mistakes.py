@@ -37,115 +37,108 @@ def broken(
     }
 
 
-@pytest.mark.parametrize(
-    ("files", "hint"),
-    [
-        pytest.param(
-            broken("find_package(shapes REQUIRED)"),
-            "dependency on 'shapes' is not declared: add <depend>shapes</depend> to src/broken/",
-            id="a package of the workspace that the manifest does not name",
+CASES = {
+    "a package of the workspace that the manifest does not name": (
+        broken("find_package(shapes REQUIRED)"),
+        "dependency on 'shapes' is not declared: add <depend>shapes</depend> to src/broken/",
+    ),
+    "a package of ROS": (
+        broken("find_package(rclcpp REQUIRED)"),
+        "'forge add rclcpp' and 'forge fetch' download it; or source a ROS installation",
+    ),
+    "a package that only tests need": (
+        broken(
+            "include(CTest)\nif(BUILD_TESTING)\nfind_package(launch_testing REQUIRED)\nendif()",
+            languages="CXX",
         ),
-        pytest.param(
-            broken("find_package(rclcpp REQUIRED)"),
-            "'forge add rclcpp' and 'forge fetch' download it; or source a ROS installation",
-            id="a package of ROS",
+        "only tests need 'launch_testing': build without them (--cmake-args -DBUILD_TESTING=OFF), or",
+    ),
+    "a package of the system": (
+        broken("find_package(Qt7Widgets REQUIRED)"),
+        "install the system package that contains Qt7WidgetsConfig.cmake (Debian: apt-file search",
+    ),
+    "a command of ament": (
+        broken("ament_target_dependencies(x y)"),
+        "add find_package(ament_cmake REQUIRED) before it in CMakeLists.txt",
+    ),
+    "a command of rosidl": (
+        broken("rosidl_generate_interfaces(broken)"),
+        "add find_package(rosidl_default_generators REQUIRED) before it in CMakeLists.txt",
+    ),
+    "a target that nobody looked for": (
+        broken(f"{MAIN}\ntarget_link_libraries(main shapes::shapes)", languages="CXX"),
+        "add find_package(shapes REQUIRED) before its use in CMakeLists.txt and <depend>shapes",
+    ),
+    "a header of another package": (
+        broken(MAIN, languages="CXX", main='#include "shapes/circle.hpp"'),
+        "'shapes/circle.hpp' belongs to the package 'shapes'; add <depend>shapes</depend> in "
+        "src/broken/package.xml, find_package(shapes REQUIRED) and ament_target_dependencies(",
+    ),
+    "a header of an interface that forge brings along": (
+        broken(MAIN, languages="CXX", main='#include "std_msgs/msg/string.hpp"'),
+        "'std_msgs/msg/string.hpp' belongs to the package 'std_msgs'; add",
+    ),
+    "a header of its own": (
+        broken(MAIN, languages="CXX", main='#include "broken/own.hpp"'),
+        "for a header of this package: target_include_directories(YOUR_TARGET PRIVATE include)",
+    ),
+    "a header of another package that is spelled otherwise": (
+        broken(MAIN, "shapes", languages="CXX", main='#include "shapes/cirlce.hpp"'),
+        "did you mean 'shapes/circle.hpp'?",
+    ),
+    "a command that is spelled otherwise": (
+        broken("find_package(ament_cmake REQUIRED)\nament_packag()", "ament_cmake"),
+        "did you mean 'ament_package'?",
+    ),
+    "a header of the system": (
+        broken(MAIN, languages="CXX", main="#include <zxing/qr.h>"),
+        "install the system package that contains it (Debian: apt-file search zxing/qr.h)",
+    ),
+    "a module of Python": (
+        broken(
+            "find_program(python python3)\n"
+            'execute_process(COMMAND ${python} -c "import em_is_not_here" COMMAND_ERROR_IS_FATAL ANY)'
         ),
-        pytest.param(
-            broken(
-                "include(CTest)\nif(BUILD_TESTING)\nfind_package(launch_testing REQUIRED)\nendif()",
-                languages="CXX",
-            ),
-            "only tests need 'launch_testing': build without them (--cmake-args -DBUILD_TESTING=OFF), or",
-            id="a package that only tests need",
-        ),
-        pytest.param(
-            broken("find_package(Qt7Widgets REQUIRED)"),
-            "install the system package that contains Qt7WidgetsConfig.cmake (Debian: apt-file search",
-            id="a package of the system",
-        ),
-        pytest.param(
-            broken("ament_target_dependencies(x y)"),
-            "add find_package(ament_cmake REQUIRED) before it in CMakeLists.txt",
-            id="a command of ament",
-        ),
-        pytest.param(
-            broken("rosidl_generate_interfaces(broken)"),
-            "add find_package(rosidl_default_generators REQUIRED) before it in CMakeLists.txt",
-            id="a command of rosidl",
-        ),
-        pytest.param(
-            broken(f"{MAIN}\ntarget_link_libraries(main shapes::shapes)", languages="CXX"),
-            "add find_package(shapes REQUIRED) before its use in CMakeLists.txt and <depend>shapes",
-            id="a target that nobody looked for",
-        ),
-        pytest.param(
-            broken(MAIN, languages="CXX", main='#include "shapes/circle.hpp"'),
-            "'shapes/circle.hpp' belongs to the package 'shapes'; add <depend>shapes</depend> in "
-            "src/broken/package.xml, find_package(shapes REQUIRED) and ament_target_dependencies(",
-            id="a header of another package",
-        ),
-        pytest.param(
-            broken(MAIN, languages="CXX", main='#include "std_msgs/msg/string.hpp"'),
-            "'std_msgs/msg/string.hpp' belongs to the package 'std_msgs'; add",
-            id="a header of an interface that forge brings along",
-        ),
-        pytest.param(
-            broken(MAIN, languages="CXX", main='#include "broken/own.hpp"'),
-            "for a header of this package: target_include_directories(YOUR_TARGET PRIVATE include)",
-            id="a header of its own",
-        ),
-        pytest.param(
-            broken(MAIN, "shapes", languages="CXX", main='#include "shapes/cirlce.hpp"'),
-            "did you mean 'shapes/circle.hpp'?",
-            id="a header of another package that is spelled otherwise",
-        ),
-        pytest.param(
-            broken("find_package(ament_cmake REQUIRED)\nament_packag()", "ament_cmake"),
-            "did you mean 'ament_package'?",
-            id="a command that is spelled otherwise",
-        ),
-        pytest.param(
-            broken(MAIN, languages="CXX", main="#include <zxing/qr.h>"),
-            "install the system package that contains it (Debian: apt-file search zxing/qr.h)",
-            id="a header of the system",
-        ),
-        pytest.param(
-            broken(
-                "find_program(python python3)\n"
-                'execute_process(COMMAND ${python} -c "import em_is_not_here" COMMAND_ERROR_IS_FATAL ANY)'
-            ),
-            "-m pip install em_is_not_here",
-            id="a module of Python",
-        ),
-        pytest.param(
-            broken(f"{MAIN}\ninstall(TARGETS mian DESTINATION lib/broken)", languages="CXX"),
-            "did you mean 'main'?",
-            id="a target in install() that is spelled otherwise",
-        ),
-        pytest.param(
-            broken("add_executable(main mian.cpp)", languages="CXX"),
-            "did you mean 'main.cpp'?",
-            id="a source file that is spelled otherwise",
-        ),
-        pytest.param(
-            broken("install(DIRECTORY launch DESTINATION share/broken)"),
-            "the package has no 'launch': create it, or remove the reference to it",
-            id="a folder to install that is not there",
-        ),
-        pytest.param(
-            broken(MAIN, languages="CXX", main="int go(int);\nint here = go(1);"),
-            "no linked object defines 'go(int)': add its source file to add_executable()",
-            id="a source file that is not linked",
-        ),
-    ],
-)
-def test_a_failure_ends_with_a_hint(forge: Forge, tree: Tree, files: dict[str, str], hint: str) -> None:
-    ran = forge("build", cwd=tree(files))
+        "-m pip install em_is_not_here",
+    ),
+    "a target in install() that is spelled otherwise": (
+        broken(f"{MAIN}\ninstall(TARGETS mian DESTINATION lib/broken)", languages="CXX"),
+        "did you mean 'main'?",
+    ),
+    "a source file that is spelled otherwise": (
+        broken("add_executable(main mian.cpp)", languages="CXX"),
+        "did you mean 'main.cpp'?",
+    ),
+    "a folder to install that is not there": (
+        broken("install(DIRECTORY launch DESTINATION share/broken)"),
+        "the package has no 'launch': create it, or remove the reference to it",
+    ),
+    "a source file that is not linked": (
+        broken(MAIN, languages="CXX", main="int go(int);\nint here = go(1);"),
+        "no linked object defines 'go(int)': add its source file to add_executable()",
+    ),
+}
+"""Workspaces whose package 'broken' fails, with the hint."""
+
+
+def test_a_failure_ends_with_a_hint(forge: Forge, tree: Tree) -> None:
+    """One build of all cases, in each of which the package has a name of its own."""
+    files: dict[str, str] = {}
+    for number, (case, _) in enumerate(CASES.values()):
+        files |= {
+            path.replace("broken", f"broken_{number}"): text.replace("broken", f"broken_{number}")
+            for path, text in case.items()
+        }
+    ran = forge("build", "--continue-on-error", cwd=tree(files))
     assert ran.code == 1
-    assert "Traceback (most" not in ran.err.partition("Failed   <<<")[2]
-    hints = [line for line in ran.err.splitlines() if line.startswith("  hint: ")]
-    assert len(hints) == 1, ran.err
-    assert hint in hints[0]
+    parts = [part.partition("--- ")[0] for part in ran.err.split("Failed   <<< ")[1:]]
+    failures = {part.partition(" ")[0]: part for part in parts}
+    for number, (name, (_, hint)) in enumerate(CASES.items()):
+        failure = failures[f"broken_{number}"]
+        assert "Traceback (most" not in failure
+        hints = [line for line in failure.splitlines() if line.startswith("  hint: ")]
+        assert len(hints) == 1, (name, failure)
+        assert hint.replace("broken", f"broken_{number}") in hints[0], name
 
 
 def test_a_missing_package_stops_only_what_requires_it(forge: Forge, tree: Tree) -> None:
