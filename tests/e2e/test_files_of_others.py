@@ -234,6 +234,11 @@ def refuse(ran: Ran, *words: str) -> None:
 
 
 MERGED = pytest.mark.parametrize("options", [(), ("--merge-install",)], ids=["isolated", "merged"])
+LAYOUTS_AND_ENDS = pytest.mark.parametrize(
+    ("options", "end"),
+    [((), FAILS), (("--merge-install",), ""), (("--merge-install",), FAILS)],
+    ids=["isolated-failing", "merged-well", "merged-failing"],
+)
 
 
 @MERGED
@@ -506,8 +511,7 @@ def test_an_edited_file_that_is_no_longer_installed_stays(forge: Forge, tree: Tr
     assert path.read_text() == "edited"
 
 
-@MERGED
-@pytest.mark.parametrize("end", ["", FAILS], ids=["well", "failing"])
+@LAYOUTS_AND_ENDS
 def test_a_file_with_a_name_elsewhere_is_given_back_there(
     forge: Forge, tree: Tree, options: tuple[str, ...], end: str
 ) -> None:
@@ -567,8 +571,7 @@ execute_process(COMMAND sleep 2)
     assert (mine.is_file(), (root / "install/a/data/own").exists()) == (True, False)
 
 
-@MERGED
-@pytest.mark.parametrize("end", ["", FAILS], ids=["well", "failing"])
+@LAYOUTS_AND_ENDS
 @pytest.mark.parametrize(
     "command", ["rm -rf PREFIX", "rm -rf PREFIX/.forge*; rm -rf PREFIX", "mv PREFIX PREFIX.old"]
 )
@@ -619,8 +622,7 @@ int main(int count, char **words) {
 """
 
 
-@MERGED
-@pytest.mark.parametrize("end", ["", FAILS], ids=["well", "failing"])
+@LAYOUTS_AND_ENDS
 def test_what_a_program_that_cannot_be_observed_changes_is_kept(
     forge: Forge, tree: Tree, options: tuple[str, ...], end: str
 ) -> None:

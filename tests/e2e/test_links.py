@@ -55,13 +55,12 @@ def build(forge: Forge, root: Path, *options: str) -> dict[str, tuple[str, ...]]
     return {name: what for name, what in look(root / "install").items() if "__pycache__" not in name}
 
 
-@pytest.mark.parametrize("merged", [(), ("--merge-install",)], ids=["isolated", "merged"])
-def test_links_replace_copies_and_copies_links(forge: Forge, tree: Tree, merged: tuple[str, ...]) -> None:
+def test_links_replace_copies_and_copies_links(forge: Forge, tree: Tree) -> None:
     root = tree({f"ws/{name}": text for name, text in FILES.items()}) / "ws"
-    found = [build(forge, root, *options, *merged) for options in ((), ("--symlink-install",), ())]
+    found = [build(forge, root, *options) for options in ((), ("--symlink-install",), ())]
     for name in ("build", "install", "log"):
         shutil.rmtree(root / name)
-    linked = build(forge, root, "--symlink-install", *merged)
+    linked = build(forge, root, "--symlink-install")
     assert not differences(found[1], linked)
     assert not differences(found[0], found[2])
     assert differences(found[0], linked)
