@@ -130,6 +130,7 @@ def with_all_written(graph: NativeGraph, dropped: frozenset[str], seen: Observed
                 or not more.isdisjoint(each.written)
                 or not (dirty & each.read).issubset(graph.inputs_of(edge))
                 or not beside.isdisjoint(each.read)
+                or not more.isdisjoint(each.undone)
             )
             if again:
                 more.update(each.written, edge.outputs)
@@ -138,7 +139,7 @@ def with_all_written(graph: NativeGraph, dropped: frozenset[str], seen: Observed
         known = kept
         begun = (edge for edge in graph.edges if not dirty.isdisjoint(edge.outputs))
         accesses = filter(None, (seen.edges.get(edge.outputs[0]) for edge in begun))
-        early = frozenset[str]().union(*(each.early for each in accesses)) - more
+        early = frozenset[str]().union(*(each.early | each.undone for each in accesses)) - more
         for edge, each in known if early else ():
             if not early.isdisjoint((*edge.outputs, *each.written)):
                 more.update(each.written, edge.outputs)

@@ -50,8 +50,9 @@ class Accesses:
     or looked for in vain, and folders that it listed, ending with '/.'. `asked` are questions for a `World`.
     `written` has created folders, too, ending with '/'. Programs with `ledgers`, a digest and a path each,
     have written what is `kept`, see `forge.engine.observed`. `early` is what other commands wrote only after
-    it had looked for it, or had listed its folder. `outside` is True if it wrote elsewhere than to the build
-    folder, and `blind` if not all is known.
+    it had looked for it, or had listed its folder. `undone` are outputs of
+    commands of which it has removed or renamed files. `outside` is True if it wrote elsewhere than to the
+    build folder, and `blind` if not all is known.
     """
 
     read: frozenset[str] = frozenset()
@@ -64,6 +65,7 @@ class Accesses:
     kept: frozenset[str] = frozenset()
     ledgers: frozenset[str] = frozenset()
     early: frozenset[str] = frozenset()
+    undone: frozenset[str] = frozenset()
     outside: bool = False
     blind: bool = False
 
@@ -188,6 +190,8 @@ def commands_of(
             configure = replace(accesses, searched=folders.paths(seen.missing))
             missing |= configure.searched
     later = _LaterWrites(step)
+    makers: dict[str, str] = {}
+    removed: dict[str, frozenset[str]] = {}
     for process in step.edges():
         family = process.family()
         seen = look(family, step.blind)
@@ -201,6 +205,11 @@ def commands_of(
             early = folders.paths(later.after(family)) - accesses.written
             edges[outputs[0]] = replace(accesses, found=frozenset(), blind=blind, early=early)
             missing |= folders.paths(seen.missing)
+            makers.update(dict.fromkeys(seen.written, outputs[0]))
+            removed[outputs[0]] = seen.removed
+    for output, paths in removed.items():
+        undone = {makers[path] for path in paths if path in makers} - {output}
+        edges[output] = replace(edges[output], undone=frozenset(undone))
     copying = {each for each in others if each.parent is None and roots.get(each.pid) == "install"}
     started = [each for each in others if each.parent and folders.tools.isdisjoint(each.programs[-1:])]
     seen = as_read(look(others, step.blind), look(started))
@@ -272,7 +281,7 @@ class Folders:
         self._folders: dict[str, str] = {"": "", "/": "/"}
         self._modules = ModuleSearch()
         self._metadata: dict[str, tuple[str, ...]] = {}
-        self._mentioned: dict[str, frozenset[str]] = {}
+        self._mentioned: dict[tuple[str, str], frozenset[str]] = {}
         # Commands of one package read and miss mostly the same: each path is looked at once.
         self._is_read_file = cache(self._look_at_file)
         self._is_missing = cache(self._look_for)
@@ -344,7 +353,7 @@ class Folders:
         used = (path.rpartition("/") for path in chain(seen.missing, seen.found, seen.executed, read))
         asked = {f"{PROGRAM}{name}" for folder, _, name in used if folder in self._path}
         asked.update(f"{LIBRARY}{os.path.basename(path)}" for path in seen.loaded)
-        variables = seen.variables.union(*map(self._mentioned_by, processes))
+        named = frozenset[str]().union(*map(self._mentioned_by, processes))
         # Of modules elsewhere, it is compared which of them Python finds.
         modules = {
             (tuple(entry for entry in entries if self._is_external(f"{entry}/")), name)
@@ -366,7 +375,9 @@ class Folders:
             searched=frozenset(path.rpartition("/")[0] for path in self.paths(seen.missing)),
             written=written,
             external=frozenset(external),
-            asked=frozenset((*asked, *about_variables(variables), *about_modules(modules), *kinds))
+            asked=frozenset(
+                (*asked, *about_variables(seen.variables, named), *about_modules(modules), *kinds)
+            )
             | self.about_processor(compiling),
             kept=written & self.paths(by_ledger[True] - by_ledger[False]) if seen.ledgers else frozenset(),
             ledgers=frozenset(f"{digest} {path}" for digest, path in ledgers),
@@ -512,15 +523,16 @@ class Folders:
         for number, kind, path in process.records:
             program = process.program_at(number) if kind == "R" else ""
             if program and copies_environment(program) and self._is_script(path):
-                if path not in self._mentioned:
-                    self._mentioned[path] = mentioned(_script(path).decode(errors="replace"))
-                found.append(self._mentioned[path])
+                if (program, path) not in self._mentioned:
+                    text = _script(path).decode(errors="replace")
+                    self._mentioned[program, path] = mentioned(text, program)
+                found.append(self._mentioned[program, path])
         return frozenset[str]().union(*found)
 
     def _look_for_script(self, path: str) -> bool:
         """Tell if a file is a package's own, and no module of an interpreter installed in the workspace."""
         if self.path(path) is not None:
-            return True
+            return not path.endswith(_OF_CMAKE)
         folder = os.path.dirname(path)
         while f"{folder}/".startswith(self._workspace):
             if any(os.path.lexists(f"{folder}/{mark}") for mark in ENVIRONMENT_MARKS):
@@ -560,6 +572,8 @@ def _distribution(path: str) -> str:
 
 
 _NO_INPUT = ("/__pycache__", ".pyc")
+_OF_CMAKE = ("/CMakeCache.txt", "Compiler.cmake", "/CMakeSystem.cmake")
+"""Large files that CMake writes and reads in each build folder."""
 _METADATA = re.compile(r"(?P<folder>.*)/(?P<name>[^/-]+)(-[^/]*)?\.(dist|egg)-info(?P<file>/.*)?$")
 _SYSTEM_LIBRARIES = ("/lib", "/usr/lib")
 """Where the dynamic linker finds libraries by itself; they are updated with the tools of the system."""
@@ -570,7 +584,10 @@ _NATIVE_FLAG = re.compile(rb"-m(?:arch|tune|cpu)=native|target-cpu=native|-xHost
 _VOLATILE = ("/proc/", "/sys/")
 """What the kernel makes up."""
 CACHED_BYTECODE = re.compile(r"^(.*)/__pycache__/([^/.]+)\.[^/]*\.pyc$")
-_SETS = ("read", "found", "listed", "searched", "written", "external", "asked", "kept", "ledgers", "early")
+_SETS = (
+    *("read", "found", "listed", "searched", "written", "external", "asked", "kept", "ledgers"),
+    *("early", "undone"),
+)
 
 
 def encode_commands(commands: ObservedCommands) -> Mapping[str, object]:

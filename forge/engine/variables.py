@@ -26,8 +26,14 @@ def is_relevant(name: str) -> bool:
     return name in RELEVANT or (name.startswith(_BEGINNINGS) and name not in _OUTPUT_ONLY)
 
 
-def is_tracked(name: str) -> bool:
-    """Return True if a variable is an input of those packages whose build asks for it."""
+def is_tracked(name: str, *, named: bool = False) -> bool:
+    """Return True if a variable is an input of those packages whose build asks for it.
+
+    The home folder and the locale, which nearly all programs ask for, are inputs of scripts that have `named`
+    them.
+    """
+    if named and (name in _NAMED or name.startswith(_NAMED_BEGINNINGS)):
+        return True
     return not (name in _UNTRACKED or name.startswith(_UNTRACKED_BEGINNINGS) or is_relevant(name))
 
 
@@ -90,20 +96,30 @@ _UNTRACKED_BEGINNINGS = (
 )
 
 
-def mentioned(text: str) -> frozenset[str]:
+_NAMED = frozenset({"HOME", "LANG", "LANGUAGE"})
+_NAMED_BEGINNINGS = ("LC_", "XDG_")
+
+
+def mentioned(text: str, program: str = "") -> frozenset[str]:
     """Return the variables named in a text that was read by a program that copies the whole environment.
 
     What such a program asks for cannot be observed, only what it reads: scripts, and templates that it fills.
     """
-    return frozenset(match[match.lastindex] for match in _NAMING.finditer(text) if match.lastindex)
+    naming = _NAMING_OF_CMAKE if _is_cmake(program) else _NAMING
+    return frozenset(match[match.lastindex] for match in naming.finditer(text) if match.lastindex)
 
 
 def copies_environment(program: str) -> bool:
     """Tell if a program, given as its path, copies the whole environment."""
-    return _COPIES_ENVIRONMENT.match(os.path.basename(program)) is not None
+    return _is_cmake(program) or _COPIES_ENVIRONMENT.match(os.path.basename(program)) is not None
+
+
+def _is_cmake(program: str) -> bool:
+    return os.path.basename(program) == "cmake"
 
 
 _COPIES_ENVIRONMENT = re.compile(r"(ba|da|k|z|fi)?sh$|busybox$|g?make$|python|perl|[gm]?awk$|ruby|node")
+_NAMING_OF_CMAKE = re.compile(r"\bENV\{(\w+)\}")
 _NAMING = re.compile(
     # Shells, make, Perl's and Python's templates.
     r"\$[({]?([A-Za-z_]\w*)"

@@ -199,6 +199,7 @@ def about_modules(found: Iterable[tuple[tuple[str, ...], str]]) -> Iterator[str]
     )
 
 
-def about_variables(names: Iterable[str]) -> Iterator[str]:
-    """Yield the questions about those variables that are inputs."""
-    return (f"{VARIABLE}{name}" for name in names if is_tracked(name))
+def about_variables(names: Iterable[str], named: Iterable[str] = ()) -> Iterator[str]:
+    """Yield the questions about variables that were asked for or `named` in scripts, if they are inputs."""
+    yield from (f"{VARIABLE}{name}" for name in names if is_tracked(name))
+    yield from (f"{VARIABLE}{name}" for name in named if is_tracked(name, named=True))

@@ -56,6 +56,7 @@ def read_make_flags(text: str) -> MakeFlags:
             rest += [letters] if letters else []
         else:
             rest.append(flag)
+    rest = [word for flag in rest if (word := _without_pretence(flag))]
     if separator:
         rest += ["--", *variables.split()]
     return MakeFlags(_whole(values.get("j")), _number(values.get("l")), values.get("auth"), tuple(rest))
@@ -72,6 +73,15 @@ def _jobs_or_load(flag: str, *, first: bool) -> tuple[str, str, str] | None:
         return None
     letters, letter, number = found.groups()
     return (("-" if dash and letters else "") + letters, letter, number or "")
+
+
+def _without_pretence(flag: str) -> str:
+    """Return a flag without -n, -q and -t, by which make says that it has built what it has not."""
+    if flag in {"--dry-run", "--just-print", "--recon", "--question", "--touch"}:
+        return ""
+    if flag.startswith("--") or not _LETTERS.fullmatch(flag.removeprefix("-")):
+        return flag
+    return re.sub("[nqt]", "", flag).removesuffix("-")
 
 
 def _next_number(flags: list[str]) -> str:

@@ -450,3 +450,12 @@ add_definitions(-DV=${v})
     assert builds.build(env) == ["a"]
     assert builds.build(env) == []
     assert builds.same_as_clean(env)
+
+
+def test_the_home_folder_and_the_locale_are_inputs_of_those_that_name_them(forge: Forge, tree: Tree) -> None:
+    text = 'string(LENGTH "$ENV{HOME}$ENV{LC_TIME}" n)\nadd_definitions(-DV=${n})\n'
+    builds = Builds(forge, tree(cmake("a", text) | cmake("b", "")))
+    builds.build({"HOME": "/h", "LC_TIME": "C"})
+    assert builds.build({"HOME": "/h", "LC_TIME": "C.UTF-8"}) == ["a"]
+    assert builds.build({"HOME": "/h/2", "LC_TIME": "C.UTF-8"}) == ["a"]
+    assert builds.build({"HOME": "/h/2", "LC_TIME": "C.UTF-8", "LC_NAME": "C"}) == []

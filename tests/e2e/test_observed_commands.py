@@ -570,3 +570,21 @@ def test_an_edited_product_is_made_again_when_something_else_is_built(forge: For
     edit(root, "x.c", FILES["src/a/x.c"] + "\n")
     built(forge, root)
     assert is_as_clean(forge, root)
+
+
+def test_a_command_that_renamed_a_file_of_another_runs_with_it(forge: Forge, tree: Tree) -> None:
+    scripts = {
+        "src/a/one.sh": 'cp "$1/value.txt" t\ntouch one\n',
+        "src/a/two.sh": 'mv t u\ncat "$1/other.txt" >> u\ntouch two\n',
+    }
+    text = (
+        HEAD + "set(S ${CMAKE_SOURCE_DIR})\n"
+        "add_custom_command(OUTPUT one COMMAND sh ${S}/one.sh ${S})\n"
+        "add_custom_command(OUTPUT two COMMAND sh ${S}/two.sh ${S} DEPENDS one)\n"
+        "add_custom_target(t ALL DEPENDS two)\ninstall(FILES ${CMAKE_BINARY_DIR}/u DESTINATION share)\n"
+    )
+    root = tree({**FILES, **scripts, "src/a/CMakeLists.txt": text})
+    built(forge, root)
+    edit(root, "other.txt", "y\n")
+    built(forge, root)
+    assert (root / "install/a/share/u").read_text() == "3\ny\n"

@@ -20,6 +20,8 @@ from forge.execution.makeflags import MakeFlags, read_make_flags
         (" -j3 --jobserver-auth=fifo:/tmp/x", MakeFlags(jobs=3, auth="fifo:/tmp/x")),
         ("-j --jobserver-fds=5,6 --jobserver-auth=7,8", MakeFlags(auth="7,8")),
         ("-j2 -j5", MakeFlags(jobs=5)),
+        ("nkt -j2 --question", MakeFlags(jobs=2, rest=("k",))),
+        ("-t", MakeFlags()),
         ("k -- jobs=1 -j7", MakeFlags(rest=("k", "--", "jobs=1", "-j7"))),
         (" -- V=1", MakeFlags(rest=("--", "V=1"))),
         ("V=1", MakeFlags(rest=("V=1",))),
