@@ -353,7 +353,6 @@ class Folders:
         used = (path.rpartition("/") for path in chain(seen.missing, seen.found, seen.executed, read))
         asked = {f"{PROGRAM}{name}" for folder, _, name in used if folder in self._path}
         asked.update(f"{LIBRARY}{os.path.basename(path)}" for path in seen.loaded)
-        named = frozenset[str]().union(*map(self._mentioned_by, processes))
         # Of modules elsewhere, it is compared which of them Python finds.
         modules = {
             (tuple(entry for entry in entries if self._is_external(f"{entry}/")), name)
@@ -361,6 +360,7 @@ class Folders:
         }
         # What is installed is copied, whatever it says.
         compiling = [process for process in processes if process not in copying]
+        named = frozenset[str]().union(*map(self._mentioned_by, compiling))
         by_ledger: dict[bool, set[str]] = {True: set(), False: set()}
         for process in processes if seen.ledgers else ():
             keeps = any(kind == "J" for _, kind, _ in process.records)
