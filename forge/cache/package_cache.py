@@ -59,7 +59,8 @@ class CacheContext:
 
     `programs` is the file table for forge, its tools and other programs that builds read. `needs` are the
     direct dependencies of each package; `records` change during the build. `forced` are packages to build
-    even if the cache has them. `values` are those of variables that affect all packages.
+    even if the cache has them. `values` are those of variables that affect all packages. Builds that are
+    not `observed` do not know all of their inputs: only such builds use their results.
     """
 
     layout: Layout
@@ -71,6 +72,7 @@ class CacheContext:
     programs: FileTable
     forced: Collection[str] = frozenset()
     values: Mapping[str, str] = field(default_factory=dict)
+    observed: bool = True
 
 
 @frozen
@@ -216,6 +218,7 @@ class PackageCache:
                 self._shared_inputs = keys.shared_inputs(context.tools, self._external_inputs)
         needs = self._dependencies(task)
         shared = (*self._shared_inputs, *self._package_programs(task))
+        shared += () if context.observed else ("not observed",)
         settings = keys.settings_key(task, shared, context.relocator, context.values)
         self._settings[task.name] = settings
         self._keys[task.name] = key = keys.input_key(settings, task, needs)

@@ -88,7 +88,7 @@ def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
             )
         ) as job_pool,
         _session(plan, build, state) as session,
-        _package_cache(build, state, own) as cache,
+        _package_cache(build, state, own, observed=bool(observer.library) and not remote) as cache,
     ):
         variables = {
             **without_job_variables(build.variables),
@@ -211,7 +211,7 @@ def _session(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> Abstra
 
 
 def _package_cache(
-    build: PreparedBuild, state: BuildState, own: Path
+    build: PreparedBuild, state: BuildState, own: Path, *, observed: bool
 ) -> AbstractContextManager[PackageCache | None]:
     """Return the package cache as a context, None without one."""
     options, loaded, layout = build.options, build.loaded, build.context.layout
@@ -232,6 +232,7 @@ def _package_cache(
         programs=FileTable(own / "programs.json"),
         forced=frozenset(loaded.selection.names) if options.forced_by else frozenset(),
         values=dict(relevant_environment(build.variables)),
+        observed=observed,
     )
     return open_cache(options.cache, context, state, build.variables, build.mode.warn)
 

@@ -459,3 +459,14 @@ def test_the_home_folder_and_the_locale_are_inputs_of_those_that_name_them(forge
     assert builds.build({"HOME": "/h", "LC_TIME": "C.UTF-8"}) == ["a"]
     assert builds.build({"HOME": "/h/2", "LC_TIME": "C.UTF-8"}) == ["a"]
     assert builds.build({"HOME": "/h/2", "LC_TIME": "C.UTF-8", "LC_NAME": "C"}) == []
+
+
+def test_an_observed_build_uses_no_result_of_which_not_all_inputs_are_known(forge: Forge, tree: Tree) -> None:
+    root = tree(cmake("a", "add_definitions(-DV=1$ENV{MINE})\n"))
+    for value, options in (("1", ("--no-observer",)), ("2", ())):
+        for folder in ("build", "install", "log"):
+            shutil.rmtree(root / folder, ignore_errors=True)
+        ran = forge("build", "--cache", "cache", *options, cwd=root, env={"MINE": value})
+        assert ran.code == 0, ran.err
+        printed = subprocess.run([root / "install/a/bin/a_x"], capture_output=True, check=True).stdout
+        assert printed == f"1{value}".encode()
