@@ -12,6 +12,7 @@ import os
 import re
 import time
 from dataclasses import replace
+from itertools import chain
 from operator import ne
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -131,7 +132,8 @@ def prepare_build_dir(
         remaining = (
             each.remaining - {output} for output, each in seen.edges.items() if output in decision.dropped
         )
-        for path in sorted(decision.dropped.difference(*remaining), reverse=True):
+        # An installation into a new build folder does not find what the last one wrote.
+        for path in sorted(seen.left.union(decision.dropped).difference(*remaining), reverse=True):
             if not path.startswith(f"{build}/") or not os.path.lexists(path.rstrip("/")):
                 continue
             if path.endswith("/"):  # others may lie in it
@@ -238,8 +240,10 @@ def _decision(
         return _NOTHING
     # After a build that did not finish, a file that was written since may have had other content in between.
     differ = content_differs if last.complete else ne
-    edited = (path for path, state in last.products.items() if _state(path) != state)
-    own = compare(last.sources, now.sources, differ) | Changes(modified=last.saved.union(edited))
+    edited = {path for path, state in last.products.items() if _state(path) != state}
+    made = (each.written for each in (*seen.edges.values(), *filter(None, (seen.configure,))))
+    again = seen.left.intersection(chain.from_iterable(made))
+    own = compare(last.sources, now.sources, differ) | Changes(modified=last.saved.union(edited, again))
     if last.needs.keys() != now.needs.keys():
         # Other prefixes are in the search paths: nothing was looked for in them.
         seen = NOT_OBSERVED

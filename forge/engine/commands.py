@@ -91,7 +91,7 @@ class ObservedCommands:
 
     `missing` are all paths that some command has looked for in vain; they end with the first missing name.
     `rest` is what other processes of the steps did. `answers` are those to all questions when they were
-    recorded.
+    recorded. `left` is what the install step has written to the build folder, such as its manifest.
     """
 
     configure: Accesses | None = None
@@ -99,6 +99,7 @@ class ObservedCommands:
     missing: frozenset[str] = frozenset()
     rest: Accesses | None = None
     answers: Pairs = ()
+    left: frozenset[str] = frozenset()
 
     @property
     def all(self) -> tuple[Accesses, ...]:
@@ -142,7 +143,8 @@ class ObservedCommands:
             if any(not path.endswith("/") and os.path.lexists(path) for path in left):
                 edges[name] = self.edges[name] | after.edges[name]
         rest = self.rest | after.rest if self.rest and after.rest else after.rest or self.rest
-        return ObservedCommands(after.configure or self.configure, edges, self.missing | after.missing, rest)
+        configure, missing = after.configure or self.configure, self.missing | after.missing
+        return ObservedCommands(configure, edges, missing, rest, left=after.left)
 
 
 NOT_OBSERVED = ObservedCommands()
@@ -214,7 +216,9 @@ def commands_of(
     started = [each for each in others if each.parent and folders.tools.isdisjoint(each.programs[-1:])]
     seen = as_read(look(others, step.blind), look(started))
     rest = folders.accesses(seen, others, copying)
-    return ObservedCommands(configure, edges, frozenset(missing), rest)
+    installing = observe(chain.from_iterable(each.family() for each in copying))
+    left = frozenset(path for path in installing.written if path in rest.written and folders.is_built(path))
+    return ObservedCommands(configure, edges, frozenset(missing), rest, left=left)
 
 
 class _LaterWrites:
@@ -324,6 +328,10 @@ class Folders:
             path = f"{self._real(parent)}/{name}"
             self._folders[folder] = os.path.realpath(path) if os.path.islink(path) else path
         return self._folders[folder]
+
+    def is_built(self, path: str) -> bool:
+        """Tell if a path is below the build folder."""
+        return path.startswith(self._build)
 
     def paths(self, paths: Iterable[str]) -> frozenset[str]:
         """Return those below one of the folders."""
@@ -606,6 +614,7 @@ def encode_commands(commands: ObservedCommands) -> Mapping[str, object]:
         "missing": sorted(commands.missing),
         "rest": coded(commands.rest) if commands.rest else None,
         "answers": commands.answers,
+        "left": sorted(commands.left),
         "paths": list(numbers),
     }
 
@@ -622,4 +631,5 @@ def decode_commands(data: Mapping[str, Any]) -> ObservedCommands:
     configure, rest = (data[name] and decoded(data[name]) for name in ("configure", "rest"))
     edges = {name: decoded(each) for name, each in data["edges"].items()}
     answers = tuple((question, answer) for question, answer in data["answers"])
-    return ObservedCommands(configure or None, edges, frozenset(data["missing"]), rest or None, answers)
+    missing, left = frozenset(data["missing"]), frozenset(data["left"])
+    return ObservedCommands(configure or None, edges, missing, rest or None, answers, left)

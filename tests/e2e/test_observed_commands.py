@@ -588,3 +588,21 @@ def test_a_command_that_renamed_a_file_of_another_runs_with_it(forge: Forge, tre
     edit(root, "other.txt", "y\n")
     built(forge, root)
     assert (root / "install/a/share/u").read_text() == "3\ny\n"
+
+
+def test_an_installation_does_not_find_what_the_last_one_wrote_into_the_build_folder(
+    forge: Forge, tree: Tree
+) -> None:
+    text = (
+        HEAD + "add_custom_command(OUTPUT log.txt COMMAND cmake -E touch log.txt)\n"
+        "add_custom_target(t ALL DEPENDS log.txt)\n"
+        'install(CODE "file(APPEND ${CMAKE_BINARY_DIR}/log.txt installed)")\n'
+        'install(DIRECTORY ${CMAKE_BINARY_DIR}/ DESTINATION share FILES_MATCHING PATTERN "*.txt"\n'
+        "        PATTERN CMakeFiles EXCLUDE PATTERN CMakeCache.txt EXCLUDE PATTERN .forge EXCLUDE)\n"
+        "install(FILES value.txt DESTINATION share)\n"
+    )
+    root = tree({**FILES, "src/a/CMakeLists.txt": text})
+    built(forge, root)
+    edit(root, "value.txt", "4\n")
+    built(forge, root)
+    assert is_as_clean(forge, root)
