@@ -55,7 +55,7 @@ from forge.build.reuse import (
 )
 from forge.build.up_to_date import changed_input
 from forge.engine.commands import NOT_OBSERVED, Accesses, Folders, commands_of
-from forge.engine.world import PACKAGE_FOUND
+from forge.engine.world import PACKAGE_FOUND, PROCESSOR
 from forge.toolchain.programs import CMAKE_TYPES
 
 if TYPE_CHECKING:
@@ -353,10 +353,11 @@ def observed_commands(
     )
     found = commands_of(steps.observed, steps.kinds, outputs_of, folders)
     if detected and found.configure:
-        modules = cmake_root(build)
-        paths = frozenset(each for each in detected if each.startswith("/"))
-        external = frozenset(path for path in paths if not path.startswith(modules))
-        configure = found.configure | Accesses(external=external, asked=detected - paths)
+        # What asks for the processor would do so here as well.
+        others = (PROCESSOR, cmake_root(build))
+        inputs = frozenset(each for each in detected if not each.startswith(others))
+        paths = frozenset(each for each in inputs if each.startswith("/"))
+        configure = found.configure | Accesses(external=paths, asked=inputs - paths)
         found = replace(found, configure=configure)
     outputs = frozenset(edge.outputs[0] for edge in graph.edges)
     # Which commands ran is unknown if a part of the log is missing.

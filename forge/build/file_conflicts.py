@@ -109,8 +109,8 @@ class MergedPrefix:
         for owners in self._common_files(plan.tasks).values():
             built = [name for name in plan.tasks if name in owners and records[name].complete]
             for before, name in pairwise(built):
-                task = plan.tasks[name]
-                if before not in task.needs and before not in task.after:
+                then = records[before]
+                if not then.began or then.began + then.seconds > records[name].began:
                     # Either may have recorded what the other one had installed.
                     deprived.update((before, name))
         for path, owners in self.conflicting_files(plan.tasks).items():

@@ -12,6 +12,7 @@ forge.build.prefix, as they are without the library.
 from __future__ import annotations
 
 import contextlib
+import filecmp
 import json
 import os
 import stat
@@ -22,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 from forge.base.files import BYTECODE, capabilities, listed_paths, remove_tree, replace_file, tree_below
 from forge.base.layout import INSTALLED_STATES_DIR, SCRATCH_DIR
 from forge.base.text import digest
-from forge.build.copies import is_same_file, status_of
+from forge.build.copies import status_of
 from forge.build.install_scripts import folder_modes, installed_entries, read_install_scripts
 from forge.build.installation import InstalledFiles
 from forge.build.installed_lists import (
@@ -409,4 +410,7 @@ def _is_same(path: str, other: str) -> bool:
     one, two = os.lstat(path), status_of(other)
     if two is None or (one.st_mode, one.st_uid, one.st_gid) != (two.st_mode, two.st_uid, two.st_gid):
         return False
-    return is_same_file(path, Path(other)) and capabilities(path) == capabilities(other)
+    if stat.S_ISLNK(one.st_mode):
+        return os.readlink(path) == os.readlink(other)
+    is_same = stat.S_ISREG(one.st_mode) and filecmp.cmp(path, other, shallow=False)
+    return is_same and capabilities(path) == capabilities(other)

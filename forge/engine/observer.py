@@ -62,17 +62,23 @@ def observed(variables: Mapping[str, str], library: Path | None, log: Path) -> d
 
 
 def run_observed(
-    argv: Sequence[str], variables: Mapping[str, str], library: Path | None, log: Path, folders: Folders
+    argv: Sequence[str],
+    cwd: Path,
+    variables: Mapping[str, str],
+    library: Path | None,
+    log: Path,
+    folders: Folders,
 ) -> tuple[subprocess.CompletedProcess[bytes], Accesses]:
     """Run a program; return how it ended and what it did, which is blind without a `library`."""
     if library is None:
         done = subprocess.run(
-            argv, env=dict(variables), stdin=subprocess.DEVNULL, capture_output=True, check=False
+            argv, cwd=cwd, env=dict(variables), stdin=subprocess.DEVNULL, capture_output=True, check=False
         )
         return done, Accesses(blind=True)
     begin_log(log)
     with subprocess.Popen(
         argv,
+        cwd=cwd,
         env=observed(variables, library, log),
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,

@@ -138,10 +138,13 @@ class Toolchain:
         folders = Folders(self._home, (), (), world)
         # No step can remove anything from the folder of its log.
         done, accesses = run_observed(
-            self._argv, variables, library, self._home / "observed" / "log", folders
+            self._argv, self._home, variables, library, self._home / "observed" / "log", folders
         )
         if self._observed and not accesses.blind:
-            read = contents_of(sorted(accesses.external | accesses.asked), self._observed.table)
+            # The programs that forge puts first in PATH are those of the whole build.
+            own = f"{self._home.parent.parent}/"
+            inputs = sorted(each for each in accesses.external | accesses.asked if own not in each)
+            read = contents_of(inputs, self._observed.table)
             replace_file(self._home / _READ, json.dumps(read).encode())
         replace_file(self._home / _UNUSED, "\n".join(sorted(unused_variables(done.stderr))).encode())
         replace_file(self._home / _DIGEST, self._digest().encode())
