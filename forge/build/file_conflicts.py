@@ -12,6 +12,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem
+from forge.build.events import Finished, Started
 from forge.build.inputs.fingerprints import contents_of, fingerprint_files
 from forge.build.installed_states import InstalledStates
 from forge.build.model import Fingerprint
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping
 
     from forge.base.layout import Layout
+    from forge.build.events import Event
     from forge.build.inputs.fingerprints import FileTable
     from forge.build.journal import Journal
     from forge.build.model import BuildRecord
@@ -33,6 +35,17 @@ class MergedPrefix:
         self._layout = layout
         self._journal = journal
         self._states = InstalledStates(layout.build)
+        self._before: dict[str, frozenset[str]] = {}
+        """The packages that had ended when one was started."""
+        self._ended: set[str] = set()
+
+    def note(self, event: Event) -> None:
+        """Note the start or the end of a package, to know which of them were installed in order."""
+        if isinstance(event, Started) and self._layout.merged:
+            self._ended.discard(event.task)
+            self._before[event.task] = frozenset(self._ended)
+        elif isinstance(event, Finished):
+            self._ended.add(event.task)
 
     def _common_files(self, names: Collection[str]) -> Mapping[str, list[str]]:
         """Return, by path, the packages that install a file, several, and one of `names` among them."""
@@ -109,8 +122,7 @@ class MergedPrefix:
         for owners in self._common_files(plan.tasks).values():
             built = [name for name in plan.tasks if name in owners and records[name].complete]
             for before, name in pairwise(built):
-                then = records[before]
-                if not then.began or then.began + then.seconds > records[name].began:
+                if before not in self._before.get(name, ()):
                     # Either may have recorded what the other one had installed.
                     deprived.update((before, name))
         for path, owners in self.conflicting_files(plan.tasks).items():

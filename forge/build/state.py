@@ -122,6 +122,7 @@ class BuildState:
         """Record an event."""
         assert self._hashes is not None
         self.journal.record(event, plan)
+        self.merged_prefix.note(event)
         match event:
             case Fresh(name):
                 self._hashes.finish(name)
