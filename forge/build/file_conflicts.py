@@ -122,7 +122,8 @@ class MergedPrefix:
         for owners in self._common_files(plan.tasks).values():
             built = [name for name in plan.tasks if name in owners and records[name].complete]
             for before, name in pairwise(built):
-                if before not in self._before.get(name, ()):
+                have_run = name in self._before and before in self._before
+                if have_run and before not in self._before[name]:
                     # Either may have recorded what the other one had installed.
                     deprived.update((before, name))
         for path, owners in self.conflicting_files(plan.tasks).items():

@@ -10,6 +10,7 @@ import signal
 import subprocess
 import threading
 import time
+from collections import Counter
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -34,6 +35,8 @@ if TYPE_CHECKING:
     from forge.execution.observer import StepObserver
     from forge.execution.started import StartedProcesses
 
+_INSTALLATIONS = 3
+"""How often an install step is tried while other packages install into the same prefix."""
 GRACE_SECONDS = 3.0
 """The time for an interrupted program to end before it receives the next stronger signal."""
 
@@ -177,6 +180,8 @@ class LocalExecutor:
         self._groups: set[int] = set()
         self._lock = threading.Lock()
         self._last_signal: signal.Signals | None = None
+        self._installing: Counter[Path] = Counter()
+        self._installations: Counter[Path] = Counter()
 
     def run(
         self,
@@ -192,12 +197,8 @@ class LocalExecutor:
                 continue
             if self._stopping.is_set():
                 return Aborted(task.name, 0.0)
-            removed = removed_folders(task.prefix)
-            code = self._run_step(task, step, environment, put)
-            if code and step.kind is StepKind.INSTALL and removed != removed_folders(task.prefix):
-                # Another package of a merged prefix has removed an empty folder, perhaps the one in which
-                # this step was about to make another.
-                code = self._run_step(task, step, environment, put)
+            run = self._install if step.kind is StepKind.INSTALL else self._run_step
+            code = run(task, step, environment, put)
             if code and self._stopping.is_set() and code < 0:
                 return Aborted(task.name, 0.0)
             if code and step.meaning(code) is None:
@@ -205,6 +206,28 @@ class LocalExecutor:
             failed = step.meaning(code) == TEST_FAILURES
             tests = StepCondition.TESTS_FAILED if failed else StepCondition.TESTS_PASSED
         return None
+
+    def _install(
+        self, task: Task, step: Step, environment: Mapping[str, str], put: Callable[[Event], None]
+    ) -> int:
+        """Run an install step, again if it failed while another package changed the same merged prefix.
+
+        CMake makes a folder, and replaces a file of another package, in several calls.
+        """
+        for _ in range(_INSTALLATIONS):
+            removed = removed_folders(task.prefix)
+            with self._lock:
+                others = self._installing[task.prefix]
+                self._installing[task.prefix] += 1
+                self._installations[task.prefix] += 1
+                number = self._installations[task.prefix]
+            code = self._run_step(task, step, environment, put)
+            with self._lock:
+                self._installing[task.prefix] -= 1
+                others += self._installations[task.prefix] - number
+            if not code or self._stopping.is_set() or not (others or removed != removed_folders(task.prefix)):
+                break
+        return code
 
     def finish_steps(self) -> None:
         self._stopping.set()
