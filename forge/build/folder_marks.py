@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.ament_index import INDEX
-from forge.base.errors import Problem, WorkspaceError
+from forge.base.errors import Problem, WorkspaceError, raise_if_any
 from forge.base.files import mount_points, text_or_nothing, write_if_changed
 from forge.base.layout import (
     BACKUP_DIR,
@@ -490,11 +490,18 @@ def _begin_install(layout: Layout) -> Problem | None:
         hint = "remove it, or choose another with '--install-base'"
         return Problem(f"the install folder '{layout.install}' is a file", hint=hint)
     problem = other_layout(layout)
-    if problem:
-        return problem
-    _make_ignored(layout.install)
+    if problem is None:
+        _make_ignored(layout.install)
+    return problem
+
+
+def mark_layout(layout: Layout) -> None:
+    """Record the layout of an install folder. Builds hold its lock: another one may begin at the same time.
+
+    Raises WorkspaceError if the folder has the other layout.
+    """
+    raise_if_any(filter(None, (other_layout(layout),)), WorkspaceError)
     write_if_changed(layout.install / LAYOUT_MARKER, f"{layout.word}\n")
-    return None
 
 
 def _make_ignored(folder: Path) -> None:

@@ -50,7 +50,7 @@ class FolderStore:
 
     def foreign_entry(self) -> Path | None:
         """Return an entry where results and blobs belong if the folder has no mark of a cache, or None."""
-        if (self.folder / _MARK).is_file():
+        if os.path.lexists(self.folder / _MARK):
             return None
         folders = (self.folder / kind for kind in ("ac", "cas"))
         return next((entry for folder in folders if folder.is_dir() for entry in folder.iterdir()), None)
@@ -172,7 +172,7 @@ class FolderStore:
         mark = self.folder / _MARK
         if folder != self.folder and mark not in self._checked:
             self._make(self.folder)
-            if not mark.is_file():
+            if not os.path.lexists(mark):
                 replace_file(mark, _TEXT, mode=self.rights & 0o666)
             self._checked.add(mark)
         try:

@@ -6,6 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from forge.base.errors import WorkspaceError
+from forge.base.layout import Layout
+from forge.build.folder_marks import create_output_folders, mark_layout
 from tests.conftest import Forge, Tree
 from tests.testable import cmake_package
 
@@ -160,6 +163,27 @@ def test_a_damaged_marker_of_a_folder_that_is_otherwise_known_is_written_anew(
     ran = forge("build", cwd=root)
     assert (ran.code, ran.err) == (0, "")
     assert (root / marker).read_text() == before
+
+
+def test_builds_that_begin_at_the_same_time_do_not_mix_layouts(tmp_path: Path) -> None:
+    isolated = Layout(tmp_path / "b1", tmp_path / "install", None)
+    merged = Layout(tmp_path / "b2", tmp_path / "install", None, merged=True)
+    for layout in (isolated, merged):
+        create_output_folders(layout)
+    mark_layout(merged)
+    with pytest.raises(WorkspaceError, match="has the merged layout, not the isolated one"):
+        mark_layout(isolated)
+
+
+@pytest.mark.needs("cmake", "ninja")
+def test_a_cache_is_recognized_by_the_name_of_its_mark(forge: Forge, tree: Tree) -> None:
+    root = tree(cmake_package("a"))
+    assert forge("build", "--cache", "cache", cwd=root).code == 0
+    mark = root / "cache/.forge_cache"
+    mark.unlink()
+    mark.mkdir()
+    ran = forge("build", "--force", "--cache", "cache", cwd=root)
+    assert (ran.code, ran.err) == (0, "")
 
 
 @pytest.mark.needs("cmake", "ninja")

@@ -15,7 +15,7 @@ from forge.base.errors import WorkspaceError, raise_if_any
 from forge.base.layout import TEMPLATES_DIR
 from forge.base.templating import keep_compiled
 from forge.base.text import listed
-from forge.build.folder_marks import create_output_folders, other_layout
+from forge.build.folder_marks import create_output_folders, mark_layout
 from forge.build.stale_packages import stale_package_warnings
 from forge.build.state import BuildState
 from forge.cli.build_options import BuildOptions
@@ -71,8 +71,7 @@ def build(options: BuildOptions, mode: BuildMode) -> int:
         closing(BuildState(prepared.context.root, layout, prepared.interpreter, prepared.variables)) as state,
     ):
         prepared = replace(prepared, began=prepared.began + waited + waited_again)
-        # Another forge may have begun to install here with the other layout at the same time.
-        raise_if_any(filter(None, (other_layout(layout),)), WorkspaceError)
+        mark_layout(layout)
         plan, snapshot = make_plan(prepared, state)
         check_plan(plan, prepared)
         _print_plan(plan, snapshot, prepared)

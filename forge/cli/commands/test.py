@@ -17,7 +17,7 @@ from forge.base.layout import OWN_CACHE_DIR, TEST_FILE_TABLE
 from forge.base.options import options_of
 from forge.base.text import counted
 from forge.build.events import Aborted, Finished, StepFinished
-from forge.build.folder_marks import create_output_folders
+from forge.build.folder_marks import create_output_folders, mark_layout
 from forge.build.inputs.fingerprints import FileTable
 from forge.build.journal import open_journal
 from forge.build.tasks import TEST_FAILURES
@@ -103,6 +103,7 @@ def run(given: Options) -> int:
     needs = needs_of_tests(names, loaded)
     absent = absent_problems(needs, layout, variables)
     create_output_folders(layout)
+    mark_layout(layout)
     built = [name for name in names if name not in absent]
     warn(changed_since_build({name: needs[name] for name in built}, loaded, layout))
     context, lacking = prepare_context(options, loaded, layout, variables, built)
