@@ -110,19 +110,19 @@ def _below_forge(name: str) -> str:
     return name.removeprefix("forge.") if name.startswith("forge.") else f":{name}"
 
 
-def test_forge_is_its_packages_and_data() -> None:
+def test_forge_contains_only_the_listed_packages() -> None:
     files = {"__init__.py", "__main__.py", "py.typed", "embedded"}
     entries = [path for path in (ROOT / "forge").iterdir() if not path.is_dir() or any(path.rglob("*.*[!c]"))]
     assert {path.name for path in entries} - {"_templates"} == files.union(PACKAGES)
 
 
-def test_every_package_is_on_the_page() -> None:
+def test_every_package_is_documented() -> None:
     page = (ROOT / "docs/explanation/architecture.md").read_text(encoding="utf-8")
     assert [name for name in PACKAGES if f"`{name}`" not in page] == []
 
 
 @pytest.mark.parametrize("module", modules())
-def test_arrows_point_down_or_sideways(module: str) -> None:
+def test_imports_point_to_the_same_or_a_lower_layer(module: str) -> None:
     up = [
         f"line {arrow.line}: {arrow.target}"
         for arrow in arrows(module)
@@ -134,13 +134,13 @@ def test_arrows_point_down_or_sideways(module: str) -> None:
 
 
 @pytest.mark.parametrize("module", [module for module, tree in modules().items() if _is_pure(tree)])
-def test_pure_modules_meet_no_machine(module: str) -> None:
+def test_pure_modules_do_not_access_the_machine(module: str) -> None:
     impure = [arrow for arrow in arrows(module) if arrow.target.removeprefix(":").split(".")[0] in IMPURE]
     assert not impure
 
 
 @pytest.mark.parametrize("module", [module for module in modules() if module.startswith("interfaces")])
-def test_the_interface_compiler_knows_nothing_of_building(module: str) -> None:
+def test_the_interface_compiler_does_not_import_the_build(module: str) -> None:
     foreign = [
         arrow
         for arrow in arrows(module)
@@ -162,7 +162,7 @@ def plugin_of(module: str) -> str | None:
 
 
 @pytest.mark.parametrize("module", modules())
-def test_the_core_imports_no_plugin_and_no_plugin_another(module: str) -> None:
+def test_plugins_are_imported_neither_by_the_core_nor_by_each_other(module: str) -> None:
     foreign = {plugin_of(arrow.target) for arrow in arrows(module)} - {None, plugin_of(module)}
     assert not foreign
 
@@ -198,18 +198,18 @@ def test_no_module_imports_private_names_of_another(module: str) -> None:
 
 
 @pytest.mark.parametrize("folder", ["unit", *(f"plugins/{plugin}" for plugin in PLUGINS)])
-def test_tests_of_make_quick_import_no_plugin_but_their_own(folder: str) -> None:
+def test_quick_tests_import_only_their_own_plugin(folder: str) -> None:
     texts = [path.read_text(encoding="utf-8") for path in (ROOT / "tests" / folder).rglob("*.py")]
     named = {name for text in texts for name in re.findall(r"\b(?:forge|tests)\.plugins\.(\w+)", text)}
     assert named <= {folder.partition("/")[2]}
 
 
-def test_pyproject_announces_the_plugins_that_forge_finds() -> None:
+def test_pyproject_lists_all_plugins() -> None:
     project = read_toml((ROOT / "pyproject.toml").read_bytes(), ROOT / "pyproject.toml")["project"]
     assert project["entry-points"] == OWN
 
 
-def test_nothing_imports_what_forge_brings_along() -> None:
+def test_forge_does_not_import_its_embedded_packages() -> None:
     assert not [module for module in modules() for arrow in arrows(module) if "embedded" in arrow.target]
 
 
@@ -223,12 +223,12 @@ def test_imports_are_acyclic() -> None:
 @pytest.mark.parametrize(
     "module", [module for module in modules() if not module.startswith(("cli.", "plugins."))]
 )
-def test_only_the_command_line_knows_argparse(module: str) -> None:
+def test_only_the_command_line_imports_argparse(module: str) -> None:
     assert ":argparse" not in {arrow.target for arrow in arrows(module)}
 
 
 @pytest.mark.parametrize("module", modules())
-def test_every_module_opens_with_a_sentence(module: str) -> None:
+def test_every_module_has_a_docstring(module: str) -> None:
     assert (ast.get_docstring(modules()[module]) or "").strip()
 
 

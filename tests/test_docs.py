@@ -48,14 +48,14 @@ def _name(document: Path) -> str:
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=_name)
-def test_a_block_that_is_not_run_says_why(document: Path) -> None:
+def test_a_block_that_is_not_run_gives_a_reason(document: Path) -> None:
     for block in blocks(document.read_text(encoding="utf-8")):
         if block.language in TYPED and not commands(block):
             assert block.mark.startswith("not run: "), f"{document}:{block.line}"
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=_name)
-def test_every_link_to_a_file_leads_there(document: Path) -> None:
+def test_links_to_files_resolve(document: Path) -> None:
     text = document.read_text(encoding="utf-8")
     targets = [part.split(")")[0] for part in text.split("](")[1:]]
     local = [target.split("#")[0] for target in targets if "://" not in target and not target.startswith("#")]
@@ -64,7 +64,7 @@ def test_every_link_to_a_file_leads_there(document: Path) -> None:
 
 @pytest.mark.needs("bash", "cmake", "make", "g++")
 @pytest.mark.parametrize("document", RUN)
-def test_the_reader_can_type_it(document: Path, tmp_path: Path) -> None:
+def test_documented_commands_work(document: Path, tmp_path: Path) -> None:
     if not any(map(commands, blocks(document.read_text(encoding="utf-8")))):
         return
     folder = tmp_path / "an empty folder"
@@ -73,7 +73,7 @@ def test_the_reader_can_type_it(document: Path, tmp_path: Path) -> None:
     run(document, folder)
 
 
-def test_the_index_has_every_page() -> None:
+def test_the_index_lists_every_page() -> None:
     index = ROOT / "docs/README.md"
     targets = {part.split(")")[0] for part in index.read_text(encoding="utf-8").split("](")[1:]}
     pages = {path.relative_to(index.parent).as_posix() for path in index.parent.rglob("*.md")}
@@ -86,7 +86,7 @@ def test_benchmarks_match_their_figures() -> None:
         assert (benchmarks.DOCS / path).read_text(encoding="utf-8") == text, path
 
 
-def test_the_compatibility_page_matches_its_counts_and_explains_each_shortfall() -> None:
+def test_the_compatibility_page_matches_its_figures_and_explains_failures() -> None:
     """After a new count, run `python -m tests.upstream.page`."""
     counted = compatibility.read(ROOT / "docs/compatibility.json")
     page = (ROOT / "docs/reference/compatibility.md").read_text(encoding="utf-8")
@@ -98,7 +98,7 @@ def test_the_compatibility_page_matches_its_counts_and_explains_each_shortfall()
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=_name)
-def test_no_block_escapes_these_tests(document: Path) -> None:
+def test_all_blocks_are_tested(document: Path) -> None:
     """Every fence is one that the tests read, and its language is known; so no command hides in 'sh'."""
     text = document.read_text(encoding="utf-8")
     assert {block.language for block in blocks(text)} <= {*TYPED, *READ}
@@ -107,7 +107,7 @@ def test_no_block_escapes_these_tests(document: Path) -> None:
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=_name)
-def test_the_reader_sees_where_the_text_of_a_block_goes(document: Path) -> None:
+def test_the_text_names_the_file_of_each_block(document: Path) -> None:
     """What a comment says to these tests, the words before a block say to people."""
     text, seen = document.read_text(encoding="utf-8"), 0
     for block in blocks(text):
@@ -119,14 +119,14 @@ def test_the_reader_sees_where_the_text_of_a_block_goes(document: Path) -> None:
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=_name)
-def test_no_page_installs_forge_from_an_index_that_does_not_have_it(document: Path) -> None:
+def test_no_page_installs_forge_from_pypi(document: Path) -> None:
     """Until forge is on PyPI, whatever is there by this name is a stranger's."""
     lines = document.read_text(encoding="utf-8").splitlines()
     assert not [line for line in lines if _FROM_INDEX.search(line)]
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=_name)
-def test_commands_between_words_are_commands(document: Path) -> None:
+def test_inline_commands_are_valid(document: Path) -> None:
     """Each command and option in running text exists."""
     text = _without_blocks(document.read_text(encoding="utf-8"))
     wrong = [typed for typed in _INLINE.findall(text.replace("\\|", "|")) if not _is_known(typed)]
@@ -134,7 +134,7 @@ def test_commands_between_words_are_commands(document: Path) -> None:
 
 
 @pytest.mark.parametrize(("translation", "original"), TRANSLATIONS.items(), ids=map(_name, TRANSLATIONS))
-def test_a_translation_has_the_same_commands_and_parts(translation: Path, original: Path) -> None:
+def test_translations_have_the_same_commands_and_sections(translation: Path, original: Path) -> None:
     """So the commands of the translation need not be run a second time."""
     texts = [path.read_text(encoding="utf-8") for path in (original, translation)]
     typed, translated = (
@@ -151,7 +151,7 @@ def test_a_translation_has_the_same_commands_and_parts(translation: Path, origin
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=_name)
-def test_files_for_other_tools_are_well_formed_and_their_commands_known(document: Path) -> None:
+def test_files_for_other_tools_are_valid(document: Path) -> None:
     """Settings of editors and jobs of CI services, which the tests cannot run."""
     for block in blocks(document.read_text(encoding="utf-8")):
         if block.language == "yaml":
@@ -166,7 +166,7 @@ def test_files_for_other_tools_are_well_formed_and_their_commands_known(document
 @pytest.mark.parametrize(
     "name", ["README.md", "README.zh-CN.md", "docs/tutorial.md", "docs/tutorial.zh-CN.md"]
 )
-def test_the_packages_to_install_are_all_that_the_commands_need(name: str) -> None:
+def test_the_listed_packages_suffice_for_the_commands(name: str) -> None:
     """A Debian with nothing else can then build interfaces, run cmake and test Python packages."""
     text = (ROOT / name).read_text(encoding="utf-8")
     typed = "\n".join(block.text for block in blocks(text) if commands(block))
@@ -178,7 +178,7 @@ def test_the_packages_to_install_are_all_that_the_commands_need(name: str) -> No
     assert set(installed[1].split()) == needed
 
 
-def test_the_tutorial_shows_whole_definitions() -> None:
+def test_the_tutorial_shows_complete_definitions() -> None:
     """What 'forge interface show' prints begins with the file that the reader has written, constants too."""
     parts = blocks(TUTORIAL.read_text(encoding="utf-8"))
     written = {

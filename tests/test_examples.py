@@ -42,7 +42,7 @@ def test_the_help_ends_with_two_examples_and_a_url(words: str, parser: argparse.
         if "  # " not in line
     ],
 )
-def test_an_example_is_a_command_line_that_parses(
+def test_examples_can_be_parsed(
     words: str, command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It is of the command whose help it ends; for forge itself and a group of verbs, of one of them."""
@@ -55,7 +55,7 @@ def test_an_example_is_a_command_line_that_parses(
 
 
 @pytest.mark.parametrize("page", sorted({page for _, page in EXAMPLES.values()}))
-def test_the_page_has_the_section(page: str) -> None:
+def test_linked_sections_exist(page: str) -> None:
     url = urlsplit(docs_url(page))
     with open(unquote(url.path), encoding="utf-8") as file:  # noqa: PTH123  (a path of a URL)
         headings = re.findall(r"^#+ (.*)$", file.read(), re.MULTILINE)
@@ -63,6 +63,6 @@ def test_the_page_has_the_section(page: str) -> None:
     assert not url.fragment or url.fragment in slugs
 
 
-def test_the_url_is_complete() -> None:
+def test_example_urls_are_complete() -> None:
     assert re.fullmatch(r"[a-z]+://\S+/tutorial\.md", docs_url("tutorial.md"))
     assert PARSERS["forge run"].format_help().endswith(f"{docs_url('reference/commands.md')}#forge-run\n")

@@ -50,7 +50,7 @@ ENTAILED = {
 
 
 @pytest.mark.parametrize("page", sorted(REFERENCE.glob("*.md")), ids=lambda page: page.stem)
-def test_the_tables_are_those_of_the_code(page: Path, request: pytest.FixtureRequest) -> None:
+def test_tables_match_the_code(page: Path, request: pytest.FixtureRequest) -> None:
     text = page.read_text(encoding="utf-8")
     if request.config.getoption("--accept"):
         page.write_text(reference.updated(text), encoding="utf-8")
@@ -58,7 +58,7 @@ def test_the_tables_are_those_of_the_code(page: Path, request: pytest.FixtureReq
         assert reference.updated(text) == text, "if that is right: pytest tests/test_reference.py --accept"
 
 
-def test_every_option_is_told_in_one_place() -> None:
+def test_every_option_is_documented_once() -> None:
     told = reference.regions(COMMANDS_PAGE.read_text(encoding="utf-8"))
     assert len(told) == len(set(told))
     for group, command in reference.SHARED.items():
@@ -76,7 +76,7 @@ def test_every_option_is_told_in_one_place() -> None:
 
 
 @pytest.mark.parametrize("words", PARSERS)
-def test_every_word_of_the_command_line_says_what_it_is_for(words: str) -> None:
+def test_every_argument_has_a_help_text(words: str) -> None:
     """Lower case, no full stop, a default wherever there is one that matters, not a paragraph."""
     parser = PARSERS[words]
     assert parser.description
@@ -99,12 +99,12 @@ def _matters(default: object) -> bool:
     return default not in (None, 0, "", argparse.SUPPRESS) and default not in ([], ())
 
 
-def test_every_exit_code_is_told() -> None:
+def test_every_exit_code_is_documented() -> None:
     codes = {int(code) for code in re.findall(r"^\| (\d+) \|", _page("exit-codes"), re.MULTILINE)}
     assert codes == {0, 1, EXIT_USER, EXIT_BUG, EXIT_INTERRUPTED}
 
 
-def test_every_variable_that_forge_reads_is_told() -> None:
+def test_every_environment_variable_is_documented() -> None:
     told = set(re.findall(r"`([A-Z][A-Z_]+)`", _page("configuration")))
     settings = set(re.findall(r'\bsetting\(\s*"([A-Z_]+)"', CODE))
     plain = set(re.findall(r'\b(?:environ|variables)\.get\("([A-Z_]+)"', CODE))
@@ -116,7 +116,7 @@ def test_every_variable_that_forge_reads_is_told() -> None:
     assert plain - ENTAILED - told == set()
 
 
-def test_every_key_for_single_packages_is_told() -> None:
+def test_every_package_setting_is_documented() -> None:
     part = _page("configuration").split("## Options for single packages")[1].split("\n## ")[0]
     told = set(re.findall(r"`([a-z-]+)`", "\n".join(re.findall(r"^\| (`.*?) \|", part, re.MULTILINE))))
     read = set(re.findall(r'\b(?:option_)?values\("([a-z-]+)"\)', CODE))
@@ -124,7 +124,7 @@ def test_every_key_for_single_packages_is_told() -> None:
     assert told == read | NO_SETTINGS
 
 
-def test_every_event_is_told_with_all_that_it_has() -> None:
+def test_every_event_is_documented_with_all_fields() -> None:
     """json_events.py and reporters say them; the page has a row for each, and in it each key."""
     rows = dict(re.findall(r"^\| `([A-Z]\w+)` \|.*?\|(.*)\|$", _page("events"), re.MULTILINE))
     of_reporters = {"Coverage": {"lines", "covered", "report"}, "Usage": {"processors", "memory", "samples"}}

@@ -12,7 +12,7 @@ _TEXT = "{http://www.w3.org/2000/svg}text"
 
 
 @pytest.mark.needs("bash", "cmake", "ninja", "c++")
-def test_the_picture_in_the_readme_shows_what_forge_prints_now(tmp_path: Path) -> None:
+def test_the_readme_picture_is_current(tmp_path: Path) -> None:
     """But for times and dates, and for the order in which packages finish."""
     now = picture(session(tmp_path / "robot_ws"))
     assert shown(now) == shown(PICTURE.read_text(encoding="utf-8")), "make it: python -m tests.screenshot"

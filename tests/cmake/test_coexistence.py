@@ -41,7 +41,7 @@ def _below(folder: str, files: Mapping[str, str]) -> dict[str, str]:
     return {f"{folder}/{path}": text for path, text in files.items()}
 
 
-def test_an_ament_in_an_underlay_replaces_the_embedded_one(forge: Forge, tree: Tree) -> None:
+def test_ament_cmake_in_an_underlay_replaces_the_embedded_one(forge: Forge, tree: Tree) -> None:
     """Neither CMake's cache nor what was installed leads to the embedded ament any more."""
     root = tree({**DEMO, **_below("other", OTHER)})
     assert forge("build", cwd=root).code == 0
@@ -56,7 +56,7 @@ def test_an_ament_in_an_underlay_replaces_the_embedded_one(forge: Forge, tree: T
     assert not (root / "build/ament_cmake").exists()
 
 
-def test_an_ament_in_the_workspace_replaces_the_embedded_one(forge: Forge, tree: Tree) -> None:
+def test_ament_cmake_in_the_workspace_replaces_the_embedded_one(forge: Forge, tree: Tree) -> None:
     """They come after a first build here, and bring the core only: the rest is missed, not mixed in."""
     root = tree(DEMO)
     assert forge("build", cwd=root).code == 0

@@ -71,7 +71,7 @@ def test_hooks_can_be_sourced_twice_in_strict_shells(demo: Project, shell: str) 
 
 
 @pytest.mark.needs("bash")
-def test_hooks_may_be_collected_instead_of_run(demo: Project) -> None:
+def test_hooks_can_be_collected_without_running_them(demo: Project) -> None:
     first = "AMENT_RETURN_ENVIRONMENT_HOOKS=1; export AMENT_ENVIRONMENT_HOOKS="
     hooks = source("sh", demo, first=first)["AMENT_ENVIRONMENT_HOOKS"]
     assert [path.rsplit("/", 1)[1] for path in hooks.split(":")] == [

@@ -45,7 +45,7 @@ def library(ament: Ament, name: str, exports: str, *, uses: str = "", body: str 
     [(MODERN, CLASSIC), (CLASSIC, MODERN), (f"{MODERN}\n{CLASSIC}", MODERN)],
     ids=["modern-classic", "classic-modern", "both-modern"],
 )
-def test_libraries_are_used_in_every_style(ament: Ament, base: str, top: str) -> None:
+def test_libraries_can_be_linked_in_every_style(ament: Ament, base: str, top: str) -> None:
     library(ament, "base", base)
     library(ament, "top", top, uses="base", body="return base();")
     user = ament(
@@ -69,7 +69,7 @@ def test_libraries_are_used_in_every_style(ament: Ament, base: str, top: str) ->
 
 
 @cxx
-def test_targets_of_several_sets_are_listed_in_order_and_programs_left_out(ament: Ament) -> None:
+def test_targets_of_several_exports_are_listed_in_order_without_executables(ament: Ament) -> None:
     single = ament(
         "add_library(low INTERFACE)\nadd_library(high INTERFACE)\ntarget_link_libraries(high INTERFACE low)\n"
         "add_executable(tool tool.cpp)\n"
@@ -85,7 +85,7 @@ def test_targets_of_several_sets_are_listed_in_order_and_programs_left_out(ament
 
 
 @pytest.mark.newest_cmake
-def test_classic_variables_collect_what_dependencies_add(ament: Ament) -> None:
+def test_classic_variables_include_those_of_dependencies(ament: Ament) -> None:
     ament(
         "ament_export_include_directories(include/base include/base)\nament_export_definitions(BASE=1)\n"
         "ament_export_link_flags(-Wl,--as-needed)\nament_export_libraries(-pthread -rdynamic)\n"
@@ -181,7 +181,7 @@ PUBLIC_COMMANDS: Mapping[str, tuple[str, str]] = {
 
 
 @pytest.mark.newest_cmake
-def test_small_commands_work_as_documented(ament: Ament) -> None:
+def test_utility_commands_work_as_documented(ament: Ament) -> None:
     """One project for all: each result is printed under its number."""
     lines = [
         f'unset(x)\n{command}\nmessage(STATUS "{number}=${{x}}")'

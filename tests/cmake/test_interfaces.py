@@ -65,7 +65,7 @@ def motion(rosidl: Ament) -> Project:
     )
 
 
-def test_interfaces_are_installed_in_the_layout_of_ros(motion: Project) -> None:
+def test_interfaces_are_installed_in_the_ros_layout(motion: Project) -> None:
     motion.install()
     files = motion.files()
     assert {file for file in files if file.startswith("include/")} == {
@@ -130,7 +130,7 @@ def test_users_can_link_any_documented_target(rosidl: Ament, motion: Project) ->
 
 
 @pytest.mark.needs("gcc")
-def test_programs_in_c_link_the_targets_for_c(rosidl: Ament, motion: Project) -> None:
+def test_c_programs_can_link_the_c_targets(rosidl: Ament, motion: Project) -> None:
     """In the project that defines the interfaces, and in one that uses them; no C++ is needed."""
     motion.install()
     user = rosidl(
@@ -198,7 +198,7 @@ def test_third_party_generators_get_idl_definitions(rosidl: Ament) -> None:
 
 
 @cxx
-def test_generated_headers_are_in_the_include_folders_of_ros(rosidl: Ament) -> None:
+def test_generated_headers_use_the_ros_include_layout(rosidl: Ament) -> None:
     """Some name the folder instead of linking a target; a change is seen in the same build."""
     demo = rosidl(
         f"{GENERATORS}rosidl_generate_interfaces(demo msg/One.msg)\n"
@@ -379,7 +379,7 @@ def test_invalid_calls_are_errors_with_a_reason(
     assert complaint in outcome.flat
 
 
-def test_finding_only_the_generators_provides_ament(rosidl: Ament) -> None:
+def test_finding_the_generators_package_also_provides_ament_cmake(rosidl: Ament) -> None:
     demo = rosidl("", manifest=MEMBER, files={"msg/X.msg": "uint8 a\n"})
     (demo.source / "CMakeLists.txt").write_text(
         "cmake_minimum_required(VERSION 3.5...3.25)\nproject(demo NONE)\n"
@@ -401,7 +401,7 @@ def test_an_invalid_definition_fails_the_build_with_its_location(rosidl: Ament) 
     assert "msg/X.msg:1:1: error:" in outcome.text
 
 
-def test_without_forge_the_error_is_clear(rosidl: Ament) -> None:
+def test_a_missing_forge_gives_a_clear_error(rosidl: Ament) -> None:
     demo = rosidl(
         f"{GENERATORS}rosidl_generate_interfaces(demo msg/X.msg)\nament_package()",
         manifest=MEMBER,
@@ -414,7 +414,7 @@ def test_without_forge_the_error_is_clear(rosidl: Ament) -> None:
 
 
 @pytest.mark.parametrize("name", ["rosidl_typesupport_introspection_cpp", "rosidl_typesupport_fastrtps_c"])
-def test_type_support_that_is_not_generated_is_not_found(rosidl: Ament, name: str) -> None:
+def test_missing_type_support_is_not_found(rosidl: Ament, name: str) -> None:
     """A package that links it hears the reason when it is configured, not of missing headers or targets."""
     demo = rosidl(f'find_package({name})\nmessage(STATUS "found=${{{name}_FOUND}}")')
     assert demo.configure().said("found") == "0"
@@ -425,7 +425,7 @@ def test_type_support_that_is_not_generated_is_not_found(rosidl: Ament, name: st
     assert "or add the repositories rosidl, rosidl_typesupport and" in outcome.flat
 
 
-def test_python_extra_describes_the_interpreter(rosidl: Ament) -> None:
+def test_python_extra_file_describes_the_interpreter(rosidl: Ament) -> None:
     """A package that finds PythonExtra needs no headers of Python, and hears of them where they are."""
     demo = rosidl(
         "find_package(python_cmake_module REQUIRED)\nfind_package(PythonExtra REQUIRED)\n"
@@ -442,7 +442,7 @@ def test_python_extra_describes_the_interpreter(rosidl: Ament) -> None:
         assert outcome.said("headers") == (headers if Path(headers).exists() else "")
 
 
-def test_services_have_events_depending_on_the_distribution(rosidl: Ament) -> None:
+def test_service_events_depend_on_the_distribution(rosidl: Ament) -> None:
     """Nobody declares service_msgs; the project pretends to be built for Jazzy."""
     project = rosidl(
         f"{GENERATORS}set_property(GLOBAL PROPERTY rosidl_distribution jazzy)\n"

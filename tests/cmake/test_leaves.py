@@ -73,7 +73,7 @@ def test_version_headers_follow_the_manifest(ament: Ament) -> None:
     user.install()
 
 
-def test_a_development_version_overrides_the_manifest_if_higher(ament: Ament) -> None:
+def test_a_higher_development_version_overrides_the_manifest(ament: Ament) -> None:
     ament("ament_export_development_version_if_higher_than_manifest(1.3.0)\nament_package()").install()
     user = ament('find_package(demo 1.3 REQUIRED)\nmessage(STATUS "version=${demo_VERSION}")', name="user")
     assert user.configure().said("version") == "1.3.0"
@@ -118,7 +118,7 @@ def test_ament_cmake_auto_rejects_undeclared_requirements(ament: Ament) -> None:
 
 
 @cxx
-def test_ament_cmake_ros_makes_libraries_below_shared(ament: Ament) -> None:
+def test_ament_cmake_ros_builds_shared_libraries_by_default(ament: Ament) -> None:
     demo = ament(
         "add_library(above x.cpp)\nfind_package(ament_cmake_ros REQUIRED)\nadd_library(below x.cpp)\n"
         "foreach(t above below)\nget_target_property(type ${t} TYPE)\n"

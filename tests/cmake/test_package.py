@@ -62,7 +62,7 @@ def test_statements_may_follow_ament_package(ament: Ament) -> None:
     assert "share/demo/late/package.xml" in demo.files()
 
 
-def test_the_manifest_is_published_with_conditions_for_ros_2(ament: Ament) -> None:
+def test_manifest_conditions_are_evaluated_for_ros_2(ament: Ament) -> None:
     demo = ament(
         "ament_package_xml()\n"
         "foreach(name VERSION MAINTAINER BUILD_DEPENDS BUILD_EXPORT_DEPENDS EXEC_DEPENDS MEMBER_OF_GROUPS)\n"
@@ -84,7 +84,7 @@ def test_the_manifest_is_published_with_conditions_for_ros_2(ament: Ament) -> No
     assert outcome.said("at_least") == "1.5"
 
 
-def test_a_malformed_condition_is_named(ament: Ament) -> None:
+def test_a_malformed_condition_is_reported(ament: Ament) -> None:
     demo = ament("ament_package()", manifest='<depend condition="$A = 1">one</depend>')
     assert "the condition '$A = 1' of <depend> is malformed" in demo.configure().flat
 
@@ -102,7 +102,7 @@ def test_preparsed_manifests_are_used_while_up_to_date(ament: Ament) -> None:
     assert demo.configure(argument).said("version") == "1.2.3"
 
 
-def test_extras_come_in_order_and_see_the_callers_variables(ament: Ament) -> None:
+def test_extras_run_in_order_with_the_callers_variables(ament: Ament) -> None:
     demo = ament(
         'set(greeting "hello; there")\nset(demo_CONFIG_EXTRAS "${CMAKE_CURRENT_SOURCE_DIR}/second.cmake")\n'
         "set(demo_CONFIG_EXTRAS_POST third.cmake)\n"
@@ -171,7 +171,7 @@ def test_older_versions_are_compatible_and_newer_ones_are_not(
     assert (user.configure().said("found") in ("1", "TRUE")) == found
 
 
-def test_deprecated_packages_give_a_warning(ament: Ament) -> None:
+def test_using_a_deprecated_package_gives_a_warning(ament: Ament) -> None:
     demo = ament("ament_package()")
     xml = demo.source / "package.xml"
     text = xml.read_text(encoding="utf-8").replace("<export>", "<export><deprecated>use 'x'</deprecated>")
@@ -191,7 +191,7 @@ def test_uninstall_leaves_an_empty_prefix(ament: Ament) -> None:
     assert list(demo.prefix.iterdir()) == []
 
 
-def test_all_names_provided_by_the_build_tools_are_found(ament: Ament) -> None:
+def test_all_packages_provided_by_the_build_tools_are_found(ament: Ament) -> None:
     """One project for all names, with a version that ROS packages ask for."""
     texts = [(EMBEDDED / name / "package.xml").read_text(encoding="utf-8") for name in BUILD_TOOLS]
     names = [name for text in texts for name in re.findall("<forge_provides>(.*)</forge_provides>", text)]

@@ -62,9 +62,7 @@ def program(path: Path, text: str) -> None:
         ("ament_black", "black"),
     ],
 )
-def test_a_linter_that_is_not_installed_skips_the_test(
-    call: Callable[..., str], tool: str, name: str
-) -> None:
+def test_missing_linters_skip_their_tests(call: Callable[..., str], tool: str, name: str) -> None:
     assert call(tool, "main", ".", "test") == f"skipped: {name} is not installed"
 
 
@@ -81,15 +79,13 @@ def test_an_installed_linter_runs_on_the_files_of_the_package(
     assert call("ament_black", "main", ".", "--config", "black.toml").endswith("0")
 
 
-def test_aments_own_linter_is_called_with_the_same_arguments(
-    call: Callable[..., str], tmp_path: Path
-) -> None:
+def test_the_linter_of_ament_gets_the_same_arguments(call: Callable[..., str], tmp_path: Path) -> None:
     program(tmp_path / "bin/ament_copyright", '#!/bin/sh\necho "checks $@"\nexit 3\n')
     assert call("ament_copyright", "main", ".", "test") == "checks . test\n3"
 
 
 @pytest.mark.parametrize("order", ["before", "after"])
-def test_aments_own_module_takes_precedence(call: Callable[..., str], tmp_path: Path, order: str) -> None:
+def test_the_module_of_ament_takes_precedence(call: Callable[..., str], tmp_path: Path, order: str) -> None:
     real = tmp_path / "ros/ament_mypy"
     real.mkdir(parents=True)
     (real / "__init__.py").touch()

@@ -95,7 +95,7 @@ def linked(tmp_path_factory: pytest.TempPathFactory) -> Built:
 
 
 @pytest.mark.newest_cmake
-def test_every_shape_is_built_and_installs_what_it_should(copied: Built, golden: Golden) -> None:
+def test_every_shape_builds_and_installs_the_expected_files(copied: Built, golden: Golden) -> None:
     golden(
         "cmake/shapes", {f"{name}.txt": _listing(copied.root / "install" / name) for name in copied.packages}
     )
@@ -124,7 +124,7 @@ def test_the_tests_of_the_shapes_pass(copied: Built) -> None:
 
 
 @pytest.mark.newest_cmake
-def test_linters_that_are_missing_are_skipped_tests(copied: Built) -> None:
+def test_missing_linters_are_skipped_tests(copied: Built) -> None:
     listing = copied.ctest("late_lib", "-N")
     assert set(re.findall(r"#\d+: (\w+)$", listing, re.MULTILINE)) == {
         *("copyright", "cppcheck", "cpplint", "flake8", "lint_cmake", "pep257", "uncrustify", "xmllint"),
@@ -133,7 +133,7 @@ def test_linters_that_are_missing_are_skipped_tests(copied: Built) -> None:
 
 
 @pytest.mark.newest_cmake
-def test_users_of_every_style_run(copied: Built) -> None:
+def test_every_way_of_using_the_packages_works(copied: Built) -> None:
     programs = sorted((copied.root / "install/users/lib/users").iterdir())
     assert len(programs) == 20
     for program in programs:
@@ -153,7 +153,7 @@ def test_hand_written_python_beside_generated_python_can_be_imported(copied: Bui
     assert "high=4.5" in copied.run(sys.executable, "-c", code, sourced=True)
 
 
-def test_plain_cmake_uses_every_shape_without_ament(copied: Built) -> None:
+def test_plain_cmake_can_use_every_shape_without_ament(copied: Built) -> None:
     """Neither forge nor any build tool is there: only what the packages themselves installed."""
     prefixes = [path for path in (copied.root / "install").iterdir() if path.name not in BUILD_TOOLS]
     where = ";".join(str(path) for path in prefixes if path.is_dir())
@@ -168,7 +168,7 @@ def test_plain_cmake_uses_every_shape_without_ament(copied: Built) -> None:
         copied.run(str(program), sourced=True)
 
 
-def test_linked_without_tests_everything_works_as_well(linked: Built) -> None:
+def test_symlink_installs_without_tests_work(linked: Built) -> None:
     installs_links = linked.run("cmake", "--version").split()[2].split(".") >= ["3", "22"]
     header = linked.root / "install/include/late_lib/late_lib/late.hpp"
     assert header.is_symlink() == installs_links

@@ -139,7 +139,7 @@ ament_package()
 
 
 @pytest.mark.needs("g++")
-def test_without_google_test_targets_exist_and_tests_are_skipped(ament: Ament) -> None:
+def test_missing_google_test_skips_tests_but_defines_targets(ament: Ament) -> None:
     demo = ament(GTEST, files={"one.cpp": "#include <gtest/gtest.h>\n"})
     outcome = demo.configure()
     assert outcome.code == 0, outcome.text
@@ -163,7 +163,7 @@ add_library(gtest_main STATIC gtest_main.cpp)
 
 @pytest.mark.needs("g++")
 @pytest.mark.newest_cmake
-def test_google_test_is_built_from_sources_where_they_are(ament: Ament) -> None:
+def test_google_test_is_built_in_place_from_its_sources(ament: Ament) -> None:
     demo = ament(
         "find_package(ament_cmake_gtest REQUIRED)\nament_add_gtest(one one.cpp TIMEOUT 9)\n"
         "target_link_libraries(one m)\nament_find_gtest()\n"
@@ -194,7 +194,7 @@ add_library(GTest::gtest_main INTERFACE IMPORTED)
 
 
 @pytest.mark.needs("g++")
-def test_an_installed_google_test_is_taken_before_sources_of_the_system(ament: Ament) -> None:
+def test_an_installed_google_test_takes_precedence_over_system_sources(ament: Ament) -> None:
     """Also under the short names, and in folders that do not know of each other."""
     demo = ament(
         "find_package(ament_cmake_gtest REQUIRED)\nset(GTest_DIR ${CMAKE_CURRENT_SOURCE_DIR}/installed)\n"
@@ -265,7 +265,7 @@ def test_catch2_runs_and_leaves_results(ament: Ament) -> None:
 
 
 @pytest.mark.needs("g++")
-def test_without_catch2_targets_exist_and_tests_are_skipped(ament: Ament) -> None:
+def test_missing_catch2_skips_tests_but_defines_targets(ament: Ament) -> None:
     """But not those of a package with its own copy."""
     demo = ament(
         f"{CATCH2}set(CMAKE_DISABLE_FIND_PACKAGE_Catch2 ON)\n"
@@ -304,7 +304,7 @@ add_library(Catch2::Catch2WithMain ALIAS catch2_main)
 
 
 @pytest.mark.needs("g++")
-def test_the_main_of_version_3_of_catch2_is_linked(ament: Ament) -> None:
+def test_catch2_version_3_main_is_linked(ament: Ament) -> None:
     demo = ament(
         f"set(Catch2_DIR ${{CMAKE_CURRENT_SOURCE_DIR}}/installed)\n{CATCH2}ament_add_catch2(one one.cpp)\n"
         "ament_add_catch2(two two.cpp SKIP_LINKING_MAIN_LIBRARIES)",
@@ -354,7 +354,7 @@ def test_pytest_is_detected_without_importing_it(ament: Ament, tmp_path: Path) -
     assert "-- found TRUE 7.8\n" in demo.configure().text
 
 
-def test_without_pytest_there_is_a_warning_and_no_test(ament: Ament) -> None:
+def test_missing_pytest_gives_a_warning_and_no_test(ament: Ament) -> None:
     demo = ament(
         "ament_add_pytest_test(one test_one.py PYTHON_EXECUTABLE /bin/false)\nament_add_nose_test(two x)",
         files={"test_one.py": ""},
@@ -385,7 +385,7 @@ def test_missing_linters_are_reported_in_one_line(ament: Ament, tools: Path) -> 
     assert registered(demo) == {}
 
 
-def test_an_explicit_linter_is_a_skipped_test(ament: Ament, tools: Path) -> None:
+def test_an_explicitly_requested_linter_is_a_skipped_test(ament: Ament, tools: Path) -> None:
     demo = ament(
         "find_package(ament_cmake_cppcheck REQUIRED)\nfind_package(ament_cmake_pep257 REQUIRED)\n"
         "ament_cppcheck(LANGUAGE c++ INCLUDE_DIRS a b)\n"
@@ -417,7 +417,7 @@ def linters(tmp_path: Path) -> Path:
     return folder
 
 
-def test_linters_run_late_and_can_be_disabled(ament: Ament, linters: Path, tools: Path) -> None:
+def test_linters_run_last_and_can_be_disabled(ament: Ament, linters: Path, tools: Path) -> None:
     demo = ament(
         "set(ament_cmake_copyright_FOUND TRUE)\n"
         f"{LINT_AUTO}"
@@ -470,7 +470,7 @@ def test_installed_linters_are_run(ament: Ament, tmp_path: Path, tools: Path) ->
     assert "nothing to look at" in (results / "mine.xunit.xml").read_text(encoding="utf-8")
 
 
-def test_without_testing_nothing_is_registered(ament: Ament) -> None:
+def test_disabled_testing_registers_no_tests(ament: Ament) -> None:
     demo = ament(f"if(BUILD_TESTING)\n{LINT_AUTO}endif()\nament_package()", manifest=LINT_DEPENDS)
     assert demo.configure("-DBUILD_TESTING=OFF").code == 0
     assert not (demo.build / "CTestTestfile.cmake").is_file()

@@ -90,7 +90,7 @@ def restored(ran: Ran) -> int:
 
 
 @pytest.mark.parametrize("layout", [(), ("--merge-install",)])
-def test_a_restored_tree_is_the_built_one(users: Users, tmp_path: Path, layout: tuple[str, ...]) -> None:
+def test_a_restored_tree_matches_the_built_one(users: Users, tmp_path: Path, layout: tuple[str, ...]) -> None:
     """At the same path to the byte; then there is nothing to do, and an edit is built."""
     root = write_files(tmp_path / "a b", {**PLAIN, **PYTHON})
     first = users.build(root, *layout)
@@ -127,7 +127,7 @@ def test_unlisted_files_in_a_merged_prefix_are_not_cached(users: Users, tmp_path
     assert not differences(look(root / "install"), built)
 
 
-def test_a_workspace_at_another_path_gets_relocated_results(users: Users, tmp_path: Path) -> None:
+def test_results_are_relocated_to_another_workspace_path(users: Users, tmp_path: Path) -> None:
     """After builds at two paths of different length and depth had the same results."""
     files = {**PLAIN, **PYTHON}
     one, two, three = (write_files(tmp_path / name, files) for name in ("one", "deeper/second", "x/y/third"))
@@ -150,7 +150,7 @@ def test_a_workspace_at_another_path_gets_relocated_results(users: Users, tmp_pa
     assert restored(users.build(three)) == 0
 
 
-def test_similar_paths_do_not_show_that_paths_do_not_matter(users: Users, tmp_path: Path) -> None:
+def test_similar_paths_do_not_prove_path_independence(users: Users, tmp_path: Path) -> None:
     """In paths of equal length or depth, or with the same last name, what depends on them may be the same."""
     roots = ("one", "two", "deeper/one", "longer", "x/y/third")
     one, *similar, last = (write_files(tmp_path / name, PLAIN) for name in roots)
@@ -175,7 +175,9 @@ DEPENDENT = {
 
 
 @pytest.mark.parametrize("what", DEPENDENT)
-def test_results_that_depend_on_the_path_are_bound_to_it(users: Users, tmp_path: Path, what: str) -> None:
+def test_path_dependent_results_are_reused_only_at_the_same_path(
+    users: Users, tmp_path: Path, what: str
+) -> None:
     lists = (
         f"cmake_minimum_required(VERSION 3.18)\nproject(speaking NONE)\n{DEPENDENT[what]}\n"
         "file(WRITE ${CMAKE_BINARY_DIR}/what ${what})\n"
@@ -217,7 +219,7 @@ NUMBER = "#if __has_include(<place.h>)\n#include <place.h>\n#endif\nint main() {
 
 
 @pytest.mark.parametrize("what", SEEN)
-def test_other_code_of_the_same_build_scripts_is_shared_at_once(
+def test_code_with_proven_build_scripts_is_shared_immediately(
     users: Users, tmp_path: Path, what: str
 ) -> None:
     """If the paths did not matter to them, and compilers cannot see any."""
@@ -249,7 +251,7 @@ def test_other_code_of_the_same_build_scripts_is_shared_at_once(
     assert restored(users.build(three)) == 0
 
 
-def test_a_path_in_a_header_of_a_dependency_may_matter_to_other_code(users: Users, tmp_path: Path) -> None:
+def test_a_path_in_a_dependencys_header_may_affect_other_code(users: Users, tmp_path: Path) -> None:
     generating = (
         'file(WRITE ${CMAKE_BINARY_DIR}/library.h "#define PLACE \\"${CMAKE_INSTALL_PREFIX}\\"\\n")\n'
         "install(FILES ${CMAKE_BINARY_DIR}/library.h DESTINATION include)"
@@ -272,7 +274,7 @@ def test_a_path_in_a_header_of_a_dependency_may_matter_to_other_code(users: User
     assert restored(users.build(three)) == 1
 
 
-def test_a_further_build_may_show_that_the_path_matters_after_all(users: Users, tmp_path: Path) -> None:
+def test_a_later_build_may_disprove_path_independence(users: Users, tmp_path: Path) -> None:
     files = {**BOUND, "src/speaking/CMakeLists.txt": EXPECTING}
     names = ("one", "deeper/second", "x/y/z/expected", "fourth/of/these/paths/here")
     one, two, expected, last = (write_files(tmp_path / name, files) for name in names)
@@ -293,7 +295,7 @@ endif()
 """
 
 
-def test_results_with_embedded_paths_are_bound_to_their_path(users: Users, tmp_path: Path) -> None:
+def test_results_with_embedded_paths_are_reused_only_at_the_same_path(users: Users, tmp_path: Path) -> None:
     one, two = write_files(tmp_path / "one", BOUND), write_files(tmp_path / "deeper/second", BOUND)
     users.build(one)
     ran = users.build(two, "--explain")
@@ -305,7 +307,7 @@ def test_results_with_embedded_paths_are_bound_to_their_path(users: Users, tmp_p
     assert said.stdout == f"{two}/build/speaking\n"
 
 
-def test_paths_of_sources_are_kept_out_of_what_is_compiled(users: Users, tmp_path: Path) -> None:
+def test_compiled_code_contains_no_source_paths(users: Users, tmp_path: Path) -> None:
     """__FILE__ and debug information are the same everywhere; the flags of the user stay."""
     main = "#include <cstdio>\nint main() { std::puts(__FILE__); }\n"
     files = {**BOUND, "src/speaking/main.cpp": main}
@@ -334,7 +336,7 @@ def test_paths_with_spaces_share_no_results(users: Users, tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("harm", ["flip", "cut", "remove"])
-def test_a_corrupt_cache_causes_builds(users: Users, tmp_path: Path, harm: str) -> None:
+def test_a_corrupt_cache_causes_rebuilds(users: Users, tmp_path: Path, harm: str) -> None:
     root = write_files(tmp_path / "ws", PLAIN)
     users.build(root)
     built = look(root / "install")
@@ -417,7 +419,7 @@ def test_external_files_are_part_of_the_cache_key(users: Users, tmp_path: Path) 
     assert seen == ["one\n", "two\n", "one\n"]
 
 
-def test_files_written_outside_of_the_workspace_change_the_key(users: Users, tmp_path: Path) -> None:
+def test_files_written_outside_the_workspace_change_the_cache_key(users: Users, tmp_path: Path) -> None:
     """A package that reads it is not restored as it was, though another has looked at the file before."""
     header = tmp_path / "outside" / "answer.h"
     write_files(header.parent, {"answer.h": '#define HOME "one"\n'})
@@ -479,7 +481,7 @@ NATIVE = {
 
 
 @pytest.mark.parametrize("where", NATIVE)
-def test_native_code_is_bound_to_its_processor(users: Users, tmp_path: Path, where: str) -> None:
+def test_native_code_is_reused_only_on_the_same_processor(users: Users, tmp_path: Path, where: str) -> None:
     library, using, options = NATIVE[where]
     files = dict(PLAIN)
     files["src/library/CMakeLists.txt"] = LIBRARY.replace("install(TARGETS", f"{library}\ninstall(TARGETS")
@@ -513,7 +515,7 @@ def test_native_code_is_bound_to_its_processor(users: Users, tmp_path: Path, whe
     assert ("the processor changed" in said) == (where != "none")
 
 
-def test_a_cache_stays_within_its_size(users: Users, tmp_path: Path) -> None:
+def test_a_cache_stays_within_its_size_limit(users: Users, tmp_path: Path) -> None:
     root = write_files(tmp_path / "ws", {**PLAIN, **BOUND})
     users.build(root)
     whole = sum(path.stat().st_size for path in users.cache.rglob("*") if path.is_file())

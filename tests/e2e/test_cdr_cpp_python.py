@@ -143,7 +143,7 @@ def test_cpp_round_trips_messages_written_by_python(program: Path) -> None:
 
 
 @pytest.mark.needs("g++")
-def test_values_arrive_in_their_fields(program: Path) -> None:
+def test_values_are_read_into_the_right_fields(program: Path) -> None:
     """Every value of a message differs from the others; C++ shows it as YAML."""
     forge_cdr: Any = import_module("forge_cdr")
     sent = {name: numbered(python_class(name), count(1)) for name in known()}

@@ -149,7 +149,7 @@ def test_truncated_messages_are_rejected(name: str) -> None:
             fast("reader", class_)(data[:size], sys.maxsize)
 
 
-def test_corrupt_bytes_give_a_message_or_an_error_in_bounded_memory() -> None:
+def test_corrupt_bytes_are_read_or_rejected_in_bounded_memory() -> None:
     """Each is read by generated code and by the exact one, which must agree."""
     forge_cdr: Any = import_module("forge_cdr")
     described: Any = import_module("forge_cdr.described")
@@ -163,7 +163,7 @@ def test_corrupt_bytes_give_a_message_or_an_error_in_bounded_memory() -> None:
         assert results[0] == results[1], (class_, spoilt.hex())
 
 
-def test_reading_takes_memory_proportional_to_the_bytes() -> None:
+def test_reading_uses_memory_proportional_to_the_input() -> None:
     forge_cdr: Any = import_module("forge_cdr")
     classes = [class_of(known()[name].name) for name in NAMES]
     good = [(class_, forge_cdr.serialize(_example(class_))) for class_ in classes]

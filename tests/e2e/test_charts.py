@@ -70,7 +70,7 @@ browsing = pytest.mark.needs("chromium", "chromedriver", "cmake")
 
 
 @browsing
-def test_bars_are_the_packages_of_the_events(browser: Browser, timings: Path) -> None:
+def test_the_chart_has_a_bar_for_each_package(browser: Browser, timings: Path) -> None:
     browser.open(timings)
     events = [json.loads(line) for line in timings.with_name("events.jsonl").read_text().splitlines()]
     started = [event["package"] for event in events if event["event"] == "Started"]
@@ -91,9 +91,7 @@ def test_bars_are_the_packages_of_the_events(browser: Browser, timings: Path) ->
 
 
 @browsing
-def test_a_package_of_the_chart_shows_its_steps_and_what_it_waited_for(
-    browser: Browser, timings: Path
-) -> None:
+def test_selecting_a_package_shows_its_steps_and_waiting_time(browser: Browser, timings: Path) -> None:
     browser.open(timings)
     browser.click("#bars [data-number='0'] .bar")
     assert browser.texts("#card h2") == ["base"]
@@ -109,7 +107,7 @@ def test_a_package_of_the_chart_shows_its_steps_and_what_it_waited_for(
 
 
 @browsing
-def test_the_chart_is_searched_zoomed_and_walked_by_keys(browser: Browser, timings: Path) -> None:
+def test_the_chart_can_be_searched_zoomed_and_navigated_by_keyboard(browser: Browser, timings: Path) -> None:
     browser.open(timings)
     browser.press("/", "m")
     assert sorted(browser.texts("#bars .name")) == ["map", "msgs"]
@@ -144,7 +142,7 @@ def test_the_table_sorts_by_any_column(browser: Browser, timings: Path) -> None:
 
 
 @browsing
-def test_the_graph_shows_the_packages_and_finds_them(browser: Browser, graph: Path) -> None:
+def test_the_graph_shows_all_packages_and_can_be_searched(browser: Browser, graph: Path) -> None:
     browser.open(graph)
     assert sorted(browser.texts(".node text:first-of-type")) == sorted(NEEDS)
     assert (
@@ -159,7 +157,7 @@ def test_the_graph_shows_the_packages_and_finds_them(browser: Browser, graph: Pa
 
 
 @browsing
-def test_a_click_lights_up_what_it_needs_and_what_needs_it(browser: Browser, graph: Path) -> None:
+def test_a_click_highlights_dependencies_and_dependents(browser: Browser, graph: Path) -> None:
     browser.open(graph)
     browser.click(f".node[data-number='{number_of(browser, 'map')}']")
     assert sorted(browser.texts(".node.below text:first-of-type")) == ["base", "msgs"]
@@ -179,7 +177,7 @@ def test_a_click_lights_up_what_it_needs_and_what_needs_it(browser: Browser, gra
 
 
 @browsing
-def test_an_address_with_a_name_shows_that_package(browser: Browser, graph: Path) -> None:
+def test_a_url_with_a_package_name_shows_that_package(browser: Browser, graph: Path) -> None:
     browser.open(graph, anchor="driver", dark=True)
     assert browser.texts("#card h2") == ["driver"]
     assert browser.texts("#about") == [NASTY]
@@ -188,7 +186,7 @@ def test_an_address_with_a_name_shows_that_package(browser: Browser, graph: Path
 
 
 @browsing
-def test_the_graph_moves_and_zooms(browser: Browser, graph: Path) -> None:
+def test_the_graph_can_be_panned_and_zoomed(browser: Browser, graph: Path) -> None:
     browser.open(graph)
     place = "const box = document.querySelector('.node').getBoundingClientRect();"
     place += "return [box.x, box.y, box.width]"
@@ -207,7 +205,7 @@ def test_the_graph_moves_and_zooms(browser: Browser, graph: Path) -> None:
 
 
 @browsing
-def test_what_packages_say_is_text_on_the_page_about_a_build(browser: Browser, tmp_path: Path) -> None:
+def test_package_output_is_shown_as_text_on_the_build_page(browser: Browser, tmp_path: Path) -> None:
     names = [NASTY, "'\"`${boom()}", "__proto__"]
     write_run(tmp_path, dict.fromkeys(names, ()))
     browser.open(tmp_path / "timings.html")
@@ -221,7 +219,7 @@ def test_what_packages_say_is_text_on_the_page_about_a_build(browser: Browser, t
 
 
 @browsing
-def test_a_thousand_packages_can_be_searched_and_walked_through(browser: Browser, tmp_path: Path) -> None:
+def test_a_thousand_packages_can_be_searched_and_navigated(browser: Browser, tmp_path: Path) -> None:
     names = [f"package_{number:04}" for number in range(1000)]
     before = ((), *((name,) for name in names))
     write_run(tmp_path, dict(zip(names, before, strict=False)))
@@ -259,7 +257,7 @@ def number_of(browser: Browser, name: str) -> int:
     return browser.texts(".node text:first-of-type").index(name)
 
 
-def test_a_picture_is_the_same_for_the_same_workspace(forge: Forge, tmp_path: Path) -> None:
+def test_pictures_are_reproducible(forge: Forge, tmp_path: Path) -> None:
     root = write_workspace(tmp_path / "ws")
     first = forge("graph", "--svg", cwd=root)
     assert first.code == 0, first.err
@@ -272,7 +270,7 @@ def test_a_picture_is_the_same_for_the_same_workspace(forge: Forge, tmp_path: Pa
     assert some.count('<path class="line"') == 1
 
 
-def test_mermaid_draws_an_arrow_to_each_need_that_no_other_implies(forge: Forge, tmp_path: Path) -> None:
+def test_mermaid_draws_only_dependencies_that_are_not_implied(forge: Forge, tmp_path: Path) -> None:
     root = write_workspace(tmp_path / "ws")
     lines = forge("graph", "--mermaid", "--packages-skip", "lone", cwd=root).out.splitlines()
     assert lines[0] == "flowchart TD"
@@ -288,9 +286,7 @@ def test_mermaid_draws_an_arrow_to_each_need_that_no_other_implies(forge: Forge,
     }
 
 
-def test_timings_need_a_log_folder_and_something_that_was_built(
-    forge: Forge, workspace: Path, timings: Path
-) -> None:
+def test_timings_need_a_log_folder_and_a_built_package(forge: Forge, workspace: Path, timings: Path) -> None:
     assert timings.exists()
     ran = forge("build", "--timings", "--log-base", "/dev/null", cwd=workspace)
     assert ran.code == 2
@@ -300,7 +296,7 @@ def test_timings_need_a_log_folder_and_something_that_was_built(
     assert "nothing was built" in ran.err
 
 
-def test_with_json_the_page_is_told_of_on_stderr_and_the_machine_in_an_event(
+def test_json_mode_prints_the_page_path_on_stderr_and_the_machine_as_an_event(
     forge: Forge, workspace: Path, timings: Path
 ) -> None:
     page = timings.read_text()
@@ -318,7 +314,7 @@ def test_with_json_the_page_is_told_of_on_stderr_and_the_machine_in_an_event(
     assert "than in their previous builds" in timings.read_text()
 
 
-def test_a_build_that_fails_has_a_page_too(forge: Forge, tmp_path: Path) -> None:
+def test_a_failed_build_has_a_page(forge: Forge, tmp_path: Path) -> None:
     root = write_workspace(tmp_path / "ws")
     (root / "src/msgs/CMakeLists.txt").write_text("cmake_minimum_required(VERSION 3.18)\nproject(")
     ran = forge("build", "--timings", "--packages-up-to", "map", cwd=root)

@@ -58,7 +58,7 @@ def colcon(lines: Sequence[Sequence[str]]) -> dict[str, object]:
     return answer
 
 
-def test_the_table_has_exactly_the_options_of_colcon() -> None:
+def test_the_table_lists_exactly_the_options_of_colcon() -> None:
     real = colcon([])["options"]
     assert isinstance(real, dict)
     assert {verb: set(words) | EXTRA_EXTENSIONS for verb, words in real.items()} == COLCON_OPTIONS
@@ -95,7 +95,7 @@ def plain(value: object) -> object:
 
 
 @pytest.mark.parametrize(("verb", "name"), [(verb, name) for verb, names in LISTS.items() for name in names])
-def test_list_arguments_are_split_as_by_colcon(
+def test_list_arguments_are_split_like_in_colcon(
     verb: str, name: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """A word with which colcon refuses the command line may be passed on."""
@@ -122,7 +122,7 @@ def test_list_arguments_are_split_as_by_colcon(
 
 
 @pytest.mark.parametrize("name", ["cmake_args", "ament_cmake_args", "cargo_args", "catkin_cmake_args"])
-def test_options_only_forge_has_do_not_end_a_list(name: str) -> None:
+def test_options_unknown_to_colcon_do_not_end_an_argument_list(name: str) -> None:
     option = f"--{name.replace('_', '-')}"
     words = ["--jobs", "4", "--log-level=VERBOSE", "--strict", "--", "--watch"]
     options = parser_of(["build"]).parse_args(["build", "--timings", option, *words, "--merge-install"])
@@ -131,7 +131,7 @@ def test_options_only_forge_has_do_not_end_a_list(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["pytest_args", "ctest_args", "unittest_args", "cargo_args"])
-def test_colcon_abbreviations_mean_colcon_options(name: str) -> None:
+def test_abbreviated_options_resolve_like_in_colcon(name: str) -> None:
     option = f"--{name.replace('_', '-')}"
     options = parser_of(["test"]).parse_args(["test", option[:-2], "-x", "--return", "--exec", "sequential"])
     assert plain(getattr(options, name)) == ["-x"]

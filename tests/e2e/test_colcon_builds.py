@@ -99,7 +99,7 @@ def failed(root: Path) -> set[str]:
     return {name for name, note in notes(root).items() if note not in {"0", "SIGINT"}}
 
 
-def test_unbuildable_packages_are_errors_of_both(twins: Twins) -> None:
+def test_both_tools_report_unbuildable_packages(twins: Twins) -> None:
     twins.package("a")
     twins.package("b", "<depend>a</depend>")
     ours, theirs = twins.agree("build", "--packages-select", "b")
@@ -121,7 +121,7 @@ MEANT = {
 """Lines of the page, each with a package that shows the difference."""
 
 
-def test_both_skip_packages_of_unknown_build_types(twins: Twins) -> None:
+def test_both_tools_skip_packages_of_unknown_build_types(twins: Twins) -> None:
     """Unless one is selected by name: colcon skips it, and builds nothing."""
     twins.package("a")
     twins.package("b")
@@ -135,7 +135,7 @@ def test_both_skip_packages_of_unknown_build_types(twins: Twins) -> None:
 
 
 @pytest.mark.parametrize("line", MEANT)
-def test_documented_differences_of_builds_hold(twins: Twins, line: str) -> None:
+def test_documented_build_differences_exist(twins: Twins, line: str) -> None:
     need, build_type = MEANT[line]
     twins.package("a")
     twins.write("src/a/package.xml", manifest_text("a", need, build_type=build_type))
@@ -174,7 +174,7 @@ def test_cmake_warnings_about_forge_do_not_fail_builds(twins: Twins) -> None:
     assert ours.err == ""
 
 
-def test_both_reject_folders_of_another_layout(twins: Twins) -> None:
+def test_both_tools_reject_folders_of_another_layout(twins: Twins) -> None:
     twins.package("a")
     assert twins.agree("build")[0].code == 0
     assert twins.agree("build", "--merge-install")[0].code
@@ -183,7 +183,7 @@ def test_both_reject_folders_of_another_layout(twins: Twins) -> None:
     assert twins.agree("build")[0].code
 
 
-def test_options_reach_cmake_in_the_same_way(twins: Twins) -> None:
+def test_both_tools_pass_the_same_options_to_cmake(twins: Twins) -> None:
     twins.package("a", more='file(WRITE "${CMAKE_BINARY_DIR}/said" "[${X}][${Y}][${CMAKE_BUILD_TYPE}]")')
     twins.write("src/a/colcon.pkg", "cmake-args: [-DY=package]\n")
     twins.write("colcon.meta", "names: {a: {cmake-args: ['-DCMAKE_BUILD_TYPE=Debug']}}\n")

@@ -310,7 +310,7 @@ def test_both_tools_behave_as_documented(twins: Twins, claim: str) -> None:
     SHOWN[claim](twins)
 
 
-def test_each_documented_difference_is_a_line_of_the_page() -> None:
+def test_every_documented_difference_is_on_the_page() -> None:
     text = (ROOT / "docs/reference/from-colcon.md").read_text(encoding="utf-8")
     section = text.partition("\n## Intended differences\n")[2].partition("\n## ")[0]
     lines = [line.removeprefix("| ") for line in section.splitlines()]

@@ -77,7 +77,7 @@ def _packages(info: str) -> str:
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_info_says_the_same(colcon: Colcon, forge: Forge, tmp_path: Path, seed: int) -> None:
+def test_info_prints_the_same(colcon: Colcon, forge: Forge, tmp_path: Path, seed: int) -> None:
     root = workspace(tmp_path, seed)
     for names in ([], ["a", "b", "nobody"]):
         ours, theirs = both(colcon, forge, root, "info", *names)
@@ -87,7 +87,7 @@ def test_info_says_the_same(colcon: Colcon, forge: Forge, tmp_path: Path, seed: 
 
 
 @pytest.mark.parametrize("seed", SEEDS[:2])
-def test_cycles_are_errors_of_both(colcon: Colcon, forge: Forge, tmp_path: Path, seed: int) -> None:
+def test_both_tools_report_cycles(colcon: Colcon, forge: Forge, tmp_path: Path, seed: int) -> None:
     root = workspace(tmp_path, seed, cycles=True)
     for command in ("list", "graph", "info"):
         ours, _ = both(colcon, forge, root, command)

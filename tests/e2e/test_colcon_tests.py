@@ -148,7 +148,9 @@ def test_results_survive_a_rebuild(colcon: Colcon, forge: Forge, tree: Tree) -> 
 
 
 @pytest.mark.parametrize("seed", range(25))
-def test_results_of_all_shapes_are_read_equally(colcon: Colcon, forge: Forge, tree: Tree, seed: int) -> None:
+def test_both_tools_read_all_result_formats_equally(
+    colcon: Colcon, forge: Forge, tree: Tree, seed: int
+) -> None:
     root = tree(dict(random_results(random.Random(seed))))
     for options in ([], ["--all"], ["--verbose"], ["--all", "--verbose"], ["--result-files-only"]):
         ours = forge("test-result", *options, cwd=root)

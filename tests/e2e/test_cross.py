@@ -134,7 +134,7 @@ add_test(NAME plain COMMAND plain made)
 
 
 @pytest.mark.needs("python-zig")
-def test_zig_compiles_no_cxx_library_for_a_package_in_c(tree: Tree, forge: Forge) -> None:
+def test_zig_compiles_no_cxx_library_for_c_packages(tree: Tree, forge: Forge) -> None:
     """Only zig's wheel is needed: it compiles what the linker adds to every program, for some seconds."""
     root = tree({**PLAIN, "src/maker/generator.c": MAKER["src/maker/generator.c"]})
     wheel = Path(shutil.which("python-zig") or "").parents[1]

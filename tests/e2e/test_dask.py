@@ -229,7 +229,7 @@ def test_remote_processes_end_soon_after_a_killed_client(cluster: Loopback, tmp_
     until(lambda: not programs_of(workspace.home / "build"))
 
 
-def test_a_worker_that_is_killed_is_replaced_by_another(cluster: Loopback, tmp_path: Path) -> None:
+def test_a_killed_worker_is_replaced(cluster: Loopback, tmp_path: Path) -> None:
     flag = tmp_path / "flag"
     files = {**slow("a", flag), **plain("b", "a"), **plain("c")}
     workspace = Workspace(write_files(tmp_path / "ws", files), cluster)
@@ -266,7 +266,7 @@ def test_workers_without_access_to_the_build_folder_are_rejected(apart: tuple[Lo
     )
 
 
-def test_one_worker_without_access_to_the_build_folder_is_named(apart: tuple[Loopback, Path]) -> None:
+def test_a_worker_without_access_to_the_build_folder_is_named(apart: tuple[Loopback, Path]) -> None:
     cluster, hidden = apart
     workspace = Workspace(write_files(hidden / "ws", plain("a")), cluster)
     cluster.hidden = None
@@ -280,7 +280,7 @@ def test_one_worker_without_access_to_the_build_folder_is_named(apart: tuple[Loo
     assert said.count("tcp://") == 1
 
 
-def test_a_worker_with_other_programs_is_reported(apart: tuple[Loopback, Path], tmp_path: Path) -> None:
+def test_a_worker_with_different_programs_is_reported(apart: tuple[Loopback, Path], tmp_path: Path) -> None:
     cluster, hidden = apart
     workspace = Workspace(write_files(tmp_path / "ws", plain("a")), cluster)
     program = hidden / "bin" / "cmake"

@@ -148,7 +148,7 @@ def test_values_of_variables_are_not_stored(
     assert [path for path in leaks if path.startswith(("log", "install", "cache"))] == []
 
 
-def test_a_changed_value_is_named_and_not_shown(
+def test_a_changed_variable_is_named_without_its_value(
     forge: Forge, tree: Tree, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     root = tree(cmake("a", ""))
@@ -180,7 +180,7 @@ def test_a_variable_read_by_setup_py_causes_a_rebuild(forge: Forge, tree: Tree) 
     assert builds.same_as_clean({"VER": "2"})
 
 
-def test_a_copied_environment_makes_no_variable_an_input(forge: Forge, tree: Tree) -> None:
+def test_copying_the_environment_makes_no_variable_an_input(forge: Forge, tree: Tree) -> None:
     """Each Python package copies it to start other programs."""
     setup = """import os, subprocess
 from setuptools import setup
@@ -341,7 +341,7 @@ def test_package_arguments_can_select_another_compiler(forge: Forge, tree: Tree)
     assert said["a"] != said["b"]
 
 
-def test_foreign_modules_in_a_folder_named_like_cmakes_are_inputs(forge: Forge, tree: Tree) -> None:
+def test_modules_in_a_folder_named_like_that_of_cmake_are_inputs(forge: Forge, tree: Tree) -> None:
     root = tree({"opt/share/cmake/Modules/My.cmake": "set(VV 1)\n", "opt/COLCON_IGNORE": ""})
     text = f"list(APPEND CMAKE_MODULE_PATH {root}/opt/share/cmake/Modules)\n"
     text += "include(My)\nadd_definitions(-DV=${VV})\n"
@@ -411,7 +411,7 @@ execute_process(COMMAND ${Python3_EXECUTABLE} ${CMAKE_SOURCE_DIR}/fill.py ${CMAK
 
 
 @pytest.mark.parametrize("reader", READS_A_COPY)
-def test_a_variable_named_in_what_reads_a_copy_of_the_environment_is_an_input(
+def test_variables_named_in_scripts_that_copy_the_environment_are_inputs(
     forge: Forge, tree: Tree, reader: str
 ) -> None:
     files = cmake("a", READS_A_COPY[reader] + "include_directories(${CMAKE_BINARY_DIR})\n") | {
@@ -426,7 +426,7 @@ def test_a_variable_named_in_what_reads_a_copy_of_the_environment_is_an_input(
     assert builds.same_as_clean({"MINE": "2"})
 
 
-def test_a_library_that_appears_in_front_of_another_causes_a_rebuild(forge: Forge, tree: Tree) -> None:
+def test_a_library_that_shadows_another_causes_a_rebuild(forge: Forge, tree: Tree) -> None:
     text = """execute_process(COMMAND $ENV{TOOL} OUTPUT_VARIABLE v)
 add_definitions(-DV=${v})
 """
@@ -452,7 +452,7 @@ add_definitions(-DV=${v})
     assert builds.same_as_clean(env)
 
 
-def test_the_home_folder_and_the_locale_are_inputs_of_those_that_name_them(forge: Forge, tree: Tree) -> None:
+def test_home_and_locale_are_inputs_only_if_named(forge: Forge, tree: Tree) -> None:
     text = 'string(LENGTH "$ENV{HOME}$ENV{LC_TIME}" n)\nadd_definitions(-DV=${n})\n'
     builds = Builds(forge, tree(cmake("a", text) | cmake("b", "")))
     builds.build({"HOME": "/h", "LC_TIME": "C"})
@@ -461,7 +461,7 @@ def test_the_home_folder_and_the_locale_are_inputs_of_those_that_name_them(forge
     assert builds.build({"HOME": "/h/2", "LC_TIME": "C.UTF-8", "LC_NAME": "C"}) == []
 
 
-def test_an_observed_build_uses_no_result_of_which_not_all_inputs_are_known(forge: Forge, tree: Tree) -> None:
+def test_observed_builds_ignore_results_with_unknown_inputs(forge: Forge, tree: Tree) -> None:
     root = tree(cmake("a", "add_definitions(-DV=1$ENV{MINE})\n"))
     for value, options in (("1", ("--no-observer",)), ("2", ())):
         for folder in ("build", "install", "log"):

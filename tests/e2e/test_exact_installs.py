@@ -83,7 +83,7 @@ def hold_against_clean(forge: Forge, root: Path, *options: str) -> None:
 # --- what stays behind, what is in the way
 
 
-def test_install_code_finds_the_prefix_as_in_a_clean_build(forge: Forge, tree: Tree) -> None:
+def test_install_code_sees_the_prefix_as_in_a_clean_build(forge: Forge, tree: Tree) -> None:
     body = (
         'install(CODE "execute_process(COMMAND ln -s to ${CMAKE_INSTALL_PREFIX}/made)")\n'
         "install(FILES c.txt DESTINATION share)"
@@ -99,9 +99,7 @@ def test_install_code_finds_the_prefix_as_in_a_clean_build(forge: Forge, tree: T
     assert before == look(root / "install")
 
 
-def test_a_file_that_another_package_no_longer_overwrites_is_installed_again(
-    forge: Forge, tree: Tree
-) -> None:
+def test_a_file_is_reinstalled_when_another_package_stops_overwriting_it(forge: Forge, tree: Tree) -> None:
     body = "install(FILES c.txt DESTINATION share)"
     root = tree({**cmake("a", body, **{"c.txt": "a"}), **cmake("b", body, "a", **{"c.txt": "b"})})
     build(forge, root, MERGED)
@@ -307,7 +305,7 @@ def test_removed_workspace_scripts_are_recreated(forge: Forge, tree: Tree, optio
         assert look(root / "install") == before
 
 
-def test_without_records_files_of_earlier_builds_are_removed(forge: Forge, tree: Tree) -> None:
+def test_files_of_earlier_builds_are_removed_without_records(forge: Forge, tree: Tree) -> None:
     """The build folder was removed, the install folder was not."""
     root = tree(cmake("a", "install(DIRECTORY d/ DESTINATION share/d)", **{"d/x": "1", "d/y": "1"}))
     build(forge, root)
@@ -317,7 +315,7 @@ def test_without_records_files_of_earlier_builds_are_removed(forge: Forge, tree:
 
 
 @pytest.mark.parametrize("options", [(LINKED,), (LINKED, MERGED)], ids=["isolated", "merged"])
-def test_without_records_existing_links_are_installed_again(
+def test_existing_links_are_reinstalled_without_records(
     forge: Forge, tree: Tree, options: tuple[str, ...]
 ) -> None:
     """CMake does not list links that exist, so their hooks and stale links would be lost from sight."""
@@ -330,7 +328,7 @@ def test_without_records_existing_links_are_installed_again(
     hold_against_clean(forge, root, *options)
 
 
-def test_a_first_build_that_fails_leaves_no_files(forge: Forge, tree: Tree) -> None:
+def test_a_failed_first_build_leaves_no_files(forge: Forge, tree: Tree) -> None:
     """Else they would stay for ever if the next one does not install them."""
     body = "install(FILES x DESTINATION share)\ninstall(CODE [[message(FATAL_ERROR no)]])"
     root = tree(cmake("a", body, x="1"))
@@ -508,7 +506,7 @@ def test_the_last_package_wins_even_if_an_earlier_one_takes_longer(
     hold_against_clean(forge, root, MERGED, *options)
 
 
-def test_a_folder_that_another_package_leaves_meanwhile_is_made_again(forge: Forge, tree: Tree) -> None:
+def test_a_folder_removed_by_another_package_is_recreated(forge: Forge, tree: Tree) -> None:
     """`b` begins, and with it the last file in `lib` is moved away, while `a` is about to make `lib/a`."""
     wait = (
         "file(MAKE_DIRECTORY ${{CMAKE_INSTALL_PREFIX}}/lib)\n"
@@ -541,7 +539,7 @@ def test_a_folder_that_another_package_leaves_meanwhile_is_made_again(forge: For
 # --- what else an install step copies
 
 
-def test_a_folder_elsewhere_that_is_installed_stays_an_input(forge: Forge, tree: Tree) -> None:
+def test_an_installed_external_folder_remains_an_input(forge: Forge, tree: Tree) -> None:
     """Also after a build that began in an empty folder, but had little to install."""
     body = (
         "file(READ ../../conf conf)\nfile(WRITE ${CMAKE_BINARY_DIR}/conf.txt ${conf})\n"
@@ -565,7 +563,7 @@ def test_a_folder_elsewhere_that_is_installed_stays_an_input(forge: Forge, tree:
         "install(DIRECTORY ${CMAKE_BINARY_DIR}/d DESTINATION share USE_SOURCE_PERMISSIONS)",
     ],
 )
-def test_folders_are_copied_with_their_new_modes(forge: Forge, tree: Tree, body: str) -> None:
+def test_folders_are_copied_with_changed_modes(forge: Forge, tree: Tree, body: str) -> None:
     root = tree(cmake("a", body, **{"d/e/x": "1"}))
     build(forge, root)
     for name, mode in (("d/e", 0o700), ("d", 0o750), ("d/e", 0o755)):
@@ -575,7 +573,7 @@ def test_folders_are_copied_with_their_new_modes(forge: Forge, tree: Tree, body:
     hold_against_clean(forge, root)
 
 
-def test_another_umask_gives_what_steps_install_other_rights(forge: Forge, tree: Tree) -> None:
+def test_a_changed_umask_changes_installed_permissions(forge: Forge, tree: Tree) -> None:
     body = (
         "file(WRITE ${CMAKE_BINARY_DIR}/d/x 1)\n"
         "install(DIRECTORY ${CMAKE_BINARY_DIR}/d DESTINATION . USE_SOURCE_PERMISSIONS)"
@@ -594,7 +592,7 @@ def test_another_umask_gives_what_steps_install_other_rights(forge: Forge, tree:
 
 
 @pytest.mark.needs("g++")
-def test_what_only_another_target_makes_is_not_installed_later(forge: Forge, tree: Tree) -> None:
+def test_outputs_of_another_target_are_not_installed_later(forge: Forge, tree: Tree) -> None:
     body = "add_executable(x EXCLUDE_FROM_ALL x.c)\ninstall(TARGETS x OPTIONAL DESTINATION bin)"
     root = tree(cmake("a", body, languages="C", **{"x.c": "int main(void) { return 0; }"}))
     build(forge, root, "--cmake-target", "x")
@@ -603,7 +601,7 @@ def test_what_only_another_target_makes_is_not_installed_later(forge: Forge, tre
     assert not (root / "install/a/bin/x").exists()
 
 
-def test_a_file_where_forge_needs_a_folder_is_named(forge: Forge, tree: Tree) -> None:
+def test_a_file_in_place_of_a_folder_is_named(forge: Forge, tree: Tree) -> None:
     root = tree(
         cmake(
             "a", "file(WRITE ${CMAKE_BINARY_DIR}/a)\ninstall(FILES ${CMAKE_BINARY_DIR}/a DESTINATION share)"

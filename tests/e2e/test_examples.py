@@ -53,7 +53,7 @@ def test_python_reads_messages_printed_by_cpp(examples: Path) -> None:
     assert piped == report
 
 
-def test_every_package_of_the_workspace_is_listed_once(examples: Path) -> None:
+def test_every_workspace_package_is_listed_once(examples: Path) -> None:
     names = shell("forge list --names-only", examples).split()
     assert names == sorted(path.name for path in (EXAMPLES / "src").iterdir())
 
@@ -83,7 +83,7 @@ def test_a_consumer_links_the_exported_library(examples: Path, tmp_path: Path) -
     assert sourced(examples, f"{build} && out/main && echo 'linked and run'") == "linked and run\n"
 
 
-def test_actions_build_their_implied_dependency(examples: Path) -> None:
+def test_actions_build_their_implied_dependencies(examples: Path) -> None:
     """robot_control_interfaces does not name action_msgs; its types refer to it all the same."""
     manifest = EXAMPLES / "src/robot_control_interfaces/package.xml"
     assert "action_msgs</" not in manifest.read_text(encoding="utf-8")

@@ -186,7 +186,7 @@ def test_a_closed_terminal_ends_the_build(waiting: Path, view: str) -> None:
     assert is_as_before(waiting)
 
 
-def test_a_reader_that_leaves_ends_the_build(waiting: Path) -> None:
+def test_a_closed_output_pipe_ends_the_build(waiting: Path) -> None:
     write_files(waiting, package("c", PLAIN, "b"))
     with start(waiting) as process:
         until(waiting / "ready")
@@ -332,7 +332,7 @@ sys.exit(code)
     ],
     ids=["lines", "a line without end", "bytes on stderr"],
 )
-def test_a_flood_of_output_is_logged_in_bounded_memory(tree: Tree, flood: str) -> None:
+def test_huge_output_is_logged_in_bounded_memory(tree: Tree, flood: str) -> None:
     root = tree(package("a", f"{flood}\n{PLAIN}"))
     (root / "src/a/CMakeLists.txt").write_text(
         (root / "src/a/CMakeLists.txt").read_text().replace(" ALL COMMAND", " ALL USES_TERMINAL COMMAND")
@@ -404,7 +404,7 @@ def test_a_full_disk_is_reported_and_leaves_no_partial_state(tree: Tree, base: s
 
 
 @pytest.mark.parametrize("base", ["build", "install"])
-def test_a_full_disk_in_a_python_install_is_one_error_with_a_path(tree: Tree, base: str) -> None:
+def test_a_full_disk_during_a_python_install_gives_one_error_with_a_path(tree: Tree, base: str) -> None:
     root = tree(
         {
             "ws/src/p/package.xml": manifest_text("p", build_type="ament_python"),
@@ -431,7 +431,7 @@ def test_a_full_disk_in_a_python_install_is_one_error_with_a_path(tree: Tree, ba
 
 
 @pytest.mark.parametrize("part", ["build/p/d", "install/p/d"])
-def test_a_mount_that_cannot_be_removed_is_one_error_with_its_path(tree: Tree, part: str) -> None:
+def test_a_mount_that_cannot_be_removed_gives_one_error_with_its_path(tree: Tree, part: str) -> None:
     root = tree({f"ws/{name}": text for name, text in package("p").items()}) / "ws"
     assert run(root).returncode == 0
     with small_disk(root / part, 100) as mounted:
@@ -507,7 +507,7 @@ def test_files_changed_during_a_build_are_built_next_time(waiting: Path) -> None
     mended(waiting)
 
 
-def test_files_may_change_and_disappear_while_they_are_read(tree: Tree) -> None:
+def test_files_may_change_or_disappear_while_being_read(tree: Tree) -> None:
     root = tree({f"ws/{name}": text for name, text in package("a").items()}) / "ws"
     stop = threading.Event()
 
@@ -535,7 +535,7 @@ def test_files_may_change_and_disappear_while_they_are_read(tree: Tree) -> None:
 # -- Neighbours
 
 
-def test_a_second_build_waits_or_refuses_as_asked(waiting: Path) -> None:
+def test_a_second_build_waits_or_fails_as_requested(waiting: Path) -> None:
     with start(waiting) as first:
         until(waiting / "ready")
         refused = run(waiting, "--no-wait")
@@ -579,7 +579,7 @@ def test_builds_in_different_folders_run_concurrently(waiting: Path) -> None:
     mended(waiting)
 
 
-def test_tests_and_builds_wait_for_each_other(waiting: Path) -> None:
+def test_tests_and_builds_exclude_each_other(waiting: Path) -> None:
     with start(waiting) as first:
         until(waiting / "ready")
         argv = [sys.executable, "-m", "forge", "test", "--no-wait"]

@@ -162,7 +162,7 @@ FAILS = "install(CODE [[message(FATAL_ERROR no)]])\n"
 
 @pytest.mark.slow
 @EVERY_LAYOUT
-def test_files_of_others_outlive_random_edits(forge: Forge, tree: Tree, options: tuple[str, ...]) -> None:
+def test_unowned_files_survive_random_edits(forge: Forge, tree: Tree, options: tuple[str, ...]) -> None:
     root = tree(sources())
     lists = root / "src/a/CMakeLists.txt"
     lists.write_text(lists.read_text().replace("@SOURCE@", str(root / "src/a")))
@@ -251,7 +251,7 @@ LAYOUTS_AND_ENDS = pytest.mark.parametrize(
     ],
     ids=["file", "folder", "code"],
 )
-def test_a_package_does_not_install_over_files_of_others(
+def test_installs_do_not_overwrite_unowned_files(
     forge: Forge, tree: Tree, options: tuple[str, ...], case: tuple[str, str, str]
 ) -> None:
     """The build fails with both paths, and everything is as it was; without that file it succeeds."""
@@ -276,7 +276,7 @@ def test_a_package_does_not_install_over_files_of_others(
 
 
 @MERGED
-def test_a_pipe_and_a_folder_in_the_place_of_a_file_stay(
+def test_a_pipe_or_folder_in_place_of_a_file_is_kept(
     forge: Forge, tree: Tree, options: tuple[str, ...]
 ) -> None:
     """CMake replaces the pipe, and changes the permissions of the folder."""
@@ -298,7 +298,7 @@ def test_a_pipe_and_a_folder_in_the_place_of_a_file_stay(
 @pytest.mark.parametrize(
     "command", ["rm -r SHARE/mine", "mv SHARE/mine SHARE/theirs", "rm -r SHARE/mine; touch SHARE/mine"]
 )
-def test_what_code_of_a_package_removes_is_given_back(
+def test_unowned_files_removed_by_install_code_are_restored(
     forge: Forge, tree: Tree, options: tuple[str, ...], command: str
 ) -> None:
     """After a build that fails, and after one that does not."""
@@ -331,7 +331,7 @@ WRITES = ("echo 2 >FILE", "echo 2 >>FILE", "truncate -s 1 FILE", "dd if=LISTS of
 
 @SOME_LAYOUTS
 @pytest.mark.parametrize("end", ["", FAILS], ids=["well", "failing"])
-def test_what_code_of_a_package_writes_in_place_is_given_back(
+def test_unowned_files_modified_by_install_code_are_restored(
     forge: Forge, tree: Tree, options: tuple[str, ...], end: str
 ) -> None:
     """Small and large files, however they are written to."""
@@ -354,7 +354,7 @@ def test_what_code_of_a_package_writes_in_place_is_given_back(
     assert {name: (share / name).read_text() for name in mine} == mine
 
 
-def test_a_file_that_nobody_claimed_may_be_written_by_the_package_later(forge: Forge, tree: Tree) -> None:
+def test_a_package_may_later_write_a_file_that_was_unobserved(forge: Forge, tree: Tree) -> None:
     """At first, the program that writes it is not observed."""
     write = "sh -c 'echo 2 > ${CMAKE_INSTALL_PREFIX}/share/a/f'"
     root = tree(plain(f"install(CODE [[execute_process(COMMAND env -i {write})]])"))
@@ -380,7 +380,7 @@ def test_a_file_that_nobody_claimed_may_be_written_by_the_package_later(forge: F
     ],
     ids=["file", "file over folder", "folder", "through", "append", "remove", "replace"],
 )
-def test_nothing_is_written_through_a_link_that_leads_out(
+def test_no_files_are_written_through_links_out_of_the_prefix(
     forge: Forge, tree: Tree, options: tuple[str, ...], body: str
 ) -> None:
     """The link of somebody else stays, and so does what is behind it, permissions included."""
@@ -438,7 +438,7 @@ def test_python_modules_are_not_installed_through_a_link(
         assert (root / "precious/__init__.py").read_text() == "mine = 1"
 
 
-def test_nothing_is_restored_from_a_cache_through_a_link(forge: Forge, tree: Tree, tmp_path: Path) -> None:
+def test_cached_files_are_not_restored_through_a_link(forge: Forge, tree: Tree, tmp_path: Path) -> None:
     root = tree(plain("install(FILES d/f DESTINATION share/a/link)"))
     cache = ("--cache", str(tmp_path / "cache"))
     assert forge("build", *cache, cwd=root).code == 0
@@ -472,7 +472,7 @@ def test_a_link_in_place_of_an_installed_folder_is_not_followed(
 
 @MERGED
 @pytest.mark.parametrize("copied", [True, False], ids=["copied workspace", "second install folder"])
-def test_what_a_build_folder_lists_elsewhere_stays(
+def test_files_that_a_build_folder_lists_elsewhere_are_kept(
     forge: Forge, tree: Tree, options: tuple[str, ...], *, copied: bool
 ) -> None:
     """A copied build folder lists the links of the original workspace, which the next build leaves there."""
@@ -499,7 +499,7 @@ def test_what_a_build_folder_lists_elsewhere_stays(
     assert installed(root) == first
 
 
-def test_an_edited_file_that_is_no_longer_installed_stays(forge: Forge, tree: Tree) -> None:
+def test_an_edited_file_is_kept_when_no_longer_installed(forge: Forge, tree: Tree) -> None:
     root = tree(plain("install(FILES d/f DESTINATION share/a)"))
     assert forge("build", cwd=root).code == 0
     path = root / "install/a/share/a/f"
@@ -512,7 +512,7 @@ def test_an_edited_file_that_is_no_longer_installed_stays(forge: Forge, tree: Tr
 
 
 @LAYOUTS_AND_ENDS
-def test_a_file_with_a_name_elsewhere_is_given_back_there(
+def test_a_hard_linked_file_outside_the_prefix_is_restored(
     forge: Forge, tree: Tree, options: tuple[str, ...], end: str
 ) -> None:
     """A step that writes to a hard link in place writes to a file outside of the prefix."""
@@ -531,7 +531,7 @@ def test_a_file_with_a_name_elsewhere_is_given_back_there(
 
 @MERGED
 @pytest.mark.parametrize("end", ["", "message(FATAL_ERROR no)\n"], ids=["well", "failing"])
-def test_scripts_of_others_beside_those_of_a_package_stay(
+def test_unowned_scripts_beside_those_of_a_package_are_kept(
     forge: Forge, tree: Tree, options: tuple[str, ...], end: str
 ) -> None:
     """Hooks of the user may have any name."""
@@ -551,7 +551,7 @@ def test_scripts_of_others_beside_those_of_a_package_stay(
 
 
 @pytest.mark.parametrize("end", ["", "message(FATAL_ERROR no)"], ids=["well", "failing"])
-def test_a_file_in_a_folder_that_a_step_has_renamed_stays(forge: Forge, tree: Tree, end: str) -> None:
+def test_an_unowned_file_in_a_renamed_folder_is_kept(forge: Forge, tree: Tree, end: str) -> None:
     """The folder is the package's, the file is not."""
     code = f"""install(CODE [[
 file(WRITE "${{CMAKE_INSTALL_PREFIX}}/draft/own" x)
@@ -575,7 +575,7 @@ execute_process(COMMAND sleep 2)
 @pytest.mark.parametrize(
     "command", ["rm -rf PREFIX", "rm -rf PREFIX/.forge*; rm -rf PREFIX", "mv PREFIX PREFIX.old"]
 )
-def test_a_step_that_removes_its_prefix_removes_no_file_of_others(
+def test_a_step_that_removes_its_prefix_removes_no_unowned_files(
     forge: Forge, tree: Tree, options: tuple[str, ...], command: str, end: str
 ) -> None:
     """In a merged prefix, the copies of these files lie in the same folder."""
@@ -595,7 +595,7 @@ def test_a_step_that_removes_its_prefix_removes_no_file_of_others(
 
 
 @MERGED
-def test_a_file_written_where_a_package_no_longer_installs_one_stays(
+def test_a_file_written_at_a_formerly_installed_path_is_kept(
     forge: Forge, tree: Tree, options: tuple[str, ...]
 ) -> None:
     """Another package, or its owner, may write it while the package is built."""
@@ -623,7 +623,7 @@ int main(int count, char **words) {
 
 
 @LAYOUTS_AND_ENDS
-def test_what_a_program_that_cannot_be_observed_changes_is_kept(
+def test_files_changed_by_an_unobservable_program_are_kept(
     forge: Forge, tree: Tree, options: tuple[str, ...], end: str
 ) -> None:
     """Whether the package or the user has changed a file is unknown: both contents stay."""
@@ -644,7 +644,7 @@ def test_what_a_program_that_cannot_be_observed_changes_is_kept(
     assert sorted(path.name for path in share.glob("*build*")) == ["mine.before_build"]
 
 
-def test_what_unobserved_code_installed_is_restored_although_the_record_was_lost(
+def test_files_installed_by_unobserved_code_are_restored_without_a_record(
     forge: Forge, tree: Tree, tmp_path: Path
 ) -> None:
     """The list of installed files names it, too, so that no result without it is stored."""
@@ -664,7 +664,7 @@ def test_what_unobserved_code_installed_is_restored_although_the_record_was_lost
     assert path.read_text() == "1"
 
 
-def test_code_of_a_merged_package_that_is_not_observed_leaves_no_copies(
+def test_unobserved_code_in_a_merged_prefix_leaves_no_copies(
     forge: Forge, tree: Tree, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Without a compiler, no step is observed, and no list names what code installs."""
@@ -681,7 +681,7 @@ def test_code_of_a_merged_package_that_is_not_observed_leaves_no_copies(
     assert not [*(root / "install").rglob("*.before_build")]
 
 
-def test_nothing_is_installed_before_the_first_build_of_a_package(forge: Forge, tree: Tree) -> None:
+def test_unowned_files_are_kept_in_the_first_build(forge: Forge, tree: Tree) -> None:
     """A link in a merged prefix leads to files that are named like those of forge."""
     mine = {f"precious/share/a/{name}": "mine" for name in ("package.sh", "package.dsv", "hook/x.sh")}
     root = tree({**plain(""), **mine, "install/.keep": ""})
@@ -691,7 +691,9 @@ def test_nothing_is_installed_before_the_first_build_of_a_package(forge: Forge, 
     assert sum(path.is_file() for path in (root / "precious").rglob("*")) == len(mine)
 
 
-def test_all_kinds_of_entries_stay(forge: Forge, tree: Tree, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_all_kinds_of_unowned_entries_are_kept(
+    forge: Forge, tree: Tree, monkeypatch: pytest.MonkeyPatch
+) -> None:
     root = tree(plain(""))
     assert forge("build", cwd=root).code == 0
     prefix = root / "install/a"
@@ -710,7 +712,7 @@ def test_all_kinds_of_entries_stay(forge: Forge, tree: Tree, monkeypatch: pytest
 MOUNT = ("unshare", "--user", "--map-root-user", "--mount")
 
 
-def test_nothing_is_lost_behind_a_mount(tree: Tree) -> None:
+def test_files_below_a_mount_are_kept(tree: Tree) -> None:
     """A volume in a prefix is left alone, in an install folder that is being rebuilt."""
     if shutil.which("unshare") is None or subprocess.run((*MOUNT, "true"), check=False).returncode:
         pytest.skip("no mounts in a namespace on this machine")

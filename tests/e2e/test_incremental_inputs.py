@@ -350,7 +350,7 @@ WITH_MAKE = (
     ("generator", "name"),
     [*(("Ninja", name) for name in CASES), *(("Unix Makefiles", name) for name in WITH_MAKE)],
 )
-def test_any_change_is_built_as_in_an_empty_folder(
+def test_a_build_after_any_change_matches_a_clean_build(
     generator: str, name: str, forge: Forge, tree: Tree
 ) -> None:
     case = CASES[name]
@@ -396,7 +396,7 @@ def _saved_during_the_build(when: str) -> dict[str, str]:
 
 
 @pytest.mark.parametrize("when", ["before", "after"])
-def test_a_save_during_a_build_is_noticed(when: str, forge: Forge, tree: Tree) -> None:
+def test_a_file_saved_during_a_build_is_rebuilt(when: str, forge: Forge, tree: Tree) -> None:
     """Before the file is compiled or after; if it is taken back, what was made may be of either state."""
     root = tree(_saved_during_the_build(when))
     names = sorted(path.name for path in (root / "src").iterdir())
@@ -489,7 +489,7 @@ def test_a_new_source_recompiles_nothing_else(forge: Forge, tree: Tree) -> None:
     assert {name: after[name] for name in before} == before
 
 
-def test_sources_dated_in_the_future_are_built_as_others(forge: Forge, tree: Tree) -> None:
+def test_sources_with_future_times_are_built_normally(forge: Forge, tree: Tree) -> None:
     """For example after the clock of a board without a battery was wrong."""
     root = tree({**packages(a=BUILD), "src/a/x.c": PROGRAM})
     future = time.time() + 1e8

@@ -88,7 +88,7 @@ def test_only_the_changed_definition_and_its_users_are_generated(forge: Forge, t
     assert is_as_clean(forge, root)
 
 
-def test_a_failed_generation_costs_nothing(forge: Forge, tree: Tree) -> None:
+def test_a_failed_generation_discards_no_outputs(forge: Forge, tree: Tree) -> None:
     root = workspace(tree)
     built(forge, root)
     before = generated(root)
@@ -104,7 +104,7 @@ def test_a_failed_generation_costs_nothing(forge: Forge, tree: Tree) -> None:
     assert is_as_clean(forge, root)
 
 
-def test_without_its_ledger_the_generator_begins_in_an_empty_folder(forge: Forge, tree: Tree) -> None:
+def test_a_missing_ledger_makes_the_generator_start_clean(forge: Forge, tree: Tree) -> None:
     """tests/integration/interfaces/test_edits.py damages it in other ways."""
     root = workspace(tree)
     built(forge, root)

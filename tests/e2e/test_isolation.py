@@ -104,7 +104,7 @@ def test_modules_in_PYTHONPATH_and_the_working_folder_are_ignored(tree: Tree, fo
     assert "string data" in said
 
 
-def test_a_client_without_its_worker_starts_this_forge(tmp_path: Path, foreign: Path) -> None:
+def test_a_client_without_a_worker_starts_the_same_forge(tmp_path: Path, foreign: Path) -> None:
     client = str(HOME / "forge/execution/worker_client.py")
     run(foreign, sys.executable, "-S", "-E", client, "--version", python_path=foreign)
     gone = str(tmp_path / "gone")

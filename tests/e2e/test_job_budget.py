@@ -125,7 +125,7 @@ def test_concurrent_makes_share_the_jobs(workspace: Path) -> None:
     assert watch.most == 2
 
 
-def test_the_users_makeflags_set_the_budget(workspace: Path) -> None:
+def test_makeflags_of_the_user_set_the_job_budget(workspace: Path) -> None:
     watch = watched(workspace, *FORGE, "--packages-select", "a", env={"MAKEFLAGS": "-j1"})
     assert watch.most == 1
 

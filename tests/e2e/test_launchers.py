@@ -101,7 +101,7 @@ def test_ccache_is_shared_between_workspaces(forge: Forge, tmp_path: Path) -> No
 
 @pytest.mark.needs("ccache")
 @pytest.mark.parametrize(("words", "hits"), [((), 0), (("--cache", "packages"), 1)])
-def test_debug_information_is_shared_where_it_names_no_folder(
+def test_debug_information_without_paths_is_shared(
     forge: Forge, tree: Tree, words: tuple[str, ...], hits: int
 ) -> None:
     """Else a debugger would look for sources where another workspace is, or was."""
@@ -148,7 +148,7 @@ def test_changing_the_launcher_rebuilds_nothing(forge: Forge, tree: Tree) -> Non
 
 
 @pytest.mark.needs("ccache", "distcc")
-def test_definitions_of_the_user_take_precedence(forge: Forge, tree: Tree) -> None:
+def test_user_definitions_take_precedence(forge: Forge, tree: Tree) -> None:
     root = tree(package("one"))
     env = {"CCACHE_DIR": str(root / "cache")}
     own = "-DCMAKE_CXX_COMPILER_LAUNCHER=/usr/bin/ccache"
@@ -160,9 +160,7 @@ def test_definitions_of_the_user_take_precedence(forge: Forge, tree: Tree) -> No
 
 @pytest.mark.needs("ccache")
 @pytest.mark.parametrize("generator", ["Ninja", "Unix Makefiles"])
-def test_a_changed_header_is_noticed_though_the_object_came_from_the_cache(
-    forge: Forge, tree: Tree, generator: str
-) -> None:
+def test_a_changed_header_is_detected_for_cached_objects(forge: Forge, tree: Tree, generator: str) -> None:
     """Ccache makes paths below the workspace relative, in lists of what a source includes as well."""
     root = tree(
         {
@@ -187,7 +185,7 @@ def test_a_changed_header_is_noticed_though_the_object_came_from_the_cache(
 
 
 @pytest.mark.needs("ccache")
-def test_an_error_names_its_file_as_without_ccache(forge: Forge, tree: Tree) -> None:
+def test_errors_name_files_like_without_ccache(forge: Forge, tree: Tree) -> None:
     root = tree({**package("one"), "src/one/one_0.cpp": "int wrong( {\n"})
     env = {"CCACHE_DIR": str(root / "cache")}
     plain = forge("build", cwd=root, env=env)

@@ -55,7 +55,7 @@ def build(forge: Forge, root: Path, *options: str) -> dict[str, tuple[str, ...]]
     return {name: what for name, what in look(root / "install").items() if "__pycache__" not in name}
 
 
-def test_links_replace_copies_and_copies_links(forge: Forge, tree: Tree) -> None:
+def test_links_and_copies_replace_each_other(forge: Forge, tree: Tree) -> None:
     root = tree({f"ws/{name}": text for name, text in FILES.items()}) / "ws"
     found = [build(forge, root, *options) for options in ((), ("--symlink-install",), ())]
     for name in ("build", "install", "log"):

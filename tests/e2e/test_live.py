@@ -147,7 +147,9 @@ def test_the_remaining_time_is_estimated_from_earlier_builds(tree: Tree) -> None
     ("options", "variables"),
     [((), {"TERM": "dumb"}), (("--event-handlers", "status-"), {})],
 )
-def test_plain_output_on_request(tree: Tree, options: tuple[str, ...], variables: dict[str, str]) -> None:
+def test_plain_output_can_be_requested(
+    tree: Tree, options: tuple[str, ...], variables: dict[str, str]
+) -> None:
     terminal = build(tree(package("first", 0.3)), *options, variables=variables)
     assert terminal.end() == 0
     assert "Starting >>> first" in terminal.frames[-1]

@@ -141,7 +141,7 @@ def test_a_failure_ends_with_a_hint(forge: Forge, tree: Tree) -> None:
         assert hint.replace("broken", f"broken_{number}") in hints[0], name
 
 
-def test_a_missing_package_stops_only_what_requires_it(forge: Forge, tree: Tree) -> None:
+def test_a_missing_package_stops_only_its_dependents(forge: Forge, tree: Tree) -> None:
     """A manifest may name a package that CMake never looks for; dependents of what fails are left out."""
     files = {
         f"src/{name}/{file}": text
@@ -168,7 +168,7 @@ def test_a_missing_package_stops_only_what_requires_it(forge: Forge, tree: Tree)
     assert "which is neither in" not in tried.err
 
 
-def test_a_package_without_its_cmakelists(forge: Forge, tree: Tree) -> None:
+def test_a_missing_cmakelists_is_reported(forge: Forge, tree: Tree) -> None:
     """The manifest says CMake, the folder says Python: one of them was forgotten."""
     files = {"src/broken/package.xml": manifest_text("broken", build_type="cmake")}
     ran = forge("build", cwd=tree(files))
@@ -218,7 +218,7 @@ def test_a_message_not_listed_in_cmakelists_gets_a_hint(forge: Forge, tree: Tree
     assert 'hint: add "msg/Forgotten.msg" to rosidl_generate_interfaces() in CMakeLists.txt\n' in ran.err
 
 
-def test_a_definition_without_its_d(forge: Forge, tree: Tree) -> None:
+def test_a_definition_without_its_d_prefix_gets_a_hint(forge: Forge, tree: Tree) -> None:
     """CMake would warn of a path, once for each package."""
     ran = forge("build", "--cmake-args", "CMAKE_BUILD_TYPE=Debug", "-D", "A=1", cwd=tree(LIBRARY))
     assert ran.err.startswith(
@@ -228,7 +228,7 @@ def test_a_definition_without_its_d(forge: Forge, tree: Tree) -> None:
     assert ran.err.count("hint: write") == 1
 
 
-def test_a_definition_without_its_dash(forge: Forge, tree: Tree) -> None:
+def test_a_definition_without_its_dash_gets_a_hint(forge: Forge, tree: Tree) -> None:
     """The D belongs to the option, unless the rest is no variable that CMake knows."""
     words = ("DCMAKE_BUILD_TYPE=Debug", "DBUILD_TESTING:BOOL=OFF", "DEPTH=1")
     ran = forge("build", "--cmake-args", *words, cwd=tree(LIBRARY))

@@ -59,7 +59,7 @@ def test_a_malformed_manifest_is_shown_where_it_breaks(forge: Forge, tree: Tree)
     one_message(ran, "src/a/package.xml:4:", "error: ", "hint: <version> in line 4 is not closed")
 
 
-def test_a_manifest_that_is_no_utf_8_says_so(forge: Forge, tree: Tree) -> None:
+def test_a_manifest_in_an_invalid_encoding_is_reported(forge: Forge, tree: Tree) -> None:
     root = tree({"src/a/package.xml": manifest("a")})
     path = root / "src/a/package.xml"
     path.write_bytes(path.read_bytes().replace(b"Someone", b"J\xfcrgen"))

@@ -200,7 +200,7 @@ def configured_repository(root: Path, sprung: Path) -> None:
 
 
 @pytest.mark.parametrize("words", ["status", "ls-tree HEAD~1", "diff"])
-def test_the_traps_of_the_repository_work(words: str, tree: Tree, tmp_path: Path) -> None:
+def test_repository_traps_detect_execution(words: str, tree: Tree, tmp_path: Path) -> None:
     sprung = tmp_path / "sprung"
     root = tree({"ws/a/x.py": "", "ws/a/package.xml": manifest_text("a")}) / "ws"
     configured_repository(root, sprung)
@@ -255,7 +255,7 @@ def test_completion_runs_no_code_of_the_workspace(kind: str, tree: Tree, tmp_pat
 
 
 @pytest.mark.needs("cmake")
-def test_the_traps_of_the_workspace_work(tree: Tree, tmp_path: Path) -> None:
+def test_workspace_traps_detect_execution(tree: Tree, tmp_path: Path) -> None:
     """A test that no trap springs says nothing of traps that cannot."""
     sprung = tmp_path / "sprung"
     root = tree({f"ws/{path}": text for path, text in traps(sprung).items()}) / "ws"

@@ -66,7 +66,7 @@ READ = {
 
 
 @pytest.mark.parametrize("change", READ)
-def test_a_command_runs_again_if_what_it_read_changed(forge: Forge, tree: Tree, change: str) -> None:
+def test_a_command_reruns_if_its_inputs_change(forge: Forge, tree: Tree, change: str) -> None:
     root = tree({**FILES, "src/a/CMakeLists.txt": GENERATES})
     built(forge, root)
     edit(root, *READ[change])
@@ -84,7 +84,7 @@ NOT_READ = {
 
 
 @pytest.mark.parametrize("change", NOT_READ)
-def test_no_command_runs_again_for_other_changes(forge: Forge, tree: Tree, change: str) -> None:
+def test_commands_do_not_rerun_for_other_changes(forge: Forge, tree: Tree, change: str) -> None:
     root = tree({**FILES, "src/a/CMakeLists.txt": GENERATES})
     built(forge, root)
     edit(root, *NOT_READ[change])
@@ -152,7 +152,7 @@ SHARED = HEAD + (
 
 
 @pytest.mark.parametrize("edits", [("value.txt", "CMakeLists.txt"), ("value.txt",), ("other.txt",)])
-def test_commands_may_write_into_one_folder(forge: Forge, tree: Tree, edits: tuple[str, ...]) -> None:
+def test_commands_may_share_an_output_folder(forge: Forge, tree: Tree, edits: tuple[str, ...]) -> None:
     """The first one creates it; what the other writes in it stays or goes with the other."""
     files = {
         **FILES,
@@ -179,7 +179,7 @@ def test_a_build_folder_with_a_damaged_cache_starts_empty(forge: Forge, tree: Tr
     assert is_as_clean(forge, root)
 
 
-def test_a_file_outside_of_the_workspace_is_an_input(forge: Forge, tree: Tree) -> None:
+def test_a_file_outside_the_workspace_is_an_input(forge: Forge, tree: Tree) -> None:
     files = {
         **FILES,
         "src/a/gen.sh": 'echo "#define X $(cat ../../../value)" > gen.h; touch parts.lst runs.txt\n',
@@ -230,9 +230,7 @@ def distribution(name: str, version: str, entry: str = "") -> dict[str, str]:
     return {f"{info}/METADATA": metadata, f"{info}/entry_points.txt": f"[x]\n{entry or name} = {name}\n"}
 
 
-def test_python_builds_depend_on_the_metadata_and_libraries_that_they_ask_for(
-    forge: Forge, tree: Tree
-) -> None:
+def test_python_builds_depend_on_requested_metadata_and_libraries(forge: Forge, tree: Tree) -> None:
     cmake = (
         f"{HEAD}add_custom_command(OUTPUT gen.h COMMAND python3 ${{CMAKE_SOURCE_DIR}}/../../tools/gen.py)\n"
     )
@@ -291,7 +289,7 @@ LOOKED_FOR = {
 
 
 @pytest.mark.parametrize("who", BY_PYTHON)
-def test_what_python_looks_for_is_an_input(forge: Forge, tree: Tree, who: str) -> None:
+def test_modules_that_python_searches_for_are_inputs(forge: Forge, tree: Tree, who: str) -> None:
     cmake = f"{HEAD}set(S ${{CMAKE_SOURCE_DIR}})\n{BY_PYTHON[who]}add_custom_target(g ALL DEPENDS gen.h)\n"
     cmake += "install(FILES ${CMAKE_BINARY_DIR}/gen.h DESTINATION share)\n"
     files = {**FILES, "src/a/CMakeLists.txt": cmake, "tools/gen.py": PYTHON, "tools/data/one": ""}
@@ -399,7 +397,7 @@ CHANGES: dict[str, Callable[[Path], object]] = {
 """Ways of a program to learn of a folder, and how each is changed."""
 
 
-def test_programs_are_observed_in_whatever_way_they_look_at_files(forge: Forge, tree: Tree) -> None:
+def test_all_ways_of_accessing_files_are_observed(forge: Forge, tree: Tree) -> None:
     commands = "".join(
         f"add_custom_command(OUTPUT {way} COMMAND ${{S}}/tools/ways {way} ${{S}}/elsewhere/{way} > {way})\n"
         f"install(FILES ${{CMAKE_BINARY_DIR}}/{way} DESTINATION share)\n"
@@ -422,7 +420,7 @@ def test_programs_are_observed_in_whatever_way_they_look_at_files(forge: Forge, 
 
 
 @pytest.mark.needs("git")
-def test_what_git_says_is_an_input_of_who_asks(forge: Forge, tree: Tree) -> None:
+def test_git_state_is_an_input_of_commands_that_query_it(forge: Forge, tree: Tree) -> None:
     cmake = f"{HEAD}execute_process(COMMAND git describe --tags WORKING_DIRECTORY ${{CMAKE_SOURCE_DIR}}\n"
     cmake += "  OUTPUT_FILE ${CMAKE_BINARY_DIR}/version)\n"
     cmake += "install(FILES ${CMAKE_BINARY_DIR}/version DESTINATION share)\n"
@@ -450,9 +448,7 @@ def test_what_git_says_is_an_input_of_who_asks(forge: Forge, tree: Tree) -> None
     assert "0 packages finished" in forge("build", cwd=root).out
 
 
-def test_a_file_that_is_written_only_if_missing_depends_on_what_it_was_made_from(
-    forge: Forge, tree: Tree
-) -> None:
+def test_a_file_written_only_if_missing_depends_on_its_inputs(forge: Forge, tree: Tree) -> None:
     script = '[ -e made ] || cp "$1/value.txt" made\n'
     cmake = f"{HEAD}add_custom_target(t ALL COMMAND sh ${{CMAKE_SOURCE_DIR}}/gen.sh ${{CMAKE_SOURCE_DIR}})\n"
     cmake += "install(FILES ${CMAKE_BINARY_DIR}/made other.txt DESTINATION share)\n"
@@ -467,9 +463,7 @@ def test_a_file_that_is_written_only_if_missing_depends_on_what_it_was_made_from
 
 @pytest.mark.needs("git")
 @pytest.mark.parametrize("step", ["configure", "build"])
-def test_a_file_elsewhere_whose_age_a_program_compares_is_an_input(
-    forge: Forge, tree: Tree, step: str
-) -> None:
+def test_an_external_file_whose_time_is_compared_is_an_input(forge: Forge, tree: Tree, step: str) -> None:
     """As git does: it opens a file only if its time differs from that in the index."""
     says = "git -C ${CMAKE_SOURCE_DIR}/../.. diff-files --name-only"
     cmake = {
@@ -490,7 +484,7 @@ def test_a_file_elsewhere_whose_age_a_program_compares_is_an_input(
     assert (root / "install/a/share/version").read_text() == "elsewhere/x\n"
 
 
-def test_an_edited_file_that_cmake_writes_into_the_sources_is_written_again(forge: Forge, tree: Tree) -> None:
+def test_an_edited_source_file_generated_by_cmake_is_regenerated(forge: Forge, tree: Tree) -> None:
     cmake = f"{HEAD}file(WRITE made.txt 1)\ninstall(FILES made.txt DESTINATION share)\n"
     root = tree({**FILES, "src/a/CMakeLists.txt": cmake})
     built(forge, root)
@@ -507,9 +501,7 @@ LATER = {
 
 
 @pytest.mark.parametrize("how", LATER)
-def test_a_command_that_runs_again_does_not_see_what_was_made_after_it(
-    forge: Forge, tree: Tree, how: str
-) -> None:
+def test_a_rerun_command_does_not_see_later_outputs(forge: Forge, tree: Tree, how: str) -> None:
     folder = "." if how == "looked for" else "d"
     script = f'mkdir -p d\necho "#define X $(cat "$1/value.txt")" > gen.h\n{LATER[how]}'
     text = (
@@ -526,9 +518,7 @@ def test_a_command_that_runs_again_does_not_see_what_was_made_after_it(
     assert is_as_clean(forge, root)
 
 
-def test_what_a_command_writes_into_the_sources_is_compiled_in_the_same_build(
-    forge: Forge, tree: Tree
-) -> None:
+def test_sources_written_by_a_command_are_compiled_in_the_same_build(forge: Forge, tree: Tree) -> None:
     text = (
         HEAD
         + "set(S ${CMAKE_SOURCE_DIR})\nadd_custom_target(g ALL COMMAND cmake -E copy ${S}/v.txt ${S}/gen.h)\n"
@@ -541,7 +531,7 @@ def test_what_a_command_writes_into_the_sources_is_compiled_in_the_same_build(
     assert is_as_clean(forge, root)
 
 
-def test_the_interpreter_that_a_script_names_is_an_input(forge: Forge, tree: Tree) -> None:
+def test_the_interpreter_of_a_script_is_an_input(forge: Forge, tree: Tree) -> None:
     text = HEAD + "add_custom_command(OUTPUT gen.h COMMAND ${CMAKE_SOURCE_DIR}/gen VERBATIM)\n"
     text += (
         "add_custom_target(t ALL DEPENDS gen.h)\ninstall(FILES ${CMAKE_BINARY_DIR}/gen.h DESTINATION share)\n"
@@ -563,7 +553,7 @@ def test_the_interpreter_that_a_script_names_is_an_input(forge: Forge, tree: Tre
     assert (root / "install/a/share/gen.h").read_text() == "2"
 
 
-def test_an_edited_product_is_made_again_when_something_else_is_built(forge: Forge, tree: Tree) -> None:
+def test_an_edited_output_is_rebuilt_with_the_next_change(forge: Forge, tree: Tree) -> None:
     root = tree({**FILES, "src/a/CMakeLists.txt": GENERATES})
     built(forge, root)
     (root / "build/a/gen.h").write_text("#define X 7\n")
@@ -572,7 +562,7 @@ def test_an_edited_product_is_made_again_when_something_else_is_built(forge: For
     assert is_as_clean(forge, root)
 
 
-def test_a_command_that_renamed_a_file_of_another_runs_with_it(forge: Forge, tree: Tree) -> None:
+def test_commands_that_rename_each_others_outputs_rerun_together(forge: Forge, tree: Tree) -> None:
     scripts = {
         "src/a/one.sh": 'cp "$1/value.txt" t\ntouch one\n',
         "src/a/two.sh": 'mv t u\ncat "$1/other.txt" >> u\ntouch two\n',
@@ -590,9 +580,7 @@ def test_a_command_that_renamed_a_file_of_another_runs_with_it(forge: Forge, tre
     assert (root / "install/a/share/u").read_text() == "3\ny\n"
 
 
-def test_an_installation_does_not_find_what_the_last_one_wrote_into_the_build_folder(
-    forge: Forge, tree: Tree
-) -> None:
+def test_an_install_step_does_not_see_files_of_the_previous_one(forge: Forge, tree: Tree) -> None:
     text = (
         HEAD + "add_custom_command(OUTPUT log.txt COMMAND cmake -E touch log.txt)\n"
         "add_custom_target(t ALL DEPENDS log.txt)\n"

@@ -173,14 +173,14 @@ def test_tests_run_without_sourcing(built: Built) -> None:
         ("true", ("AMENT_PREFIX_PATH",)),
     ],
 )
-def test_sourcing_in_any_way_rebuilds_nothing(built: Built, sourced: str, variables: tuple[str, ...]) -> None:
+def test_sourcing_causes_no_rebuild(built: Built, sourced: str, variables: tuple[str, ...]) -> None:
     command = sourced.format(built.prefix)
     printed = shell(f"{command} && forge build", built.root, **dict.fromkeys(variables, str(built.prefix)))
     assert "0 packages finished, 3 packages unchanged" in printed
 
 
 @pytest.mark.parametrize("name", ["AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH"])
-def test_AMENT_PREFIX_PATH_is_enough_for_a_build(built: Built, name: str, tmp_path: Path) -> None:
+def test_AMENT_PREFIX_PATH_suffices_for_a_build(built: Built, name: str, tmp_path: Path) -> None:
     """As below `sudo -E` or in an editor: forge adds what the setup scripts would have set."""
     layout = Layout(tmp_path / "build", tmp_path / "install", None)
     variables = build_variables(layout, {name: str(built.prefix)})

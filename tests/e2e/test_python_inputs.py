@@ -148,7 +148,7 @@ def test_a_new_file_in_an_external_glob_causes_a_rebuild(tree: Tree, forge: Forg
     assert workspace.change({"shared/a.yaml": None})
 
 
-def test_an_external_version_file_of_pyproject_is_an_input(tree: Tree, forge: Forge) -> None:
+def test_an_external_version_file_in_pyproject_is_an_input(tree: Tree, forge: Forge) -> None:
     pyproject = """[build-system]
 requires = ["hatchling"]
 build-backend = "hatchling.build"
@@ -164,7 +164,7 @@ path = "../../shared/version.py"
     assert workspace.change({"shared/version.py": "__version__ = '2.0'\n"})
 
 
-def test_the_setuptools_configuration_of_the_user_is_an_input(
+def test_the_users_setuptools_configuration_is_an_input(
     tree: Tree, forge: Forge, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It is followed as by colcon, and a change of it is noticed."""
@@ -246,7 +246,7 @@ def test_a_newly_installed_distribution_causes_a_rebuild(tree: Tree, forge: Forg
     assert workspace.change({"lib/other.py": ""})
 
 
-def test_another_setuptools_causes_a_rebuild(tree: Tree, forge: Forge) -> None:
+def test_a_different_setuptools_causes_a_rebuild(tree: Tree, forge: Forge) -> None:
     """One that lacks it is lent forge's own, until it has one."""
     root = tree(package())
     venv.create(root / "venv")
@@ -300,7 +300,7 @@ def test_external_static_libraries_of_extensions_are_inputs(tree: Tree, forge: F
     assert workspace.change({})
 
 
-def test_links_show_edits_and_new_modules_are_built(tree: Tree, forge: Forge) -> None:
+def test_edits_are_visible_through_links_and_new_modules_are_built(tree: Tree, forge: Forge) -> None:
     files = {"src/talk/talk/a.py": "a = 1\n", "src/talk/talk/b.py": "a = 1\n"}
     workspace = Workspace(tree(package(**files)), forge, "--symlink-install")
     (installed,) = workspace.root.glob("install/talk/lib/python*/site-packages/talk/a.py")

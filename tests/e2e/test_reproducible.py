@@ -34,7 +34,7 @@ def build(folder: Path, umask: int, seconds: int) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in (folder / "made").iterdir()}
 
 
-def test_wheel_and_sdist_depend_on_nothing_but_the_sources(tmp_path: Path) -> None:
+def test_wheel_and_sdist_depend_only_on_the_sources(tmp_path: Path) -> None:
     first = build(tmp_path / "a", 0o022, 1_000_000_000)
     second = build(tmp_path / "another" / "place", 0o077, 1_500_000_000)
     assert len(first) == 2

@@ -59,14 +59,14 @@ def text_of_launch(path: Path) -> str:
     return text
 
 
-def test_the_workspace_of_the_nodes_holds_those_of_the_outer_one_too(forge: Forge, workspace: Path) -> None:
+def test_the_ros2_workspace_includes_the_outer_packages(forge: Forge, workspace: Path) -> None:
     """The nodes speak interfaces and use a library that were written without any ROS."""
     listed = forge("list", "--names-only", cwd=workspace / "ros2")
     assert listed.out.split() == sorted([*NODES, *SHARED])
     assert listed.err == ""
 
 
-def test_a_build_without_ros_names_what_is_missing_first(forge: Forge, workspace: Path) -> None:
+def test_a_build_without_ros_lists_missing_packages_first(forge: Forge, workspace: Path) -> None:
     ran = forge("build", "--dry-run", cwd=workspace / "ros2")
     assert ran.code == 0
     warnings = " ".join(line for line in ran.err.splitlines() if ": warning: " in line)
@@ -75,21 +75,21 @@ def test_a_build_without_ros_names_what_is_missing_first(forge: Forge, workspace
     }
 
 
-def test_packages_that_need_rclpy_only_at_run_time_are_built(forge: Forge, workspace: Path) -> None:
+def test_packages_that_need_rclpy_only_at_runtime_are_built(forge: Forge, workspace: Path) -> None:
     ran = forge("build", "--packages-select", "example_py", cwd=workspace / "ros2")
     assert ran.code == 0
     assert "'example_py' needs 'rclpy'" in ran.err
     assert (workspace / "ros2/install/example_py/lib/example_py/node_02").is_file()
 
 
-def test_the_demo_says_at_once_that_it_needs_ros(workspace: Path) -> None:
+def test_the_demo_reports_missing_ros_immediately(workspace: Path) -> None:
     output = shell('PATH=/usr/bin:/bin sh ros2/demo.sh; echo "ended with $?"', workspace)
     assert output == "source a ROS 2 first: these nodes need rclcpp and rclpy\nended with 2\n"
     assert not (workspace / "ros2/build").exists()
 
 
 @pytest.mark.parametrize("package", NODES)
-def test_a_manifest_names_what_the_build_looks_for(package: str) -> None:
+def test_manifests_declare_what_the_build_looks_for(package: str) -> None:
     """Each find_package of CMakeLists.txt is a dependency, and each one to build with is looked for."""
     manifest = manifest_of(package)
     found = set(re.findall(r"find_package\((\w+)", code(package, "CMakeLists.txt")))
@@ -98,7 +98,7 @@ def test_a_manifest_names_what_the_build_looks_for(package: str) -> None:
 
 
 @pytest.mark.parametrize("package", NODES)
-def test_what_the_sources_include_and_import_is_a_dependency(package: str) -> None:
+def test_included_and_imported_packages_are_declared(package: str) -> None:
     manifest = manifest_of(package)
     included = set(re.findall(r'#include "(\w+)/', code(package, "*.cpp", "*.hpp")))
     imported = set(re.findall(r"^(?:from|import) (\w+)", code(package, "*.py"), re.MULTILINE))
@@ -107,7 +107,7 @@ def test_what_the_sources_include_and_import_is_a_dependency(package: str) -> No
 
 
 @pytest.mark.parametrize("path", sorted(SOURCES.rglob("*.launch.*")), ids=lambda path: path.name)
-def test_a_launch_file_starts_programs_that_exist(path: Path) -> None:
+def test_launch_files_start_existing_programs(path: Path) -> None:
     started = re.findall(r'(?:package|pkg)="(\w+)",?\s+exec(?:utable)?="(\w+)"', text_of_launch(path))
     assert started
     for package, program in started:
@@ -117,7 +117,7 @@ def test_a_launch_file_starts_programs_that_exist(path: Path) -> None:
             assert package in manifest_of("robot_startup").names(RUN_KINDS)
 
 
-def test_the_launch_file_of_components_loads_classes_that_are_registered() -> None:
+def test_the_component_launch_file_loads_registered_classes() -> None:
     path = SOURCES / "robot_startup/launch/example_composition.launch.py"
     loaded = re.findall(r'package="(\w+)",\s+plugin="([\w:]+)"', text_of_launch(path))
     assert loaded

@@ -32,7 +32,7 @@ MIXED = {
 }
 
 
-def test_rust_beside_cpp_and_python(forge: Forge, tree: Tree) -> None:
+def test_rust_builds_beside_cpp_and_python(forge: Forge, tree: Tree) -> None:
     root = tree(MIXED)
     ran = forge("build", "--merge-install", cwd=root)
     assert ran.code == 0, ran.err
@@ -81,7 +81,7 @@ def test_a_crate_of_another_package_is_found_by_its_name_and_tested(forge: Forge
     assert "2 tests, 0 errors, 1 failure, 1 skipped" in ran.out
 
 
-def test_cargo_is_asked_for_only_where_it_is_needed(forge: Forge, tree: Tree, tmp_path: Path) -> None:
+def test_cargo_is_required_only_for_rust_packages(forge: Forge, tree: Tree, tmp_path: Path) -> None:
     root = tree({key: text for key, text in MIXED.items() if "src/lib" in key})
     (tmp_path / "programs").mkdir()
     (tmp_path / "programs/python3").symlink_to(sys.executable)
@@ -146,7 +146,7 @@ def test_external_files_read_by_cargo_are_inputs(forge: Forge, tree: Tree) -> No
     assert "1 package finished" in forge("build", cwd=root, env=env).out
 
 
-def test_a_plain_package_has_each_program_once(forge: Forge, tree: Tree) -> None:
+def test_a_plain_package_installs_each_program_once(forge: Forge, tree: Tree) -> None:
     """The program in bin is a link to that in lib/PACKAGE."""
     root = tree({"src/app/Cargo.toml": CARGO.format("app"), "src/app/src/main.rs": "fn main() {}\n"})
     assert forge("build", cwd=root).code == 0
@@ -154,7 +154,7 @@ def test_a_plain_package_has_each_program_once(forge: Forge, tree: Tree) -> None
     assert (ran.code, ran.err) == (0, "")
 
 
-def test_a_changed_file_of_a_crate_that_another_one_uses_is_the_reason(forge: Forge, tree: Tree) -> None:
+def test_a_changed_file_of_a_used_crate_is_the_reason(forge: Forge, tree: Tree) -> None:
     root = tree({key: text for key, text in MIXED.items() if "/cpp/" not in key and "/py/" not in key})
     (root / "src/node/package.xml").unlink()
     assert forge("build", cwd=root).code == 0

@@ -154,7 +154,7 @@ def _sets_apart(variables: dict[str, str]) -> dict[str, str]:
 
 @each_layout
 @each_shell
-def test_sourcing_after_a_build_adds_what_is_new(shell: str, layout_word: str, tmp_path: Path) -> None:
+def test_sourcing_again_adds_new_packages(shell: str, layout_word: str, tmp_path: Path) -> None:
     """A terminal goes on with what it has; new packages come in front of all, others stay where they are."""
     merged = layout_word == "merged"
     layout = make_install(tmp_path, [LIBRARY, PROGRAMS], merged=merged)
@@ -181,7 +181,7 @@ def test_scripts_work_from_any_working_folder(shell: str, cwd: str, path: str | 
 
 @each_layout
 @each_shell
-def test_nothing_is_left_behind(shell: str, layout_word: str, tmp_path: Path) -> None:
+def test_scripts_leave_no_variables_or_functions(shell: str, layout_word: str, tmp_path: Path) -> None:
     """No variable and no function of ours outlives the script, hooks and underlays included."""
     hook = {"share/hooked/hook.sh": "export HOOKED=yes\n"}
     hooked = dsv_package("hooked", "append-non-duplicate;LAST;x", "source;share/hooked/hook.sh", files=hook)
@@ -211,7 +211,7 @@ def test_nothing_is_left_behind(shell: str, layout_word: str, tmp_path: Path) ->
 
 
 @each_posix_shell
-def test_the_documented_function_remains_after_a_package_script(shell: str, tmp_path: Path) -> None:
+def test_the_documented_function_stays_defined(shell: str, tmp_path: Path) -> None:
     """Hooks of colcon's packages call it."""
     layout = make_install(tmp_path, [LIBRARY])
     script = str(layout.prefix("library") / f"share/library/package.{shell}")
@@ -232,7 +232,7 @@ def test_strict_shell_options_are_kept(shell: str, tmp_path: Path) -> None:
 
 
 @each_shell
-def test_a_moved_tree_works_from_its_new_place(shell: str, tmp_path: Path) -> None:
+def test_a_moved_install_tree_works(shell: str, tmp_path: Path) -> None:
     """Scripts for bash and zsh see where they are; sh is told."""
     layout = make_install(tmp_path / "old", [LIBRARY, PROGRAMS])
     shutil.move(layout.install, tmp_path / "new place")
@@ -243,7 +243,7 @@ def test_a_moved_tree_works_from_its_new_place(shell: str, tmp_path: Path) -> No
 
 
 @pytest.mark.needs("dash")
-def test_sh_reports_a_moved_tree(tmp_path: Path) -> None:
+def test_sh_reports_a_moved_install_tree(tmp_path: Path) -> None:
     """Without a hint sh cannot know; it changes nothing and says what would help."""
     layout = make_install(tmp_path / "old", [LIBRARY])
     shutil.move(layout.install, tmp_path / "new")
@@ -290,7 +290,7 @@ def test_underlays_are_sourced_first_and_have_lower_precedence(shell: str, tmp_p
 
 
 @each_shell
-def test_a_foreign_underlay_is_sourced_as_it_expects(shell: str, tmp_path: Path) -> None:
+def test_a_foreign_underlay_is_sourced_by_its_own_script(shell: str, tmp_path: Path) -> None:
     """A prefix with nothing but a sh script, which reads unset variables, and its own place."""
     (tmp_path / "ros").mkdir()
     (tmp_path / "ros/local_setup.sh").write_text(
@@ -301,7 +301,7 @@ def test_a_foreign_underlay_is_sourced_as_it_expects(shell: str, tmp_path: Path)
 
 
 @each_shell
-def test_a_missing_underlay_is_one_line(shell: str, tmp_path: Path) -> None:
+def test_a_missing_underlay_is_reported_in_one_line(shell: str, tmp_path: Path) -> None:
     """What is left of the workspace works, and the line says what is not there."""
     below = make_install(tmp_path / "below", [LIBRARY])
     layout = make_install(tmp_path / "top", [PROGRAMS], underlays=(below.install,))
@@ -394,7 +394,7 @@ _MANY = (
 
 
 @each_shell
-def test_tracing_names_the_scripts(shell: str, tmp_path: Path) -> None:
+def test_tracing_prints_script_names(shell: str, tmp_path: Path) -> None:
     """COLCON_TRACE prints what is sourced, as comments."""
     layout = make_install(tmp_path, [LIBRARY])
     done = run(shell, sourced(shell), PLAIN | {"COLCON_TRACE": "1"}, setup(layout, shell))

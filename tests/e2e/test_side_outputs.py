@@ -63,7 +63,7 @@ def root(tree: Tree) -> Path:
     return tree({path: text for name in OPTIONS for path, text in package(name).items()})
 
 
-def test_side_outputs_are_kept_when_cmake_runs_again(forge: Forge, root: Path) -> None:
+def test_side_outputs_are_kept_when_cmake_reruns(forge: Forge, root: Path) -> None:
     assert forge("build", cwd=root).code == 0
     for number in range(3):
         for name in OPTIONS:
@@ -91,7 +91,7 @@ def test_side_outputs_of_removed_sources_and_options_are_deleted(forge: Forge, r
     assert found == clean(forge, root)
 
 
-def test_stack_usage_costs_no_compilation(forge: Forge, tree: Tree) -> None:
+def test_stack_usage_files_cause_no_recompilation(forge: Forge, tree: Tree) -> None:
     root = tree(package("stack_usage"))
     assert forge("build", cwd=root).code == 0
     object_file = root / "build/stack_usage/CMakeFiles/x.dir/x.c.o"

@@ -83,7 +83,7 @@ KINDS = {
         ("colcon_defaults.yaml", "device"),
     ],
 )
-def test_special_files_in_place_of_texts_are_rejected(
+def test_special_files_in_place_of_text_files_are_rejected(
     root: Path, name: str, kind: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(root)
@@ -102,7 +102,7 @@ def test_special_files_in_place_of_texts_are_rejected(
 @pytest.mark.parametrize(
     ("name", "kind"), [("CMakeLists.txt", "named pipe"), ("setup.py", "device"), ("pyproject.toml", "socket")]
 )
-def test_a_folder_that_only_such_a_file_would_make_a_package_is_left_out_and_told(
+def test_a_folder_with_a_special_file_as_manifest_is_ignored_with_a_warning(
     root: Path, name: str, kind: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(root)
@@ -130,7 +130,7 @@ def test_special_files_that_block_builds_are_rejected(root: Path, name: str, bui
     assert (root / "install/a/share/a/said.txt").is_file()
 
 
-def test_special_files_that_no_step_opens_are_warnings(root: Path) -> None:
+def test_special_files_that_no_step_opens_give_warnings(root: Path) -> None:
     """CMake opens the files that CMakeLists.txt names, and no others."""
     names = ("part/CMakeLists.txt", "setup.py", "setup.cfg", "options.cmake", "part/x.cpp", "msg/X.msg")
     for name in names:
@@ -164,7 +164,7 @@ def test_the_null_device_is_an_empty_file(root: Path) -> None:
     assert run(root, "build")[0] == 0
 
 
-def test_results_of_tests_are_not_waited_for(root: Path) -> None:
+def test_named_pipes_as_test_results_do_not_block(root: Path) -> None:
     run(root, "build")
     os.mkfifo(root / "build/a/result.xml")
     os.mkfifo(root / "build/a/CTestTestfile.cmake")
@@ -247,7 +247,7 @@ def as_nobody(root: Path, *words: str) -> tuple[int, str]:
         ("install/a/share", "'{root}/install/a/share', where 'a' installed files, is no longer a folder"),
     ],
 )
-def test_a_file_in_the_place_of_a_folder_is_refused(root: Path, path: str, message: str) -> None:
+def test_a_file_in_place_of_a_folder_is_rejected(root: Path, path: str, message: str) -> None:
     run(root, "build")
     shutil.rmtree(root / path)
     (root / path).write_text("precious\n")
@@ -261,7 +261,7 @@ def test_a_file_in_the_place_of_a_folder_is_refused(root: Path, path: str, messa
 
 
 @pytest.mark.parametrize("layout", ["", "--merge-install"])
-def test_a_folder_in_the_place_of_an_installed_file_is_refused(root: Path, layout: str) -> None:
+def test_a_folder_in_place_of_an_installed_file_is_rejected(root: Path, layout: str) -> None:
     options = [layout] if layout else []
     run(root, "build", *options)
     path = root / f"install/{'' if layout else 'a/'}share/a/said.txt"
@@ -296,7 +296,7 @@ def test_closed_standard_streams_are_not_an_error(root: Path, words: str, closed
 @pytest.mark.parametrize(
     ("words", "unbuffered"), [(("list",), ""), (("build",), ""), (("build",), "1"), (("graph",), "1")]
 )
-def test_unwritable_outputs_are_named(
+def test_unwritable_outputs_are_reported(
     root: Path, words: tuple[str, ...], unbuffered: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("PYTHONUNBUFFERED", unbuffered)
@@ -366,7 +366,7 @@ PYTHON = {
 
 
 @pytest.mark.parametrize("options", [(), ("--merge-install", "--symlink-install")])
-def test_an_empty_folder_of_a_python_package_is_no_installed_file(
+def test_an_empty_python_package_folder_is_not_an_installed_file(
     tree: Tree, options: tuple[str, ...]
 ) -> None:
     root = tree(PYTHON)
@@ -403,7 +403,7 @@ def test_a_wheel_with_line_breaks_in_names_is_installed_and_removed(tree: Tree) 
     assert installed(root).isdisjoint(names)
 
 
-def test_a_name_that_no_wheel_can_hold_is_refused(tree: Tree) -> None:
+def test_a_file_name_that_wheels_cannot_contain_is_rejected(tree: Tree) -> None:
     root = tree(PYTHON)
     (root / "src/p/p" / os.fsdecode(b"\xff.txt")).touch()
     code, said = run(root, "build")
@@ -411,7 +411,7 @@ def test_a_name_that_no_wheel_can_hold_is_refused(tree: Tree) -> None:
     assert r"src/p: error: the file name b'p/\xff.txt' is not UTF-8" in said
 
 
-def test_files_removed_by_the_package_after_install_are_not_missing(root: Path) -> None:
+def test_files_removed_by_the_package_itself_are_not_missing(root: Path) -> None:
     line = r'install(CODE "file(REMOVE \${CMAKE_INSTALL_PREFIX}/share/a/said.txt)")'
     (root / "src/a/CMakeLists.txt").write_text(f"{CMAKE}{line}\n")
     assert run(root, "build")[0] == 0

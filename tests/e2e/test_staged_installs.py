@@ -48,9 +48,7 @@ def hello(root: Path) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.mark.needs("g++")
-def test_an_installed_program_can_be_started_during_each_moment_of_its_rebuild(
-    forge: Forge, tree: Tree
-) -> None:
+def test_an_installed_program_can_be_started_throughout_its_rebuild(forge: Forge, tree: Tree) -> None:
     root = tree(
         cmake("a", PROGRAM, languages="C", **{"hello.c": HELLO, "greet.c": GREET % "0", "words.txt": ""})
     )
@@ -77,7 +75,7 @@ def test_an_installed_program_can_be_started_during_each_moment_of_its_rebuild(
 
 
 @pytest.mark.needs("g++")
-def test_what_comes_out_equal_keeps_its_inode_and_time(forge: Forge, tree: Tree) -> None:
+def test_unchanged_outputs_keep_their_inode_and_time(forge: Forge, tree: Tree) -> None:
     root = tree(
         cmake("a", PROGRAM, languages="C", **{"hello.c": HELLO, "greet.c": GREET % "0", "words.txt": ""})
     )
@@ -98,7 +96,7 @@ def test_what_comes_out_equal_keeps_its_inode_and_time(forge: Forge, tree: Tree)
         before = after
 
 
-def test_the_steps_do_not_find_the_installed_package(forge: Forge, tree: Tree) -> None:
+def test_build_steps_do_not_see_the_installed_package(forge: Forge, tree: Tree) -> None:
     """As in a clean build: neither CMake nor a shell, by no spelling of the path."""
     body = (
         "find_file(OLD words.txt PATHS ${CMAKE_INSTALL_PREFIX}/share/a NO_CACHE)\n"
@@ -124,9 +122,7 @@ def test_the_steps_do_not_find_the_installed_package(forge: Forge, tree: Tree) -
         "add_custom_target(copy ALL cmake -E copy_directory ../d ${CMAKE_INSTALL_PREFIX}/x)",
     ],
 )
-def test_steps_that_use_the_prefix_itself_install_what_a_clean_build_does(
-    forge: Forge, tree: Tree, code: str
-) -> None:
+def test_steps_that_use_the_prefix_install_like_a_clean_build(forge: Forge, tree: Tree, code: str) -> None:
     plain = "install(FILES words.txt DESTINATION share)\nfile(MAKE_DIRECTORY ${CMAKE_BINARY_DIR}/../d/e)\n"
     root = tree(cmake("a", plain, **{"words.txt": "1"}))
     build(forge, root)
@@ -139,7 +135,7 @@ def test_steps_that_use_the_prefix_itself_install_what_a_clean_build_does(
     hold_against_clean(forge, root)
 
 
-def test_a_link_to_another_folder_is_installed_again(forge: Forge, tree: Tree) -> None:
+def test_a_link_with_a_changed_target_is_reinstalled(forge: Forge, tree: Tree) -> None:
     root = tree(cmake("a", "install(DIRECTORY d DESTINATION share)", **{"one/x": "1", "two/x": "2"}))
     link = root / "src/a/d"
     link.symlink_to("one")
@@ -219,7 +215,7 @@ def never_fails(program: Path, build_often: Callable[[], None]) -> None:
 
 @LAYOUTS
 @pytest.mark.parametrize("body", ["", CODE], ids=["rules", "code"])
-def test_rules_and_code_replace_only_what_has_changed(
+def test_install_rules_and_code_replace_only_changed_files(
     forge: Forge, tree: Tree, body: str, options: tuple[str, ...]
 ) -> None:
     """Whatever names the prefix, at configure time or later, finds the stage there."""
@@ -252,7 +248,7 @@ def test_rules_and_code_replace_only_what_has_changed(
 
 @pytest.mark.needs(str(DEBIAN), "g++")
 @LAYOUTS
-def test_ament_of_a_distribution_installs_while_programs_start(
+def test_programs_can_start_while_ament_of_a_distribution_installs(
     tmp_path: Path, options: tuple[str, ...]
 ) -> None:
     """Its own links and its bytecode, for which it names the prefix."""
@@ -283,7 +279,7 @@ def test_ament_of_a_distribution_installs_while_programs_start(
 
 @pytest.mark.needs("cargo")
 @pytest.mark.parametrize("options", [(), (MERGED,)], ids=["isolated", "merged"])
-def test_programs_of_cargo_start_while_they_are_built_again(
+def test_rust_programs_can_start_during_their_rebuild(
     forge: Forge, tree: Tree, options: tuple[str, ...]
 ) -> None:
     main = "src/p/src/main.rs"
@@ -305,9 +301,7 @@ def test_programs_of_cargo_start_while_they_are_built_again(
 
 @pytest.mark.needs("gcc")
 @pytest.mark.parametrize("options", [(), (MERGED,)], ids=["isolated", "merged"])
-def test_a_program_that_cannot_be_observed_is_started_once(
-    forge: Forge, tree: Tree, options: tuple[str, ...]
-) -> None:
+def test_an_unobservable_program_is_started_once(forge: Forge, tree: Tree, options: tuple[str, ...]) -> None:
     """After it was seen, the package is not built in a stage, whose steps would run again in place."""
     body = (
         "add_custom_command(OUTPUT made COMMAND ${PROJECT_SOURCE_DIR}/copy DEPENDS words.txt)\n"
@@ -325,7 +319,7 @@ def test_a_program_that_cannot_be_observed_is_started_once(
     assert log.count("copied") == 1
 
 
-def test_what_came_from_the_cache_is_replaced_as_in_a_clean_build(forge: Forge, tree: Tree) -> None:
+def test_cached_files_are_replaced_like_in_a_clean_build(forge: Forge, tree: Tree) -> None:
     root = tree(cmake("a", "install(DIRECTORY d/ DESTINATION share)", **{"d/x": "1", "d/y": "1"}))
     options = ("--cache", str(root / "cache"))
     build(forge, root, *options)
@@ -407,7 +401,7 @@ class Rules:
 
 @LAYOUTS
 @pytest.mark.parametrize("seed", range(int(os.environ.get("FORGE_TEST_EXAMPLES", "2"))))
-def test_any_change_of_files_and_rules_installs_what_a_clean_build_does(
+def test_changed_files_and_rules_install_like_a_clean_build(
     forge: Forge, tree: Tree, seed: int, options: tuple[str, ...]
 ) -> None:
     names = [*(f"f{number}" for number in range(1, 7)), "d/g1", "d/g2", "d/s/g1", "e/g1"]
@@ -444,7 +438,7 @@ def test_any_change_of_files_and_rules_installs_what_a_clean_build_does(
     ],
     ids=["rules", "code"],
 )
-def test_a_kill_between_two_files_loses_none(
+def test_a_kill_between_two_files_loses_no_file(
     forge: Forge, tree: Tree, body: str, options: tuple[str, ...]
 ) -> None:
     """The next build finishes what the killed one began."""
@@ -499,7 +493,7 @@ def python(imported: str = "os") -> dict[str, str]:
     }
 
 
-def test_a_python_package_stays_usable_while_it_is_built_again(forge: Forge, tree: Tree) -> None:
+def test_a_python_package_stays_usable_during_its_rebuild(forge: Forge, tree: Tree) -> None:
     root = tree(python())
     build(forge, root)
     prefix = root / "install/p"
@@ -527,7 +521,7 @@ def test_a_python_package_stays_usable_while_it_is_built_again(forge: Forge, tre
     hold_against_clean(forge, root)
 
 
-def test_a_setup_py_that_writes_its_prefix_installs_what_a_clean_build_does(forge: Forge, tree: Tree) -> None:
+def test_a_setup_py_that_writes_to_its_prefix_installs_like_a_clean_build(forge: Forge, tree: Tree) -> None:
     root = tree(python())
     build(forge, root)
     tree(python("sys; open('words.txt', 'w').write(sys.prefix); import os"))
@@ -537,7 +531,7 @@ def test_a_setup_py_that_writes_its_prefix_installs_what_a_clean_build_does(forg
 
 
 @pytest.mark.parametrize("options", [(), (LINKED,)], ids=["copies", "links"])
-def test_the_manifest_that_forge_installs_follows_its_source(
+def test_the_installed_manifest_follows_its_source(
     forge: Forge, tree: Tree, options: tuple[str, ...]
 ) -> None:
     files = python()
@@ -558,7 +552,7 @@ if os.geteuid() == 0:
 """
 
 
-def test_capabilities_of_an_installed_program_come_and_go(forge: Forge, tree: Tree) -> None:
+def test_file_capabilities_of_a_program_can_be_added_and_removed(forge: Forge, tree: Tree) -> None:
     """Only root may give them."""
     rules = "install(PROGRAMS x DESTINATION bin)\n"
     code = 'execute_process(COMMAND \\"{}\\" \\"{}\\" \\"\\${{CMAKE_INSTALL_PREFIX}}/bin/x\\")'

@@ -118,7 +118,9 @@ def test_read_only_clients_upload_nothing(nginx: Nginx, clone: Callable[[str], C
     assert restored(clone("a/third/clone").build("--remote-cache", nginx.url, "--cache-read-only")) == 2
 
 
-def test_a_clone_at_the_same_path_is_restored_at_once(nginx: Nginx, clone: Callable[[str], Clone]) -> None:
+def test_a_clone_at_the_same_path_is_restored_immediately(
+    nginx: Nginx, clone: Callable[[str], Clone]
+) -> None:
     """As in containers and on CI servers, whose caches are empty."""
     one = clone("one")
     assert restored(one.build("--remote-cache", nginx.url)) == 0
@@ -164,7 +166,7 @@ def one(built: Clean, forge: Forge) -> Clone:
     ],
     ids=["hangs", "drips", "goes away", "is broken", "lies"],
 )
-def test_a_bad_server_costs_no_more_than_the_timeout(
+def test_a_bad_server_delays_a_build_by_at_most_the_timeout(
     answer: Callable[..., Moves], most: int, one: Clone, built: Clean
 ) -> None:
     with rude(answer) as server:
@@ -177,7 +179,7 @@ def test_a_bad_server_costs_no_more_than_the_timeout(
     assert differences(one.tree(), built.tree) == []
 
 
-def test_an_unreachable_server_costs_no_time(nginx: Nginx, one: Clone, built: Clean) -> None:
+def test_an_unreachable_server_does_not_delay_a_build(nginx: Nginx, one: Clone, built: Clean) -> None:
     nginx.stop()
     ran = one.build("--remote-cache", nginx.url)
     assert f"{nginx.url}: cannot connect: Connection refused; disabled for this build" in ran.err

@@ -93,7 +93,7 @@ def machine(tree: Tree) -> Machine:
     return Machine(root / "ws", tool, system)
 
 
-def test_every_command_uses_the_python_of_the_workspace_not_that_of_the_tool(machine: Machine) -> None:
+def test_every_command_uses_the_python_of_the_workspace(machine: Machine) -> None:
     python = f"{machine.system}/bin/python3"
     assert json.loads(machine.forge("info", "--json"))["python"]["path"] == python
     machine.forge("build")

@@ -26,7 +26,7 @@ def workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "robot_ws"
 
 
-def test_the_tutorial_can_be_typed(workspace: Path) -> None:
+def test_the_tutorial_commands_work(workspace: Path) -> None:
     """Every command succeeds and prints what the tutorial says; the fixture asserts it."""
     assert sorted(path.name for path in workspace.iterdir() if path.is_dir()) == [
         "build",
@@ -55,7 +55,7 @@ python3 -c "{HELLO}"
     assert shell(f"{name} -c {shlex.quote(script)}", ROOT) == "2\n"
 
 
-def test_the_install_folder_needs_no_forge(workspace: Path, tmp_path: Path) -> None:
+def test_the_install_folder_works_without_forge(workspace: Path, tmp_path: Path) -> None:
     """A fresh CMake project and a fresh interpreter use it on a machine that never saw forge."""
     shutil.copytree(workspace / "elsewhere", tmp_path / "elsewhere", ignore=shutil.ignore_patterns("build"))
     shutil.copy(workspace / "hello.cpp", tmp_path)

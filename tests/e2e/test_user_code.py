@@ -63,7 +63,7 @@ def test_python_snippets_run(program: Path) -> None:
     runpy.run_path(str(program), run_name="__main__")
 
 
-def test_a_strict_type_checker_agrees_with_the_python_programs(generated: Path, tmp_path: Path) -> None:
+def test_python_programs_pass_strict_type_checking(generated: Path, tmp_path: Path) -> None:
     variables = {"MYPYPATH": str(generated / "python"), "MYPY_CACHE_DIR": str(tmp_path)}
     argv = [sys.executable, "-m", "mypy", "--strict", "--no-error-summary", *map(str, PYTHON)]
     ran = subprocess.run(argv, cwd=tmp_path, env=variables, check=False, capture_output=True, text=True)

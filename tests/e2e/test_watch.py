@@ -265,7 +265,7 @@ def test_other_builds_can_run_between_saves(tree: Tree) -> None:
         assert watch.rebuilt() == "a"
 
 
-def test_folders_and_files_that_are_links(tree: Tree, tmp_path: Path) -> None:
+def test_linked_folders_and_files_are_watched(tree: Tree, tmp_path: Path) -> None:
     root = tree({**{f"a space/{name}": text for name, text in package("a").items()}, "far/x": ""})
     home = root / "a space"
     (home / "src/a").rename(root / "far/a")
@@ -281,7 +281,7 @@ def test_folders_and_files_that_are_links(tree: Tree, tmp_path: Path) -> None:
         assert watch.rebuilt() == "a"
 
 
-def test_one_time_options_apply_once(tree: Tree) -> None:
+def test_one_time_options_apply_only_to_the_first_build(tree: Tree) -> None:
     root = tree(package("a"))
     with watching(root, "--force", "--cmake-clean-cache") as watch:
         assert watch.is_silent(0.5)
@@ -290,7 +290,7 @@ def test_one_time_options_apply_once(tree: Tree) -> None:
         assert watch.rebuilt() == "a", "options in files are read again"
 
 
-def test_packages_that_write_their_sources_do_not_loop(tree: Tree) -> None:
+def test_packages_that_write_to_their_sources_cause_no_build_loop(tree: Tree) -> None:
     stamp = 'execute_process(COMMAND sh -c "date +%N > ${CMAKE_CURRENT_SOURCE_DIR}/stamp.txt")'
     root = tree(package("a", more=f'install(CODE "{stamp.replace(chr(34), chr(92) + chr(34))}")'))
     with watching(root) as watch:
@@ -314,7 +314,7 @@ def test_an_interrupt_ends_watch_mode_with_130(tree: Tree) -> None:
 
 
 @pytest.mark.parametrize("other", ["--dry-run", "--print-command=a"])
-def test_options_that_build_nothing_cannot_be_watched(tree: Tree, other: str) -> None:
+def test_options_that_build_nothing_are_rejected_with_watch(tree: Tree, other: str) -> None:
     watch = Watch(tree(package("a")), other)
     assert watch.process.wait(timeout=20) == 2
     watch.close()

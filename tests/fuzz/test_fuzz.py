@@ -19,7 +19,7 @@ SEED = int(os.environ.get("FORGE_TEST_SEED", "1"))
 
 
 @pytest.mark.parametrize("name", HARNESSES)
-def test_mutated_inputs_give_a_value_or_an_error(name: str) -> None:
+def test_mutated_inputs_are_parsed_or_rejected(name: str) -> None:
     chance = random.Random(f"{name} {SEED}")
     for seed in SEEDS[name]:
         HARNESSES[name](seed)
@@ -32,13 +32,13 @@ def test_mutated_inputs_give_a_value_or_an_error(name: str) -> None:
             raise
 
 
-def test_the_seeds_of_the_cache_are_of_its_formats() -> None:
+def test_cache_seeds_use_the_current_formats() -> None:
     assert all(map(decode_index, SEEDS["cached-tree"]))
     assert all(map(keys.decode_lists, SEEDS["cached-inputs"]))
 
 
 @pytest.mark.parametrize("name", HARNESSES)
-def test_any_bytes_give_a_value_or_an_error(name: str) -> None:
+def test_any_bytes_are_parsed_or_rejected(name: str) -> None:
     @settings(max_examples=EXAMPLES, database=None, derandomize=True, suppress_health_check=list(HealthCheck))
     @given(st.one_of(st.binary(max_size=200), st.text(max_size=200).map(str.encode)))
     @example(b"")

@@ -68,5 +68,5 @@ def test_parsing_memory_is_linear(name: str, shape: Shape) -> None:
         tracemalloc.stop()
 
 
-def test_every_harness_has_its_shapes() -> None:
+def test_every_harness_has_growth_shapes() -> None:
     assert SHAPES.keys() == HARNESSES.keys()

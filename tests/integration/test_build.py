@@ -32,7 +32,7 @@ def workspace(tree: Tree) -> Path:
     return tree({**files("a"), **files("b", "<depend>a</depend>"), **files("c", "<depend>b</depend>")})
 
 
-def test_a_workspace_is_built_in_order_into_colcons_layout(forge: Forge, workspace: Path) -> None:
+def test_a_workspace_is_built_in_order_into_the_colcon_layout(forge: Forge, workspace: Path) -> None:
     ran = forge("build", cwd=workspace)
     assert ran.code == 0, ran.err
     words = [line.split("[")[0].strip() for line in ran.out.splitlines()]
@@ -73,7 +73,7 @@ def test_an_ignored_dependency_is_not_reported_as_missing(forge: Forge, tree: Tr
         shutil.rmtree(root / "build")
 
 
-def test_dependencies_that_may_be_optional_do_not_stop_the_build(forge: Forge, tree: Tree) -> None:
+def test_possibly_optional_dependencies_do_not_stop_the_build(forge: Forge, tree: Tree) -> None:
     made: dict[str, str] = {"src/Findrclcpp.cmake": "set(rclcpp_FOUND TRUE)\n"}
     for name, more in SEEMS_REQUIRED.items():
         made |= files(name, "<depend>rclcpp</depend>")
@@ -89,7 +89,7 @@ def test_dependencies_that_may_be_optional_do_not_stop_the_build(forge: Forge, t
     assert "need 'rclcpp', which is neither in the workspace nor" in ran.err
 
 
-def test_options_that_lead_to_a_package_let_it_be_found(forge: Forge, tree: Tree) -> None:
+def test_options_can_locate_a_missing_package(forge: Forge, tree: Tree) -> None:
     root = tree({**files("node", "<depend>rclcpp</depend>"), "elsewhere/rclcppConfig.cmake": ""})
     tree({"src/node/CMakeLists.txt": "project(node NONE)\nfind_package(rclcpp REQUIRED)\ninstall()\n"})
     ran = forge("build", cwd=root)
@@ -165,9 +165,7 @@ def test_a_failure_is_reported_with_its_log_and_stops_the_build(forge: Forge, wo
     assert not (workspace / "install/b/share/b/package.sh").exists()
 
 
-def test_a_definition_without_a_value_is_refused_before_anything_is_built(
-    forge: Forge, workspace: Path
-) -> None:
+def test_a_definition_without_a_value_is_rejected_before_the_build(forge: Forge, workspace: Path) -> None:
     ran = forge("build", "--cmake-args", "-DBUILD_TESTING", cwd=workspace)
     assert (ran.code, ran.out) == (2, "")
     assert ran.err == (
@@ -183,7 +181,7 @@ def test_continue_on_error_builds_independent_packages(forge: Forge, workspace: 
     assert "Finished <<< c" in ran.out
 
 
-def test_force_begins_in_an_empty_build_folder(forge: Forge, workspace: Path) -> None:
+def test_force_starts_with_an_empty_build_folder(forge: Forge, workspace: Path) -> None:
     forge("build", "--packages-select", "a", cwd=workspace)
     left = workspace / "build/a/left.txt"
     left.touch()
@@ -206,7 +204,7 @@ def test_a_dry_run_prints_commands_without_running_them(forge: Forge, workspace:
     assert not (workspace / "install/a").exists()
 
 
-def test_a_dry_run_prints_the_warnings_of_a_build(forge: Forge, tree: Tree) -> None:
+def test_a_dry_run_prints_the_same_warnings_as_a_build(forge: Forge, tree: Tree) -> None:
     root = tree(
         {
             "src/p/package.xml": manifest_text("p", "<depend>ros_thing_msgs</depend>", build_type="cmake"),
@@ -268,13 +266,13 @@ def test_a_missing_dependency_is_reported_before_cmake_runs(forge: Forge, tree: 
     assert f"; see {docs_url('how-to/rclcpp.md')}\n" in ran.err
 
 
-def test_a_lone_package_is_fresh_beside_its_own_results(forge: Forge, tree: Tree) -> None:
+def test_a_single_package_workspace_is_up_to_date_beside_its_results(forge: Forge, tree: Tree) -> None:
     root = tree({name.removeprefix("src/a/"): text for name, text in files("a").items()})
     assert built(forge, root) == ["a"]
     assert built(forge, root) == []
 
 
-def test_a_link_that_is_installed_twice_stays(forge: Forge, tree: Tree) -> None:
+def test_a_link_that_is_reinstalled_is_kept(forge: Forge, tree: Tree) -> None:
     """CMake neither installs nor lists a link again that points where it did."""
     root = tree({**files("a", more="install(FILES link.txt DESTINATION share/a)"), "src/a/to.txt": "1"})
     (root / "src/a/link.txt").symlink_to(root / "src/a/to.txt")
@@ -284,7 +282,7 @@ def test_a_link_that_is_installed_twice_stays(forge: Forge, tree: Tree) -> None:
         assert (root / "install/a/share/a/link.txt").readlink() == root / "src/a/to.txt"
 
 
-def test_the_next_build_finishes_what_a_killed_build_left(forge: Forge, workspace: Path) -> None:
+def test_the_next_build_completes_a_killed_build(forge: Forge, workspace: Path) -> None:
     assert forge("build", cwd=workspace).code == 0
     journal = workspace / "build/forge_journal.jsonl"
     lines = journal.read_text().splitlines(keepends=True)
@@ -333,7 +331,7 @@ def test_an_unused_variable_is_reported_once(forge: Forge, tree: Tree) -> None:
     assert "stderr" not in ran.out
 
 
-def test_scripts_are_updated_if_a_conditional_folder_appears(forge: Forge, tree: Tree) -> None:
+def test_setup_scripts_are_updated_if_a_conditional_folder_appears(forge: Forge, tree: Tree) -> None:
     hook = "install(FILES local_setup.dsv DESTINATION share/b)"
     root = tree(
         {**files("b", more=hook), "src/b/local_setup.dsv": "prepend-non-duplicate-if-exists;PATH;tools\n"}
@@ -347,9 +345,7 @@ def test_scripts_are_updated_if_a_conditional_folder_appears(forge: Forge, tree:
     assert "/b/tools" in script.read_text()
 
 
-def test_a_variable_that_only_an_unchanged_package_uses_is_not_called_unused(
-    forge: Forge, tree: Tree
-) -> None:
+def test_a_variable_used_only_by_an_unchanged_package_is_not_called_unused(forge: Forge, tree: Tree) -> None:
     root = tree({**files("a", more="message(STATUS ${USED})"), **files("b")})
     assert forge("build", "--cmake-args", "-DUSED=1", cwd=root).code == 0
     with (root / "src/b/CMakeLists.txt").open("a") as lists:
@@ -369,7 +365,7 @@ def test_missing_git_submodules_are_reported(forge: Forge, tree: Tree) -> None:
     assert "hint: the submodule 'src/up' is not checked out: git submodule update --init src/up" in ran.err
 
 
-def test_a_build_of_nothing_warns_of_removed_packages(forge: Forge, workspace: Path) -> None:
+def test_an_up_to_date_build_warns_about_removed_packages(forge: Forge, workspace: Path) -> None:
     assert forge("build", cwd=workspace).code == 0
     shutil.rmtree(workspace / "src/c")
     ran = forge("build", cwd=workspace)
@@ -377,7 +373,7 @@ def test_a_build_of_nothing_warns_of_removed_packages(forge: Forge, workspace: P
     assert "'c' is no longer in the workspace" in ran.err
 
 
-def test_after_a_failure_running_packages_are_named(forge: Forge, tree: Tree) -> None:
+def test_packages_still_running_after_a_failure_are_named(forge: Forge, tree: Tree) -> None:
     """A step that runs is not killed; without a word, a long one would look like a hang."""
     slow = "add_custom_target(wait ALL COMMAND ${CMAKE_COMMAND} -E sleep 3)"
     late = "execute_process(COMMAND ${CMAKE_COMMAND} -E sleep 1)\nmessage(FATAL_ERROR no)"

@@ -87,7 +87,7 @@ def test_a_plugin_from_a_wheel_builds_installs_and_tests(forge: Forge, greeter: 
 
 
 @pytest.mark.usefixtures("plugin")
-def test_the_exit_code_of_a_plugins_tests_has_a_meaning(forge: Forge, greeter: Path) -> None:
+def test_exit_codes_of_plugin_tests_are_interpreted(forge: Forge, greeter: Path) -> None:
     makefile = greeter / "src/greeter/Makefile"
     makefile.write_text(MAKEFILE.replace("$(WORD)", "made"))
     assert forge("build", cwd=greeter).code == 0
@@ -117,9 +117,7 @@ def test_test_results_of_plugins_are_counted(forge: Forge, greeter: Path) -> Non
 
 
 @pytest.mark.usefixtures("plugin")
-def test_another_version_of_a_plugin_builds_its_packages_again(
-    forge: Forge, greeter: Path, tmp_path: Path
-) -> None:
+def test_a_plugin_upgrade_rebuilds_its_packages(forge: Forge, greeter: Path, tmp_path: Path) -> None:
     assert forge("build", cwd=greeter).code == 0
     with (tmp_path / "plugin/site/forge_make.py").open("a") as stream:
         stream.write("# version 2\n")
@@ -135,7 +133,7 @@ def toolchain(packages, context, variables):
 """
 
 
-def test_the_toolchain_of_a_plugin_is_an_input_of_its_packages(
+def test_the_toolchain_of_a_plugin_is_an_input(
     forge: Forge, greeter: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     install(monkeypatch, greeter / "plugin", PLUGIN + TOOLCHAIN)
@@ -188,7 +186,7 @@ def test_build_types_are_not_loaded_from_the_workspace(forge: Forge, tree: Tree)
         ),
     ],
 )
-def test_errors_of_a_plugin_are_reported_as_such(
+def test_plugin_errors_are_attributed_to_the_plugin(
     forge: Forge, greeter: Path, monkeypatch: pytest.MonkeyPatch, broken: str, message: str
 ) -> None:
     (greeter / "forge.toml").write_text("build-types = ['make']")
@@ -251,7 +249,7 @@ def test_required_packages_of_unknown_build_types_are_errors(forge: Forge, tree:
 
 
 @pytest.mark.parametrize("words", [["build", "--dry-run"], ["list"]])
-def test_nothing_is_imported_for_build_types_without_packages(tree: Tree, words: list[str]) -> None:
+def test_unused_build_type_plugins_are_not_imported(tree: Tree, words: list[str]) -> None:
     root = tree(
         {
             "src/b/package.xml": manifest_text("b", build_type="ament_python"),

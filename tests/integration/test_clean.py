@@ -77,7 +77,7 @@ def test_a_package_is_removed_completely_and_can_be_rebuilt(forge: Forge, worksp
     assert left(workspace) == before
 
 
-def test_packages_may_be_selected(forge: Forge, workspace: Path) -> None:
+def test_packages_can_be_selected(forge: Forge, workspace: Path) -> None:
     ran = forge("clean", "packages", "--packages-above", "a", "--yes", cwd=workspace)
     assert ran.code == 0
     assert not (workspace / "build/a").exists()
@@ -95,7 +95,7 @@ def test_results_of_removed_packages_are_stale(forge: Forge, workspace: Path) ->
     assert forge("clean", "stale", "-y", cwd=workspace).out == "nothing to remove\n"
 
 
-def test_a_broken_manifest_makes_no_results_stale(forge: Forge, workspace: Path) -> None:
+def test_results_with_a_broken_manifest_are_not_stale(forge: Forge, workspace: Path) -> None:
     (workspace / "src/b/package.xml").write_text("<package/>")
     assert forge("clean", "stale", "-y", cwd=workspace).code == 2
     assert (workspace / "build/b").is_dir()
@@ -153,7 +153,7 @@ def test_links_are_removed_and_not_followed(forge: Forge, tree: Tree) -> None:
 
 
 @pytest.mark.parametrize("words", [("-y", "a", "b"), ("a", "-y", "b"), ("a", "b", "-y")])
-def test_names_may_stand_before_and_after_options(
+def test_names_are_accepted_before_and_after_options(
     forge: Forge, workspace: Path, words: tuple[str, ...]
 ) -> None:
     ran = forge("clean", "packages", *words, cwd=workspace)
@@ -271,7 +271,7 @@ def test_packages_that_options_leave_out_are_not_stale(forge: Forge, tree: Tree)
 
 
 @pytest.mark.needs("cmake", "ninja")
-def test_a_file_beside_the_marks_of_packages_is_no_package(forge: Forge, tree: Tree) -> None:
+def test_a_file_beside_package_marks_is_not_a_package(forge: Forge, tree: Tree) -> None:
     mine = "install/share/colcon-core/packages/notes"
     root = tree(cmake_package("a"))
     assert forge("build", "--merge-install", cwd=root).code == 0
@@ -295,7 +295,7 @@ MOUNT = ("unshare", "--user", "--map-root-user", "--mount")
 
 @pytest.mark.needs("cmake", "ninja")
 @pytest.mark.parametrize("base", ["build", "install", "log", "build/a", "install/a"])
-def test_a_folder_that_is_mounted_is_emptied(tree: Tree, base: str) -> None:
+def test_a_mounted_folder_is_emptied(tree: Tree, base: str) -> None:
     """As a container has volumes; what is mounted in a package's folder is not touched."""
     if shutil.which("unshare") is None or subprocess.run((*MOUNT, "true"), check=False).returncode:
         pytest.skip("no mounts in a namespace on this machine")

@@ -42,9 +42,7 @@ def test_an_unknown_command_is_an_error(forge: Forge) -> None:
         (["--ctest-args", "-j4", "--jobs", "2"], None, ["-j4", "--jobs", "2"]),
     ],
 )
-def test_jobs_have_a_short_spelling_which_other_programs_have_too(
-    argv: list[str], jobs: int | None, arguments: list[str]
-) -> None:
+def test_jobs_has_the_usual_short_option(argv: list[str], jobs: int | None, arguments: list[str]) -> None:
     verb = "test" if "--ctest-args" in argv else "build"
     options = main.parser_of([verb]).parse_args([verb, *argv])
     assert options.jobs == jobs

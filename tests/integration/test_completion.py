@@ -227,7 +227,7 @@ def test_completion_uses_current_package_names(workspace: Path) -> None:
     assert sorted(package_names(str(workspace))) == ["aleph", "beta", "plain_cmake"]
 
 
-def test_programs_of_packages_without_ament_are_found(
+def test_programs_of_plain_packages_are_found(
     tree: Tree, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     root = tree(
@@ -277,7 +277,7 @@ forge_cd gamma || echo no gamma
 @pytest.mark.parametrize(
     "shell", [pytest.param(shell, marks=pytest.mark.needs(shell)) for shell in ("bash", "zsh", "fish")]
 )
-def test_forge_cd_changes_to_packages_and_the_root(
+def test_forge_cd_changes_to_packages_or_the_root(
     forge: Forge, workspace: Path, tmp_path_factory: pytest.TempPathFactory, shell: str
 ) -> None:
     other = tmp_path_factory.mktemp("elsewhere")

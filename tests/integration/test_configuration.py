@@ -24,7 +24,7 @@ def listed(forge: Forge, root: Path, *argv: str, **env: str) -> str:
     return " ".join(ran.out.split()) + ran.err
 
 
-def test_nearer_files_win_and_the_command_line_overrides_all(forge: Forge, root: Path) -> None:
+def test_nearer_files_and_the_command_line_take_precedence(forge: Forge, root: Path) -> None:
     assert listed(forge, root) == "a b"
     (root / "home/defaults.yaml").write_text("list: {packages-select: [a]}")
     assert listed(forge, root) == "a"
@@ -39,7 +39,7 @@ def test_nearer_files_win_and_the_command_line_overrides_all(forge: Forge, root:
     assert listed(forge, root, "--profile", "one", "--packages-select", "b") == "b"
 
 
-def test_another_defaults_file_may_be_named(forge: Forge, root: Path) -> None:
+def test_a_different_defaults_file_can_be_selected(forge: Forge, root: Path) -> None:
     (root / "mine.yaml").write_text("list: {packages-skip: [a]}")
     assert listed(forge, root, COLCON_DEFAULTS_FILE=str(root / "mine.yaml")) == "b"
 
@@ -81,7 +81,7 @@ def test_invalid_settings_are_reported_and_ignored(forge: Forge, root: Path) -> 
         ("colcon.meta", "names: [a]", "error: 'names' is not a mapping of names to options"),
     ],
 )
-def test_a_file_that_cannot_be_read_is_an_error(
+def test_an_unreadable_configuration_file_is_an_error(
     forge: Forge, root: Path, file: str, text: str, message: str
 ) -> None:
     (root / file).write_text(text)

@@ -23,7 +23,7 @@ def told(forge: Forge, root: Path, **env: str) -> object:
     return json.loads(forge("info", "--json", cwd=root, env=env).out)["rosdistro"]
 
 
-def test_the_environment_precedes_forge_toml_the_last_build_and_humble(forge: Forge, root: Path) -> None:
+def test_the_environment_overrides_forge_toml_the_last_build_and_humble(forge: Forge, root: Path) -> None:
     assert told(forge, root) == "humble"
     assert "  ROS distribution: humble\n" in forge("info", cwd=root).out
     state = {"python": "python3", "underlays": [], "rosdistro": "kilted"}
@@ -74,14 +74,14 @@ def test_a_distribution_without_embedded_interfaces_is_rejected(forge: Forge, ro
 
 
 @pytest.mark.parametrize(("distribution", "number"), [("humble", 0), ("iron", 0), ("jazzy", 1)])
-def test_interfaces_are_shown_as_the_distribution_has_them(
+def test_interfaces_are_shown_for_the_distribution(
     forge: Forge, root: Path, distribution: str, number: int
 ) -> None:
     shown = forge("interface", "show", "sensor_msgs/msg/Range", cwd=root, env={"ROS_DISTRO": distribution})
     assert shown.out.count("float32 variance") == number
 
 
-def test_an_unknown_type_says_which_distribution_has_it(forge: Forge, root: Path) -> None:
+def test_an_unknown_type_names_the_distributions_that_have_it(forge: Forge, root: Path) -> None:
     (root / "msg").mkdir()
     (root / "msg/A.msg").write_text("nav_msgs/Goals goals\n")
     argv = ("interface", "generate", ".", "--package", "a", "--output", "out", "--lang", "json")
@@ -103,7 +103,7 @@ def test_an_unknown_type_says_which_distribution_has_it(forge: Forge, root: Path
     assert "'type_description_interfaces' exists in Jazzy and later" in missing.err
 
 
-def test_a_missing_package_says_which_distribution_has_it(forge: Forge, root: Path) -> None:
+def test_a_missing_package_names_the_distributions_that_have_it(forge: Forge, root: Path) -> None:
     (root / "src/a/package.xml").write_text(MANIFEST.replace("service_msgs", "type_description_interfaces"))
     planned = forge("build", "--dry-run", cwd=root, env={"ROS_DISTRO": "jazzy"})
     assert "type_description_interfaces" in planned.out

@@ -99,7 +99,7 @@ def test_variables_that_a_hook_unsets_are_unset(forge: Forge, tmp_path: Path) ->
     assert forge("env", cwd=tmp_path, env={"TAKEN": "yes"}).out.endswith("\nunset TAKEN\n")
 
 
-def test_mistakes_are_reported_with_one_message(forge: Forge, layout: Layout, tmp_path: Path) -> None:
+def test_errors_are_reported_once(forge: Forge, layout: Layout, tmp_path: Path) -> None:
     ran = forge("env", "PYTONPATH", "ZZZ", cwd=layout.install.parent)
     assert (ran.code, ran.out) == (2, "")
     assert ran.err == (
@@ -125,7 +125,7 @@ def shell(layout: Layout, *words: str, **variables: str) -> subprocess.Completed
     return subprocess.run(argv, env=env, cwd=cwd, input="", capture_output=True, text=True, check=False)
 
 
-def test_a_shell_needs_no_sourcing(layout: Layout) -> None:
+def test_forge_shell_needs_no_sourcing(layout: Layout) -> None:
     mine = layout.install.parent / "mine"
     mine.write_text('#!/bin/sh\necho "$AMENT_PREFIX_PATH"\n')
     mine.chmod(0o755)
@@ -168,7 +168,7 @@ def typed(layout: Layout, home: Path, program: str, **variables: str) -> str:
 @pytest.mark.parametrize(
     "program", [pytest.param(program, marks=pytest.mark.needs(program)) for program in PROMPTS]
 )
-def test_the_prompt_of_a_shell_names_the_workspace(layout: Layout, tmp_path: Path, program: str) -> None:
+def test_the_shell_prompt_names_the_workspace(layout: Layout, tmp_path: Path, program: str) -> None:
     file, text = PROMPTS[program]
     (tmp_path / "home" / file).parent.mkdir(parents=True)
     (tmp_path / "home" / file).write_text(text)
@@ -195,7 +195,7 @@ def test_a_missing_command_is_reported(layout: Layout) -> None:
     assert done.returncode == 2
 
 
-def test_run_needs_no_sourcing(forge: Forge, layout: Layout, tmp_path: Path) -> None:
+def test_forge_run_needs_no_sourcing(forge: Forge, layout: Layout, tmp_path: Path) -> None:
     ran = forge("run", "walker", "say", cwd=layout.install.parent)
     assert (ran.code, ran.out) == (0, f"{layout.prefix('walker')}/{SITE}\n")
     other = make_install(tmp_path / "other", [WALKER])

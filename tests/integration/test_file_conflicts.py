@@ -36,7 +36,7 @@ def test_isolated_prefixes_have_no_conflicts(forge: Forge, tree: Tree) -> None:
     assert build(forge, tree, {"a": "one", "b": "two"}, "--strict").code == 0
 
 
-def test_different_contents_are_a_warning_that_names_both_packages(forge: Forge, tree: Tree) -> None:
+def test_different_contents_give_a_warning_that_names_both_packages(forge: Forge, tree: Tree) -> None:
     """Whichever of them was built last."""
     ran = build(forge, tree, {"a": "one", "b": "two"}, "--merge-install")
     assert (ran.code, ran.err) == (0, f"warning{TOLD}")
@@ -45,7 +45,7 @@ def test_different_contents_are_a_warning_that_names_both_packages(forge: Forge,
     assert build(forge, tree, {"a": "two", "b": "two"}, "--merge-install").err == ""
 
 
-def test_with_strict_a_conflict_is_an_error_every_time(forge: Forge, tree: Tree) -> None:
+def test_strict_mode_makes_a_conflict_an_error_every_time(forge: Forge, tree: Tree) -> None:
     """Until somebody mends it."""
     for _ in range(3):
         ran = build(forge, tree, {"a": "one", "b": "two"}, "--merge-install", "--strict")
@@ -53,9 +53,7 @@ def test_with_strict_a_conflict_is_an_error_every_time(forge: Forge, tree: Tree)
 
 
 @pytest.mark.parametrize("end", ["true", "false"], ids=["well", "failing"])
-def test_a_file_may_move_to_a_package_that_is_built_at_the_same_time(
-    forge: Forge, tree: Tree, end: str
-) -> None:
+def test_a_file_may_move_to_a_concurrently_built_package(forge: Forge, tree: Tree, end: str) -> None:
     """The package that had it ends last, and neither removes nor restores it."""
     assert build(forge, tree, {"a": "one"}, "--merge-install").code == 0
     had = CMAKE.format(name="a").replace("install(FILES words", "# install(FILES words")

@@ -61,7 +61,7 @@ def cases() -> list[tuple[str, str, str, str]]:
 
 
 @pytest.mark.parametrize("case", cases(), ids="-".join)
-def test_a_slip_of_a_base_changes_nothing_of_the_user(
+def test_a_mistyped_base_option_changes_no_user_files(
     forge: Forge, tree: Tree, case: tuple[str, str, str, str]
 ) -> None:
     command, base, way, slip = case
@@ -97,7 +97,7 @@ def test_a_slip_of_a_base_changes_nothing_of_the_user(
 
 @pytest.mark.parametrize("kind", ["build", "install"])
 @pytest.mark.parametrize("name", ["notes.txt", ".git/HEAD", "package.xml", "CMakeCache.txt", "deep/er/x"])
-def test_a_folder_in_the_way_is_reported_before_anything_is_written(
+def test_a_conflicting_folder_is_reported_before_anything_is_written(
     forge: Forge, tree: Tree, kind: str, name: str
 ) -> None:
     root = tree({**cmake_package("a"), f"{kind}/a/{name}": "mine"})
@@ -110,14 +110,14 @@ def test_a_folder_in_the_way_is_reported_before_anything_is_written(
     assert everything(root) == before
 
 
-def test_all_folders_in_the_way_are_reported_at_once(forge: Forge, tree: Tree) -> None:
+def test_all_conflicting_folders_are_reported_together(forge: Forge, tree: Tree) -> None:
     mine = dict.fromkeys(("build/a/x", "build/b/x", "install/b/x"), "")
     root = tree({**cmake_package("a"), **cmake_package("b"), **mine})
     assert forge("build", cwd=root).err.count("was not created by forge or colcon") == len(mine)
 
 
 @pytest.mark.needs("cmake", "ninja")
-def test_after_a_build_that_failed_the_folders_are_recognized(forge: Forge, tree: Tree) -> None:
+def test_folders_are_recognized_after_a_failed_build(forge: Forge, tree: Tree) -> None:
     root = tree(cmake_package("a"))
     text = (root / "src/a/CMakeLists.txt").read_text()
     (root / "src/a/CMakeLists.txt").write_text(f"{text}\nmessage(FATAL_ERROR stop)\n")
@@ -128,7 +128,7 @@ def test_after_a_build_that_failed_the_folders_are_recognized(forge: Forge, tree
 
 
 @pytest.mark.needs("cmake", "ninja")
-def test_after_a_build_sources_in_the_way_are_still_reported(forge: Forge, tree: Tree) -> None:
+def test_sources_in_conflicting_folders_are_reported_after_a_build(forge: Forge, tree: Tree) -> None:
     root = tree(cmake_package("a"))
     assert forge("build", cwd=root).code == 0
     tree({"build/a/.git/HEAD": "mine"})
@@ -140,7 +140,7 @@ def test_after_a_build_sources_in_the_way_are_still_reported(forge: Forge, tree:
 
 
 @pytest.mark.needs("cmake", "ninja")
-def test_a_manifest_that_cmake_generates_is_no_source(forge: Forge, tree: Tree) -> None:
+def test_a_manifest_generated_by_cmake_is_not_a_source(forge: Forge, tree: Tree) -> None:
     root = tree(cmake_package("a"))
     with (root / "src/a/CMakeLists.txt").open("a") as stream:
         stream.write("configure_file(package.xml package.xml)\n")
@@ -153,7 +153,7 @@ def test_a_manifest_that_cmake_generates_is_no_source(forge: Forge, tree: Tree) 
 @pytest.mark.needs("cmake", "ninja")
 @pytest.mark.parametrize("text", ["", "garbage \0\1", "col"])
 @pytest.mark.parametrize("marker", ["build/.built_by", "install/.colcon_install_layout"])
-def test_a_damaged_marker_of_a_folder_that_is_otherwise_known_is_written_anew(
+def test_a_damaged_marker_of_a_known_folder_is_rewritten(
     forge: Forge, tree: Tree, marker: str, text: str
 ) -> None:
     root = tree(cmake_package("a"))
@@ -187,7 +187,7 @@ def test_a_cache_is_recognized_by_the_name_of_its_mark(forge: Forge, tree: Tree)
 
 
 @pytest.mark.needs("cmake", "ninja")
-def test_a_package_at_the_root_keeps_its_folders_beside_its_files(forge: Forge, tree: Tree) -> None:
+def test_a_package_at_the_root_is_not_removed_with_its_results(forge: Forge, tree: Tree) -> None:
     root = tree({name.removeprefix("src/a/"): text for name, text in cmake_package("a").items()})
     assert forge("build", cwd=root).code == 0
     assert forge("build", "--build-base", ".", cwd=root).code == 2
@@ -196,7 +196,7 @@ def test_a_package_at_the_root_keeps_its_folders_beside_its_files(forge: Forge, 
 
 
 @pytest.mark.needs("cmake", "ninja")
-def test_one_folder_for_build_and_install_results_is_refused(forge: Forge, tree: Tree) -> None:
+def test_a_shared_build_and_install_folder_is_rejected(forge: Forge, tree: Tree) -> None:
     root = tree(cmake_package("a"))
     assert "are the same" in forge("build", "--install-base", "build", cwd=root).err
     assert "lies in the build folder of 'a'" in forge("build", "--install-base", "build/a/i", cwd=root).err
@@ -207,7 +207,7 @@ def test_one_folder_for_build_and_install_results_is_refused(forge: Forge, tree:
     ("option", "name"),
     [("install", "setup.bash"), ("install", "local_setup.sh"), ("build", "compile_commands.json")],
 )
-def test_files_named_like_those_of_a_base_stay(
+def test_files_named_like_forge_files_are_kept(
     forge: Forge, tree: Tree, options: tuple[str, ...], option: str, name: str
 ) -> None:
     """A prefix of another tool, such as ROS itself, has setup scripts, too."""
@@ -223,7 +223,7 @@ def test_files_named_like_those_of_a_base_stay(
 
 @pytest.mark.needs("cmake", "ninja")
 @pytest.mark.parametrize("kind", ["build", "install"])
-def test_a_link_into_another_workspace_is_refused(forge: Forge, tree: Tree, kind: str) -> None:
+def test_a_link_into_another_workspace_is_rejected(forge: Forge, tree: Tree, kind: str) -> None:
     """A link to a folder that was moved, for example to another disk, is none into a workspace."""
     there = {f"there/{name}": text for name, text in cmake_package("a").items()}
     here = {f"here/{name}": text for name, text in cmake_package("a").items()}
@@ -243,7 +243,7 @@ def test_a_link_into_another_workspace_is_refused(forge: Forge, tree: Tree, kind
 
 
 @pytest.mark.needs("cmake", "ninja")
-def test_the_name_of_an_unknown_user_is_the_name_of_a_folder(forge: Forge, tree: Tree) -> None:
+def test_a_tilde_with_an_unknown_user_is_a_folder_name(forge: Forge, tree: Tree) -> None:
     """As in a shell, for every option with a folder."""
     root = tree({"src/.keep": ""})
     for option in ("--build-base", "--install-base", "--test-result-base", "--cache", "--mixin-files"):
@@ -252,7 +252,7 @@ def test_the_name_of_an_unknown_user_is_the_name_of_a_folder(forge: Forge, tree:
     assert forge("--log-base", "~nobody-of-this-name", "build", cwd=root).code in {0, 2}
 
 
-def test_a_bundle_overwrites_only_a_bundle(forge: Forge, tree: Tree) -> None:
+def test_a_bundle_overwrites_only_bundles(forge: Forge, tree: Tree) -> None:
     root = tree({**cmake_package("a"), "mine": "mine"})
     assert forge("build", cwd=root).code == 0
     assert forge("bundle", "-o", "b.tar.gz", cwd=root).code == 0
@@ -274,7 +274,7 @@ SHA = "ab" + "0" * 62
 
 @pytest.mark.parametrize("way", [way for way in WAYS if way != "link"])
 @pytest.mark.parametrize("verb", ["stats", "prune", "verify", "build"])
-def test_a_folder_that_only_looks_like_a_cache_is_refused(
+def test_a_folder_that_only_resembles_a_cache_is_rejected(
     forge: Forge, tree: Tree, verb: str, way: str
 ) -> None:
     """Such as a disk cache of Bazel, however it is named."""
@@ -301,7 +301,7 @@ def test_a_folder_that_only_looks_like_a_cache_is_refused(
 
 
 @pytest.mark.needs("cmake", "ninja")
-def test_a_cache_is_recognized_and_keeps_files_of_others(forge: Forge, tree: Tree) -> None:
+def test_a_cache_is_recognized_and_keeps_unowned_files(forge: Forge, tree: Tree) -> None:
     root = tree({**cmake_package("a"), "c/mine": "mine"})
     cache = ("--cache", str(root / "c"))
     assert forge("build", *cache, cwd=root).code == 0
@@ -329,7 +329,7 @@ def test_a_renamed_package_is_reported_as_stale(forge: Forge, tree: Tree) -> Non
     assert "'a' is no longer in the workspace" in forge("build", cwd=root).err
 
 
-def test_a_log_folder_keeps_links_and_marks_of_its_owner(forge: Forge, tree: Tree) -> None:
+def test_a_log_folder_keeps_links_and_markers_of_the_user(forge: Forge, tree: Tree) -> None:
     """Links are forge's if they lead to a run; the mark is, if it is empty, and hides nothing that stays."""
     root = tree({**cmake_package("a"), "theirs/COLCON_IGNORE": "why: no packages", "theirs/notes": "mine"})
     own = tree({"own/COLCON_IGNORE": "", "own/notes": "mine"}) / "own"
@@ -356,7 +356,7 @@ def test_a_log_folder_keeps_links_and_marks_of_its_owner(forge: Forge, tree: Tre
         ]
 
 
-def test_a_mark_with_a_text_is_no_mark_of_forge(forge: Forge, tree: Tree) -> None:
+def test_a_marker_with_content_is_not_a_forge_marker(forge: Forge, tree: Tree) -> None:
     root = tree({**cmake_package("a"), "build/COLCON_IGNORE": "mine", "install/COLCON_IGNORE": "mine"})
     before = everything(root)
     assert forge("build", cwd=root).code == 0
@@ -369,7 +369,7 @@ def test_a_mark_with_a_text_is_no_mark_of_forge(forge: Forge, tree: Tree) -> Non
 
 @pytest.mark.parametrize("command", ["build", "test"])
 @pytest.mark.parametrize("base", ["build/a", "build/a/log", "install/a/log", "link/log"])
-def test_a_log_folder_in_a_folder_of_a_package_is_refused(
+def test_a_log_folder_inside_a_package_folder_is_rejected(
     forge: Forge, tree: Tree, command: str, base: str
 ) -> None:
     """A build would empty it."""

@@ -65,7 +65,7 @@ def test_json_output_has_one_event_per_line(forge: Forge, two: Path) -> None:
     assert events_in((two / "log/latest_build/events.jsonl").read_text()) == events
 
 
-def test_a_build_of_nothing_lists_the_up_to_date_packages(forge: Forge, two: Path) -> None:
+def test_an_up_to_date_build_lists_its_packages(forge: Forge, two: Path) -> None:
     forge("build", cwd=two)
     events = events_in(forge("build", "--json", cwd=two).out)
     assert [(e["event"], e.get("package")) for e in events] == [
@@ -108,7 +108,7 @@ def test_a_failure_contains_its_error_and_the_command_to_repeat_it(forge: Forge,
     assert "Failed   <<< bad" in ran.err
 
 
-def test_program_output_is_included_on_request(forge: Forge, tree: Tree) -> None:
+def test_program_output_can_be_included(forge: Forge, tree: Tree) -> None:
     root = tree(plain("a", more='message(STATUS "a word")'))
     assert "a word" not in forge("build", "--json", "--event-handlers", "console_cohesion+", cwd=root).out
     ran = forge("build", "--json", "--cmake-force-configure", "--event-handlers", "console_direct+", cwd=root)

@@ -44,7 +44,7 @@ def told(
     return [problem.message for problem in errors], [problem.message for problem in warnings]
 
 
-def test_the_limit_is_that_of_the_kernel() -> None:
+def test_the_limit_matches_the_kernel() -> None:
     """One byte more, and nothing starts."""
     value = "x" * (LIMIT - len("A=") - 1)
     subprocess.run(["/bin/true"], env={"A": value}, check=True)
@@ -73,7 +73,7 @@ def test_variables_too_long_for_the_build_are_an_error() -> None:
     ]
 
 
-def test_merged_installs_have_one_entry() -> None:
+def test_merged_installs_have_one_path_entry() -> None:
     """However many packages there are."""
     made, layout = plan(140, "/a/" + "long/" * 200, chained=True)
     merged = Layout(layout.build, layout.install, None, merged=True)

@@ -57,5 +57,5 @@ def test_workspace_paths_that_tools_cannot_handle_are_rejected_early(sign: str, 
     assert "move the workspace" in done.stderr
 
 
-def test_characters_that_only_setuptools_rejects() -> None:
+def test_characters_rejected_by_setuptools_are_allowed_for_cmake() -> None:
     assert not list(path_problems([Path("/a$b%c{d}")], python=False))

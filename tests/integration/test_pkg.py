@@ -78,7 +78,7 @@ def test_create_lists_the_files_it_writes(forge: Forge, tmp_path: Path) -> None:
     assert (tmp_path / "walker/include/walker").is_dir()
 
 
-def test_create_makes_the_destination_and_the_python_package(forge: Forge, tmp_path: Path) -> None:
+def test_create_creates_the_destination_and_the_python_package(forge: Forge, tmp_path: Path) -> None:
     argv = ("--build-type", "ament_python", "--destination-directory", "new/src/", "--node-name", "walk")
     ran = forge("pkg", "create", "walker", *argv, "--library-name", "gait", cwd=tmp_path)
     assert ran.code == 0
@@ -93,7 +93,7 @@ def test_create_makes_the_destination_and_the_python_package(forge: Forge, tmp_p
     assert made == {"setup.py", "walker/__init__.py", "walker/walk.py", "walker/gait/__init__.py", *tests}
 
 
-def test_create_completes_with_a_closed_stdout(tmp_path: Path) -> None:
+def test_create_succeeds_with_a_closed_stdout(tmp_path: Path) -> None:
     argv = (sys.executable, "-m", "forge", "pkg", "create", "p", "--build-type", "ament_cmake")
     ours, theirs = os.pipe()
     os.close(ours)
@@ -114,7 +114,7 @@ def test_create_renames_a_node_called_like_the_library(forge: Forge, tmp_path: P
     assert (tmp_path / "walker/src/x_node.cpp").is_file()
 
 
-def test_create_warns_of_an_unusual_name_and_a_missing_license(forge: Forge, tmp_path: Path) -> None:
+def test_create_warns_about_an_unusual_name_and_a_missing_license(forge: Forge, tmp_path: Path) -> None:
     ran = forge("pkg", "create", "walker", cwd=tmp_path)
     assert (ran.code, ran.err) == (
         0,
@@ -130,7 +130,7 @@ def test_create_warns_of_an_unusual_name_and_a_missing_license(forge: Forge, tmp
     ]
 
 
-def test_a_created_package_of_interfaces_has_one_of_each_kind(forge: Forge, tmp_path: Path) -> None:
+def test_a_created_interface_package_has_an_interface_of_each_kind(forge: Forge, tmp_path: Path) -> None:
     ran = forge("pkg", "create", "walker_msgs", "--interfaces", cwd=tmp_path)
     assert ran.code == 0
     assert "interfaces: ['Example.msg', 'Example.srv', 'Example.action']\n" in ran.out
@@ -142,7 +142,7 @@ def test_a_created_package_of_interfaces_has_one_of_each_kind(forge: Forge, tmp_
 
 
 @pytest.mark.parametrize("argv", [("walker", "--license", "?"), ("--license", "?")])
-def test_a_question_mark_lists_the_licenses(argv: tuple[str, ...], forge: Forge, tmp_path: Path) -> None:
+def test_question_mark_lists_the_licenses(argv: tuple[str, ...], forge: Forge, tmp_path: Path) -> None:
     ran = forge("pkg", "create", *argv, cwd=tmp_path)
     assert ran.code == 0
     assert ran.out.splitlines()[:2] == ["Supported licenses:", "Apache-2.0"]
@@ -177,7 +177,7 @@ def test_create_validates_before_writing(forge: Forge, tmp_path: Path) -> None:
     ("email", "told"), [("ada@example.org", "ada@example.org"), ("ada@home", "Ada.L@todo.todo")]
 )
 @pytest.mark.needs("git")
-def test_the_address_is_taken_from_git(email: str, told: str, forge: Forge, tree: Tree) -> None:
+def test_the_email_address_is_taken_from_git(email: str, told: str, forge: Forge, tree: Tree) -> None:
     root = tree({"gitconfig": f"[user]\n\temail = {email}\n"})
     env = {"GIT_CONFIG_GLOBAL": str(root / "gitconfig"), "GIT_CONFIG_SYSTEM": os.devnull}
     ran = forge("pkg", "create", "walker", "--maintainer-name", "Ada L", cwd=root, env=env)
@@ -221,7 +221,7 @@ def test_installed_packages_are_queried_in_the_order_of_the_prefixes(
         ),
     ],
 )
-def test_missing_packages_are_one_message(
+def test_missing_packages_give_one_error(
     argv: tuple[str, ...], message: str, forge: Forge, prefix: Path
 ) -> None:
     ran = forge("pkg", *argv, env=sourced(prefix))

@@ -89,7 +89,7 @@ def test_forge_builds_without_the_plugin(
         ("test --coverage", "reporter 'coverage'", "coverage", ""),
     ],
 )
-def test_use_of_a_missing_plugin_says_how_to_get_it(
+def test_using_a_missing_plugin_names_the_install_command(
     words: str, what: str, plugin: str, extra: str, tmp_path: Path, tree: Tree
 ) -> None:
     root = tree({"ws/src/a/package.xml": manifest_text("a")}) / "ws"
@@ -101,7 +101,7 @@ def test_use_of_a_missing_plugin_says_how_to_get_it(
     assert [path.name for path in root.iterdir()] == ["src"]
 
 
-def test_a_target_without_its_plugin_says_how_to_get_it(tree: Tree, tmp_path: Path) -> None:
+def test_a_target_of_a_missing_plugin_names_the_install_command(tree: Tree, tmp_path: Path) -> None:
     copy = forge_without("cross", tmp_path / "copy")
     ran = run_forge(tree(WORKSPACE) / "ws", "build", "--target", "arm64", path=copy)
     assert ran.returncode == 2
@@ -149,7 +149,7 @@ BOARD = {
 
 
 @pytest.mark.needs("cmake")
-def test_a_toolchain_of_another_distribution_builds_for_its_platform(tree: Tree) -> None:
+def test_a_third_party_toolchain_builds_for_its_platform(tree: Tree) -> None:
     root = tree(BOARD)
     (root / "toolchain/sdk/run").chmod(0o755)
 
@@ -171,9 +171,7 @@ def test_a_toolchain_of_another_distribution_builds_for_its_platform(tree: Tree)
     assert "cannot run the tests of programs for 'board'" in forge("test", "--target", "board").stderr
 
 
-def test_packages_of_a_missing_build_type_are_skipped_with_its_plugin_named(
-    tree: Tree, tmp_path: Path
-) -> None:
+def test_packages_of_a_missing_build_type_plugin_are_skipped_with_a_hint(tree: Tree, tmp_path: Path) -> None:
     copy = forge_without("cargo", tmp_path / "copy")
     manifest = '[package]\nname = "b"\n'
     files = {"a/package.xml": manifest_text("a", build_type="ament_cargo"), "b/Cargo.toml": manifest}
@@ -191,7 +189,7 @@ def test_packages_of_a_missing_build_type_are_skipped_with_its_plugin_named(
 
 
 @pytest.mark.parametrize("url", ["http://127.0.0.1:1", "s3://bucket/folder"])
-def test_a_remote_cache_without_its_plugin_is_refused_before_anything_is_built(
+def test_a_remote_cache_without_its_plugin_is_rejected_before_the_build(
     url: str, tree: Tree, tmp_path: Path
 ) -> None:
     copy = forge_without("remote_cache", tmp_path / "copy")
@@ -206,7 +204,7 @@ def test_a_remote_cache_without_its_plugin_is_refused_before_anything_is_built(
     assert not (root / "build/shapes").exists()
 
 
-def test_a_remote_cache_of_another_distribution_stores_and_restores(tree: Tree) -> None:
+def test_a_third_party_remote_cache_stores_and_restores(tree: Tree) -> None:
     code = next(block.text for block in blocks(PAGE) if "def connect" in block.text)
     files = {
         "site/shelf.py": code,
@@ -224,7 +222,7 @@ def test_a_remote_cache_of_another_distribution_stores_and_restores(tree: Tree) 
     assert "  shelf   shelf 1\n" in run_forge(root, "extensions", path=root / "site").stdout
 
 
-def test_a_verb_of_a_missing_plugin_says_how_to_get_it(tmp_path: Path) -> None:
+def test_a_verb_of_a_missing_plugin_names_the_install_command(tmp_path: Path) -> None:
     copy = forge_without("interface_pages", tmp_path / "copy")
     (tmp_path / "msg").mkdir()
     (tmp_path / "msg/X.msg").write_text("int8 a\n", encoding="utf-8")
@@ -235,7 +233,7 @@ def test_a_verb_of_a_missing_plugin_says_how_to_get_it(tmp_path: Path) -> None:
         assert "'docs' needs the plugin 'interface_pages', which this forge lacks\nhint: " in ran.stderr
 
 
-def test_a_verb_of_another_distribution_is_found(tree: Tree) -> None:
+def test_a_third_party_verb_is_found(tree: Tree) -> None:
     entry = "[forge.interfaces.verbs]\ncount = count_interfaces\n"
     info = "Metadata-Version: 2.1\nName: counting\nVersion: 1\n"
     code = '"""Count interfaces."""\ndef register(parser): parser.add_argument("-x", type=int)\n'
@@ -251,7 +249,7 @@ def test_a_verb_of_another_distribution_is_found(tree: Tree) -> None:
     assert "  count  counting 1\n" in run_forge(root, "extensions", path=root).stdout
 
 
-def test_a_command_of_another_distribution_is_installed_from_a_wheel(tmp_path: Path) -> None:
+def test_a_third_party_command_is_installed_from_a_wheel(tmp_path: Path) -> None:
     for block in blocks(PAGE):
         if block.mark.startswith("write: plugin_ws/"):
             path = tmp_path / "project" / Path(block.mark.removeprefix("write: ")).name
@@ -277,7 +275,7 @@ def write_reporter(root: Path, code: str) -> None:
     (root / "forge_slowest.py").write_text(code)
 
 
-def test_a_reporter_of_another_distribution_is_an_event_handler(tree: Tree) -> None:
+def test_a_third_party_reporter_is_an_event_handler(tree: Tree) -> None:
     root = tree(PLAIN)
     (code,) = (block.text for block in blocks(PAGE) if block.mark == "write: forge_slowest.py")
     write_reporter(root, code)
@@ -313,9 +311,7 @@ class Lazy(Reporter):
         ),
     ],
 )
-def test_an_error_in_a_reporter_of_another_distribution_has_its_place(
-    code: str, message: str, tree: Tree
-) -> None:
+def test_an_error_in_a_third_party_reporter_has_a_location(code: str, message: str, tree: Tree) -> None:
     root = tree(PLAIN)
     write_reporter(root, code)
     ran = run_forge(root / "ws", "build", "--event-handlers", "slowest+", path=root)
@@ -324,7 +320,7 @@ def test_an_error_in_a_reporter_of_another_distribution_has_its_place(
     assert "Traceback" not in ran.stderr
 
 
-def test_an_error_in_a_command_of_another_distribution_has_its_place(tree: Tree) -> None:
+def test_an_error_in_a_third_party_command_has_a_location(tree: Tree) -> None:
     entry = "[forge.commands]\nbroken = broken\n"
     info = "Metadata-Version: 2.1\nName: broken\nVersion: 1\n"
     code = "def register(parser): pass\ndef run(options):\n    return 1 / 0\n"
@@ -357,7 +353,7 @@ def with_executor(tree: Tree) -> Path:
     )
 
 
-def test_the_executor_of_another_distribution_runs_the_steps(with_executor: Path) -> None:
+def test_a_third_party_executor_runs_the_steps(with_executor: Path) -> None:
     ran = run_forge(with_executor / "ws", "build", "--executor", "nice", path=with_executor)
     assert ran.returncode == 0, ran.stdout + ran.stderr
     assert "Summary: 1 package finished" in ran.stdout
@@ -366,7 +362,7 @@ def test_the_executor_of_another_distribution_runs_the_steps(with_executor: Path
     assert "  nice        nice 1\n" in run_forge(with_executor, "extensions", path=with_executor).stdout
 
 
-def test_errors_with_an_executor_of_another_distribution_are_reported(with_executor: Path) -> None:
+def test_errors_in_a_third_party_executor_are_reported(with_executor: Path) -> None:
     ran = run_forge(with_executor / "ws", "build", "--executor", "broken", path=with_executor)
     assert ran.returncode == 2
     message = "broken.py:11: error: the executor 'broken' failed: ZeroDivisionError: division by zero"

@@ -81,7 +81,7 @@ def test_changed_options_are_announced_in_one_line(forge: Forge, workspace: Path
     assert announced(forge, workspace, "--cmake-args", "-DCMAKE_BUILD_TYPE=Release") == []
 
 
-def test_a_variable_rebuilds_and_announces_only_what_reads_it(forge: Forge, workspace: Path) -> None:
+def test_only_packages_that_read_a_changed_variable_are_rebuilt(forge: Forge, workspace: Path) -> None:
     assert announced(forge, workspace) == []
     changed = "the environment variable 'MIDDLEWARE' changed; 1 package is rebuilt"
     env = {"MIDDLEWARE": "one"}
@@ -94,7 +94,7 @@ def test_a_variable_rebuilds_and_announces_only_what_reads_it(forge: Forge, work
     assert announced(forge, workspace) == [f"{changed}; set it as before to keep it"]
 
 
-def test_a_source_behind_a_link_is_the_source(forge: Forge, workspace: Path) -> None:
+def test_a_linked_source_is_reported_as_a_source(forge: Forge, workspace: Path) -> None:
     """It is neither an installed nor an external file, also after a build that failed in between."""
     assert forge("build", "--symlink-install", cwd=workspace).code == 0
     (workspace / "src/low/low.hpp").write_text("int low(); // edited\n")
@@ -134,7 +134,7 @@ def emptied_install(root: Path) -> None:
         (emptied_install, "'install/plain/share/plain/package.bash' and "),
     ],
 )
-def test_reasons_do_not_change_when_asked_again(
+def test_reasons_are_stable_across_dry_runs(
     change: Callable[[Path], None], reason: str, forge: Forge, workspace: Path
 ) -> None:
     """A run that builds nothing, such as --dry-run, has read the files."""
@@ -187,7 +187,7 @@ def test_external_files_and_folders_are_named(forge: Forge, tree: Tree, tmp_path
         (3, "/other/forge", "forge now runs in '/other/forge' with Python {2}, not in '{3}' with Python {2}"),
     ],
 )
-def test_a_different_forge_is_described_by_what_differs(
+def test_a_changed_forge_is_described_by_its_differences(
     part: int, word: str, text: str, forge: Forge, workspace: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Its version, its code, or only the Python that runs it."""
@@ -211,7 +211,7 @@ def test_a_moved_workspace_is_announced_once(forge: Forge, workspace: Path, tmp_
     assert line.endswith("; 2 packages are rebuilt")
 
 
-def test_a_file_that_another_package_overwrites_is_not_called_changed(forge: Forge, tree: Tree) -> None:
+def test_a_file_overwritten_by_another_package_is_not_called_changed(forge: Forge, tree: Tree) -> None:
     """In a merged prefix both are installed again, in order."""
     code = (
         'file(WRITE ${{CMAKE_BINARY_DIR}}/x "{0}")\ninstall(FILES ${{CMAKE_BINARY_DIR}}/x DESTINATION share)'

@@ -35,7 +35,7 @@ def log(root: Path) -> str:
     return (root / "log/latest_build/a/stdout_stderr.log").read_text(encoding="utf-8")
 
 
-def test_a_recipe_adds_files_a_launcher_and_variables(tree: Tree) -> None:
+def test_recipes_can_add_files_a_launcher_and_variables(tree: Tree) -> None:
     root = workspace(tree)
     ran = run_forge(root, "build", "--recipes", "polite", path=root)
     assert ran.returncode == 0, ran.stderr
@@ -49,7 +49,7 @@ def test_a_recipe_adds_files_a_launcher_and_variables(tree: Tree) -> None:
     assert "preparing a\n" in log(root)
 
 
-def test_a_recipe_is_used_only_if_it_is_named(tree: Tree) -> None:
+def test_recipes_are_used_only_if_named(tree: Tree) -> None:
     root = workspace(tree)
     assert run_forge(root, "build", path=root).returncode == 0
     assert "configuring" not in log(root)
@@ -68,7 +68,7 @@ def test_an_unknown_recipe_is_an_error(tree: Tree) -> None:
     )
 
 
-def test_an_error_in_a_recipe_has_its_place(tree: Tree) -> None:
+def test_an_error_in_a_recipe_has_a_location(tree: Tree) -> None:
     root = workspace(tree, RECIPE.replace("return nullcontext", "return missing_context"))
     ran = run_forge(root, "build", "--recipes", "polite", path=root)
     assert ran.returncode == 2

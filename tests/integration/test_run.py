@@ -57,7 +57,7 @@ def test_the_prefix_command_comes_first(forge: Forge, tree: Tree) -> None:
     assert (code, out) == (0, "a b:[--prefix][c]")
 
 
-def test_the_program_runs_in_the_folder_of_the_caller(forge: Forge, tree: Tree) -> None:
+def test_the_program_runs_in_the_current_folder(forge: Forge, tree: Tree) -> None:
     root = tree({MARK: "", "lib/walker/where": "#!/bin/sh\npwd -P\n"})
     assert run(forge, root, "walker", "where")[1] == f"{root.resolve()}\n"
 
@@ -120,7 +120,7 @@ def test_ctrl_c_goes_to_the_program_and_other_signals_are_forwarded(tree: Tree) 
         (("--prefix", "'gdb", "walker", "say"), "cannot parse --prefix: no closing quotation"),
     ],
 )
-def test_programs_that_cannot_run_are_one_message(
+def test_programs_that_cannot_run_give_one_error(
     argv: tuple[str, ...], message: str, forge: Forge, tree: Tree
 ) -> None:
     root = tree(
@@ -196,7 +196,7 @@ OTHER = "it is in '{}/lib/wlaker' instead of lib/walker: "
         ),
     ],
 )
-def test_a_program_installed_in_the_wrong_folder_is_reported(
+def test_a_program_in_the_wrong_folder_is_reported(
     files: dict[str, str], where: str, hint: str, forge: Forge, tree: Tree
 ) -> None:
     root = tree(files)
@@ -224,7 +224,7 @@ def test_a_program_for_another_platform_is_reported(forge: Forge, tree: Tree) ->
     assert "--prefix 'qemu-aarch64 -L /usr/aarch64-linux-gnu'" in err
 
 
-def test_unbuilt_packages_are_not_blamed_on_sourcing(forge: Forge, tree: Tree) -> None:
+def test_errors_about_unbuilt_packages_do_not_suggest_sourcing(forge: Forge, tree: Tree) -> None:
     files = {"install/.colcon_install_layout": "isolated\n", "install/half/lib/half/x": ""}
     manifest = {"src/zzz/package.xml": manifest_text("zzz")}
     root = tree({**files, **manifest, f"install/walker/{MARK}": ""})
@@ -251,7 +251,7 @@ def test_unbuilt_packages_are_not_blamed_on_sourcing(forge: Forge, tree: Tree) -
         ("lib/walker/say", ("Cargo.toml", '[package]\nname = "walker"\nversion = "1.0.0"\n')),
     ],
 )
-def test_programs_of_packages_without_ament_run_though_they_are_not_in_its_index(
+def test_programs_of_plain_packages_run_without_an_index_entry(
     path: str, source: tuple[str, str], forge: Forge, tree: Tree
 ) -> None:
     script = '#!/bin/sh\necho "$WALKS:$1"\n'
@@ -274,7 +274,7 @@ def test_programs_of_packages_without_ament_run_though_they_are_not_in_its_index
     )
 
 
-def test_a_program_of_an_underlay_needs_no_sourcing_either(forge: Forge, tree: Tree) -> None:
+def test_programs_of_an_underlay_run_without_sourcing(forge: Forge, tree: Tree) -> None:
     script = '#!/bin/sh\necho "$AMENT_PREFIX_PATH:$1"\n'
     marker = {"install/.colcon_install_layout": "merged\n", "src/notes": ""}
     root = tree({**marker, f"under/{MARK}": "", "under/lib/walker/say": script})

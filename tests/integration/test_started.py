@@ -119,7 +119,7 @@ def test_descendants_in_other_sessions_are_killed(
     assert not runs(child)
 
 
-def test_descendants_are_known_after_their_parents_have_ended(tmp_path: Path) -> None:
+def test_descendants_are_found_after_their_parents_have_ended(tmp_path: Path) -> None:
     process, child = start(MOVES_AWAY, tmp_path)
     StartedProcesses(tmp_path).note_descendants()
     process.kill()

@@ -64,7 +64,7 @@ def lines(ran: Ran, beginning: str) -> list[str]:
     return [line[len(beginning) :].strip() for line in found if line.startswith(beginning)]
 
 
-def test_there_is_nothing_to_test_in_an_empty_folder(forge: Forge, tmp_path: Path) -> None:
+def test_an_empty_folder_has_nothing_to_test(forge: Forge, tmp_path: Path) -> None:
     """Nothing is written, so that the folder does not become a workspace."""
     ran = forge("test", cwd=tmp_path)
     assert (ran.code, ran.out) == (2, "")
@@ -97,7 +97,7 @@ def test_all_kinds_of_packages_are_tested(forge: Forge, workspace: Path) -> None
     assert ran.out.endswith("\nSummary: 9 tests, 0 errors, 3 failures, 1 skipped\n")
 
 
-def test_failed_tests_can_be_repeated_by_the_printed_lines(forge: Forge, workspace: Path) -> None:
+def test_the_printed_commands_repeat_failed_tests(forge: Forge, workspace: Path) -> None:
     ran = forge("test", cwd=workspace)
     assert "3 failed tests:\n  c_bad: bad.one\n      no luck\n" in ran.out
     assert "  p_test: tests.test_p_test.test_value[2]\n      assert 2 == 1\n" in ran.out
@@ -153,7 +153,7 @@ def test_a_test_program_that_exits_with_0_hides_no_failure(
         "atexit.register(put)\ndef test_a(): pass",
     ],
 )
-def test_tests_of_python_without_a_readable_result_fail(forge: Forge, tree: Tree, statement: str) -> None:
+def test_python_tests_without_a_readable_result_fail(forge: Forge, tree: Tree, statement: str) -> None:
     root = tree(python_package("p", statement, pytest=True))
     assert forge("build", cwd=root).code == 0
     ran = forge("test", "--return-code-on-test-failure", cwd=root)
@@ -172,7 +172,7 @@ CONFTEST = "import os\ndef pytest_{hook}:\n    {statement}\n"
         ("unconfigure(config)", "os.unlink(config.option.xmlpath)", "pytest exited without writing a result"),
     ],
 )
-def test_a_failed_run_of_pytest_is_an_error_in_the_results(
+def test_a_failed_pytest_run_is_an_error_in_the_results(
     forge: Forge, tree: Tree, hook: str, statement: str, told: str
 ) -> None:
     """This holds even if all tests that ran have passed, because CI systems read only the results."""
@@ -193,9 +193,7 @@ def test_a_failed_run_of_pytest_is_an_error_in_the_results(
         "add_test(NAME rm COMMAND ${CMAKE_COMMAND} -E rm -r ${CMAKE_BINARY_DIR})",
     ],
 )
-def test_a_run_of_ctest_without_a_result_is_an_error_in_the_results(
-    forge: Forge, tree: Tree, line: str
-) -> None:
+def test_a_ctest_run_without_results_is_an_error_in_the_results(forge: Forge, tree: Tree, line: str) -> None:
     root = tree(cmake_package("p", GOOD, BAD, line))
     assert forge("build", cwd=root).code == 0
     assert_the_run_failed(forge, root, "ctest exited without writing a result")
@@ -222,7 +220,7 @@ def assert_the_run_failed(forge: Forge, root: Path, told: str) -> None:
     assert summary["tests"]["errors"] + len(summary["not_tested"]) == 1
 
 
-def test_a_run_that_was_killed_with_forge_is_an_error(forge: Forge, tree: Tree) -> None:
+def test_a_test_run_killed_with_forge_is_an_error(forge: Forge, tree: Tree) -> None:
     root = tree(
         {
             **cmake_package("c", 'add_test(NAME a COMMAND sh -c "touch ../c_began && sleep 60")'),
@@ -264,7 +262,7 @@ def test_results_of_removed_tests_are_deleted(forge: Forge, tree: Tree) -> None:
         assert ran.out == "Summary: 0 tests, 0 errors, 0 failures, 0 skipped\n"
 
 
-def test_the_frameworks_get_their_arguments(forge: Forge, workspace: Path) -> None:
+def test_frameworks_get_their_own_arguments(forge: Forge, workspace: Path) -> None:
     only = ("--packages-select", "c_bad", "p_test", "u_test")
     words = ("--ctest-args", "-R", "good", "--pytest-args", "-k", "good", "--unittest-args")
     ran = forge("test", *only, *words, "-k", "good", cwd=workspace)
@@ -335,7 +333,7 @@ def test_a_crashed_test_run_leaves_a_result_and_is_repeated(forge: Forge, worksp
     assert "unittests.py" in lines(ran, "repeat:")[0]
 
 
-def test_unittest_may_run_what_pytest_would(forge: Forge, workspace: Path) -> None:
+def test_the_test_framework_can_be_selected(forge: Forge, workspace: Path) -> None:
     ran = forge("test", "--packages-select", "u_test", "--python-testing", "pytest", cwd=workspace)
     assert "had test failures: u_test" in ran.out
     assert (workspace / "build/u_test/pytest.xml").is_file()
@@ -343,7 +341,7 @@ def test_unittest_may_run_what_pytest_would(forge: Forge, workspace: Path) -> No
     assert (workspace / "build/p_test/unittest.xml").is_file()
 
 
-def test_results_can_be_written_elsewhere(forge: Forge, workspace: Path, tmp_path: Path) -> None:
+def test_results_can_be_written_to_another_folder(forge: Forge, workspace: Path, tmp_path: Path) -> None:
     forge("test", "--test-result-base", str(tmp_path / "results"), cwd=workspace)
     names = {path.relative_to(tmp_path / "results").as_posix() for path in tmp_path.glob("results/*/*.xml")}
     assert names == {"p_test/pytest.xml", "u_test/unittest.xml", "u_none/unittest.xml"}
@@ -406,7 +404,7 @@ def test_a_repetition_without_tests_hides_no_failure(forge: Forge, tree: Tree, k
     assert forge("test-result", cwd=root).code == 1
 
 
-def test_unbuilt_packages_are_reported_and_the_rest_is_tested(forge: Forge, tree: Tree) -> None:
+def test_unbuilt_packages_are_reported_and_others_tested(forge: Forge, tree: Tree) -> None:
     root = tree({**cmake_package("a", GOOD), **cmake_package("b", GOOD, needs="<depend>a</depend>")})
     ran = forge("test", cwd=root)
     assert ran.code == 2

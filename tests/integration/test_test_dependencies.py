@@ -55,7 +55,9 @@ def built(forge: Forge, root: Path, *options: str) -> set[str]:
 
 
 @pytest.mark.parametrize("options", [OFF, WITHOUT])
-def test_up_to_builds_no_test_dependencies(options: tuple[str, ...], forge: Forge, workspace: Path) -> None:
+def test_packages_up_to_can_exclude_test_dependencies(
+    options: tuple[str, ...], forge: Forge, workspace: Path
+) -> None:
     assert built(forge, workspace, "--packages-up-to", "top", *options) == {"low", "top"}
     assert built(forge, workspace, "--packages-up-to", "script", *options) == {"script"}
     assert built(forge, workspace, "--packages-up-to", "script") >= {"lint", "top", "script"}
@@ -63,13 +65,13 @@ def test_up_to_builds_no_test_dependencies(options: tuple[str, ...], forge: Forg
 
 @pytest.mark.parametrize("options", [OFF, WITHOUT])
 @pytest.mark.parametrize("way", ["--packages-skip", "--packages-ignore"])
-def test_a_test_dependency_that_is_skipped_stops_nothing(
+def test_a_skipped_test_dependency_stops_nothing(
     way: str, options: tuple[str, ...], forge: Forge, workspace: Path
 ) -> None:
     assert built(forge, workspace, way, "lint", *options) == {"low", "top", "script"}
 
 
-def test_without_the_option_the_hint_names_it(forge: Forge, workspace: Path) -> None:
+def test_a_missing_test_dependency_gives_a_hint_about_the_option(forge: Forge, workspace: Path) -> None:
     ran = forge("build", "--packages-skip", "lint", cwd=workspace)
     assert ran.code == 2
     assert "or pass '--no-test-dependencies': only tests need them" in ran.err
@@ -87,7 +89,9 @@ def test_without_the_option_the_hint_names_it(forge: Forge, workspace: Path) -> 
         {"colcon.meta": "{names: {top: {cmake-args: [-DBUILD_TESTING=off]}}}\n"},
     ],
 )
-def test_files_can_set_it(files: dict[str, str], forge: Forge, tree: Tree, workspace: Path) -> None:
+def test_configuration_files_can_exclude_test_dependencies(
+    files: dict[str, str], forge: Forge, tree: Tree, workspace: Path
+) -> None:
     tree(files)
     assert built(forge, workspace, "--packages-up-to", "top") == {"low", "top"}
 
@@ -110,7 +114,7 @@ def test_package_options_take_precedence(
 
 
 @pytest.mark.parametrize("way", ["options", "forge.toml"])
-def test_a_package_with_tests_turned_on_keeps_its_test_dependencies(
+def test_a_package_with_enabled_tests_keeps_its_test_dependencies(
     way: str, forge: Forge, tree: Tree, workspace: Path
 ) -> None:
     """`--no-test-dependencies` and -DBUILD_TESTING=ON contradict each other: the tests could not be built."""
@@ -123,7 +127,7 @@ def test_a_package_with_tests_turned_on_keeps_its_test_dependencies(
     assert "warning: '--no-test-dependencies' has no effect on 'top': BUILD_TESTING is turned on\n" in ran.err
 
 
-def test_list_graph_and_deps_agree(forge: Forge, tree: Tree, workspace: Path) -> None:
+def test_list_graph_and_deps_select_the_same_packages(forge: Forge, tree: Tree, workspace: Path) -> None:
     tree(package("more", "<test_depend>python3-pytest</test_depend>"))
     names = forge("list", "--packages-up-to", "top", "--names-only", *WITHOUT, cwd=workspace).out.split()
     assert names == ["low", "top"]
@@ -156,7 +160,7 @@ def test_packages_built_without_tests_are_reported(forge: Forge, workspace: Path
     assert "1 test, 0 errors" in ran.out
 
 
-def test_no_embedded_linters_take_the_place_of_test_dependencies(forge: Forge, tree: Tree) -> None:
+def test_embedded_linters_do_not_replace_test_dependencies(forge: Forge, tree: Tree) -> None:
     """The real ones are ignored: the embedded ones would get into the prefix of a real ROS."""
     root = tree({**package("a", "<test_depend>ament_lint_auto</test_depend>"), **package("ament_lint_auto")})
     ignoring = ("--packages-ignore", "ament_lint_auto", "--merge-install")

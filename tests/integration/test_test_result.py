@@ -48,7 +48,7 @@ def results(tree: Tree) -> Path:
     )
 
 
-def test_each_failed_file_has_a_line_and_the_total_counts_all(forge: Forge, results: Path) -> None:
+def test_failed_files_are_listed_and_the_summary_counts_all(forge: Forge, results: Path) -> None:
     ran = forge("test-result", cwd=results)
     assert ran.code == 1
     assert ran.err == ""
@@ -59,7 +59,7 @@ def test_each_failed_file_has_a_line_and_the_total_counts_all(forge: Forge, resu
     )
 
 
-def test_all_result_files_are_listed_on_request(forge: Forge, results: Path) -> None:
+def test_all_result_files_can_be_listed(forge: Forge, results: Path) -> None:
     ran = forge("test-result", "--all", "--verbose", cwd=results)
     assert ran.out.splitlines() == [
         "build/a/pytest.xml: 1 test, 0 errors, 0 failures, 0 skipped",
@@ -99,7 +99,7 @@ def test_verbose_explains_skipped_tests(forge: Forge, tree: Tree) -> None:
     assert "Skipped" not in forge("test-result", cwd=root).out
 
 
-def test_only_paths_are_printed_on_request(forge: Forge, results: Path) -> None:
+def test_only_paths_can_be_printed(forge: Forge, results: Path) -> None:
     ran = forge("test-result", "--result-files-only", cwd=results)
     assert (ran.code, ran.out) == (1, "build/b/unittest.xml\nbuild/c/test_results/c/no.xunit.xml\n")
     ran = forge("test-result", "--result-files-only", "--test-result-base", "build/a", cwd=results)
@@ -115,7 +115,7 @@ def test_results_can_be_printed_as_json(forge: Forge, results: Path) -> None:
     assert told["results"][0]["cases"][0]["failures"] == ["it is not"]
 
 
-def test_results_that_cannot_be_read_are_errors(forge: Forge, tree: Tree) -> None:
+def test_unreadable_results_are_errors(forge: Forge, tree: Tree) -> None:
     bomb = '<!DOCTYPE t [<!ENTITY a "b">]><testsuite tests="1" failures="0" name="&a;"/>'
     unknown = '<?xml version="1.0" encoding="klingon"?><testsuite tests="1" failures="0"/>'
     root = tree(
@@ -157,7 +157,7 @@ ENCODINGS = ("utf-8-sig", "utf-16", "utf-32", "windows-1252", "gb18030")
 
 
 @pytest.mark.parametrize("encoding", ENCODINGS)
-def test_results_are_read_in_their_encoding(forge: Forge, tree: Tree, encoding: str) -> None:
+def test_results_are_decoded_by_their_declared_encoding(forge: Forge, tree: Tree, encoding: str) -> None:
     declared = encoding.removesuffix("-sig")
     case = '<testcase name="t"><failure message="93 °C"/></testcase>'
     text = f'<?xml version="1.0" encoding="{declared}"?><testsuite tests="1" failures="1">{case}</testsuite>'
@@ -169,7 +169,7 @@ def test_results_are_read_in_their_encoding(forge: Forge, tree: Tree, encoding: 
     assert "Summary: 1 test, 0 errors, 1 failure" in ran.out
 
 
-def test_results_behind_a_linked_build_folder_of_a_package_count(forge: Forge, tree: Tree) -> None:
+def test_results_in_a_linked_build_folder_count(forge: Forge, tree: Tree) -> None:
     """Such a link leads to another disk; links to folders that are not forge's are not followed."""
     root = tree({"disk/a/.forge/begun.json": "", "disk/a/pytest.xml": BAD, "other/pytest.xml": BAD})
     (root / "build").mkdir()
@@ -183,16 +183,14 @@ def test_results_behind_a_linked_build_folder_of_a_package_count(forge: Forge, t
     assert "Summary: 2 tests" in ran.out
 
 
-def test_no_results_are_a_warning(forge: Forge, tree: Tree) -> None:
+def test_missing_results_are_a_warning(forge: Forge, tree: Tree) -> None:
     root = tree({"build/a/x": ""})
     ran = forge("test-result", cwd=root)
     assert (ran.code, ran.out) == (0, "Summary: 0 tests, 0 errors, 0 failures, 0 skipped\n")
     assert "warning: no test results in 'build'" in ran.err
 
 
-def test_a_folder_that_cannot_be_read_may_contain_failures(
-    tree: Tree, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_unreadable_folder_counts_as_an_error(tree: Tree, monkeypatch: pytest.MonkeyPatch) -> None:
     root = tree({"build/p/test_results/p/r.xml": "<testsuite failures='1'/>"})
     folder = root / "build/p/test_results/p"
     folder.chmod(0)

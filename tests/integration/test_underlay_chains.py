@@ -148,7 +148,7 @@ def build_on(
 
 
 @pytest.mark.parametrize("where", ["record", "dsv", "sh"])
-def test_two_distributions_in_one_chain_are_a_warning(where: str, forge: Forge, tmp_path: Path) -> None:
+def test_mixing_distributions_in_a_chain_gives_a_warning(where: str, forge: Forge, tmp_path: Path) -> None:
     """The distribution of an underlay is the one that its build recorded, or that it sets when sourced."""
     hook = "share/ros_environment/environment/1.ros_distro"
     files = {
@@ -167,7 +167,7 @@ def test_two_distributions_in_one_chain_are_a_warning(where: str, forge: Forge, 
     assert "warning" not in forge("build", cwd=tmp_path / "ws", env=same).err
 
 
-def test_the_doctor_names_overlays_and_other_distributions(forge: Forge, tmp_path: Path) -> None:
+def test_doctor_reports_overlays_and_other_distributions(forge: Forge, tmp_path: Path) -> None:
     low, top = workspace(tmp_path / "low", "pa"), workspace(tmp_path / "top", "pb", "<depend>pa</depend>")
     other = make_install(tmp_path / "other", [Made("other")]).install
     assert forge("build", cwd=low).code == 0

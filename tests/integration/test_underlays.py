@@ -50,7 +50,7 @@ def test_dependents_in_the_underlay_are_named(merged: bool, tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("ours", [True, False])
-def test_embedded_interfaces_join_embedded_generators_of_an_underlay(
+def test_embedded_interfaces_use_embedded_generators_of_an_underlay(
     ours: bool,
     forge: Forge,
     tree: Tree,
@@ -71,7 +71,7 @@ def test_embedded_interfaces_join_embedded_generators_of_an_underlay(
 
 
 @pytest.mark.needs("cmake")
-def test_the_spelling_of_sourced_prefixes_rebuilds_nothing(forge: Forge, tree: Tree) -> None:
+def test_a_different_spelling_of_prefixes_causes_no_rebuild(forge: Forge, tree: Tree) -> None:
     root = tree(
         {
             "ws/src/a/package.xml": manifest_text("a", build_type="cmake"),

@@ -70,7 +70,7 @@ def until(question: Callable[[], bool]) -> None:
 
 
 @pytest.mark.needs("pgrep")
-def test_commands_end_with_their_caller(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_commands_end_when_their_caller_exits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """An interrupt ends the callers; their commands must not continue."""
     (tmp_path / "dawdling.py").write_text(DAWDLING)
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join((HOME, str(tmp_path))))
@@ -104,7 +104,7 @@ with open(sys.argv[2], "w") as result:
 """
 
 
-def test_the_processor_time_of_commands_counts_for_the_worker(tmp_path: Path) -> None:
+def test_cpu_time_of_commands_is_accounted_to_the_worker(tmp_path: Path) -> None:
     """Otherwise, `time forge build` would not include the generators."""
     result = tmp_path / "result"
 
@@ -129,10 +129,10 @@ def test_the_worker_serves_callers_concurrently(package: Path) -> None:
     assert "RIHS01_" in answers.pop()
 
 
-def test_commands_run_without_a_worker_that_has_ended(package: Path) -> None:
+def test_commands_run_if_the_worker_has_ended(package: Path) -> None:
     assert generate(package, "good", FORGE_WORKER=str(package / "nobody")).returncode == 0
 
 
-def test_exits_of_argparse_are_returned_as_exit_codes(package: Path) -> None:
+def test_argparse_exits_become_exit_codes(package: Path) -> None:
     with worker(*INTERFACE_MODULES) as variables:
         assert ask(package, "interface", "generate", "--nonsense", **variables).returncode == 2

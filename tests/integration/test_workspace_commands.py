@@ -34,13 +34,13 @@ def test_list_prints_name_path_and_type_sorted(forge: Forge, workspace: Path) ->
     assert (ran.code, ran.err) == (0, "")
 
 
-def test_list_in_topological_order_and_in_parts(forge: Forge, workspace: Path) -> None:
+def test_list_supports_topological_order_and_single_columns(forge: Forge, workspace: Path) -> None:
     assert forge("list", "-t", "-n", cwd=workspace).out == "a\np\nb\nc\n"
     assert forge("list", "-p", "--packages-up-to", "b", cwd=workspace).out == "src/a\nsrc/b\n"
     assert forge("list", "-n", "-p", cwd=workspace).code == 2
 
 
-def test_embedded_packages_show_only_when_asked_for(forge: Forge, workspace: Path) -> None:
+def test_embedded_packages_are_shown_only_on_request(forge: Forge, workspace: Path) -> None:
     assert "ament_cmake" in forge("list", "-n", "--embedded", cwd=workspace).out.split()
     assert "ament_cmake" in forge("graph", "--embedded", cwd=workspace).out.split()
     assert "name: ament_cmake\n" in forge("info", "--embedded", cwd=workspace).out
@@ -88,7 +88,7 @@ def test_info_prints_the_manifest(forge: Forge, workspace: Path) -> None:
     assert forge("info", "cc", cwd=workspace).code == 2
 
 
-def test_a_cycle_is_an_error_of_every_command(forge: Forge, tree: Tree) -> None:
+def test_every_command_reports_a_cycle(forge: Forge, tree: Tree) -> None:
     root = tree(
         {
             "a/package.xml": manifest_text("a", "<depend>b</depend>"),
@@ -130,7 +130,7 @@ def test_warnings_of_manifests_name_their_file(forge: Forge, tree: Tree) -> None
     ]
 
 
-def test_list_graph_and_info_speak_json(forge: Forge, workspace: Path) -> None:
+def test_list_graph_and_info_can_print_json(forge: Forge, workspace: Path) -> None:
     rows = json.loads(forge("list", "--json", "--packages-select", "a", cwd=workspace).out)
     assert rows == [{"name": "a", "path": "src/a", "type": "ros.ament_cmake"}]
     graph = json.loads(forge("graph", "--json", "--packages-skip", "b", cwd=workspace).out)
@@ -155,7 +155,7 @@ def test_a_graph_can_show_deselected_packages(forge: Forge, workspace: Path) -> 
     assert '    _legend_run -> _legend_test [label="test dep.", color="#d2b48c"];\n' in framed
 
 
-def test_clusters_of_a_graph_have_folders_in_and_outside_the_workspace(
+def test_graph_clusters_include_folders_outside_the_workspace(
     forge: Forge, workspace: Path, tmp_path: Path
 ) -> None:
     (tmp_path / "other/far/d").mkdir(parents=True)
@@ -175,7 +175,7 @@ def test_older_graph_options_still_work(forge: Forge, workspace: Path) -> None:
     assert forge("list", "--topological-graph-density", cwd=workspace).code == 2
 
 
-def test_packages_of_one_name_are_shown_and_refused_only_by_a_build_of_both(
+def test_duplicate_packages_are_listed_and_rejected_only_when_both_are_built(
     forge: Forge, workspace: Path
 ) -> None:
     (workspace / "src/a2").mkdir()
@@ -224,7 +224,7 @@ def with_broken(tree: Tree) -> Path:
         ("--packages-select", "good", "broken", "--packages-skip", "broken"),
     ],
 )
-def test_a_broken_manifest_stops_only_what_needs_it(
+def test_a_broken_manifest_stops_only_its_dependents(
     forge: Forge, with_broken: Path, options: tuple[str, ...]
 ) -> None:
     ran = forge("build", *options, cwd=with_broken)
@@ -247,7 +247,7 @@ def test_a_broken_manifest_stops_only_what_needs_it(
         ("--packages-select-regex", "bro"),
     ],
 )
-def test_a_broken_manifest_stops_what_needs_it_and_says_how_to_go_around(
+def test_a_broken_manifest_stops_its_dependents_with_a_hint(
     forge: Forge, with_broken: Path, options: tuple[str, ...]
 ) -> None:
     ran = forge("build", *options, cwd=with_broken)

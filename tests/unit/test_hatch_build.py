@@ -20,13 +20,13 @@ SITE = "https://example.org/forge/"
         ("[ROS](https://docs.ros.org), [below](#x)",) * 3,
     ],
 )
-def test_a_link_to_a_file_becomes_absolute_or_words(text: str, with_site: str, without: str) -> None:
+def test_links_to_files_become_absolute_or_plain_text(text: str, with_site: str, without: str) -> None:
     assert absolute(text, SITE) == with_site
     assert absolute(text, "") == without
 
 
 @pytest.mark.parametrize("site", [SITE, ""])
-def test_the_readme_has_only_links_that_work_elsewhere(site: str) -> None:
+def test_the_published_readme_has_only_absolute_links(site: str) -> None:
     text = absolute((ROOT / "README.md").read_text(encoding="utf-8"), site)
     targets = re.findall(r"\]\(([^)]+)\)", text)
     assert targets

@@ -201,7 +201,7 @@ def test_invalid_package_names_are_rejected(name: str, where: str, tmp_path: Pat
 
 
 @pytest.mark.parametrize("hook", ["../x.sh", "/x.sh", "a/../../x.sh", "a\nset;PATH;x", "", 5, {}])
-def test_hooks_outside_of_the_package_are_rejected(hook: object, tmp_path: Path) -> None:
+def test_hooks_outside_the_package_are_rejected(hook: object, tmp_path: Path) -> None:
     (tmp_path / "package.xml").write_text(manifest_text("pkg"))
     (tmp_path / "colcon.pkg").write_text(json.dumps({"hooks": [hook]}))
     found = identify(tmp_path, Path(), ["package.xml", "colcon.pkg"], {}, Overrides())
@@ -210,7 +210,7 @@ def test_hooks_outside_of_the_package_are_rejected(hook: object, tmp_path: Path)
 
 @quick
 @given(hostile(), hostile(), hostile(), st.sampled_from(BUILD_TYPES))
-def test_created_packages_contain_the_given_texts(
+def test_created_packages_contain_the_given_strings(
     description: str, license_: str, name: str, build_type: str
 ) -> None:
     try:
@@ -233,7 +233,7 @@ def test_created_packages_contain_the_given_texts(
 
 
 @pytest.mark.parametrize("relative", ["../X.msg", "/X.msg", "msg/../../X.msg", "msg/../X.msg"])
-def test_definitions_outside_of_the_package_are_rejected(relative: str, tmp_path: Path) -> None:
+def test_definitions_outside_the_package_are_rejected(relative: str, tmp_path: Path) -> None:
     (tmp_path / "msg").mkdir()
     (tmp_path / "X.msg").write_text("int8 a\n")
     with pytest.raises(ForgeError, match="must be relative and without"):
@@ -260,7 +260,7 @@ def test_invalid_hook_lines_are_rejected(line: str) -> None:
 
 @quick
 @given(hostile("\n", "\r", "\x0b", "\x0c", "\x1c", "\x1d", "\x1e", "\x85", "\u2028", "\u2029", "\0"))
-def test_a_hook_line_is_one_operation(text: str) -> None:
+def test_hook_lines_are_single_operations(text: str) -> None:
     changes, sources = parse_dsv(f"set;VALUE;{text}\n", "package.dsv")
     assert (changes, sources) == ((DsvChange("set", "VALUE", text),), ())
     assert resolve_hooks(changes, lambda _: False)
@@ -270,7 +270,7 @@ def test_a_hook_line_is_one_operation(text: str) -> None:
 
 
 @pytest.mark.parametrize("path", ["/a\n\ttouch b\n", "/a;touch b"])
-def test_paths_that_make_cannot_express_are_rejected(path: str, tmp_path: Path) -> None:
+def test_paths_that_make_cannot_represent_are_rejected(path: str, tmp_path: Path) -> None:
     with pytest.raises(HostError, match="make cannot handle the path"):
         write_depfile(tmp_path / "deps", Path("x"), [Path(path)])
 

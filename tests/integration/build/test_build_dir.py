@@ -181,7 +181,7 @@ def test_an_external_file_written_during_a_killed_build_rebuilds_everything(
     assert probe.make() == (Reuse.NOTHING, OBJECTS)
 
 
-def test_a_file_changed_and_reverted_around_a_killed_build_is_recompiled(
+def test_a_file_reverted_after_a_killed_build_is_recompiled(
     probe: Probe,
 ) -> None:
     probe.write("one.h", "#define ONE 2\n")
@@ -198,7 +198,7 @@ def test_a_build_folder_set_aside_before_a_kill_is_restored(probe: Probe) -> Non
     assert probe.make() == (Reuse.PRODUCTS, set())
 
 
-def test_a_clock_set_back_rebuilds_everything(probe: Probe) -> None:
+def test_setting_the_clock_back_rebuilds_everything(probe: Probe) -> None:
     note_of(probe, began=time.time_ns() + 3600 * 10**9)
     assert probe.make() == (Reuse.NOTHING, OBJECTS)
 
@@ -210,7 +210,7 @@ def test_a_clock_set_back_rebuilds_everything(probe: Probe) -> None:
         *(-1, 1, 100, '{"version": 2, "began": -1}', '{"version": 2, "began": 0}\nnull'),
     ],
 )
-def test_a_lost_or_damaged_record_never_reuses_changed_files(probe: Probe, text: str | int | None) -> None:
+def test_changed_files_are_not_reused_after_losing_the_record(probe: Probe, text: str | int | None) -> None:
     """A number is the length of what is left of the file."""
     path = probe.build / SCRATCH_DIR / RECORD_FILE
     whole = path.read_text(encoding="utf-8")
@@ -221,7 +221,7 @@ def test_a_lost_or_damaged_record_never_reuses_changed_files(probe: Probe, text:
     assert "one" in probe.make()[1]
 
 
-def test_the_record_of_another_version_starts_from_empty(probe: Probe) -> None:
+def test_a_record_of_another_version_forces_a_clean_build(probe: Probe) -> None:
     note_of(probe, version=-1)
     assert read_record(probe.build) is None
     assert probe.make() == (Reuse.NOTHING, OBJECTS)
@@ -229,7 +229,7 @@ def test_the_record_of_another_version_starts_from_empty(probe: Probe) -> None:
 
 @pytest.mark.parametrize("name", ["build.ninja", "CMakeFiles/rules.ninja", "cmake_install.cmake"])
 @pytest.mark.parametrize("kept", [0, 100, None])
-def test_a_damaged_file_of_cmake_starts_from_empty(probe: Probe, name: str, kept: int | None) -> None:
+def test_a_damaged_cmake_file_forces_a_clean_build(probe: Probe, name: str, kept: int | None) -> None:
     """The native tool could not read it, or would leave something out."""
     path = probe.build / name
     text = path.read_text(encoding="utf-8")
@@ -279,7 +279,7 @@ def test_a_symbolic_link_in_place_of_a_build_folder_is_not_followed(tmp_path: Pa
     assert (away / "precious").exists()
 
 
-def test_an_edit_between_a_failed_configure_and_the_next_is_not_lost(probe: Probe) -> None:
+def test_an_edit_after_a_failed_configure_is_not_lost(probe: Probe) -> None:
     probe.write("CMakeLists.txt", f"{_CMAKE}message(FATAL_ERROR wrong)\n")
     probe.begin()
     probe.write("one.h", "#define ONE 2\n", old=True)
@@ -287,7 +287,7 @@ def test_an_edit_between_a_failed_configure_and_the_next_is_not_lost(probe: Prob
     assert probe.make()[1] == {"one"}
 
 
-def test_an_edit_before_a_configure_that_failed_is_not_lost(probe: Probe) -> None:
+def test_an_edit_before_a_failed_configure_is_not_lost(probe: Probe) -> None:
     probe.write("one.h", "#define ONE 2\n", old=True)
     probe.write("CMakeLists.txt", f"{_CMAKE}message(FATAL_ERROR wrong)\n")
     probe.begin()

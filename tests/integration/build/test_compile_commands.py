@@ -31,7 +31,7 @@ def compiled(root: Path) -> list[str]:
 
 
 @pytest.mark.needs("cmake", "ninja", "g++")
-def test_a_build_writes_it_unless_disabled(forge: Forge, tree: Tree) -> None:
+def test_compile_commands_are_written_unless_disabled(forge: Forge, tree: Tree) -> None:
     root = tree({**library("a"), **library("b")})
     assert forge("build", cwd=root).code == 0
     assert compiled(root) == ["a.cpp", "b.cpp"]
@@ -47,7 +47,7 @@ def test_a_build_writes_it_unless_disabled(forge: Forge, tree: Tree) -> None:
 
 
 @pytest.mark.needs("cmake", "ninja", "g++")
-def test_the_environment_may_say_otherwise(forge: Forge, tree: Tree) -> None:
+def test_the_environment_can_disable_compile_commands(forge: Forge, tree: Tree) -> None:
     root = tree(library("a"))
     assert forge("build", cwd=root, env={"CMAKE_EXPORT_COMPILE_COMMANDS": "OFF"}).code == 0
     assert not (root / "build/a/compile_commands.json").exists()

@@ -152,7 +152,7 @@ def with_run_path(folder: Path, run_path: str, code: str = "int v = 1;") -> byte
     return content.replace(run_path.encode(), b"\0" * len(run_path))
 
 
-def test_what_is_linked_does_not_depend_on_the_length_of_an_overwritten_run_path(tmp_path: Path) -> None:
+def test_linked_parts_do_not_depend_on_the_length_of_the_run_path(tmp_path: Path) -> None:
     one, two = with_run_path(tmp_path, "/one/lib"), with_run_path(tmp_path, "/the/other/lib:/and/lib")
     assert one != two
     assert linked_parts(one) == linked_parts(two) != ""

@@ -55,7 +55,7 @@ def configure(root: Path, cmake: str | Path, text: str) -> Path:
 
 
 @pytest.mark.parametrize("newest", [False, True], ids=["system", "newest"])
-def test_the_installed_files_are_those_that_the_scripts_name(tree: Tree, *, newest: bool) -> None:
+def test_installed_files_match_the_install_scripts(tree: Tree, *, newest: bool) -> None:
     root = tree(FILES)
     cmake = NEWEST if newest else shutil.which("cmake") or "cmake"
     build = configure(
@@ -99,7 +99,7 @@ def test_the_installed_files_are_those_that_the_scripts_name(tree: Tree, *, newe
     ],
 )
 @pytest.mark.parametrize("newest", [False, True], ids=["system", "newest"])
-def test_rules_of_scripts_with_other_commands_are_unknown(tree: Tree, text: str, *, newest: bool) -> None:
+def test_install_scripts_with_other_commands_are_not_analysed(tree: Tree, text: str, *, newest: bool) -> None:
     root = tree({"p/a.txt": "", "p/more.cmake": "file(REMOVE /x)"})
     cmake = NEWEST if newest else shutil.which("cmake") or "cmake"
     scripts = read_install_scripts(configure(root, cmake, text))

@@ -6,7 +6,7 @@ from pathlib import Path
 from tests.generated import run_python
 
 
-def test_without_pyyaml_the_remedy_is_named(probe: Path) -> None:
+def test_missing_pyyaml_is_reported_with_a_remedy(probe: Path) -> None:
     code = (
         "import sys; sys.modules['yaml'] = None\n"
         "from probe.msg import Point; import rosidl_runtime_py\n"

@@ -195,7 +195,7 @@ COMMANDS = {
 
 @pytest.mark.needs("strace", "gcc", "clang++", "cmake", "ninja", "pkg-config", "git", "cargo")
 @pytest.mark.parametrize("name", COMMANDS)
-def test_what_strace_sees_is_observed(name: str, tree: Tree, library: Path) -> None:
+def test_the_observer_sees_what_strace_sees(name: str, tree: Tree, library: Path) -> None:
     folder = tree(FILES) / "p"
     step, strace = traced(shlex.split(COMMANDS[name]), folder, library)
     seen = observe(step.processes, step.blind)
@@ -234,7 +234,7 @@ def _is_covered(path: str, missing: set[str]) -> bool:
     return False
 
 
-def test_a_server_that_outlives_its_step_goes_on(tmp_path: Path, library: Path) -> None:
+def test_a_server_that_outlives_its_step_keeps_running(tmp_path: Path, library: Path) -> None:
     """Neither does it fail, nor does the removed log grow."""
     log = tmp_path / "log/observed"
     begin_log(log)

@@ -54,7 +54,7 @@ endforeach()
 @example([frozenset({"lib/two/cmake/twoConfig.cmake"}), frozenset({"lib/cmake/two/twoConfig.cmake"})])
 @example([frozenset({"share/One/cmake/OneConfig.cmake"}), frozenset({"share/One/cmake/OneConfig.cmake"})])
 @example([frozenset({"share/other/cmake/oneConfig.cmake"}), frozenset({"share/one/cmake/oneConfig.cmake"})])
-def test_config_variables_lead_to_the_same_files(trees: list[frozenset[str]]) -> None:
+def test_config_variables_point_to_the_same_files(trees: list[frozenset[str]]) -> None:
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder).resolve()
         (root / "CMakeLists.txt").write_text(PROJECT)

@@ -52,7 +52,7 @@ def test_a_hook_that_exits_is_reported(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "shell", [pytest.param(name, marks=pytest.mark.needs(name)) for name in ("bash", "dash", "fish", "zsh")]
 )
-def test_scripts_work_or_name_the_script_for_the_current_shell(tmp_path: Path, shell: str) -> None:
+def test_scripts_for_other_shells_name_the_right_script(tmp_path: Path, shell: str) -> None:
     layout = make_install(tmp_path, [dsv_package("p", "prepend-non-duplicate;PATH;bin", files={"bin/x": ""})])
     for kind, name in itertools.product(("bash", "fish", "sh", "zsh"), ("setup", "local_setup", "package")):
         script = (layout.prefix("p") / "share/p" if name == "package" else layout.install) / f"{name}.{kind}"

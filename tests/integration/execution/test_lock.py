@@ -51,7 +51,7 @@ def test_processes_left_by_a_finished_build_keep_running(tmp_path: Path) -> None
 
 @pytest.mark.slow
 @pytest.mark.needs("cmake")
-def test_the_time_waited_is_not_part_of_the_summary(tree: Tree, forge: Forge) -> None:
+def test_lock_waiting_time_is_excluded_from_the_summary(tree: Tree, forge: Forge) -> None:
     root = tree(cmake_package("a", "add_test(NAME t COMMAND sh -c true)"))
     assert forge("build", cwd=root).code == 0
     for command in ("build", "test"):
@@ -67,7 +67,7 @@ def test_the_time_waited_is_not_part_of_the_summary(tree: Tree, forge: Forge) ->
 
 
 @pytest.mark.needs("cmake", "ninja")
-def test_builds_into_one_install_folder_wait_for_each_other(tree: Tree, forge: Forge) -> None:
+def test_builds_that_share_an_install_folder_wait_for_each_other(tree: Tree, forge: Forge) -> None:
     """Builds move the installed files of a package aside."""
     packages = [cmake_package(f"p{number}") for number in range(3)]
     root = tree({name: text for package in packages for name, text in package.items()})

@@ -70,7 +70,7 @@ def ends(events: Sequence[Event]) -> dict[str, object]:
     return found
 
 
-def test_a_program_that_cannot_start_is_a_failure_with_a_reason(tmp_path: Path) -> None:
+def test_a_program_that_cannot_start_fails_with_a_reason(tmp_path: Path) -> None:
     broken = replace(task(tmp_path, "a"), steps=(Step(StepKind.INSTALL, ("/no/such/program",), tmp_path),))
     events = run(plan_of(broken))
     assert (
@@ -90,7 +90,7 @@ def test_an_exception_in_a_worker_is_raised_in_the_loop(tmp_path: Path) -> None:
         run(plan_of(task(tmp_path, "a", "print()"), task(tmp_path, "b", "print()")), runner, limit=1)
 
 
-def test_a_daemon_that_a_step_leaves_behind_is_not_waited_for(tmp_path: Path) -> None:
+def test_the_loop_does_not_wait_for_daemons_of_steps(tmp_path: Path) -> None:
     program = "import subprocess; print(subprocess.Popen(['sleep', '30']).pid, flush=True)"
     begun = time.monotonic()
     events = run(plan_of(task(tmp_path, "a", program)))

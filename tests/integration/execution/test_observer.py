@@ -119,7 +119,7 @@ def test_writes_of_other_processes_are_not_observed(observed: tuple[Layout, Task
 
 
 @pytest.mark.parametrize("program", UNSEEN)
-def test_a_process_that_cannot_be_observed_is_noticed(
+def test_an_unobservable_process_is_detected(
     observed: tuple[Layout, Task, Observer], program: str, tmp_path: Path
 ) -> None:
     static = tmp_path / "static"
@@ -129,7 +129,7 @@ def test_a_process_that_cannot_be_observed_is_noticed(
     assert (observed[1].prefix / "a").exists()
 
 
-def test_a_prefix_is_observed_through_a_link(tmp_path: Path, observed: tuple[Layout, Task, Observer]) -> None:
+def test_a_linked_prefix_is_observed(tmp_path: Path, observed: tuple[Layout, Task, Observer]) -> None:
     prefix = observed[1].prefix
     (tmp_path / "elsewhere").mkdir()
     prefix.rmdir()

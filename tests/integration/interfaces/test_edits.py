@@ -138,7 +138,7 @@ def times(root: Path) -> dict[Path, tuple[int, int]]:
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_any_edits_lead_to_the_files_of_an_empty_folder(forge: Forge, tree: Tree, seed: int) -> None:
+def test_any_edits_give_the_same_files_as_a_clean_run(forge: Forge, tree: Tree, seed: int) -> None:
     rng = random.Random(seed)
     root = tree(SHAPES)
     assert generate(forge, root, "out") == 0
@@ -169,7 +169,7 @@ def test_only_files_of_the_definition_and_its_users_are_written(forge: Forge, tr
 
 
 @pytest.mark.parametrize("text", [None, "", "{}", '{"version": 4, "parts": {"cpp p": ["x", {"a": []}]}}'])
-def test_without_a_ledger_all_files_are_generated_again(forge: Forge, tree: Tree, text: str | None) -> None:
+def test_a_missing_ledger_regenerates_all_files(forge: Forge, tree: Tree, text: str | None) -> None:
     root = tree(SHAPES)
     assert generate(forge, root, "out") == 0
     ledger = root / "out/.forge/p.json"

@@ -81,7 +81,7 @@ def test_all_packages_are_tested_after_a_restore(forge: Forge, tree: Tree, layou
     assert "Starting" not in forge(*built, cwd=root).out
 
 
-def test_results_of_restored_packages_may_go_elsewhere(forge: Forge, tree: Tree) -> None:
+def test_results_of_restored_packages_can_be_written_elsewhere(forge: Forge, tree: Tree) -> None:
     root = tree({**cmake_package("p", BAD), "src/p/text": ""})
     option = ("--test-result-base", "results")
     restore(forge, root, *option)
@@ -92,7 +92,7 @@ def test_results_of_restored_packages_may_go_elsewhere(forge: Forge, tree: Tree)
     assert forge("test-result", *option, cwd=root).code == 1
 
 
-def test_tests_of_other_sources_are_not_run_after_a_restore(forge: Forge, tree: Tree) -> None:
+def test_tests_are_not_run_if_sources_changed_after_a_restore(forge: Forge, tree: Tree) -> None:
     root = tree({**cmake_package("p", BAD), "src/p/text": "first"})
     build = ("build", "--cache", str(root / "cache"))
     bad = (root / "src/p/CMakeLists.txt").read_text()
@@ -105,7 +105,7 @@ def test_tests_of_other_sources_are_not_run_after_a_restore(forge: Forge, tree: 
     assert forge(*TEST, cwd=root).code == 1
 
 
-def test_a_build_for_tests_that_fails_fails_the_run(forge: Forge, tree: Tree) -> None:
+def test_a_failed_build_for_tests_fails_the_test_run(forge: Forge, tree: Tree) -> None:
     outside = tree({}) / "outside"
     outside.write_text("")
     broken = f'add_custom_target(needy ALL COMMAND cat "{outside}")\n' + GOOD
@@ -139,7 +139,7 @@ def test_tests_that_cannot_run_are_counted(forge: Forge, tree: Tree) -> None:
     assert not (root / "build/p/test_results/p/not_run.xml").exists()
 
 
-def test_a_run_without_tests_is_reported(forge: Forge, tree: Tree) -> None:
+def test_a_test_run_without_tests_is_reported(forge: Forge, tree: Tree) -> None:
     root = tree(cmake_package("p"))
     assert forge("build", cwd=root).code == 0
     ran = forge("test", cwd=root)

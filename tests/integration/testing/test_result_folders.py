@@ -34,7 +34,7 @@ def workspace(forge: Forge, tree: Tree) -> Path:
         *("c/Testing/20240101-0000/mine", "c/test_results/c/mine.xml"),
     ],
 )
-def test_results_do_not_replace_files_of_users(
+def test_results_do_not_replace_user_files(
     forge: Forge, workspace: Path, tree: Tree, name: str, way: str
 ) -> None:
     root = tree({f"results/{name}": JUNIT.format("mine") if name.endswith("pytest.xml") else "mine"})
@@ -50,7 +50,7 @@ def test_results_do_not_replace_files_of_users(
     assert name.split("/")[1] in ran.err
 
 
-def test_folders_for_results_are_recognized(forge: Forge, workspace: Path, tree: Tree) -> None:
+def test_result_folders_are_recognized(forge: Forge, workspace: Path, tree: Tree) -> None:
     """Folders of forge have a marker, which stays without a build folder; colcon's contain its results."""
     root = tree(
         {
@@ -77,7 +77,7 @@ def test_results_are_found_without_a_build_folder(forge: Forge, tree: Tree) -> N
     assert "'build' does not exist" in ran.err
 
 
-def test_only_results_of_tests_are_deleted(forge: Forge, workspace: Path, tree: Tree) -> None:
+def test_only_test_results_are_deleted(forge: Forge, workspace: Path, tree: Tree) -> None:
     """Outside of marked folders, only results at the usual paths are deleted, and none in sources."""
     forge("test", "--test-result-base", "results", cwd=workspace)
     mine = ("docs/junit.xml", "src/p/pytest.xml", "src/p/test_results/p/x.xml", "src/p/test/data.xml")

@@ -9,7 +9,7 @@ from tests.conftest import Tree
 OWN = Interpreter(own_path(), (sys.version_info.major, sys.version_info.minor))
 
 
-def test_the_option_comes_first(tree: Tree) -> None:
+def test_the_option_takes_precedence(tree: Tree) -> None:
     """Its value is a path, or a name to look up."""
     root = tree({"bin/python3.13": "#!/bin/sh\necho 3 13\n"})
     variables = {"PATH": str(root / "bin"), "VIRTUAL_ENV": "/not/there"}
@@ -38,7 +38,7 @@ def test_an_unusable_interpreter_is_reported(program: str, message: str, tree: T
     assert str(caught.value) == message.replace("'P'", f"'{path}'")
 
 
-def test_shims_are_followed_to_the_program_that_they_start(tree: Tree) -> None:
+def test_shims_are_resolved_to_the_real_interpreter(tree: Tree) -> None:
     """Shims of pyenv depend on the current folder, and must not be in the first line of programs."""
     root = tree({"shims/python3": f"#!/bin/sh\nexec '{sys.executable}' \"$@\"\n"})
     assert find_interpreter(None, {"PATH": str(root / "shims")}) == OWN

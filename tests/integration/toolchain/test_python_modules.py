@@ -12,7 +12,7 @@ BIN = Path(sys.executable).parent
 SUDO = "" if os.geteuid() == 0 else "sudo "
 
 
-def test_missing_modules_are_one_message_with_the_command() -> None:
+def test_missing_modules_give_one_error_with_a_command() -> None:
     require_modules(BIN / ".." / "bin" / "python3", ["json"])
     for path in (Path(sys.executable), BIN / ".." / "bin" / Path(sys.executable).name):
         with pytest.raises(HostError) as caught:
@@ -33,7 +33,7 @@ def test_missing_modules_are_one_message_with_the_command() -> None:
         ({"ID": "rocky", "ID_LIKE": "rhel centos fedora"}, ["numpy"], "dnf install python3-numpy"),
     ],
 )
-def test_a_system_python_gets_packages_of_the_system(
+def test_system_pythons_get_a_system_package_command(
     system: dict[str, str], modules: list[str], command: str
 ) -> None:
     """pip refuses to install into it."""
@@ -41,7 +41,7 @@ def test_a_system_python_gets_packages_of_the_system(
 
 
 @pytest.mark.needs("/usr/bin/python3")
-def test_a_system_python_gets_an_environment_for_other_modules() -> None:
+def test_system_pythons_get_a_virtual_environment_command_for_other_modules() -> None:
     """The hint includes the package with the usual name, which may exist."""
     assert install_command(Path("/usr/bin/python3"), ["numpy", "Foo_Bar"], {"ID": "debian"}) == (
         f"{SUDO}apt install python3-numpy python3-foo-bar; if there is no such package: "

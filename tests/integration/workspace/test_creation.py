@@ -27,7 +27,7 @@ def test_a_created_library_compiles_with_any_package_name(name: str, tree: Tree)
 
 
 @pytest.mark.needs("cmake", "g++", "make")
-def test_a_cmake_package_builds_installs_and_is_found(tree: Tree) -> None:
+def test_a_created_cmake_package_builds_installs_and_is_found(tree: Tree) -> None:
     maker = NewPackage("walker", ADA, "cmake", node="walk", library="gait")
     user = "find_package(walker 0.0 REQUIRED)\nadd_executable(use use.cpp)\n"
     root = tree(
@@ -50,7 +50,7 @@ def test_a_cmake_package_builds_installs_and_is_found(tree: Tree) -> None:
     assert ran.stdout == "hello world walker package\n"
 
 
-def test_the_tests_of_a_python_package_pass_without_ros(tree: Tree) -> None:
+def test_tests_of_a_created_python_package_pass_without_ros(tree: Tree) -> None:
     root = tree(files_of(NewPackage("walker", ADA, "ament_python", node="walk")))
     shutil.copy(root / "walker/walk.py", root / "run_walk.py")
     argv = [

@@ -84,7 +84,7 @@ def test_nested_repositories_are_compared_separately(forge: Forge, root: Path) -
 
 
 @pytest.mark.needs("git")
-def test_packages_outside_of_any_repository_are_named(forge: Forge, root: Path) -> None:
+def test_packages_outside_any_repository_are_named(forge: Forge, root: Path) -> None:
     git(root / "src/a", "init")
     git(root / "src/a", "add", ".")
     git(root / "src/a", "commit", "-m", "one")
@@ -95,7 +95,7 @@ def test_packages_outside_of_any_repository_are_named(forge: Forge, root: Path) 
 
 
 @pytest.mark.parametrize("option", ["--packages-select-changed", "--packages-above-changed"])
-def test_without_any_repository_nothing_is_selected(forge: Forge, root: Path, option: str) -> None:
+def test_no_packages_are_selected_without_a_repository(forge: Forge, root: Path, option: str) -> None:
     ran = forge("build", option, cwd=root)
     assert (ran.code, ran.out) == (2, "")
     assert ran.err.startswith("error: cannot determine changed packages: none of them is in a git repository")
@@ -128,9 +128,7 @@ def project(tree: Tree) -> Path:
 
 
 @pytest.mark.needs("git")
-def test_a_submodule_is_compared_with_the_commit_that_the_superproject_records(
-    forge: Forge, project: Path
-) -> None:
+def test_submodules_are_compared_with_the_commit_in_the_superproject(forge: Forge, project: Path) -> None:
     assert changed(forge, project) == "pa pb"
     commit(project)
     assert changed(forge, project) == ""
@@ -148,7 +146,7 @@ def test_a_submodule_is_compared_with_the_commit_that_the_superproject_records(
 
 
 @pytest.mark.needs("git")
-def test_nested_submodules_are_compared_with_what_their_superprojects_record(
+def test_nested_submodules_are_compared_with_the_commits_in_their_superprojects(
     forge: Forge, project: Path
 ) -> None:
     outer = project.with_name("outer")
@@ -199,7 +197,9 @@ def test_a_package_that_contains_a_submodule_changes_with_it(forge: Forge, tree:
 
 
 @pytest.mark.needs("git")
-def test_without_the_recorded_commit_all_submodule_packages_are_changed(forge: Forge, project: Path) -> None:
+def test_all_submodule_packages_count_as_changed_without_the_recorded_commit(
+    forge: Forge, project: Path
+) -> None:
     commit(project)
     shallow = project.with_name("shallow")
     git(project, "clone", "-q", f"file://{project}", str(shallow))
@@ -254,7 +254,7 @@ def test_packages_that_git_ignores_are_in_no_repository(forge: Forge, root: Path
 
 
 @pytest.mark.needs("git")
-def test_the_environment_of_a_hook_names_no_other_repository(
+def test_git_variables_of_a_hook_are_ignored(
     forge: Forge, root: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     commit(root)
@@ -267,7 +267,7 @@ def test_the_environment_of_a_hook_names_no_other_repository(
 
 
 @pytest.mark.needs("git")
-def test_a_repository_of_another_user_is_named_with_the_remedy(
+def test_a_repository_of_another_user_is_reported_with_the_remedy(
     forge: Forge, root: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     commit(root)
@@ -283,7 +283,7 @@ def test_a_repository_of_another_user_is_named_with_the_remedy(
 
 
 @pytest.mark.needs("git")
-def test_files_that_git_converts_are_unchanged_while_the_index_says_so(forge: Forge, root: Path) -> None:
+def test_converted_files_are_unchanged_if_the_index_says_so(forge: Forge, root: Path) -> None:
     commit(root, {".gitattributes": "*.dat text eol=crlf\n", "src/a/x.dat": "1\n", "src/b/y.dat": "1\n"})
     for path in ("src/a/x.dat", "src/b/y.dat"):
         (root / path).unlink()
@@ -297,7 +297,7 @@ def test_files_that_git_converts_are_unchanged_while_the_index_says_so(forge: Fo
 
 @pytest.mark.needs("git")
 @pytest.mark.parametrize("seconds", [0, 3])
-def test_new_contents_with_the_same_size_and_time_are_a_change(
+def test_contents_changed_with_equal_size_and_time_are_detected(
     forge: Forge, root: Path, seconds: int
 ) -> None:
     commit(root, {"src/a/x.txt": "1"})
@@ -325,7 +325,7 @@ def test_modes_links_and_deleted_files_are_changes(forge: Forge, root: Path) -> 
 
 
 @pytest.mark.needs("git")
-def test_files_left_out_of_a_sparse_checkout_are_no_changes(forge: Forge, root: Path) -> None:
+def test_files_excluded_by_a_sparse_checkout_are_unchanged(forge: Forge, root: Path) -> None:
     commit(root, {"src/a/big/x": "x"})
     git(root, "sparse-checkout", "set", "--no-cone", "/*", "!big")
     assert not (root / "src/a/big").exists()
@@ -335,7 +335,7 @@ def test_files_left_out_of_a_sparse_checkout_are_no_changes(forge: Forge, root: 
 
 
 @pytest.mark.needs("git")
-def test_a_package_behind_a_link_that_changed_is_changed(forge: Forge, tree: Tree) -> None:
+def test_a_changed_package_behind_a_link_is_selected(forge: Forge, tree: Tree) -> None:
     root = tree({f"v{n}/x/package.xml": manifest_text("x") for n in (1, 2)})
     (root / "src").mkdir()
     (root / "src/x").symlink_to("../v1/x")
@@ -347,7 +347,7 @@ def test_a_package_behind_a_link_that_changed_is_changed(forge: Forge, tree: Tre
 
 
 @pytest.mark.needs("git")
-def test_a_worktree_is_a_repository(forge: Forge, root: Path) -> None:
+def test_worktrees_are_repositories(forge: Forge, root: Path) -> None:
     commit(root)
     git(root, "worktree", "add", "-q", str(root.with_name("tree")), "-b", "other")
     write(root.with_name("tree"), {"src/c/new": "x"})
@@ -366,7 +366,7 @@ def age(root: Path) -> None:
     ("kind", "words"),
     [("build", ("build-failed", "build-finished")), ("test", ("test-failures", "test-passed"))],
 )
-def test_packages_are_selected_by_earlier_results(
+def test_packages_can_be_selected_by_earlier_results(
     forge: Forge, root: Path, kind: str, words: tuple[str, str]
 ) -> None:
     failed, well = words

@@ -37,7 +37,7 @@ def test_an_option_may_spell_a_project_differently(tree: Tree, forge: Forge, opt
         assert forge("list", "-n", leaving_out, "Np-Lib", cwd=root).out == ""
 
 
-def test_a_literal_name_comes_first(tree: Tree, forge: Forge) -> None:
+def test_an_exact_package_name_takes_precedence(tree: Tree, forge: Forge) -> None:
     root = tree(
         {
             **LIBRARY,
@@ -49,7 +49,7 @@ def test_a_literal_name_comes_first(tree: Tree, forge: Forge) -> None:
     assert forge("list", "-n", "--packages-select", "np_lib", cwd=root).out.split() == ["np_lib"]
 
 
-def test_names_between_ros_packages_are_literal(tree: Tree, forge: Forge) -> None:
+def test_names_of_ros_packages_must_match_exactly(tree: Tree, forge: Forge) -> None:
     root = tree(
         {
             "src/z/package.xml": manifest_text("z_lib", build_type="ament_python"),
@@ -60,7 +60,7 @@ def test_names_between_ros_packages_are_literal(tree: Tree, forge: Forge) -> Non
     assert forge("list", "-n", "--packages-up-to", "a", cwd=root).out.split() == ["a"]
 
 
-def test_two_spellings_of_one_project_are_a_warning(tree: Tree, forge: Forge) -> None:
+def test_two_spellings_of_a_project_give_a_warning(tree: Tree, forge: Forge) -> None:
     root = tree(LIBRARY | {"src/y/pyproject.toml": '[project]\nname = "np_lib"\n'})
     ran = forge("list", "-n", cwd=root)
     assert ran.out.split() == ["np.lib", "np_lib"]

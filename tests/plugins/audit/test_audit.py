@@ -81,7 +81,7 @@ def test_following_the_hints_resolves_the_findings(forge: Forge, tree: Tree, tmp
     assert ran.code == 0
 
 
-def test_an_audit_builds_what_is_up_to_date_from_nothing(forge: Forge, tree: Tree, tmp_path: Path) -> None:
+def test_an_audit_rebuilds_up_to_date_packages_from_scratch(forge: Forge, tree: Tree, tmp_path: Path) -> None:
     root = tree(outside(tmp_path)) / "ws"
     assert forge("build", cwd=root).code == 0
     left = root / "build/a/left_over"
@@ -98,7 +98,7 @@ def test_failing_packages_are_reported_as_in_a_build(forge: Forge, tree: Tree, t
     assert ran.out.endswith("audit: 0 packages, no undeclared inputs\n")
 
 
-def test_inputs_of_compilers_and_linkers_get_the_properties_that_declare_them(
+def test_undeclared_compiler_and_linker_inputs_get_the_right_properties(
     forge: Forge, tree: Tree, tmp_path: Path
 ) -> None:
     root = tree(
@@ -161,7 +161,7 @@ def test_undeclared_dependencies_are_reported(
     assert audit(forge, root, *layout)[1] == ["audit: 2 packages, no undeclared inputs"]
 
 
-def test_headers_of_an_underlay_in_place_of_those_of_the_workspace_are_reported(
+def test_underlay_headers_used_instead_of_workspace_headers_are_reported(
     forge: Forge, tree: Tree, tmp_path: Path
 ) -> None:
     include = tmp_path / "under/install/lib/include"
@@ -177,7 +177,7 @@ def test_headers_of_an_underlay_in_place_of_those_of_the_workspace_are_reported(
     assert text in ran.out
 
 
-def test_programs_that_cannot_be_observed_are_named(forge: Forge, tree: Tree, tmp_path: Path) -> None:
+def test_unobservable_programs_are_named(forge: Forge, tree: Tree, tmp_path: Path) -> None:
     files = dict(outside(tmp_path, f"{tmp_path}/outside/made.txt"))
     files["ws/src/a/CMakeLists.txt"] = (
         f"{MINIMUM}project(a C)\nadd_executable(gen gen.c)\ntarget_link_options(gen PRIVATE -static)\n"
@@ -204,7 +204,7 @@ def test_programs_that_cannot_be_observed_are_named(forge: Forge, tree: Tree, tm
         ([], {"FORGE_REMOTE_CACHE": "http://127.0.0.1:1"}),
     ],
 )
-def test_steps_that_cannot_be_observed_are_rejected(
+def test_options_that_prevent_observation_are_rejected(
     forge: Forge, tree: Tree, tmp_path: Path, options: list[str], variables: dict[str, str]
 ) -> None:
     root = tree(outside(tmp_path)) / "ws"
@@ -214,9 +214,7 @@ def test_steps_that_cannot_be_observed_are_rejected(
     assert not (root / "install/a").exists()
 
 
-def test_an_audit_without_a_compiler_for_its_observer_is_rejected(
-    forge: Forge, tree: Tree, tmp_path: Path
-) -> None:
+def test_an_audit_without_a_compiler_is_rejected(forge: Forge, tree: Tree, tmp_path: Path) -> None:
     root = tree(outside(tmp_path)) / "ws"
     programs = tmp_path / "bin"
     programs.mkdir()

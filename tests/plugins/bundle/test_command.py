@@ -56,7 +56,7 @@ def test_a_bundle_is_relocatable(shell: str, layout_word: str, forge: Forge, tmp
     assert not files & {*build_files, "libwalker.a", "walker.pyc"}
 
 
-def test_links_that_leave_the_tree_become_files(forge: Forge, tmp_path: Path) -> None:
+def test_links_out_of_the_tree_become_files(forge: Forge, tmp_path: Path) -> None:
     root = tmp_path / "ws"
     layout = make_install(root, [WALKER])
     prefix = layout.prefix("walker")

@@ -159,7 +159,7 @@ CPP17 = ("g++", "-std=c++17", "-x", "c++")
     ],
     ids=lambda argv: "-".join(argv[:3]),
 )
-def test_a_program_uses_messages_as_c_programs_do(
+def test_a_typical_c_program_compiles_and_runs(
     compiler: tuple[str, ...], include: Path, tmp_path: Path
 ) -> None:
     """It compiles without warnings, all checks pass, and sanitizers find no leak or invalid access."""
@@ -201,14 +201,14 @@ def test_all_headers_compile_together(compiler: tuple[str, ...], include: Path, 
         "probe/msg/wide.h",
     ],
 )
-def test_a_header_needs_no_other_header_before_it(header: str, include: Path, tmp_path: Path) -> None:
+def test_each_header_compiles_alone(header: str, include: Path, tmp_path: Path) -> None:
     source = tmp_path / f"{PurePosixPath(header).stem}.c"
     source.write_text(f'#include "{header}"\n#include "{header}"\nint used;\n', encoding="utf-8")
     compile_cleanly(C99, include, "-fsyntax-only", source)
 
 
 @pytest.mark.needs("gcc")
-def test_type_support_has_the_names_of_its_macros(include: Path, tmp_path: Path) -> None:
+def test_type_support_matches_the_rosidl_macros(include: Path, tmp_path: Path) -> None:
     """What the macros of rosidl_runtime_c expand to is declared, for messages, services and actions."""
     source = tmp_path / "main.c"
     lines = [
@@ -225,7 +225,7 @@ def test_type_support_has_the_names_of_its_macros(include: Path, tmp_path: Path)
 
 
 @pytest.mark.needs("gcc")
-def test_functions_of_another_run_time_are_left_to_its_libraries(include: Path, tmp_path: Path) -> None:
+def test_functions_of_another_runtime_come_from_its_libraries(include: Path, tmp_path: Path) -> None:
     """If the headers of rosidl's own run time are found first, programs get its type support."""
     theirs = tmp_path / "rosidl_runtime_c" / "message_type_support_struct.h"
     theirs.parent.mkdir()

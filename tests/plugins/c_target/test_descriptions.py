@@ -64,7 +64,7 @@ def expected(probe: Catalog, name: TypeName) -> Iterator[str]:
 
 
 @pytest.mark.needs("gcc")
-def test_a_program_reads_the_descriptions_of_the_json_files(tmp_path: Path) -> None:
+def test_a_program_can_read_the_descriptions_in_the_json_files(tmp_path: Path) -> None:
     """It compiles without a warning, although a definition is longer than the literals of C99."""
     probe = catalog(events=True)
     for each in (probe, *dependency_catalogs(probe, Library(rosdistro="jazzy"))):
@@ -81,14 +81,14 @@ def test_a_program_reads_the_descriptions_of_the_json_files(tmp_path: Path) -> N
     assert ran.stdout.decode() == "\n".join([*lines, DEFINITIONS["msg/Everything.msg"]])
 
 
-def test_distributions_without_descriptions_have_no_header_of_them() -> None:
+def test_distributions_without_descriptions_have_no_description_header() -> None:
     texts = {file.path: file.text for file in c.files(catalog(events=False))}
     assert not [path for path in texts if path.endswith("__description.h")]
     assert "description" not in texts["probe/msg/everything.h"]
 
 
 @pytest.mark.parametrize("events", [True, False])
-def test_events_of_services_are_generated_on_request(*, events: bool) -> None:
+def test_service_events_can_be_generated(*, events: bool) -> None:
     texts = {file.path: file.text for file in c.files(catalog(events=events))}
     struct, support = (texts[f"probe/srv/detail/move__{part}.h"] for part in ("struct", "type_support"))
     assert ("typedef struct probe__srv__Move_Event__Sequence" in struct) is events

@@ -78,7 +78,7 @@ def test_every_interface_has_rosidls_headers() -> None:
     assert list(texts()) == [visibility]
 
 
-def test_a_folder_of_c_compiles_by_itself(forge: Forge, tree: Tree) -> None:
+def test_a_folder_of_generated_c_compiles_alone(forge: Forge, tree: Tree) -> None:
     """`--lang c` brings the run-time headers of C and other packages' messages, and nothing of C++."""
     root = tree({"src/msg/A.msg": "std_msgs/Header header"})
     ran = forge("interface", "generate", "--package", "p", "--output", "out", "--lang", "c", "src", cwd=root)
@@ -90,7 +90,7 @@ def test_a_folder_of_c_compiles_by_itself(forge: Forge, tree: Tree) -> None:
     assert {file.path.removeprefix("c/") for file in read_runtime("c")} <= made
 
 
-def test_types_that_only_idl_has_are_generated(forge: Forge, tree: Tree) -> None:
+def test_idl_only_types_are_generated(forge: Forge, tree: Tree) -> None:
     struct_ = "struct Only { wchar a; sequence<wchar> b; long double c; };"
     root = tree({"src/idl/Only.idl": f"module tour {{ module idl {{ {struct_} }}; }};"})
     argv = ("interface", "generate", "--package", "tour", "--output", "out", "--lang", "c", "src")
@@ -134,7 +134,7 @@ def test_headers_include_what_members_need_once() -> None:
         (TypeName("p", "srv", "Of_Idl"), "p/srv/detail/of__idl__struct.h"),
     ],
 )
-def test_parts_live_in_the_header_of_the_whole(name: TypeName, path: str) -> None:
+def test_parts_are_in_the_header_of_their_interface(name: TypeName, path: str) -> None:
     assert detail_path(name, "struct", "h") == path
 
 
@@ -213,11 +213,11 @@ def test_bounds_are_enumerators() -> None:
         (Primitive("int64"), -(2**63), "(-9223372036854775807ll - 1)"),
     ],
 )
-def test_a_number_is_written_exactly(type_: Primitive, value: Value, text: str) -> None:
+def test_numbers_are_written_exactly(type_: Primitive, value: Value, text: str) -> None:
     assert number(value, type_) == text
 
 
-def test_a_field_cannot_be_called_by_a_keyword_of_c() -> None:
+def test_fields_named_like_c_keywords_are_rejected() -> None:
     """All others are keywords of C++ as well."""
     source = Source("demo", "msg/A.msg", Path("A.msg"), "int8 restrict")
     with pytest.raises(InterfaceError, match="field name 'restrict' is a keyword of C"):
@@ -225,7 +225,7 @@ def test_a_field_cannot_be_called_by_a_keyword_of_c() -> None:
 
 
 @given(st.text(st.characters(), max_size=20))
-def test_wide_texts_are_their_units_and_a_zero(text: str) -> None:
+def test_wide_strings_are_code_units_and_a_terminating_zero(text: str) -> None:
     """Whatever the text, the initializer holds its UTF-16, surrogates that stand alone included."""
     items = re.findall(r"'[^']'|[0-9a-fx]+", units(text))
     numbers = [ord(item[1]) if item[0] == "'" else int(ast.literal_eval(item)) for item in items]

@@ -116,7 +116,7 @@ def test_attempts():
 """Calls that fail, with names of what is not there, or is there."""
 
 
-def test_what_made_a_call_fail_is_an_input(forge: Forge, tree: Tree) -> None:
+def test_reasons_of_failed_calls_are_inputs(forge: Forge, tree: Tree) -> None:
     names = re.findall(r"(?:no|yes)_\w+", ATTEMPTS)
     files = {path: text for name in names for path, text in python(name.lower(), ATTEMPTS).items()}
     files |= {f"away/{name.lower()}/{each}": "" for name in names for each in names if each.startswith("yes")}
@@ -154,7 +154,7 @@ CHANGES: dict[str, tuple[str, Callable[[Path], object], str]] = {
 """By packages, of which one file each is changed, with the remark on the next test."""
 
 
-def test_packages_are_tested_again_if_what_their_tests_read_changes(forge: Forge, tree: Tree) -> None:
+def test_tests_rerun_if_files_that_they_read_change(forge: Forge, tree: Tree) -> None:
     root = tree({path: text for name in CHANGES for path, text in python(name).items()})
     passed(forge, root)
     for path, apply, _ in CHANGES.values():
@@ -167,7 +167,7 @@ def test_packages_are_tested_again_if_what_their_tests_read_changes(forge: Forge
     assert {name for name, remark in again.items() if remark != "cached"} == failed
 
 
-def test_settings_and_fixtures_outside_of_the_package_count(forge: Forge, root: Path) -> None:
+def test_settings_and_fixtures_outside_the_package_are_inputs(forge: Forge, root: Path) -> None:
     (root / "pytest.ini").write_text("[pytest]\n")
     assert why(run(forge, root)).endswith("pytest.ini' has appeared")
     assert why(run(forge, root)) == "cached"
@@ -175,7 +175,7 @@ def test_settings_and_fixtures_outside_of_the_package_count(forge: Forge, root: 
     assert why(run(forge, root)).endswith("conftest.py' has appeared")
 
 
-def test_other_options_run_the_tests(forge: Forge, root: Path) -> None:
+def test_changed_options_rerun_the_tests(forge: Forge, root: Path) -> None:
     for words in (("--pytest-args", "-q"), ("--python-testing", "unittest")):
         assert why(run(forge, root, *words)) == "tests ran: the command of the tests has changed"
     for option in ("--retest-until-fail", "--retest-until-pass"):
@@ -190,7 +190,7 @@ def test_variables_are_inputs_however_they_are_read(forge: Forge, root: Path) ->
     assert why(run(forge, root)) == "tests ran: the environment variable 'MY_MODE' has changed"
 
 
-def test_a_shell_of_its_own_times_and_unrelated_files_change_nothing(forge: Forge, root: Path) -> None:
+def test_session_variables_times_and_unrelated_files_are_not_inputs(forge: Forge, root: Path) -> None:
     env: dict[str, str | None] = {"SHLVL": "7", "SSH_TTY": "/dev/pts/9", "WINDOWID": "1", "OLDPWD": "/"}
     assert why(run(forge, root, env=env)) == "cached"
     os.utime(root / "src/p/tests/data/number.txt")
@@ -200,7 +200,7 @@ def test_a_shell_of_its_own_times_and_unrelated_files_change_nothing(forge: Forg
     assert why(run(forge, root)) == "cached"
 
 
-def test_a_replay_is_marked_everywhere(forge: Forge, root: Path) -> None:
+def test_replays_are_marked_everywhere(forge: Forge, root: Path) -> None:
     suites = ET.parse(root / "build/p/pytest.xml").iter("testsuite")
     marks = [suite.findall("properties/property[@name='cached']") for suite in suites]
     assert [len(found) for found in marks] == [1]
@@ -214,7 +214,7 @@ def test_a_replay_is_marked_everywhere(forge: Forge, root: Path) -> None:
     assert (root / "build/p/colcon_test.rc").read_text() == "0\n"
 
 
-def test_a_configuration_may_ask_for_it_and_other_runs_are_not_replayed(forge: Forge, root: Path) -> None:
+def test_configuration_files_can_enable_it_and_other_runs_are_not_replayed(forge: Forge, root: Path) -> None:
     assert forge("test", cwd=root, env=PLAIN).code == 0
     assert "pytest.xml' has changed" in why(run(forge, root))
     (root / "forge.toml").write_text("[test]\ncached = true\n")
@@ -258,7 +258,7 @@ NOT_RECORDED = {
 }
 
 
-def test_what_may_end_otherwise_is_not_recorded(forge: Forge, tree: Tree) -> None:
+def test_nondeterministic_tests_are_not_recorded(forge: Forge, tree: Tree) -> None:
     names = {kind.replace(" ", "_").replace(",", ""): kind for kind in NOT_RECORDED}
     files: dict[str, str] = {"static.c": "int main(void) { return 0; }\n"}
     for name, kind in names.items():
@@ -292,7 +292,7 @@ def test_failures_and_skipped_tests_are_never_cached(forge: Forge, tree: Tree) -
     passed(forge, root)
 
 
-def test_what_tests_leave_is_removed_before_the_next_run(forge: Forge, tree: Tree) -> None:
+def test_leftovers_of_tests_are_removed_before_the_next_run(forge: Forge, tree: Tree) -> None:
     """So that this run begins as the one before it, also if that failed."""
     test = """import os, pathlib
 BUILD = pathlib.Path(__file__).parents[3] / "build/p"
@@ -316,7 +316,7 @@ def test_a():
     assert why(run(forge, root)) == "cached"
 
 
-def test_the_limits_of_the_shell_are_inputs(forge: Forge, root: Path) -> None:
+def test_resource_limits_are_inputs(forge: Forge, root: Path) -> None:
     soft, hard = resource.getrlimit(resource.RLIMIT_CORE)
     resource.setrlimit(resource.RLIMIT_CORE, (4096 if soft != 4096 else 0, hard))
     try:
@@ -325,7 +325,7 @@ def test_the_limits_of_the_shell_are_inputs(forge: Forge, root: Path) -> None:
         resource.setrlimit(resource.RLIMIT_CORE, (soft, hard))
 
 
-def test_a_pass_does_not_depend_on_runs_before(forge: Forge, tree: Tree) -> None:
+def test_a_pass_does_not_depend_on_earlier_runs(forge: Forge, tree: Tree) -> None:
     """With '--lf', pytest would otherwise run the test that failed last, and this would count as all."""
     root = tree(python("p", "def test_a(): pass\ndef test_b(): assert 0\n"))
     (root / "src/p/setup.cfg").write_text("[tool:pytest]\naddopts = --lf\n")
@@ -336,7 +336,7 @@ def test_a_pass_does_not_depend_on_runs_before(forge: Forge, tree: Tree) -> None
     assert "  2 tests, 0 errors, 0 failures" in run(forge, root).out
 
 
-def test_unittest_and_its_dependencies(forge: Forge, tree: Tree) -> None:
+def test_unittest_packages_are_cached_with_their_dependencies(forge: Forge, tree: Tree) -> None:
     test = "import unittest\nimport q\nclass A(unittest.TestCase):\n    def test_a(self): assert q.VALUE\n"
     files = {**python_package("p", test, pytest=False), **python_package("q", "", pytest=False)}
     depends = manifest_text("p", "<depend>q</depend>", build_type="ament_python")
@@ -377,7 +377,9 @@ TEST(Unit, reads) {
 
 
 @pytest.mark.needs("g++")
-def test_packages_of_ament_cmake_with_results_elsewhere(forge: Forge, tree: Tree, tmp_path: Path) -> None:
+def test_ament_cmake_packages_are_cached_with_results_elsewhere(
+    forge: Forge, tree: Tree, tmp_path: Path
+) -> None:
     base = ("--test-result-base", "results")
     folder = tmp_path / "src/c"
     depends = [f"<depend>ament_cmake{each}</depend>" for each in ("", "_gtest", "_pytest")]
@@ -412,7 +414,7 @@ def test_packages_of_ament_cmake_with_results_elsewhere(forge: Forge, tree: Tree
     assert tested()[0] == "with test failures"
 
 
-def test_a_timeout_is_no_pass(forge: Forge, tree: Tree) -> None:
+def test_a_timeout_is_not_a_pass(forge: Forge, tree: Tree) -> None:
     slow = (
         "add_test(NAME a COMMAND ${CMAKE_COMMAND} -E sleep 5)\nset_tests_properties(a PROPERTIES TIMEOUT 0.2)"
     )
@@ -422,7 +424,7 @@ def test_a_timeout_is_no_pass(forge: Forge, tree: Tree) -> None:
         assert why(run(forge, root)) == "with test failures"
 
 
-def test_an_edit_while_tests_run_is_not_taken_for_what_they_read(forge: Forge, tree: Tree) -> None:
+def test_an_edit_during_a_test_run_is_detected(forge: Forge, tree: Tree) -> None:
     root = tree(python("p", CODE + "\n\ndef test_wait():\n    import time; time.sleep(1)\n"))
     assert forge("build", cwd=root).code == 0
     data = root / "src/p/tests/data/number.txt"
@@ -434,7 +436,7 @@ def test_an_edit_while_tests_run_is_not_taken_for_what_they_read(forge: Forge, t
     assert "with test failures" in run(forge, root).out
 
 
-def test_the_observer_is_only_there_when_asked_for(forge: Forge, tree: Tree) -> None:
+def test_tests_are_observed_only_on_request(forge: Forge, tree: Tree) -> None:
     root = tree(python("p", "import os\ndef test_a(): assert 'FORGE_OBSERVER_LOG' not in os.environ\n"))
     assert forge("build", cwd=root).code == 0
     assert "0 failures" in forge("test", cwd=root, env=PLAIN).out

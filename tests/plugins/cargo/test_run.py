@@ -123,7 +123,7 @@ def command_of_tests(root: Path) -> list[str]:
     return ["test", "node", *map(str, words), "test"]
 
 
-def test_results_of_tests_become_junit(tree: Tree, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_cargo_test_results_become_junit_files(tree: Tree, monkeypatch: pytest.MonkeyPatch) -> None:
     root = write_cargo(tree, TESTED)
     (root / "src/Cargo.lock").write_text("own\n")
     result, command = root / "results/test.xml", command_of_tests(root)
@@ -169,7 +169,7 @@ def test_a_test_program_that_exits_early_has_failed(tree: Tree, monkeypatch: pyt
         ('Error: "no file"\n', "the test failed"),
     ],
 )
-def test_the_message_of_a_failed_test_is_its_panic(output: str, message: str) -> None:
+def test_the_message_of_a_failed_test_is_its_panic_message(output: str, message: str) -> None:
     assert run._message(output) == message
 
 

@@ -24,7 +24,7 @@ def context(root: Path) -> TestContext:
     return TestContext(root, Layout(root / "build", root / "install", None), root / "python")
 
 
-def test_the_toolchain_is_its_compiler_variables_and_configuration(tree: Tree) -> None:
+def test_the_toolchain_consists_of_compiler_variables_and_configuration(tree: Tree) -> None:
     root = tree({"bin/rustc": "#!/bin/sh\necho rustc 1.0\n", "bin/cargo": "#!/bin/sh\n", "ws/x": ""})
     variables = {"PATH": str(root / "bin"), "CARGO_HOME": str(root / "home")}
     here = context(root / "ws")
@@ -44,7 +44,7 @@ def test_the_toolchain_is_its_compiler_variables_and_configuration(tree: Tree) -
         seen.add(found)
 
 
-def test_a_missing_cargo_is_reported_with_its_remedy() -> None:
+def test_a_missing_cargo_is_reported_with_a_remedy() -> None:
     with pytest.raises(HostError) as caught:
         toolchain(PACKAGES, context(Path("/ws")), {"PATH": "/nowhere"})
     (problem,) = caught.value.problems
@@ -52,7 +52,7 @@ def test_a_missing_cargo_is_reported_with_its_remedy() -> None:
     assert "apt install cargo" in str(problem.hint)
 
 
-def test_packages_for_another_platform_are_named_together() -> None:
+def test_packages_for_another_platform_are_reported_together() -> None:
     here = context(Path("/ws"))
     cross = replace(here, layout=replace(here.layout, target="aarch64-linux-gnu"))
     with pytest.raises(HostError) as caught:

@@ -52,7 +52,7 @@ def test_boxes_do_not_overlap_or_leave_the_picture(graph: dict[str, frozenset[st
 
 
 @given(graphs())
-def test_edges_lead_from_left_to_right(graph: dict[str, frozenset[str]]) -> None:
+def test_edges_go_from_left_to_right(graph: dict[str, frozenset[str]]) -> None:
     layout, sizes = laid_out(graph)
     for (name, need), points in layout.lines.items():
         assert points[0] == (layout.spots[need].x + sizes[need][0], layout.spots[need].y)
@@ -73,7 +73,7 @@ def crossings(layout: GraphLayout) -> int:
     return sum(a[0] == b[0] and (a[1] - b[1]) * (a[2] - b[2]) < 0 for a, b in combinations(ends, 2))
 
 
-def test_avoidable_crossings_of_edges_are_avoided() -> None:
+def test_avoidable_edge_crossings_are_removed() -> None:
     # Two combs, their teeth named so that names alone would mix them up.
     teeth: Sequence[str] = [f"{letter}{comb}" for letter in "abcdef" for comb in (1, 2)]
     graph = {"r1": frozenset[str](), "r2": frozenset[str]()}
@@ -106,7 +106,7 @@ def test_an_empty_graph_is_drawn_as_an_empty_picture() -> None:
     assert (layout.spots, layout.lines, layout.width, layout.height) == ({}, {}, 0.0, 0.0)
 
 
-def test_a_large_workspace_is_laid_out_without_overlaps_and_always_the_same() -> None:
+def test_layouts_of_large_workspaces_have_no_overlaps_and_are_reproducible() -> None:
     chance = random.Random(7)
     graph: dict[str, frozenset[str]] = {}
     for number in range(400):

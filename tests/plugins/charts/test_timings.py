@@ -103,7 +103,7 @@ def test_unfinished_steps_end_with_the_build() -> None:
     assert page(build)["remarks"][0] == "1 failed, 1 aborted, 1 not started."
 
 
-def test_waiting_for_a_job_starts_when_all_dependencies_have_ended() -> None:
+def test_waiting_starts_when_all_dependencies_have_ended() -> None:
     runs = {run.name: run for run in read_build(DIAMOND).packages}
     assert {name: waited(run, runs) for name, run in runs.items()} == {"a": 0.0, "b": 0.5, "c": 0.0, "d": 1.0}
 
@@ -210,7 +210,7 @@ def test_bars_show_when_steps_ran() -> None:
     assert shown["strips"][1]["path"] == "M0 100V50.0H500.0V0.0H1000.0V100Z"
 
 
-def test_a_trace_has_steps_inside_packages_and_times_in_microseconds() -> None:
+def test_traces_nest_steps_in_packages_with_microsecond_times() -> None:
     build = read_build(DIAMOND)
     told: Mapping[str, object] = json.loads(json.dumps(trace(build)))
     events = told["traceEvents"]
@@ -234,7 +234,7 @@ def test_a_trace_has_steps_inside_packages_and_times_in_microseconds() -> None:
     ]
 
 
-def test_invisible_characters_become_visible_on_the_page() -> None:
+def test_invisible_characters_are_shown_on_the_page() -> None:
     lines = [planned("a\u202e\x07b"), *built("a\u202e\x07b", 0.0, 1.0), SUMMARY]
     build = read_build(lines)
     assert page(build)["bars"][0]["name"] == "a\N{REPLACEMENT CHARACTER}\N{REPLACEMENT CHARACTER}b"

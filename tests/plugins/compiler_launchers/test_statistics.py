@@ -50,7 +50,7 @@ def test_forge_counts_slots_as_distcc_does(said: str, here: int, tmp_path: Path)
 
 @pytest.mark.needs("distcc")
 @pytest.mark.parametrize("said", ["", "localhost/4", "red/x"])
-def test_a_distcc_without_hosts_is_a_problem(said: str, tmp_path: Path) -> None:
+def test_distcc_without_hosts_is_an_error(said: str, tmp_path: Path) -> None:
     variables = {"HOME": str(tmp_path), "DISTCC_HOSTS": said}
     stats = open_launcher_stats(Path("/usr/bin/distcc"), tmp_path, tmp_path, variables)
     assert stats.slots == 0
@@ -90,7 +90,7 @@ def test_a_build_without_compilations_has_no_statistics(tmp_path: Path) -> None:
 
 
 @pytest.mark.needs("ccache")
-def test_settings_of_ccache_by_the_user_are_kept(tmp_path: Path) -> None:
+def test_ccache_settings_of_the_user_are_kept(tmp_path: Path) -> None:
     """A base folder in ccache's file or a variable, even an empty one. The user's log is not counted."""
     log = tmp_path / "their.log"
     log.write_text("# theirs\ndirect_cache_hit\n")
@@ -107,7 +107,7 @@ def test_settings_of_ccache_by_the_user_are_kept(tmp_path: Path) -> None:
 
 
 @pytest.mark.needs("ccache", "distcc")
-def test_distcc_behind_ccache_counts(tmp_path: Path) -> None:
+def test_distcc_behind_ccache_is_counted(tmp_path: Path) -> None:
     variables = {
         "PATH": "/usr/bin:/bin",
         "CCACHE_DIR": str(tmp_path),
@@ -131,7 +131,7 @@ def test_icecc_runs_the_compiler_and_is_not_queried(forge: Forge, tree: Tree) ->
 
 
 @pytest.mark.needs("sccache", "g++", "cmake", "ninja")
-def test_compilations_with_sccache_are_counted(forge: Forge, tree: Tree) -> None:
+def test_sccache_compilations_are_counted(forge: Forge, tree: Tree) -> None:
     root = tree(PACKAGE)
     with socket.create_server(("127.0.0.1", 0)) as listening:
         port = str(listening.getsockname()[1])

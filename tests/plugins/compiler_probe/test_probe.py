@@ -59,7 +59,7 @@ def test_a_build_folder_with_cached_detection_is_configured_normally(tree: Tree,
 
 
 @pytest.mark.needs("cmake", "ninja", "g++")
-def test_the_first_flags_are_those_of_the_step(tree: Tree) -> None:
+def test_initial_flags_come_from_the_environment_of_the_step(tree: Tree) -> None:
     """A step may set CXXFLAGS, for example for path maps; the reference project has none."""
     root = tree({"src/CMakeLists.txt": LISTS, "src/x.cpp": "int main() {}\n"})
     cmake, build = Path(shutil.which("cmake") or ""), root / "build"
@@ -111,7 +111,7 @@ def _what_matters(build: Path) -> dict[str, object]:
 
 
 @pytest.mark.needs("cmake", "ninja", "gcc")
-def test_the_cxx_compiler_is_not_tested_if_no_package_needs_it(tree: Tree) -> None:
+def test_the_cxx_compiler_is_tested_only_if_needed(tree: Tree) -> None:
     """A cross compiler may compile its C++ library for minutes when it is tested."""
     root = tree({"src/CMakeLists.txt": LISTS.replace(" LANGUAGES CXX", " LANGUAGES C"), "build/keep": ""})
     cmake, variables = Path(shutil.which("cmake") or ""), {**os.environ, "CXX": "/no/such/compiler"}
@@ -131,7 +131,7 @@ def test_without_a_compiler_no_results_are_reused(tree: Tree) -> None:
 
 @pytest.mark.needs("cmake", "ninja", "g++")
 @pytest.mark.parametrize("languages", ["", " NONE"])
-def test_the_detection_of_python_is_cached(tree: Tree, languages: str) -> None:
+def test_python_detection_is_cached(tree: Tree, languages: str) -> None:
     """In a new folder, CMake starts the interpreter as often as in a configured one: once.
 
     CMake 4.4 distrusts cached results of projects with languages, even its own.

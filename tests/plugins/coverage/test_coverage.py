@@ -69,7 +69,7 @@ def source(root: Path, name: str) -> Path:
 
 
 @pytest.mark.needs("gcc", "gcov", "gcovr")
-def test_executed_lines_of_c_are_counted_and_those_of_earlier_runs_are_not(tmp_path: Path) -> None:
+def test_only_c_lines_executed_in_this_run_are_counted(tmp_path: Path) -> None:
     one = task(tmp_path, "half", "cmake")
     folder = source(tmp_path, "half")
     (folder / "half.c").write_text(HALF)
@@ -120,7 +120,7 @@ def test_an_interrupted_run_has_no_report(tmp_path: Path) -> None:
     assert not (one.build_dir / "coverage.html").exists()
 
 
-def test_packages_not_built_for_coverage_are_a_warning(
+def test_packages_not_built_for_coverage_give_a_warning(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     tasks = (
@@ -135,7 +135,7 @@ def test_packages_not_built_for_coverage_are_a_warning(
     )
 
 
-def test_missing_programs_are_named_with_the_command_that_installs_them(
+def test_missing_programs_are_named_with_the_install_command(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tasks = (task(tmp_path, "a", "cmake"), task(tmp_path, "p", "ament_python"))
@@ -173,7 +173,7 @@ def test_gcov_matches_the_compiler(tmp_path: Path, compiler: str, gcov: str) -> 
     assert gcov_of(tmp_path, {"PATH": str(bin_)}) == gcov
 
 
-def test_the_summary_has_a_line_for_all_packages_and_one_for_each() -> None:
+def test_the_summary_has_a_total_and_a_line_per_package() -> None:
     found = [CoveredLines("a", 3, 2, Path("x")), CoveredLines("longer", 0, 0, Path("y"))]
     assert list(summary_lines(found)) == [
         "Coverage: 66.6% of 3 lines",

@@ -58,7 +58,7 @@ def test_a_native_build_imports_no_cross_compilation(
     assert not [name for name in sys.modules if name.startswith("forge.plugins.cross")]
 
 
-def test_compiled_python_modules_are_refused(tree: Tree, forge: Forge) -> None:
+def test_compiled_python_modules_are_rejected(tree: Tree, forge: Forge) -> None:
     """They would be for this machine; pure packages are installed for the target's Python."""
     plain = {
         "src/plain/package.xml": manifest_text("plain", build_type="ament_python"),

@@ -21,7 +21,7 @@ from forge.plugins.cross.targets import parse_target, similar_target
         ("amd64", "x86_64-linux-gnu", "", "x86_64"),
     ],
 )
-def test_a_platform_has_the_names_of_debian_docker_and_rust(
+def test_platforms_have_the_names_used_by_debian_docker_and_rust(
     word: str, triple: str, glibc: str, cpu: str
 ) -> None:
     target = parse_target(word)
@@ -51,7 +51,7 @@ def test_a_platform_name_may_have_a_glibc_version(word: str, version: str) -> No
         parse_target(word)
 
 
-def test_cmake_calls_processors_as_the_kernel_does() -> None:
+def test_cmake_processor_names_match_the_kernel() -> None:
     assert parse_target("armhf").cmake_processor == "armv7l"
     assert parse_target("arm64").cmake_processor == "aarch64"
 
@@ -67,5 +67,5 @@ def test_cmake_calls_processors_as_the_kernel_does() -> None:
         ("mips-linux-gnu", None),
     ],
 )
-def test_misspelt_platform_names_get_a_suggestion(word: str, near: str | None) -> None:
+def test_misspelled_platform_names_get_a_suggestion(word: str, near: str | None) -> None:
     assert similar_target(parse_target(word)) == near

@@ -72,14 +72,14 @@ def test_zig_on_path_is_the_compiler_of_a_known_target(tree: Tree) -> None:
     assert not has_emulator(layout(root))
 
 
-def test_the_file_is_the_same_at_every_path(tree: Tree) -> None:
+def test_the_toolchain_file_contains_no_workspace_path(tree: Tree) -> None:
     """Otherwise caches could not be shared, and a moved workspace would be rebuilt."""
     root = tree({**ZIG, "own.cmake": ""})
     assert str(root) not in file_of(prepare(root)).read_text()
     assert str(root) not in file_of(prepare(root, toolchain_file="own.cmake")).read_text()
 
 
-def test_packages_are_found_in_underlays_for_the_target_only(tree: Tree) -> None:
+def test_packages_are_found_only_in_underlays_for_the_target(tree: Tree) -> None:
     """Those for this machine have generators, but not the libraries."""
     names = ("here/install", "there/install/aarch64-linux-gnu")
     setups = {f"{name}/local_setup.sh": "" for name in names}
@@ -118,7 +118,7 @@ def test_qemu_runs_programs_with_the_libraries_of_the_sysroot(tree: Tree) -> Non
     assert has_emulator(layout(root))
 
 
-def test_the_python_of_a_sysroot_is_what_its_link_says(tree: Tree) -> None:
+def test_the_python_version_of_a_sysroot_comes_from_its_link(tree: Tree) -> None:
     root = tree({"root/usr/lib/python3.13/os.py": "", "root/usr/bin/python3.11": "", "own.cmake": ""})
     (root / "root/usr/bin/python3").symlink_to("python3.11")
     assert prepare(root, sysroot="root", toolchain_file="own.cmake").python_version == (3, 11)
@@ -132,7 +132,7 @@ find_package(known REQUIRED)
 
 
 @pytest.mark.needs("cmake")
-def test_packages_are_found_in_the_folder_of_the_processor(tree: Tree) -> None:
+def test_packages_are_found_in_the_architecture_folder(tree: Tree) -> None:
     """CMake asks the compiler for its name, but not without languages, and no path may contain a blank."""
     root = tree(
         {
@@ -145,7 +145,7 @@ def test_packages_are_found_in_the_folder_of_the_processor(tree: Tree) -> None:
     subprocess.run(["cmake", "-S", root / "src", "-B", root / "b", *cross.cmake_args], check=True)
 
 
-def test_the_processor_of_this_machine_needs_no_emulator(tree: Tree, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_host_architecture_needs_no_emulator(tree: Tree, monkeypatch: pytest.MonkeyPatch) -> None:
     machine = type("Machine", (), {"machine": "aarch64"})
     monkeypatch.setattr("os.uname", lambda: machine)
     assert 'set(CMAKE_CROSSCOMPILING_EMULATOR "/usr/bin/env")' in file_of(prepare(tree(ZIG))).read_text()
@@ -213,9 +213,7 @@ def test_zig_compiles_its_library_once(
     assert (root / "calls").read_text() == calls
 
 
-def test_a_zig_whose_library_is_another_one_still_compiles(
-    tree: Tree, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_incompatible_zig_library_gives_a_warning(tree: Tree, monkeypatch: pytest.MonkeyPatch) -> None:
     """The build warns, and the next build tries again."""
     root = tree({"bin/zig": STAND_IN, **SOURCES, "lib/libcxx/src/bad.cpp": ""})
     monkeypatch.chdir(root)
@@ -226,7 +224,7 @@ def test_a_zig_whose_library_is_another_one_still_compiles(
     assert not list(root.glob(LIBRARY))
 
 
-def test_only_a_link_gets_the_library(tree: Tree, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_library_is_passed_only_when_linking(tree: Tree, monkeypatch: pytest.MonkeyPatch) -> None:
     root = tree({"bin/zig": STAND_IN, **SOURCES})
     monkeypatch.chdir(root)
     cross = prepare(root)
@@ -243,7 +241,7 @@ def test_only_a_link_gets_the_library(tree: Tree, monkeypatch: pytest.MonkeyPatc
     assert version == f"c++ {flags} --version"
 
 
-def test_a_version_of_glibc_that_zig_does_not_have_is_a_warning(tree: Tree) -> None:
+def test_an_unsupported_glibc_version_gives_a_warning(tree: Tree) -> None:
     """Build tools show no warnings of compilers that only link."""
     said = "warning: cannot build new glibc version 9.9.0; providing instead 2.44.0"
     root = tree({"bin/zig": f"#!/bin/sh\necho '{said}' >&2\n"})

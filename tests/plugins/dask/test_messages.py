@@ -114,7 +114,7 @@ def test_a_task_without_a_worker_is_aborted_on_interrupt(tmp_path: Path) -> None
     assert called(Quiet(), tmp_path, "interrupt") == [Aborted("a", 0.0)]
 
 
-def test_no_task_is_delivered_while_the_build_stops(tmp_path: Path) -> None:
+def test_no_task_is_started_while_the_build_stops(tmp_path: Path) -> None:
     connection = Quiet("finish")
     assert called(connection, tmp_path, TaskRequest("one", "tcp://1", "host")) == [Aborted("a", 0.0)]
     assert connection.handed == []

@@ -108,7 +108,7 @@ def test_a_step_runner_reports_all_events(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("command", [FINISH, "interrupt", None])
-def test_a_step_runner_ends_on_request_or_without_its_parent(tmp_path: Path, command: str | None) -> None:
+def test_a_step_runner_ends_on_request_or_when_its_parent_exits(tmp_path: Path, command: str | None) -> None:
     program = "import time; print('begun', flush=True); time.sleep(%s)" % (1 if command == FINISH else 60)
     running = RunningSteps(
         RemoteTask(
@@ -126,7 +126,7 @@ def test_a_step_runner_ends_on_request_or_without_its_parent(tmp_path: Path, com
 
 
 @pytest.mark.needs("cmake", "ninja")
-def test_a_cluster_within_this_process_builds(forge: Forge, tree: Tree) -> None:
+def test_an_in_process_cluster_builds(forge: Forge, tree: Tree) -> None:
     lists = "cmake_minimum_required(VERSION 3.18)\nproject({0} NONE)\ninstall(FILES here DESTINATION {0})\n"
     root = tree(
         {

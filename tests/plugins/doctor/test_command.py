@@ -87,9 +87,7 @@ def test_doctor_works_outside_of_a_workspace(forge: Forge, tmp_path: Path) -> No
     assert "not searching for packages" in home["checked"][0]["summary"]
 
 
-def test_a_required_package_of_the_workspace_that_is_not_declared_stops_a_build(
-    forge: Forge, tree: Tree
-) -> None:
+def test_an_undeclared_required_workspace_package_is_an_error(forge: Forge, tree: Tree) -> None:
     root = tree({**cmake_package("a"), **cmake_package("b", "# find_package(x)", "find_package(a REQUIRED)")})
     found = findings(forge, root)
     assert of_topic(found, "declared") == [
@@ -116,7 +114,7 @@ def test_a_required_package_of_the_workspace_that_is_not_declared_stops_a_build(
         ("find_package(${name} REQUIRED)", None, None),
     ],
 )
-def test_the_severity_of_an_undeclared_package(
+def test_an_undeclared_package_has_the_right_severity(
     forge: Forge, tree: Tree, line: str, severity: str | None, tag: str | None
 ) -> None:
     found = of_topic(findings(forge, tree({**cmake_package("a"), **cmake_package("b", line)})), "declared")
@@ -140,7 +138,7 @@ def test_transitive_dependencies_are_only_noted(forge: Forge, tree: Tree) -> Non
     )
 
 
-def test_imports_of_python_are_compared_with_the_manifest(forge: Forge, tree: Tree) -> None:
+def test_python_imports_are_compared_with_the_manifest(forge: Forge, tree: Tree) -> None:
     text = "import os, a.deep\ntry:\n    import b\nexcept ImportError:\n    pass\n"
     root = tree({**python_package("a", ""), **python_package("b", ""), **python_package("c", text)})
     found = of_topic(findings(forge, root), "declared")
@@ -172,7 +170,7 @@ def test_modules_that_shadow_others_are_reported(forge: Forge, tree: Tree) -> No
 
 
 @pytest.mark.needs("cmake")
-def test_a_required_cmake_version_that_is_too_new(forge: Forge, tree: Tree) -> None:
+def test_a_too_new_required_cmake_version_is_reported(forge: Forge, tree: Tree) -> None:
     root = tree(cmake_package("a"))
     (root / "src/a/CMakeLists.txt").write_text("cmake_minimum_required(VERSION 99.1)\nproject(a NONE)\n")
     (finding,) = of_topic(findings(forge, root), "cmake")
@@ -190,7 +188,7 @@ def test_a_broken_compiler_is_an_error_for_packages_that_use_it(forge: Forge, tr
     assert "no such dialect" in finding["message"]
 
 
-def test_an_interpreter_that_does_not_run(forge: Forge, tree: Tree) -> None:
+def test_a_missing_interpreter_is_reported(forge: Forge, tree: Tree) -> None:
     found = findings(forge, tree(cmake_package("a")), "--python", "no-such-python")
     assert of_topic(found, "python")[0]["message"] == "python 'no-such-python' not found"
 
@@ -257,7 +255,7 @@ def test_underlays_are_checked(forge: Forge, tree: Tree) -> None:
     assert refusal["message"].startswith(f"the underlay '{low}' is for python 3.{OTHER[-1]}, but the active ")
 
 
-def test_many_findings_of_one_kind_are_one_paragraph(forge: Forge, tree: Tree) -> None:
+def test_findings_of_one_kind_are_grouped(forge: Forge, tree: Tree) -> None:
     """JSON still contains each finding with its file."""
     setup = SETUP.replace(")", ", entry_points={{'console_scripts': ['run = p:main']}})")
     names = [f"p{number}" for number in range(5)]
@@ -284,7 +282,7 @@ def test_an_overlay_of_a_forge_workspace_has_no_problems(forge: Forge, tree: Tre
     assert [found for found in found["findings"] if found["topic"] in {"python", "underlays"}] == []
 
 
-def test_modules_that_a_distribution_needs(forge: Forge, tree: Tree) -> None:
+def test_missing_modules_of_a_distribution_are_reported(forge: Forge, tree: Tree) -> None:
     """The code generators of a distribution import them; without a manifest, a package is not installed."""
     root = tree(ament_package("a", INTERFACES))
     ros = root / "ros"
@@ -377,7 +375,7 @@ def test_inconsistent_names_are_reported(forge: Forge, tree: Tree) -> None:
     ],
 )
 @pytest.mark.parametrize("file", ["build", "profiles.ci.build"])
-def test_packages_that_a_build_leaves_out_are_not_checked(
+def test_packages_excluded_from_the_build_are_not_checked(
     forge: Forge, tree: Tree, text: str, file: str
 ) -> None:
     profile = ("--profile", "ci") if "ci" in file else ()

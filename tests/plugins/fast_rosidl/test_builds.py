@@ -124,7 +124,7 @@ def test_a_compiler_launcher_gets_no_precompiled_headers(tree: Tree) -> None:
     assert not precompiled(root)
 
 
-def test_precompiled_headers_are_no_input_of_the_package(built: Path) -> None:
+def test_precompiled_headers_are_not_inputs_of_the_package(built: Path) -> None:
     for path in precompiled(built):
         path.unlink()
     assert "1 package unchanged" in build(built).stdout
@@ -143,7 +143,7 @@ def test_compile_commands_name_every_generated_source(built: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["own", "described"])
-def test_own_sources_and_descriptions_of_types_are_compiled_one_by_one(built: Path, name: str) -> None:
+def test_user_sources_and_type_descriptions_are_compiled_separately(built: Path, name: str) -> None:
     """Debian's rosidl generates no descriptions yet: those of later distributions clash in one unit."""
     assert symbols(built / f"install/fast_msgs/lib/lib{name}.so") == ["a", "b"]
 
@@ -156,7 +156,7 @@ def test_a_changed_definition_is_regenerated_and_recompiled(built: Path) -> None
     assert "1 package unchanged" in build(built).stdout
 
 
-def test_sources_that_do_not_compile_together_are_compiled_one_by_one(tree: Tree) -> None:
+def test_sources_that_do_not_compile_together_are_compiled_separately(tree: Tree) -> None:
     root = tree(interface_package("fast_msgs", SMALL, after=CLASH))
     done = build(root)
     assert done.returncode == 0, done.stderr
@@ -179,7 +179,7 @@ add_library(own_%s SHARED ${sources})
 """
 
 
-def test_units_have_about_the_same_number_of_messages(tree: Tree) -> None:
+def test_messages_are_distributed_evenly_among_units(tree: Tree) -> None:
     """The source of an action has those of two services and more, so fewer of them make a unit."""
     kinds = {"msg": [12], "srv": [12], "action": [6, 6]}
     after = "".join(OWN_INTERFACES % (kind, kind) for kind in kinds)
@@ -220,7 +220,7 @@ else:
 """
 
 
-def test_third_party_generators_run_in_the_worker_or_in_a_process_of_their_own(tree: Tree) -> None:
+def test_third_party_generators_run_in_the_worker_or_in_their_own_process(tree: Tree) -> None:
     files = interface_package("fast_msgs", SMALL, after=THIRD_PARTY)
     root = tree({**files, "src/fast_msgs/third.py": RUNS, "src/fast_msgs/declined.py": FAILS_ONCE})
     done = build(root)
@@ -233,7 +233,7 @@ def test_third_party_generators_run_in_the_worker_or_in_a_process_of_their_own(t
     ]
 
 
-def test_an_invalid_definition_has_the_message_of_rosidl(tree: Tree) -> None:
+def test_an_invalid_definition_gives_the_error_of_rosidl(tree: Tree) -> None:
     root = tree(interface_package("fast_msgs", {"msg/Bad.idl": "module fast_msgs { module msg { }; };\n"}))
     done = build(root)
     assert done.returncode == 1

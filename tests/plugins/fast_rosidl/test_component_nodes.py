@@ -118,7 +118,7 @@ def test_component_nodes_share_a_precompiled_header(root: Path) -> None:
     assert sorted(apart) == ["node_main_asking", "node_main_hidden"]
 
 
-def test_a_changed_header_is_compiled(root: Path) -> None:
+def test_a_changed_header_is_recompiled(root: Path) -> None:
     greeting = '#pragma once\n#define GREETING "Bye"\n'
     write_files(root, {"src/rclcpp_components/include/greeting/greeting.hpp": greeting})
     build(root)
@@ -126,13 +126,13 @@ def test_a_changed_header_is_compiled(root: Path) -> None:
     assert "2 packages unchanged" in build(root)
 
 
-def test_the_option_turns_it_off(root: Path) -> None:
+def test_the_option_disables_precompiled_headers(root: Path) -> None:
     assert "--no-fast-rosidl" in build(root, "--no-fast-rosidl", "--explain")
     assert "cmake_pch" not in (root / "build/nodes/build.ninja").read_text(encoding="utf-8")
     assert said(root, "node_1").endswith(" from node_1!\n")
 
 
-def test_few_component_nodes_share_no_header(tree: Tree) -> None:
+def test_a_few_component_nodes_do_not_share_a_header(tree: Tree) -> None:
     root = tree(FILES | {"src/nodes/CMakeLists.txt": NODES_CMAKE.replace(f"1 {ENOUGH}", "1 3")})
     build(root)
     assert not precompiled(root)

@@ -72,7 +72,7 @@ def test_each_file_is_parsed_once(
     assert capsys.readouterr().out == "3 False\n"
 
 
-def test_files_of_another_package_replace_those_of_the_first(
+def test_the_worker_switches_to_the_files_of_another_package(
     shared: Generators, environment: dict[str, str], tmp_path: Path
 ) -> None:
     for name in ("a", "b", "b"):

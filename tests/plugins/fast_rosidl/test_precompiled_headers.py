@@ -83,7 +83,7 @@ def test_the_first_source_precompiles_and_all_use_it(compile_source: Compile, fo
         assert len(precompiled(folder)) == 1
 
 
-def test_processes_that_start_together_precompile_once(compile_source: Compile, folder: Path) -> None:
+def test_concurrent_processes_precompile_once(compile_source: Compile, folder: Path) -> None:
     for process in [compile_source() for _ in range(4)]:
         assert f"! {folder}/" in said(process)
     assert len(precompiled(folder)) == 1
@@ -100,7 +100,9 @@ def test_the_dependencies_of_an_object_are_complete(compile_source: Compile, tmp
 OPTIONS = ("-O2", "-std=c++20", "-fPIC", "-D_GLIBCXX_DEBUG", "-Wpedantic", "-fvisibility=hidden")
 
 
-def test_options_that_affect_code_have_a_header_of_their_own(compile_source: Compile, folder: Path) -> None:
+def test_options_that_affect_code_have_separate_precompiled_headers(
+    compile_source: Compile, folder: Path
+) -> None:
     for number, options in enumerate(((), *((option,) for option in OPTIONS)), 1):
         assert f"! {folder}/" in said(compile_source(*options))
         assert len(precompiled(folder)) == number
@@ -155,7 +157,7 @@ def test_gcc_rejects_unsuitable_precompiled_headers(compile_source: Compile, fol
     assert "! " not in said(compile_source("-D", "_GLIBCXX_ASSERTIONS"))
 
 
-def test_a_compiler_that_cannot_precompile_compiles(
+def test_a_compiler_without_precompilation_still_compiles(
     compile_source: Compile, folder: Path, tmp_path: Path
 ) -> None:
     program = tmp_path / "other g++"
@@ -173,7 +175,7 @@ def test_a_source_compiles_without_the_folder_of_precompiled_headers(
     assert "! " not in said(compile_source())
 
 
-def test_compilers_do_without_the_libraries_of_the_workspace(
+def test_compilers_do_not_load_libraries_of_the_workspace(
     compile_source: Compile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Those that the user's environment names are searched."""
@@ -187,7 +189,7 @@ def test_compilers_do_without_the_libraries_of_the_workspace(
         assert said(compile_source(compiler=str(program))) == f"in {below}"
 
 
-def test_an_error_leaves_the_marker(compile_source: Compile, tmp_path: Path) -> None:
+def test_a_compile_error_keeps_the_marker(compile_source: Compile, tmp_path: Path) -> None:
     (tmp_path / "x.cpp").write_text("int f() { return missing; }\n")
     process = compile_source()
     _, errors = process.communicate()
@@ -224,7 +226,9 @@ def test_a_changed_header_is_precompiled_again(
     assert f"! {folder}/" in said(compile_source())
 
 
-def test_other_tools_have_another_folder(compile_source: Compile, folder: Path, tmp_path: Path) -> None:
+def test_different_tools_use_a_different_folder(
+    compile_source: Compile, folder: Path, tmp_path: Path
+) -> None:
     said(compile_source())
     other = prepared(tmp_path, ("c++", "2"))
     assert other != folder
@@ -244,7 +248,9 @@ def test_leftovers_of_interrupted_builds_are_removed(
 
 
 @pytest.mark.needs("gcc", f"{sysconfig.get_paths()['include']}/Python.h")
-def test_extensions_of_python_share_its_header(compile_source: Compile, folder: Path, tmp_path: Path) -> None:
+def test_python_extensions_share_a_precompiled_header(
+    compile_source: Compile, folder: Path, tmp_path: Path
+) -> None:
     include = sysconfig.get_paths()["include"]
     (tmp_path / "x.c").write_text("#include <Python.h>\nPyObject *f(void) { Py_RETURN_NONE; }\n")
     for options in (("-I", include), ("-DPACKAGE=1", "-isystem", include), (f"-I{include}",)):

@@ -211,7 +211,7 @@ def test_combinations_expand_alike_or_fail(version: str, templates: list[str]) -
 
 @pytest.mark.parametrize("version", EMPY)
 @pytest.mark.needs(str(DEBIAN))
-def test_all_templates_of_rosidl_are_compiled(version: str) -> None:
+def test_all_rosidl_templates_are_compiled(version: str) -> None:
     templates = [path.read_text(encoding="utf-8") for folder in RESOURCES for path in folder.glob("*.em")]
     assert len(templates) > 30
     code = (

@@ -53,7 +53,7 @@ def in_worker(done: subprocess.CompletedProcess[str]) -> bool:
     return int(done.stdout.split()[0]) != os.getpid()
 
 
-def test_a_generator_runs_in_the_worker_with_its_own_surroundings(
+def test_a_generator_runs_in_the_worker_with_its_own_environment(
     tmp_path: Path, variables: dict[str, str]
 ) -> None:
     done = ask(tmp_path, {**variables, "GREETING": "other"})
@@ -65,7 +65,7 @@ def test_a_generator_runs_in_the_worker_with_its_own_surroundings(
 
 
 @pytest.mark.parametrize("script", sorted(SCRIPTS))
-def test_scripts_of_ament_run_in_the_worker(tmp_path: Path, variables: dict[str, str], script: str) -> None:
+def test_ament_scripts_run_in_the_worker(tmp_path: Path, variables: dict[str, str], script: str) -> None:
     (tmp_path / script).write_text(REPORT)
     for _ in range(3):  # from the second on, the worker has imported what they need
         done = ask(tmp_path, variables, script, "package.xml")
@@ -110,7 +110,7 @@ def test_commands_run_without_a_worker(tmp_path: Path, variables: dict[str, str]
 @pytest.mark.parametrize(
     "changed", [{"PYTHONHASHSEED": "1"}, {"LC_ALL": "C"}, {"PYTHONPATH": "{root}/other"}], ids=str
 )
-def test_another_environment_is_declined(
+def test_a_different_environment_is_declined(
     tmp_path: Path, variables: dict[str, str], changed: dict[str, str]
 ) -> None:
     assert in_worker(ask(tmp_path, variables))
@@ -123,7 +123,7 @@ def test_another_environment_is_declined(
     assert done.stderr.startswith("forge: runs report.py in a process of its own: it ")
 
 
-def test_another_interpreter_is_declined(tmp_path: Path, variables: dict[str, str]) -> None:
+def test_a_different_interpreter_is_declined(tmp_path: Path, variables: dict[str, str]) -> None:
     (tmp_path / "python").symlink_to(sys.executable)
     done = ask(tmp_path, variables, python=str(tmp_path / "python"))
     assert done.returncode == 0
@@ -144,7 +144,7 @@ def test_commands_share_no_state(tmp_path: Path, variables: dict[str, str]) -> N
     assert [ask(tmp_path, variables).stderr for _ in range(2)] == ["", ""]
 
 
-def test_setup_py_of_ament_runs_in_the_worker(tmp_path: Path, variables: dict[str, str]) -> None:
+def test_ament_setup_py_runs_in_the_worker(tmp_path: Path, variables: dict[str, str]) -> None:
     (tmp_path / "setup.py").write_text(
         "import os\nfrom setuptools import setup\nprint(os.getppid())\n"
         "setup(name='p', version='1.0', packages=[])\n"

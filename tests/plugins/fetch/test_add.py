@@ -21,7 +21,7 @@ ament_package()
 """
 
 
-def test_dependency_follows_those_of_its_kind(forge: Forge, tree: Tree) -> None:
+def test_new_dependencies_follow_those_of_their_kind(forge: Forge, tree: Tree) -> None:
     root = tree({"src/hello/package.xml": MANIFEST, "src/hello/CMakeLists.txt": CMAKE})
     ran = forge("add", "std_msgs", "rclcpp", cwd=root)
     assert (ran.code, ran.err) == (0, "")
@@ -35,14 +35,14 @@ def test_dependency_follows_those_of_its_kind(forge: Forge, tree: Tree) -> None:
     assert (root / "src/hello/CMakeLists.txt").read_text() == CMAKE
 
 
-def test_cmake_writes_the_line_after_the_last_find_package(forge: Forge, tree: Tree) -> None:
+def test_find_package_is_added_after_the_last_one(forge: Forge, tree: Tree) -> None:
     root = tree({"src/hello/package.xml": MANIFEST, "src/hello/CMakeLists.txt": CMAKE})
     assert forge("add", "std_msgs", "--cmake", cwd=root).code == 0
     expected = CMAKE.replace("  REQUIRED)\n", "  REQUIRED)\nfind_package(std_msgs REQUIRED)\n")
     assert (root / "src/hello/CMakeLists.txt").read_text() == expected
 
 
-def test_package_is_that_of_the_folder(forge: Forge, tree: Tree) -> None:
+def test_the_package_is_chosen_by_the_current_folder(forge: Forge, tree: Tree) -> None:
     other = MANIFEST.replace("hello", "other")
     root = tree({"src/hello/package.xml": MANIFEST, "src/other/package.xml": other})
     ran = forge("add", "std_msgs", cwd=root)

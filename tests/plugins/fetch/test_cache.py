@@ -69,7 +69,7 @@ def test_underlays_sources_and_clones_are_listed_with_size_and_last_use(
     assert "in 1 underlay, 4 sources, 1 clone" in stats.out
 
 
-def test_what_was_not_used_for_days_is_pruned(env: dict[str, str], forge: Forge, tmp_path: Path) -> None:
+def test_unused_entries_are_pruned(env: dict[str, str], forge: Forge, tmp_path: Path) -> None:
     age(tmp_path, 10)
     ran = prune(forge, env, "--unused-for", "20")
     assert "ros: removed 0 bytes in 0 of 6" in ran.out
@@ -80,7 +80,7 @@ def test_what_was_not_used_for_days_is_pruned(env: dict[str, str], forge: Forge,
     assert [path for path in sources.rglob("*") if not path.is_dir()] == []
 
 
-def test_underlay_is_pruned_before_its_sources_and_built_again(
+def test_underlays_are_pruned_before_their_sources_and_rebuilt(
     env: dict[str, str], forge: Forge, tmp_path: Path
 ) -> None:
     age(tmp_path, 10, "sources", "underlays")
@@ -92,7 +92,7 @@ def test_underlay_is_pruned_before_its_sources_and_built_again(
     assert "built 4 packages of ROS humble" in ran.err
 
 
-def test_sources_of_an_underlay_in_use_stay(env: dict[str, str], forge: Forge, tmp_path: Path) -> None:
+def test_sources_of_an_underlay_in_use_are_kept(env: dict[str, str], forge: Forge, tmp_path: Path) -> None:
     age(tmp_path, 10)
     with lock_path(underlay(tmp_path)).open("a") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
@@ -104,20 +104,20 @@ def test_sources_of_an_underlay_in_use_stay(env: dict[str, str], forge: Forge, t
     ]
 
 
-def test_what_a_build_may_be_using_stays(env: dict[str, str], forge: Forge) -> None:
+def test_entries_that_a_build_may_be_using_are_kept(env: dict[str, str], forge: Forge) -> None:
     before = listed(forge, env)
     prune(forge, env, "--size", "0")
     assert listed(forge, env) == before
 
 
-def test_a_build_counts_as_use(env: dict[str, str], forge: Forge, tmp_path: Path) -> None:
+def test_builds_count_as_use(env: dict[str, str], forge: Forge, tmp_path: Path) -> None:
     age(tmp_path, 10)
     assert forge("build", cwd=tmp_path / "ws", env=env).code == 0
     prune(forge, env, "--unused-for", "5")
     assert [line.split()[0] for line in listed(forge, env)] == ["underlay", *["source"] * 4]
 
 
-def test_nothing_without_the_mark_of_forge_is_listed_or_removed(
+def test_unmarked_folders_are_neither_listed_nor_removed(
     env: dict[str, str], forge: Forge, tmp_path: Path
 ) -> None:
     cache = tmp_path / "ros/user cache/forge/ros"
@@ -135,7 +135,7 @@ def test_nothing_without_the_mark_of_forge_is_listed_or_removed(
     assert [name for name in mine if (cache / name).read_text() == "mine\n"] == mine
 
 
-def test_cache_folder_of_packages_says_nothing_of_ros(
+def test_the_package_cache_does_not_list_ros_sources(
     env: dict[str, str], forge: Forge, tmp_path: Path
 ) -> None:
     age(tmp_path, 10)
@@ -144,7 +144,7 @@ def test_cache_folder_of_packages_says_nothing_of_ros(
     assert listed(forge, env) == before
 
 
-def test_changed_file_of_a_source_is_found(env: dict[str, str], forge: Forge, tmp_path: Path) -> None:
+def test_changed_source_files_are_detected(env: dict[str, str], forge: Forge, tmp_path: Path) -> None:
     assert forge("cache", "verify", env=env).code == 0
     (folder,) = (tmp_path / "ros/user cache/forge/ros/sources/rclmini").glob("*-*/")
     lists, new = folder / "CMakeLists.txt", folder / "new.txt"
@@ -164,7 +164,7 @@ def test_changed_file_of_a_source_is_found(env: dict[str, str], forge: Forge, tm
         assert forge("cache", "verify", env=env).code == 0
 
 
-def test_damaged_clone_and_missing_sources_are_found(
+def test_damaged_clones_and_missing_sources_are_detected(
     env: dict[str, str], forge: Forge, tmp_path: Path
 ) -> None:
     cache = tmp_path / "ros/user cache/forge/ros"

@@ -48,7 +48,7 @@ FIND = "if(NOT FORCE_BUILD_VENDOR_PKG)\nfind_package(lib 1.0 QUIET)\nendif()\n"
         (f"ament_vendor(a SATISFIED ${{OTHER}} VCS_TYPE tar VCS_URL {URL})", "", ""),
     ],
 )
-def test_library_serves_if_each_way_to_the_download_asks_for_it(
+def test_a_system_library_is_used_if_every_download_path_checks_for_it(
     text: str, library: str, version: str
 ) -> None:
     assert list(downloads(text)) == [Download(URL, library, version)]
@@ -64,11 +64,11 @@ def test_library_serves_if_each_way_to_the_download_asks_for_it(
         "# ExternalProject_Add(lib URL https://example.invalid/lib.tar.gz)",
     ],
 )
-def test_repositories_and_computed_addresses_are_no_known_downloads(text: str) -> None:
+def test_repositories_and_computed_urls_are_not_known_downloads(text: str) -> None:
     assert list(downloads(text)) == []
 
 
-def test_announcement_names_the_library_and_its_name_for_rosdep(tmp_path: Path) -> None:
+def test_the_announcement_names_the_library_and_its_rosdep_key(tmp_path: Path) -> None:
     path = tmp_path / "package.xml"
     text = manifest_text(
         "lib_vendor", *depends("liblib-dev", "other"), *depends("git", tag="buildtool_depend")

@@ -32,9 +32,7 @@ def locked(workspace: Path) -> dict[str, Any]:
     return read_toml(path.read_bytes(), path)
 
 
-def test_fetch_and_build_lead_from_nothing_to_the_installed_package(
-    ros: Ros, forge: Forge, tmp_path: Path
-) -> None:
+def test_fetch_and_build_install_a_package_from_scratch(ros: Ros, forge: Forge, tmp_path: Path) -> None:
     workspace, env = new_workspace(tmp_path / "my ws"), ros.variables()
     ran = forge("fetch", cwd=workspace, env=env)
     assert (ran.code, ran.err) == (0, "")
@@ -55,7 +53,7 @@ def test_fetch_and_build_lead_from_nothing_to_the_installed_package(
     assert "building" not in again.err
 
 
-def test_second_workspace_uses_what_is_built(ros: Ros, forge: Forge, tmp_path: Path) -> None:
+def test_a_second_workspace_reuses_the_underlay(ros: Ros, forge: Forge, tmp_path: Path) -> None:
     env = ros.variables()
     for name in ("one", "two"):
         # Another workspace that happens to be sourced is no reason to build the packages again.
@@ -67,7 +65,7 @@ def test_second_workspace_uses_what_is_built(ros: Ros, forge: Forge, tmp_path: P
         assert ("building 4 packages of ROS" in ran.err) == (name == "one")
 
 
-def test_more_clones_build_nothing_again_and_all_are_given_to_later_builds(
+def test_further_clones_rebuild_nothing_and_are_used_by_later_builds(
     ros: Ros, forge: Forge, tmp_path: Path
 ) -> None:
     ros.commit("more", {"more.txt": "more\n"}, "v2")
@@ -105,18 +103,14 @@ def test_named_packages_are_added_and_remembered(ros: Ros, forge: Forge, tmp_pat
     assert [each["name"] for each in locked(workspace)["package"]] == [*NEEDED, "turtle"]
 
 
-def test_tests_and_other_middlewares_are_left_out_unless_asked_for(
-    ros: Ros, forge: Forge, tmp_path: Path
-) -> None:
+def test_tests_and_other_middlewares_are_excluded_by_default(ros: Ros, forge: Forge, tmp_path: Path) -> None:
     workspace, env = new_workspace(tmp_path / "ws"), ros.variables()
     assert forge("fetch", "--rmw", "fastrtps", "--test", cwd=workspace, env=env).code == 0
     expected = ["fastdds", "lib_vendor", "rclmini", "rmw_fastrtps_cpp", "rmw_implementation", "test_tools"]
     assert [each["name"] for each in locked(workspace)["package"]] == expected
 
 
-def test_what_packages_declare_for_the_tests_of_others_is_left_out(
-    ros: Ros, forge: Forge, tmp_path: Path
-) -> None:
+def test_dependencies_used_only_by_tests_are_excluded(ros: Ros, forge: Forge, tmp_path: Path) -> None:
     ros.release("ament_cmake_flake8")
     ros.release("ament_cmake_pytest", *depends("python3-pytest"))
     linters = depends("ament_cmake_flake8", tag="exec_depend")
@@ -133,7 +127,7 @@ def test_what_packages_declare_for_the_tests_of_others_is_left_out(
         assert {"ament_cmake_pytest", "rosidl_generator_py"} <= {*names}
 
 
-def test_lock_holds_versions_until_update(ros: Ros, forge: Forge, tmp_path: Path) -> None:
+def test_the_lock_pins_versions_until_update(ros: Ros, forge: Forge, tmp_path: Path) -> None:
     workspace = new_workspace(tmp_path / "ws")
     assert forge("fetch", cwd=workspace, env=ros.variables()).code == 0
     before = (workspace / "forge.lock").read_text()
@@ -147,7 +141,7 @@ def test_lock_holds_versions_until_update(ros: Ros, forge: Forge, tmp_path: Path
     assert (updated["version"], updated["commit"]) == ("1.1.0-1", newer)
 
 
-def test_locked_refuses_a_workspace_that_needs_more(ros: Ros, forge: Forge, tmp_path: Path) -> None:
+def test_locked_rejects_a_workspace_with_new_dependencies(ros: Ros, forge: Forge, tmp_path: Path) -> None:
     workspace, env = new_workspace(tmp_path / "ws"), ros.variables()
     assert forge("fetch", cwd=workspace, env=env).code == 0
     before = (workspace / "forge.lock").read_text()
@@ -158,7 +152,7 @@ def test_locked_refuses_a_workspace_that_needs_more(ros: Ros, forge: Forge, tmp_
     assert (workspace / "forge.lock").read_text() == before
 
 
-def test_moved_tag_is_refused(ros: Ros, forge: Forge, tmp_path: Path) -> None:
+def test_a_moved_tag_is_rejected(ros: Ros, forge: Forge, tmp_path: Path) -> None:
     workspace, env = new_workspace(tmp_path / "ws"), ros.variables()
     assert forge("fetch", cwd=workspace, env=env).code == 0
     ros.commit("rclmini-release", {"new": "content"}, "release/humble/rclmini/1.0.0-1")
@@ -169,9 +163,7 @@ def test_moved_tag_is_refused(ros: Ros, forge: Forge, tmp_path: Path) -> None:
     assert "hint: the tag was moved, or the lock was edited; to take what the tag is now" in ran.err
 
 
-def test_lock_with_another_commit_than_that_of_the_tag_is_refused(
-    ros: Ros, forge: Forge, tmp_path: Path
-) -> None:
+def test_a_lock_whose_commit_differs_from_the_tag_is_rejected(ros: Ros, forge: Forge, tmp_path: Path) -> None:
     workspace, env = new_workspace(tmp_path / "ws"), ros.variables()
     assert forge("fetch", cwd=workspace, env=env).code == 0
     other = ros.commit("rclmini-release", {"new": "content"}, "other")
@@ -195,7 +187,9 @@ def test_lock_with_another_commit_than_that_of_the_tag_is_refused(
         ("format = 99\n", "written by a newer forge"),
     ],
 )
-def test_damaged_lock_is_one_message(ros: Ros, forge: Forge, tmp_path: Path, text: str, message: str) -> None:
+def test_a_damaged_lock_gives_one_error(
+    ros: Ros, forge: Forge, tmp_path: Path, text: str, message: str
+) -> None:
     workspace = new_workspace(tmp_path / "ws")
     (workspace / "forge.lock").write_text(text)
     for command in ("fetch", "build"):
@@ -205,7 +199,7 @@ def test_damaged_lock_is_one_message(ros: Ros, forge: Forge, tmp_path: Path, tex
         assert "hint: " in ran.err
 
 
-def test_name_of_another_distribution_is_recognized(ros: Ros, forge: Forge, tmp_path: Path) -> None:
+def test_packages_of_another_distribution_are_recognized(ros: Ros, forge: Forge, tmp_path: Path) -> None:
     newer = Ros(tmp_path / "newer", "jazzy")
     newer.release("brand_new")
     env = ros.variables()
@@ -221,7 +215,7 @@ def test_name_of_another_distribution_is_recognized(ros: Ros, forge: Forge, tmp_
     assert "ROS 'humble' has no package 'brand_new'\nhint: it is in jazzy; choose" in ran.err
 
 
-def test_missing_repository_stops_only_its_packages(ros: Ros, forge: Forge, tmp_path: Path) -> None:
+def test_a_missing_repository_stops_only_its_packages(ros: Ros, forge: Forge, tmp_path: Path) -> None:
     workspace, env = new_workspace(tmp_path / "ws"), ros.variables()
     shutil.rmtree(tmp_path / "ros/repositories/rclmini-release.git")
     ran = forge("fetch", cwd=workspace, env=env)
@@ -243,7 +237,7 @@ def test_missing_repository_stops_only_its_packages(ros: Ros, forge: Forge, tmp_
         (("--index", "file:///nowhere/index.yaml"), "cannot read the index of ROS distributions"),
     ],
 )
-def test_mistakes_are_one_message(
+def test_invalid_arguments_give_one_error(
     ros: Ros, forge: Forge, tmp_path: Path, words: tuple[str, ...], message: str
 ) -> None:
     workspace = new_workspace(tmp_path / "ws")
@@ -254,7 +248,7 @@ def test_mistakes_are_one_message(
 
 
 @pytest.mark.parametrize("name", ["version", "name"])
-def test_lock_names_no_folder_outside_of_the_cache(ros: Ros, forge: Forge, tmp_path: Path, name: str) -> None:
+def test_lock_entries_cannot_escape_the_cache(ros: Ros, forge: Forge, tmp_path: Path, name: str) -> None:
     workspace, env = new_workspace(tmp_path / "ws"), ros.variables()
     assert forge("fetch", cwd=workspace, env=env).code == 0
     lock = workspace / "forge.lock"
@@ -265,7 +259,7 @@ def test_lock_names_no_folder_outside_of_the_cache(ros: Ros, forge: Forge, tmp_p
         assert "malformed lock: invalid name or version" in ran.err
 
 
-def test_nothing_is_fetched_that_forge_embeds(ros: Ros, forge: Forge, tmp_path: Path) -> None:
+def test_embedded_packages_are_not_fetched(ros: Ros, forge: Forge, tmp_path: Path) -> None:
     ros.release("std_msgs")
     workspace = new_workspace(tmp_path / "ws", *depends("std_msgs"))
     ran = forge("fetch", cwd=workspace, env=ros.variables())
@@ -273,7 +267,7 @@ def test_nothing_is_fetched_that_forge_embeds(ros: Ros, forge: Forge, tmp_path: 
     assert not (workspace / "forge.lock").exists()
 
 
-def test_plan_names_system_packages_and_downloads(ros: Ros, forge: Forge, tmp_path: Path) -> None:
+def test_the_plan_names_system_packages_and_downloads(ros: Ros, forge: Forge, tmp_path: Path) -> None:
     archive = "https://example.invalid/archive.tar.gz"
     cmake = f"if(FALSE)\nfile(DOWNLOAD {archive} here)\nendif()"
     ros.release("rclmini", *depends("rmw_implementation", "lib_vendor"), cmake=cmake, version="1.2.0")
@@ -283,7 +277,7 @@ def test_plan_names_system_packages_and_downloads(ros: Ros, forge: Forge, tmp_pa
     assert "libacl1-dev" in ran.out
 
 
-def test_vendored_sources_are_packages_of_the_workspace(ros: Ros, forge: Forge, tmp_path: Path) -> None:
+def test_vendored_sources_become_workspace_packages(ros: Ros, forge: Forge, tmp_path: Path) -> None:
     workspace, env = new_workspace(tmp_path / "ws"), ros.variables()
     assert forge("fetch", "--vendor", "src/ros", cwd=workspace, env=env).code == 0
     assert forge("list", "--names-only", cwd=workspace).out.split() == sorted(["hello", *NEEDED])
@@ -297,7 +291,7 @@ def test_vendored_sources_are_packages_of_the_workspace(ros: Ros, forge: Forge, 
     assert [path.name for path in (workspace / "src/ros/turtle").iterdir()] == []
 
 
-def test_lock_is_emptied_when_nothing_is_needed(ros: Ros, forge: Forge, tmp_path: Path) -> None:
+def test_the_lock_is_emptied_when_nothing_is_needed(ros: Ros, forge: Forge, tmp_path: Path) -> None:
     workspace, env = new_workspace(tmp_path / "ws"), ros.variables()
     assert forge("fetch", cwd=workspace, env=env).code == 0
     new_workspace(workspace, *depends("libacl1-dev"))
@@ -305,7 +299,9 @@ def test_lock_is_emptied_when_nothing_is_needed(ros: Ros, forge: Forge, tmp_path
     assert "package" not in locked(workspace)
 
 
-def test_named_packages_need_no_package_of_the_workspace(ros: Ros, forge: Forge, tmp_path: Path) -> None:
+def test_named_packages_can_be_fetched_into_an_empty_workspace(
+    ros: Ros, forge: Forge, tmp_path: Path
+) -> None:
     workspace, env = tmp_path / "empty", ros.variables()
     workspace.mkdir()
     assert forge("fetch", "turtle", cwd=workspace, env=env).code == 0
@@ -316,7 +312,7 @@ def test_named_packages_need_no_package_of_the_workspace(ros: Ros, forge: Forge,
     assert "ros/underlays/humble-" in sourced.stdout
 
 
-def test_exported_repositories_are_in_the_format_of_vcs(ros: Ros, forge: Forge, tmp_path: Path) -> None:
+def test_exported_repositories_use_the_vcs_format(ros: Ros, forge: Forge, tmp_path: Path) -> None:
     workspace, env = new_workspace(tmp_path / "ws"), ros.variables()
     assert forge("fetch", "--export", "ros.repos", cwd=workspace, env=env).code == 0
     entry = read_yaml((workspace / "ros.repos").read_bytes(), workspace)["repositories"]["rclmini"]

@@ -47,7 +47,7 @@ def start(*argv: str, cwd: Path, env: dict[str, str]) -> subprocess.Popen[str]:
     )
 
 
-def test_errors_of_the_network_are_retried(ros: Ros, server: GitServer, forge: Forge, tmp_path: Path) -> None:
+def test_network_errors_are_retried(ros: Ros, server: GitServer, forge: Forge, tmp_path: Path) -> None:
     server.failures = 2
     workspace = new_workspace(tmp_path / "ws")
     ran = forge("fetch", cwd=workspace, env=ros.variables(server.url))
@@ -56,7 +56,7 @@ def test_errors_of_the_network_are_retried(ros: Ros, server: GitServer, forge: F
     assert sources(ros) == NEEDED
 
 
-def test_missing_tags_and_repositories_are_not_asked_for_again(
+def test_requests_for_missing_tags_and_repositories_are_not_retried(
     ros: Ros, server: GitServer, forge: Forge, tmp_path: Path
 ) -> None:
     ros.release("turtle", version="2.0.0")
@@ -78,7 +78,7 @@ def test_missing_tags_and_repositories_are_not_asked_for_again(
     assert len([path for path in server.requests if path.startswith("/turtle-release.git/info")]) == 1
 
 
-def test_killed_fetch_leaves_nothing_half_written(
+def test_a_killed_fetch_leaves_no_partial_files(
     ros: Ros, server: GitServer, forge: Forge, tmp_path: Path
 ) -> None:
     workspace, env = new_workspace(tmp_path / "ws"), ros.variables(server.url)
@@ -105,7 +105,7 @@ def test_killed_fetch_leaves_nothing_half_written(
     assert [each["name"] for each in locked(workspace)["package"]] == NEEDED
 
 
-def test_interrupted_fetch_keeps_what_is_complete(ros: Ros, server: GitServer, tmp_path: Path) -> None:
+def test_an_interrupted_fetch_keeps_complete_downloads(ros: Ros, server: GitServer, tmp_path: Path) -> None:
     workspace, env = new_workspace(tmp_path / "ws"), ros.variables(server.url)
     server.stalled = "rclmini-release"
     process = start("fetch", cwd=workspace, env=env)
@@ -118,7 +118,7 @@ def test_interrupted_fetch_keeps_what_is_complete(ros: Ros, server: GitServer, t
     assert not (workspace / "forge.lock").exists()
 
 
-def test_second_fetch_waits_for_the_first(ros: Ros, server: GitServer, tmp_path: Path) -> None:
+def test_a_second_fetch_waits_for_the_first(ros: Ros, server: GitServer, tmp_path: Path) -> None:
     env = ros.variables(server.url)
     server.stalled = "rclmini-release"
     first = start("fetch", cwd=new_workspace(tmp_path / "one"), env=env)
@@ -134,7 +134,7 @@ def test_second_fetch_waits_for_the_first(ros: Ros, server: GitServer, tmp_path:
     assert sources(ros) == NEEDED
 
 
-def test_unreachable_server_is_one_message(ros: Ros, forge: Forge, tmp_path: Path) -> None:
+def test_an_unreachable_server_gives_one_error(ros: Ros, forge: Forge, tmp_path: Path) -> None:
     with git_server(tmp_path) as gone:
         url = gone.url
     workspace = new_workspace(tmp_path / "ws")
@@ -144,7 +144,7 @@ def test_unreachable_server_is_one_message(ros: Ros, forge: Forge, tmp_path: Pat
     assert "check the network" in ran.err
 
 
-def test_full_disk_is_one_message(ros: Ros, forge: Forge, tmp_path: Path) -> None:
+def test_a_full_disk_gives_one_error(ros: Ros, forge: Forge, tmp_path: Path) -> None:
     ros.commit("rclmini-release", {"big.txt": os.urandom(60_000).hex()}, "release/humble/rclmini/1.0.0-1")
     workspace, env = new_workspace(tmp_path / "ws"), ros.variables()
     argv = ("sh", "-c", 'ulimit -f 64; trap "" XFSZ; exec "$@"', "sh", *own_command("fetch"))

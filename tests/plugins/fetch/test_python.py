@@ -91,7 +91,7 @@ def version_in(environment: Path, module: str) -> str:
     return subprocess.run(argv, capture_output=True, text=True, check=True).stdout.strip()
 
 
-def test_modules_are_pinned_and_programs_run_with_them(
+def test_python_modules_are_pinned_and_used_by_programs(
     ros: Ros, index: Index, forge: Forge, tmp_path: Path
 ) -> None:
     tiny = index.add("tiny", "1.5", "below<2")
@@ -136,7 +136,7 @@ def test_modules_keep_their_versions_until_update(ros: Ros, uv: Index, forge: Fo
     assert version_in(workspace / ".venv", "tiny") == "1.2"
 
 
-def test_lock_of_another_machine_is_installed_offline_and_with_its_hashes(
+def test_a_lock_of_another_machine_is_installed_offline_with_hash_checks(
     ros: Ros, index: Index, forge: Forge, tmp_path: Path
 ) -> None:
     workspace, env = new_workspace(tmp_path / "ws"), {**ros.variables(), **index.variables()}
@@ -162,7 +162,7 @@ def test_lock_of_another_machine_is_installed_offline_and_with_its_hashes(
     assert (other / "forge.lock").read_text() == lock
 
 
-def test_lock_has_the_hashes_of_the_files_for_other_platforms(ros: Ros, forge: Forge, tmp_path: Path) -> None:
+def test_the_lock_has_hashes_of_files_for_other_platforms(ros: Ros, forge: Forge, tmp_path: Path) -> None:
     index = Index(tmp_path / "index", "pip")
     index.add("lark", "1.1")
     own, other = index.add("tiny", "1.0").partition(":")[2], "0" * 64
@@ -182,7 +182,7 @@ def test_lock_has_the_hashes_of_the_files_for_other_platforms(ros: Ros, forge: F
     assert found["tiny"] == [f"sha256:{other}", f"sha256:{own}"]
 
 
-def test_address_of_a_project_is_not_pinned(ros: Ros, uv: Index, forge: Forge, tmp_path: Path) -> None:
+def test_url_requirements_are_not_pinned(ros: Ros, uv: Index, forge: Forge, tmp_path: Path) -> None:
     workspace = new_workspace(tmp_path / "ws", "'tiny @ https://example.invalid/tiny.whl'")
     ran = forge("fetch", cwd=workspace, env={**ros.variables(), **uv.variables()})
     assert ran.code == 0
@@ -190,7 +190,7 @@ def test_address_of_a_project_is_not_pinned(ros: Ros, uv: Index, forge: Forge, t
     assert modules(workspace) == {"lark": "1.1"}
 
 
-def test_active_environment_gets_only_what_it_lacks(
+def test_only_missing_modules_are_installed_into_an_active_environment(
     ros: Ros, uv: Index, forge: Forge, tmp_path: Path
 ) -> None:
     environment = tmp_path / "mine"
@@ -209,7 +209,7 @@ def test_active_environment_gets_only_what_it_lacks(
     assert not (workspace / ".venv").exists()
 
 
-def test_configured_interpreter_is_left_alone(ros: Ros, uv: Index, forge: Forge, tmp_path: Path) -> None:
+def test_a_configured_interpreter_is_not_modified(ros: Ros, uv: Index, forge: Forge, tmp_path: Path) -> None:
     workspace, env = new_workspace(tmp_path / "ws"), {**ros.variables(), **uv.variables()}
     python = Path(sys.executable).resolve()
     write_files(workspace, {"forge.toml": f"[build]\npython = '{python}'\n"})
@@ -219,7 +219,7 @@ def test_configured_interpreter_is_left_alone(ros: Ros, uv: Index, forge: Forge,
     assert not (workspace / ".venv").exists()
 
 
-def test_names_of_rosdep_are_found_on_pypi(ros: Ros, uv: Index, forge: Forge, tmp_path: Path) -> None:
+def test_rosdep_keys_are_found_on_pypi(ros: Ros, uv: Index, forge: Forge, tmp_path: Path) -> None:
     rules = {"python3-tiny-pip": {"*": {"pip": {"packages": ["tiny"]}}}, "python3-gi": {"*": ["python3-gi"]}}
     cache, url = tmp_path / "home/rosdep/sources.cache", "file:///rules.yaml"
     name = hashlib.sha1(url.encode()).hexdigest()
@@ -237,7 +237,7 @@ def test_names_of_rosdep_are_found_on_pypi(ros: Ros, uv: Index, forge: Forge, tm
     assert forge("fetch", "--locked", cwd=workspace, env={**env, "ROS_HOME": "/nowhere"}).code == 0
 
 
-def test_packages_find_programs_that_pypi_has(ros: Ros, uv: Index, forge: Forge, tmp_path: Path) -> None:
+def test_packages_find_programs_from_pypi(ros: Ros, uv: Index, forge: Forge, tmp_path: Path) -> None:
     uv.add("vcs2l", "1.0", text="def main(): print('the program')", program="only-on-pypi")
     find = """\
 find_program(PROGRAM only-on-pypi REQUIRED)
@@ -253,7 +253,7 @@ install(FILES ${CMAKE_CURRENT_BINARY_DIR}/printed.txt DESTINATION share)"""
     assert printed.read_text() == "the program\n"
 
 
-def test_python_workspace_needs_no_package_of_ros(uv: Index, ros: Ros, forge: Forge, tmp_path: Path) -> None:
+def test_a_python_workspace_needs_no_ros_packages(uv: Index, ros: Ros, forge: Forge, tmp_path: Path) -> None:
     project = "[project]\nname = 'tool'\nversion = '1'\ndependencies = ['tiny']\n"
     files = {"package.xml": manifest_text("tool", build_type="ament_python"), "pyproject.toml": project}
     workspace = write_files(tmp_path / "ws/src/tool", files).parent.parent
@@ -266,7 +266,7 @@ def test_python_workspace_needs_no_package_of_ros(uv: Index, ros: Ros, forge: Fo
     assert "module" not in locked(workspace)
 
 
-def test_requirement_that_nothing_fulfils_is_one_message(
+def test_an_unsatisfiable_requirement_gives_one_error(
     ros: Ros, uv: Index, forge: Forge, tmp_path: Path
 ) -> None:
     workspace, env = new_workspace(tmp_path / "ws", "'tiny>9'"), {**ros.variables(), **uv.variables()}
@@ -277,7 +277,7 @@ def test_requirement_that_nothing_fulfils_is_one_message(
     assert not (workspace / "forge.lock").exists()
 
 
-def test_interrupted_installation_is_repeated(ros: Ros, uv: Index, forge: Forge, tmp_path: Path) -> None:
+def test_an_interrupted_installation_is_repeated(ros: Ros, uv: Index, forge: Forge, tmp_path: Path) -> None:
     workspace, env = new_workspace(tmp_path / "ws"), {**ros.variables(), **uv.variables()}
     assert forge("fetch", cwd=workspace, env=env).code == 0
     environment = workspace / ".venv"
@@ -289,7 +289,7 @@ def test_interrupted_installation_is_repeated(ros: Ros, uv: Index, forge: Forge,
         assert version_in(environment, "tiny") == "1.0"
 
 
-def test_malformed_modules_in_a_lock_are_refused(ros: Ros, uv: Index, forge: Forge, tmp_path: Path) -> None:
+def test_malformed_modules_in_a_lock_are_rejected(ros: Ros, uv: Index, forge: Forge, tmp_path: Path) -> None:
     workspace, env = new_workspace(tmp_path / "ws"), {**ros.variables(), **uv.variables()}
     assert forge("fetch", cwd=workspace, env=env).code == 0
     lock = workspace / "forge.lock"
@@ -298,9 +298,7 @@ def test_malformed_modules_in_a_lock_are_refused(ros: Ros, uv: Index, forge: For
     assert (ran.code, "invalid version or hash of 'tiny --index-url" in ran.err) == (2, True)
 
 
-def test_environment_of_the_user_that_does_not_work_is_kept(
-    ros: Ros, uv: Index, forge: Forge, tmp_path: Path
-) -> None:
+def test_a_broken_environment_of_the_user_is_kept(ros: Ros, uv: Index, forge: Forge, tmp_path: Path) -> None:
     """forge removes only environments that it made."""
     root = new_workspace(tmp_path / "ws")
     write_files(root, {".venv/pyvenv.cfg": "home = /nowhere\n", ".venv/notes.txt": "mine\n"})

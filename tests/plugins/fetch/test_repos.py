@@ -91,7 +91,7 @@ def test_imported_packages_replace_those_of_the_index(
     assert [each["name"] for each in locked(workspace)["package"]] == NEEDED
 
 
-def test_export_names_a_repository_of_several_packages_once(ros: Ros, forge: Forge, tmp_path: Path) -> None:
+def test_a_repository_of_several_packages_is_exported_once(ros: Ros, forge: Forge, tmp_path: Path) -> None:
     files = {**package("a", "rclmini", *depends("other")), **package("b", "other")}
     ros.commit("rcl", files, "v2")
     workspace, env = new_workspace(tmp_path / "ws"), ros.variables()
@@ -124,7 +124,7 @@ def test_export_names_a_repository_of_several_packages_once(ros: Ros, forge: For
         ),
     ],
 )
-def test_mistakes_are_one_message(
+def test_invalid_repos_files_give_one_error(
     ros: Ros, forge: Forge, tmp_path: Path, text: str | None, message: str
 ) -> None:
     workspace = new_workspace(tmp_path / "ws")
@@ -143,7 +143,7 @@ def test_import_needs_the_network(ros: Ros, forge: Forge, tmp_path: Path) -> Non
     assert (ran.code, "not downloaded yet: 'my.repos'" in ran.err) == (2, True)
 
 
-def test_exported_file_is_one_that_git_understands(ros: Ros, forge: Forge, tmp_path: Path) -> None:
+def test_exported_files_can_be_imported_with_git(ros: Ros, forge: Forge, tmp_path: Path) -> None:
     workspace, env = new_workspace(tmp_path / "ws"), ros.variables()
     assert forge("fetch", "--export", "all.repos", cwd=workspace, env=env).code == 0
     for each in locked(workspace)["package"]:

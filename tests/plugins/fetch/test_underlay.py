@@ -46,7 +46,7 @@ def built(tmp_path: Path) -> set[str]:
 
 
 @pytest.mark.parametrize("words", [(), ("--json",), ("--event-handlers", "console_start_end-")])
-def test_underlay_is_built_in_two_lines(
+def test_building_the_underlay_prints_two_lines(
     ros: Ros, forge: Forge, tmp_path: Path, words: tuple[str, ...]
 ) -> None:
     workspace, env = new_workspace(tmp_path / "ws"), ros.variables()
@@ -68,9 +68,7 @@ def test_underlay_is_built_in_two_lines(
     assert (log / "rclmini/stdout_stderr.log").is_file()
 
 
-def test_terminal_shows_the_progress_of_the_underlay_in_one_line(
-    ros: Ros, forge: Forge, tmp_path: Path
-) -> None:
+def test_the_progress_of_the_underlay_is_shown_in_one_line(ros: Ros, forge: Forge, tmp_path: Path) -> None:
     ros.release("rclmini", *depends("lib_vendor"), cmake="execute_process(COMMAND sleep 0.5)")
     workspace, env = new_workspace(tmp_path / "ws"), ros.variables()
     assert forge("fetch", cwd=workspace, env=env).code == 0
@@ -83,7 +81,7 @@ def test_terminal_shows_the_progress_of_the_underlay_in_one_line(
     assert not any("rclmini" in line for line in rest)
 
 
-def test_failure_in_the_underlay_is_shown_in_full(ros: Ros, forge: Forge, tmp_path: Path) -> None:
+def test_failures_in_the_underlay_are_shown_in_full(ros: Ros, forge: Forge, tmp_path: Path) -> None:
     ros.release("rclmini", *depends("lib_vendor"), cmake='message(FATAL_ERROR "broken on purpose")')
     workspace, env = new_workspace(tmp_path / "ws"), ros.variables()
     assert forge("fetch", cwd=workspace, env=env).code == 0
@@ -99,7 +97,7 @@ def test_failure_in_the_underlay_is_shown_in_full(ros: Ros, forge: Forge, tmp_pa
     assert built(tmp_path) == {"lib_vendor"}
 
 
-def test_problem_that_prevents_the_build_of_the_underlay_is_shown(
+def test_problems_that_prevent_building_the_underlay_are_shown(
     ros: Ros, forge: Forge, tmp_path: Path
 ) -> None:
     workspace, env = new_workspace(tmp_path / "ws"), ros.variables()
@@ -113,7 +111,7 @@ def test_problem_that_prevents_the_build_of_the_underlay_is_shown(
     assert "error: the packages of 'forge.lock' could not be built" in ran.err
 
 
-def test_extension_that_fails_halfway_leaves_no_broken_package_as_built(
+def test_a_failed_extension_of_the_underlay_leaves_no_package_marked_as_built(
     ros: Ros, forge: Forge, tmp_path: Path
 ) -> None:
     both = (
@@ -144,7 +142,7 @@ def test_packages_without_python_modules_need_neither_uv_nor_an_environment(
     assert not (workspace / ".venv").exists()
 
 
-def test_programs_of_fetched_packages_are_run_from_an_empty_workspace(
+def test_programs_of_fetched_packages_run_from_an_empty_workspace(
     ros: Ros, forge: Forge, tmp_path: Path
 ) -> None:
     script = 'file(WRITE ${CMAKE_CURRENT_BINARY_DIR}/swim "#!/bin/sh\\necho it swims\\n")'
@@ -159,9 +157,7 @@ def test_programs_of_fetched_packages_are_run_from_an_empty_workspace(
     assert (ran.code, ran.out) == (0, "it swims\n"), ran.err
 
 
-def test_second_workspace_builds_no_package_of_the_underlay_again(
-    ros: Ros, forge: Forge, tmp_path: Path
-) -> None:
+def test_a_second_workspace_does_not_rebuild_the_underlay(ros: Ros, forge: Forge, tmp_path: Path) -> None:
     env = ros.variables()
     for name in ("first", "second"):
         workspace = new_workspace(tmp_path / name)
@@ -173,7 +169,7 @@ def test_second_workspace_builds_no_package_of_the_underlay_again(
     assert len([*underlay(tmp_path).glob("log/build_*")]) == 1, "a second build would have a second log"
 
 
-def test_underlay_that_was_killed_is_looked_at_and_not_built_again(
+def test_an_interrupted_underlay_is_checked_instead_of_rebuilt(
     ros: Ros, forge: Forge, tmp_path: Path
 ) -> None:
     workspace, env = new_workspace(tmp_path / "ws"), ros.variables()
@@ -188,9 +184,7 @@ def test_underlay_that_was_killed_is_looked_at_and_not_built_again(
 
 
 @pytest.mark.needs("gcc")
-def test_upgrade_of_the_compiler_builds_again_what_it_has_compiled(
-    ros: Ros, forge: Forge, tmp_path: Path
-) -> None:
+def test_a_compiler_upgrade_rebuilds_compiled_packages(ros: Ros, forge: Forge, tmp_path: Path) -> None:
     ros.release("rclmini", *depends("lib_vendor"), cmake=LIBRARY)
     ros.commit("rclmini-release", {"lib.c": "int f(void) { return 1; }\n"}, "release/humble/rclmini/1.0.0-1")
     compiler = tmp_path / "compiler"
@@ -204,7 +198,7 @@ def test_upgrade_of_the_compiler_builds_again_what_it_has_compiled(
     assert forge("build", cwd=workspace, env=env).err == ""
 
 
-def test_sourced_ros_costs_no_manifest_when_nothing_changed(ros: Ros, forge: Forge, tmp_path: Path) -> None:
+def test_up_to_date_builds_read_no_manifests_of_a_sourced_ros(ros: Ros, forge: Forge, tmp_path: Path) -> None:
     foreign, env = tmp_path / "opt/ros", ros.variables()
     write_files(foreign, {"share/ament_index/resource_index/packages/fastdds": ""})
     env |= {"AMENT_PREFIX_PATH": str(foreign), "CMAKE_PREFIX_PATH": str(foreign)}
@@ -219,9 +213,7 @@ def test_sourced_ros_costs_no_manifest_when_nothing_changed(ros: Ros, forge: For
     assert "1 package unchanged" in ran.out
 
 
-def test_workspace_without_a_lock_neither_imports_nor_looks_for_the_plugin(
-    ros: Ros, forge: Forge, tmp_path: Path
-) -> None:
+def test_the_plugin_is_not_loaded_without_a_lock(ros: Ros, forge: Forge, tmp_path: Path) -> None:
     workspace, env = new_workspace(tmp_path / "ws"), ros.variables()
     assert forge("fetch", cwd=workspace, env=env).code == 0
     (workspace / "forge.lock").unlink()
@@ -249,7 +241,7 @@ sys.exit(code)
     assert ran.stdout.endswith("[]\n[]\n")
 
 
-def test_interrupt_ends_the_build_of_the_underlay_once(ros: Ros, forge: Forge, tmp_path: Path) -> None:
+def test_an_interrupt_ends_the_underlay_build_once(ros: Ros, forge: Forge, tmp_path: Path) -> None:
     started = tmp_path / "started"
     slow = f"file(TOUCH {started})\nexecute_process(COMMAND sleep 600.25)"
     ros.release("rclmini", *depends("lib_vendor"), cmake=slow)
@@ -288,7 +280,7 @@ def test_no_wait_does_not_wait_for_a_build_of_the_underlay(ros: Ros, forge: Forg
     assert f"error: another forge builds in '{underlay(tmp_path)}'" in ran.err
 
 
-def test_underlay_joins_the_jobserver_of_a_parent_make(ros: Ros, forge: Forge, tmp_path: Path) -> None:
+def test_the_underlay_build_joins_a_parent_jobserver(ros: Ros, forge: Forge, tmp_path: Path) -> None:
     asked = "add_custom_target(ask ALL COMMAND printenv MAKEFLAGS > ${CMAKE_INSTALL_PREFIX}/flags)"
     ros.release("rclmini", *depends("lib_vendor"), cmake=asked)
     workspace, env = new_workspace(tmp_path / "ws"), ros.variables()
@@ -306,7 +298,7 @@ def test_underlay_joins_the_jobserver_of_a_parent_make(ros: Ros, forge: Forge, t
     assert auth in flags.read_text().split()
 
 
-def test_limits_of_jobs_hold_in_the_underlay(ros: Ros, forge: Forge, tmp_path: Path) -> None:
+def test_job_limits_apply_to_the_underlay_build(ros: Ros, forge: Forge, tmp_path: Path) -> None:
     asked = "add_custom_target(ask ALL COMMAND printenv MAKEFLAGS > ${CMAKE_INSTALL_PREFIX}/flags)"
     ros.release("rclmini", *depends("lib_vendor"), cmake=asked)
     workspace, env = new_workspace(tmp_path / "ws"), {**ros.variables(), "CMAKE_GENERATOR": "Unix Makefiles"}
@@ -325,7 +317,7 @@ def steps_of_underlay(home: Path) -> list[str]:
     return [f"{each['package']}: {each['step']}" for each in events if each["event"] == "StepStarted"]
 
 
-def test_another_user_gets_the_underlay_from_the_package_cache(
+def test_another_user_restores_the_underlay_from_the_package_cache(
     ros: Ros, forge: Forge, tmp_path: Path
 ) -> None:
     ros.release("rclmini", *depends("lib_vendor"), cmake=LIBRARY)
@@ -348,7 +340,7 @@ def test_another_user_gets_the_underlay_from_the_package_cache(
     assert not [step for step in steps_of("homes/bo") if step.startswith("rclmini")]
 
 
-def test_environment_of_the_underlay_is_the_same_for_all_workspaces(
+def test_the_underlay_environment_is_the_same_for_all_workspaces(
     ros: Ros, forge: Forge, tmp_path: Path
 ) -> None:
     """Otherwise no result of a package that runs Python would come from the package cache."""

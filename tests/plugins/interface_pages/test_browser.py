@@ -45,7 +45,7 @@ def found(browser: Browser) -> list[str]:
     return browser.texts("#found dt")
 
 
-def test_the_search_has_the_nearest_first(browser: Browser, pages: Path) -> None:
+def test_the_search_ranks_the_best_match_first(browser: Browser, pages: Path) -> None:
     browser.open(pages / "index.html")
     assert "nav_msgs" in browser.texts("#all h2 a")
     browser.write("input", "pose")
@@ -63,7 +63,7 @@ def test_the_search_has_the_nearest_first(browser: Browser, pages: Path) -> None
     assert browser.all("#all") != []
 
 
-def test_a_key_leads_to_the_search_and_enter_to_the_nearest(browser: Browser, pages: Path) -> None:
+def test_a_key_focuses_the_search_and_enter_opens_the_best_match(browser: Browser, pages: Path) -> None:
     browser.open(pages / "nav_msgs/msg/Path.html")
     browser.press("/")
     browser.press(*"occupancy", Keys.ENTER)
@@ -74,7 +74,7 @@ def test_a_key_leads_to_the_search_and_enter_to_the_nearest(browser: Browser, pa
     arrive(browser, "/nav_msgs/msg/OccupancyGrid.html")
 
 
-def test_links_of_types_lead_to_their_pages(browser: Browser, pages: Path) -> None:
+def test_type_links_open_their_pages(browser: Browser, pages: Path) -> None:
     browser.open(pages / "nav_msgs/msg/Path.html")
     browser.click("[id='.poses'] a")
     arrive(browser, "/geometry_msgs/msg/PoseStamped.html")
@@ -89,7 +89,7 @@ def test_links_of_types_lead_to_their_pages(browser: Browser, pages: Path) -> No
 
 @pytest.mark.parametrize("dark", [False, True])
 @pytest.mark.parametrize("width", [360, 1280])
-def test_a_page_fits_its_window(browser: Browser, pages: Path, width: int, *, dark: bool) -> None:
+def test_pages_fit_their_window(browser: Browser, pages: Path, width: int, *, dark: bool) -> None:
     for page in (
         "index.html",
         "nav_msgs/index.html",

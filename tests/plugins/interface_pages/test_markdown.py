@@ -47,7 +47,7 @@ def test_an_empty_message_is_documented_as_empty() -> None:
     assert "\n\nNo fields.\n" in page(Message(NAME))
 
 
-def test_docs_are_a_target(forge: Forge, tree: Tree) -> None:
+def test_documentation_is_a_target(forge: Forge, tree: Tree) -> None:
     """Pages of the types referred to lie beside the package's own, so that links lead somewhere."""
     root = tree({"src/msg/A.msg": "geometry_msgs/Point[] points"})
     ran = forge(

@@ -62,7 +62,7 @@ def test_hidden_and_bidirectional_characters_are_visible() -> None:
     )
 
 
-def test_drawings_keep_their_columns() -> None:
+def test_ascii_drawings_keep_their_columns() -> None:
     assert paragraphs(("words", "and words", "", "", "  +--+", "  |  |", "", "a  b", "")) == (
         Paragraph("words\nand words"),
         Paragraph("  +--+\n  |  |", preformatted=True),
@@ -165,7 +165,7 @@ def test_a_foreign_index_page_is_kept(forge: Forge, tree: Tree) -> None:
     assert (root / "site/index.html").read_text() == "mine"
 
 
-def test_a_corrupt_list_removes_no_files_elsewhere(forge: Forge, tree: Tree) -> None:
+def test_a_corrupt_file_list_removes_no_files_elsewhere(forge: Forge, tree: Tree) -> None:
     root = workspace(tree)
     forge(*DOCS, "-o", "site", cwd=root)
     (root / "precious").write_text("")
@@ -175,7 +175,7 @@ def test_a_corrupt_list_removes_no_files_elsewhere(forge: Forge, tree: Tree) -> 
     assert (root / "precious").exists()
 
 
-def test_a_folder_that_cannot_be_written_to_is_named(forge: Forge, tree: Tree) -> None:
+def test_an_unwritable_folder_is_named(forge: Forge, tree: Tree) -> None:
     root = workspace(tree)
     (root / "site").write_text("a file")
     ran = forge(*DOCS, "-o", "site", cwd=root)
@@ -216,7 +216,7 @@ def test_generated_pages_do_not_hide_packages(forge: Forge, tree: Tree, out: str
     assert sorted(root.rglob("*")) == before
 
 
-def test_a_manifest_that_cannot_be_read_is_warned_of(forge: Forge, tree: Tree) -> None:
+def test_an_unreadable_manifest_gives_a_warning(forge: Forge, tree: Tree) -> None:
     root = workspace(tree)
     (root / "src/other/package.xml").write_text("<package>")
     ran = forge(*DOCS, cwd=root)
@@ -236,7 +236,7 @@ def test_errors_in_all_packages_are_reported_together(forge: Forge, tree: Tree) 
     assert ran.err.count("int9") == 2
 
 
-def test_underlays_and_named_folders_are_listed_on_request(forge: Forge, tree: Tree) -> None:
+def test_underlays_and_named_folders_can_be_listed(forge: Forge, tree: Tree) -> None:
     root = tree(
         {
             "under/share/u_msgs/msg/U.msg": "int8 u\n",
@@ -256,7 +256,7 @@ def test_underlays_and_named_folders_are_listed_on_request(forge: Forge, tree: T
     assert faults_of(root / "site") == []
 
 
-def test_a_field_named_like_a_part_of_the_page_has_an_anchor_of_its_own() -> None:
+def test_a_field_named_like_a_page_section_has_its_own_anchor() -> None:
     parts = ("definition", "use", "wire", "users", "hash", "request", "response")
     catalog = catalog_of("p", {"srv/A.srv": "".join(f"int8 {part}\n" for part in parts) + "---\nint8 hash"})
     files = {file.path: file.text for file in site([catalog], {}, "Interfaces")}
@@ -292,7 +292,7 @@ def test_pages_in_the_build_folder_are_removed_with_it(forge: Forge, tree: Tree)
     assert not (root / "build").exists()
 
 
-def test_an_interface_without_anything_has_a_page() -> None:
+def test_an_empty_interface_has_a_page() -> None:
     catalog = catalog_of("p", {"msg/A.msg": ""})
     files = {file.path: file.text for file in site([catalog], {}, "Interfaces")}
     assert "No fields." in files["p/msg/A.html"]

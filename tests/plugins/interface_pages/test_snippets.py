@@ -33,7 +33,7 @@ def _snippets(folder: Path, language: str) -> dict[str, str]:
     return found
 
 
-def test_the_python_of_every_page_runs(forge: Forge, tmp_path: Path) -> None:
+def test_the_python_snippets_of_every_page_run(forge: Forge, tmp_path: Path) -> None:
     forge(*DOCS, "--embedded", "-o", "site", cwd=tmp_path)
     generate_embedded(tmp_path / "code")
     snippets = _snippets(tmp_path / "site", "Python")
@@ -45,7 +45,7 @@ def test_the_python_of_every_page_runs(forge: Forge, tmp_path: Path) -> None:
 
 
 @pytest.mark.needs("g++")
-def test_the_cpp_of_the_pages_compiles(forge: Forge, tmp_path: Path) -> None:
+def test_the_cpp_snippets_of_the_pages_compile(forge: Forge, tmp_path: Path) -> None:
     """Those of a few packages, with every kind of member among them."""
     packages = ("example_interfaces", "rcl_interfaces", "std_srvs", "geometry_msgs")
     forge(*DOCS, *packages, "-o", "site", cwd=tmp_path)

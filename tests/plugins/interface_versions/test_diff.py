@@ -73,7 +73,7 @@ def written(folder: Path, files: Mapping[str, str]) -> Path:
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_each_change_breaks_what_it_should(case: str, forge: Forge, tmp_path: Path) -> None:
+def test_each_change_reports_the_right_breakage(case: str, forge: Forge, tmp_path: Path) -> None:
     one, other, breaks, said = CASES[case]
     assert one in BEFORE["msg/M.msg"]
     after = {**BEFORE, "msg/M.msg": BEFORE["msg/M.msg"].replace(one, other, 1)}
@@ -88,7 +88,7 @@ def test_each_change_breaks_what_it_should(case: str, forge: Forge, tmp_path: Pa
 @settings(max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 @pytest.mark.parametrize("case", [name for name, case in CASES.items() if "wire" not in case[2]])
-def test_what_keeps_the_wire_has_the_same_bytes(case: str, data: st.DataObject, tmp_path: Path) -> None:
+def test_wire_compatible_changes_keep_the_same_bytes(case: str, data: st.DataObject, tmp_path: Path) -> None:
     """What one version has written is read by the other, and written to the same bytes again."""
     one, other, _, _ = CASES[case]
     old = load(written(tmp_path / "old", BEFORE), "p")["p/msg/M"]
@@ -101,7 +101,7 @@ def test_what_keeps_the_wire_has_the_same_bytes(case: str, data: st.DataObject, 
         assert forge_cdr.serialize(forge_cdr.deserialize(content, reader)) == content
 
 
-def test_what_contains_a_changed_message_is_named(forge: Forge, tmp_path: Path) -> None:
+def test_messages_that_contain_a_changed_message_are_named(forge: Forge, tmp_path: Path) -> None:
     written(tmp_path / "old", BEFORE)
     written(tmp_path / "new", {**BEFORE, "msg/In.msg": "float64 b\nstring<=3 t\nint8 low\n"})
     found = diff(forge, tmp_path)
@@ -206,7 +206,7 @@ def test_differences_are_printed_with_their_effect(forge: Forge, tmp_path: Path)
 @pytest.mark.parametrize(
     ("words", "code"), [((), 1), (("wire",), 0), (("hash",), 1), (("wire", "api"), 1), (("none",), 0)]
 )
-def test_the_exit_code_follows_what_must_not_break(
+def test_the_exit_code_depends_on_the_required_compatibility(
     words: tuple[str, ...], code: int, forge: Forge, tmp_path: Path
 ) -> None:
     written(tmp_path / "old", {"msg/A.msg": "int8 x\n"})
@@ -224,7 +224,7 @@ def test_the_exit_code_follows_what_must_not_break(
     ],
 )
 @pytest.mark.needs("git")
-def test_what_cannot_be_compared_is_named(
+def test_incomparable_inputs_are_named(
     words: tuple[str, ...], said: str, forge: Forge, tmp_path: Path
 ) -> None:
     written(tmp_path / "old", {"msg/A.msg": "int8 x\n"})

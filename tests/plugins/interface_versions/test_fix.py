@@ -36,18 +36,18 @@ LINES: Mapping[str, tuple[str, str]] = {
 
 
 @pytest.mark.parametrize("case", LINES)
-def test_lines_become_valid(case: str) -> None:
+def test_invalid_lines_are_corrected(case: str) -> None:
     text, expected = LINES[case]
     assert rewritten(text, "p", {"my_point"}, {"my_point": "MyPoint"})[0] == expected
 
 
-def test_sections_have_names_of_their_own() -> None:
+def test_names_are_unique_per_section() -> None:
     text, renamed = rewritten("int8 X\r\n-----\r\nint8 X\r\nint8 x\r\n", "p", (), {})
     assert text == "int8 x\r\n---\r\nint8 X\r\nint8 x\r\n"
     assert [(each.old, each.new) for each in renamed] == [("X", "x")]
 
 
-def test_a_header_of_the_package_is_its_own() -> None:
+def test_a_header_type_of_the_package_takes_precedence() -> None:
     assert rewritten("Header h", "p", {"Header"}, {})[0] == "Header h"
 
 
@@ -56,7 +56,7 @@ def test_a_header_of_the_package_is_its_own() -> None:
         st.from_regex(r"(u?int8|Header|time)(\[\])? [A-Za-z_]{1,6}( ?= ?1)?", fullmatch=True), max_size=5
     )
 )
-def test_a_second_time_changes_nothing(lines: list[str]) -> None:
+def test_fixing_is_idempotent(lines: list[str]) -> None:
     once, _ = rewritten("\n".join(lines), "p", (), {})
     assert rewritten(once, "p", (), {}) == (once, [])
 
@@ -104,7 +104,7 @@ def test_changes_are_shown_and_then_made(forge: Forge, tree: Tree) -> None:
     assert forge("interface", "fix", "src", cwd=root).out.endswith("would change 0 files of 2\n")
 
 
-def test_what_stays_invalid_is_named(forge: Forge, tree: Tree) -> None:
+def test_remaining_errors_are_named(forge: Forge, tree: Tree) -> None:
     root = tree({**FILES, "src/p/msg/Bad.msg": "int8 aB\nint8 a_b\nint99 x\n"})
     ran = forge("interface", "fix", "src", cwd=root)
     assert ran.code == 2

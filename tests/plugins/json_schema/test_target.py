@@ -78,7 +78,7 @@ def test_every_interface_has_schemas() -> None:
         ("P[] x", [[], [{"y": 1}]], [[{}], [{"y": 1, "z": 2}], {"y": 1}]),
     ],
 )
-def test_values_that_do_not_fit_are_refused(
+def test_values_that_do_not_match_are_rejected(
     line: str, good: list[object], bad: list[object], forge: Forge, tree: Tree
 ) -> None:
     root = tree({"src/msg/M.msg": f"{line}\n", "src/msg/P.msg": "int8 y\n"})
@@ -92,7 +92,7 @@ def test_values_that_do_not_fit_are_refused(
             validator(schema).validate({"x": value})
 
 
-def test_texts_values_and_constants_are_told(forge: Forge, tree: Tree) -> None:
+def test_schemas_contain_comments_defaults_and_constants(forge: Forge, tree: Tree) -> None:
     text = "# About it.\n\nfloat32 v 1.5  # how fast [m/s]\nuint8 OK=1\n"
     root = tree({"src/msg/M.msg": text})
     words = ("interface", "generate", "--package", "p", "--lang", "jsonschema", "--output", "out", "src")

@@ -61,7 +61,7 @@ def is_embedded(label: str) -> bool:
         ("nav/package.xml", "words|", []),
     ],
 )
-def test_words_are_proposed(workspace: Pointer, file: str, text: str, labels: list[str]) -> None:
+def test_matching_words_are_proposed(workspace: Pointer, file: str, text: str, labels: list[str]) -> None:
     own = (label for label in proposed(workspace, file, text) if not is_embedded(label))
     assert list(own) == labels
 
@@ -89,7 +89,7 @@ def test_packages_that_the_manifest_declares_come_first(workspace: Pointer) -> N
     assert packages[:2] == ["shapes/", "std_msgs/"]
 
 
-def test_proposals_are_limited(workspace: Pointer) -> None:
+def test_the_number_of_proposals_is_limited(workspace: Pointer) -> None:
     path = workspace.path("nav/msg/A.msg")
     for number in range(MOST):
         workspace.index.open(workspace.path(f"nav/msg/Zone{number}.msg"), "int8 x\n")

@@ -61,7 +61,7 @@ def test_diagnostics_match_compiler_errors(index: Index, file: str, text: str, p
     assert told(index, file, text) == problems
 
 
-def test_the_hint_follows_the_message(index: Index) -> None:
+def test_hints_follow_the_message(index: Index) -> None:
     path = index.root / "src/nav/msg/A.msg"
     index.open(path, "int8 stdin\nGaol goal\n")
     doubt, error = diagnose(index, path)
@@ -71,7 +71,7 @@ def test_the_hint_follows_the_message(index: Index) -> None:
 
 @pytest.mark.parametrize("build_type", ["ament_cmake", "cmake", "weird_make"])
 @pytest.mark.usefixtures("plugin")
-def test_build_types_that_forge_builds_are_no_problem(index: Index, build_type: str) -> None:
+def test_supported_build_types_give_no_diagnostics(index: Index, build_type: str) -> None:
     assert told(index, "package.xml", manifest_text("nav", build_type=build_type)) == []
 
 
@@ -97,24 +97,24 @@ def test_an_unsupported_build_type_is_reported_as_by_the_build(
     assert f"hint: {hint}" in problem.message
 
 
-def test_the_build_type_is_the_one_that_is_active(index: Index) -> None:
+def test_only_the_active_build_type_is_checked(index: Index) -> None:
     weird = '<build_type condition="$ROS_VERSION == 1">catkin</build_type>'
     text = manifest_text("nav").replace("<export>", f"<export>{weird}")
     assert told(index, "package.xml", text) == []
 
 
-def test_a_build_type_that_an_option_overrides_is_no_problem(tree: Tree) -> None:
+def test_an_overridden_build_type_gives_no_diagnostics(tree: Tree) -> None:
     manifest = manifest_text("nav", build_type="weird")
     root = tree({"src/nav/package.xml": manifest, "src/nav/colcon.pkg": '{"type": "ros.ament_cmake"}'})
     assert told(index_of(root), "package.xml", manifest) == []
 
 
-def test_a_type_whose_file_is_broken_is_known(index: Index) -> None:
+def test_a_type_with_a_broken_file_is_still_known(index: Index) -> None:
     told(index, "msg/Goal.msg", "what is this\n")
     assert told(index, "msg/A.msg", "Goal goal\n") == []
 
 
-def test_the_problems_of_another_file_are_shown_there(index: Index) -> None:
+def test_problems_are_shown_in_the_file_that_causes_them(index: Index) -> None:
     assert told(index, "msg/Goal.msg", "Missing x\n") == ["0:0-7 error: unknown type 'nav/Missing'"]
     assert told(index, "msg/A.msg", "Goal goal\n") == []
 
@@ -129,11 +129,11 @@ def test_a_cycle_is_shown_in_each_of_its_files(index: Index) -> None:
     ]
 
 
-def test_an_unknown_file_has_no_problems(index: Index, tmp_path: Path) -> None:
+def test_an_unknown_file_has_no_diagnostics(index: Index, tmp_path: Path) -> None:
     assert diagnose(index, tmp_path / "src/nav/msg/Nowhere.msg") == ()
 
 
-def test_files_whose_output_would_be_the_same_are_shown(index: Index) -> None:
+def test_files_with_conflicting_outputs_are_reported(index: Index) -> None:
     same = "0:0-6 warning: 'GOAL' and 'Goal' would both be generated into 'goal'"
     assert told(index, "msg/GOAL.msg", "int8 x\n") == [same]
     assert told(index, "srv/GOAL.srv", "---\n") == []

@@ -82,7 +82,7 @@ def test_a_package_is_described(workspace: Pointer) -> None:
     assert "a system dependency, or missing" in (hover(*workspace.at("nav/package.xml", "libtiny")) or "")
 
 
-def test_a_type_with_an_unknown_one_inside_has_no_size(workspace: Pointer) -> None:
+def test_a_type_with_an_unknown_member_type_has_no_size(workspace: Pointer) -> None:
     workspace.index.open(workspace.path("shapes/msg/Point.msg"), "Missing x\nint8 y\n")
     text = hover(*workspace.at("nav/msg/Path.msg", "Point"))
     assert text == "**shapes/msg/Point** (message)\n\n```\nshapes/Missing x\nint8 y\n```"
@@ -90,7 +90,7 @@ def test_a_type_with_an_unknown_one_inside_has_no_size(workspace: Pointer) -> No
     assert hover(*workspace.at("shapes/msg/Point.msg", "y")) == "```\nint8 y\n```"
 
 
-def test_sections_of_a_service_have_sizes_of_their_own(workspace: Pointer) -> None:
+def test_sections_of_a_service_have_separate_sizes(workspace: Pointer) -> None:
     workspace.index.open(workspace.path("nav/msg/Plan.idl"), "")
     request = "struct Ask_Request { nav::srv::Plan x; };"
     text = f"module nav {{ module srv {{ {request} struct Ask_Response {{ long y; }}; }}; }};"
@@ -98,7 +98,7 @@ def test_sections_of_a_service_have_sizes_of_their_own(workspace: Pointer) -> No
     assert (hover(*workspace.at("nav/srv/Ask.idl", "Plan")) or "").startswith(_PLAN)
 
 
-def test_a_long_definition_is_cut(workspace: Pointer) -> None:
+def test_long_definitions_are_truncated(workspace: Pointer) -> None:
     workspace.index.open(workspace.path("shapes/msg/Point.msg"), "".join(f"int8 a{n}\n" for n in range(99)))
     text = hover(*workspace.at("nav/msg/Path.msg", "Point")) or ""
     assert "int8 a39\n...\n```\n\nSerialized: 99 bytes" in text

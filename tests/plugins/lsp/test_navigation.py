@@ -38,7 +38,7 @@ def shown(workspace: Pointer, place: Place | None) -> str:
         ("nav/package.xml", "shapes", "shapes/package.xml:2:8-14"),
     ],
 )
-def test_a_name_leads_to_its_declaration(workspace: Pointer, file: str, word: str, place: str) -> None:
+def test_go_to_definition_finds_the_declaration(workspace: Pointer, file: str, word: str, place: str) -> None:
     assert shown(workspace, definition(*workspace.at(file, word))) == place
 
 
@@ -140,7 +140,7 @@ def test_files_are_read_once(workspace: Pointer) -> None:
     assert len(references(*workspace.at("nav/msg/Path.msg", "Point"), declaration=False)) == 4
 
 
-def test_references_follow_what_is_typed(workspace: Pointer) -> None:
+def test_references_follow_unsaved_edits(workspace: Pointer) -> None:
     workspace.index.open(workspace.path("nav/srv/Plan.srv"), "---\n")
     workspace.index.open(workspace.path("nav/msg/Path.msg"), "shapes/Point[] points\nshapes/Point last\n")
     found = references(*workspace.at("nav/msg/Path.msg", "Point"), declaration=False)
@@ -163,7 +163,7 @@ def test_files_that_were_changed_are_read_again(workspace: Pointer) -> None:
     assert definition(*workspace.at("nav/msg/Path.msg", "Point")) is None
 
 
-def test_the_definitions_follow_the_name_of_their_package(workspace: Pointer) -> None:
+def test_definitions_are_updated_when_their_package_is_renamed(workspace: Pointer) -> None:
     manifest = workspace.path("shapes/package.xml")
     workspace.index.open(manifest, workspace.index.text(manifest).replace("shapes", "forms"))
     path = workspace.path("nav/msg/Path.msg")

@@ -89,7 +89,7 @@ def test_a_rename_warns_of_unchanged_cmake_lines(workspace: Pointer, cmake: str,
     assert rename(*workspace.at("nav/msg/Path.msg", "Point"), "Spot").remark == remark
 
 
-def test_the_structs_of_an_idl_file_follow_it(workspace: Pointer) -> None:
+def test_renaming_an_idl_file_renames_its_structs(workspace: Pointer) -> None:
     apply(workspace, rename(*workspace.at("nav/action/Drive.action", "shapes/Box"), "Crate"))
     text = words(workspace, "shapes/msg/Crate.idl")
     assert "module Crate_Constants {" in text
@@ -134,7 +134,7 @@ def test_an_invalid_new_name_is_rejected(
     assert error.value.problems[0].message == message
 
 
-def test_a_type_outside_of_the_workspace_is_not_renamed(workspace: Pointer) -> None:
+def test_a_type_outside_the_workspace_is_not_renamed(workspace: Pointer) -> None:
     workspace.index.open(workspace.path("nav/msg/Path.msg"), "std_msgs/Header header\n")
     with pytest.raises(InterfaceError, match=r"'std_msgs/msg/Header' is not part of the workspace"):
         rename(*workspace.at("nav/msg/Path.msg", "Header"), "Head")

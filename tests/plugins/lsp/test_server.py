@@ -60,7 +60,7 @@ def test_open_files_are_checked_again_when_another_file_changes(client: Editor, 
     assert client.problems(path) == []
 
 
-def test_hover_definition_and_references(client: Editor, root: Path) -> None:
+def test_hover_definition_and_references_work(client: Editor, root: Path) -> None:
     path, point = root / "src/nav/msg/Path.msg", root / "src/shapes/msg/Point.msg"
     client.open(path, "# \N{PINCHING HAND}\nshapes/Point[] points\n")
     shown = client.at("textDocument/hover", path, "1:8")
@@ -112,7 +112,7 @@ def test_a_rename_shows_a_warning_about_cmake(client: Editor, root: Path) -> Non
     assert client.messages == ["not changed: 'shapes/CMakeLists.txt' does not name 'Point.msg' literally"]
 
 
-def test_renaming_a_type_needs_support_by_the_editor(root: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_renaming_a_type_needs_editor_support(root: Path, caplog: pytest.LogCaptureFixture) -> None:
     """The answer is an error of the protocol, and no failure of the server that its log would show."""
     with editor() as client:
         client.start(root)
@@ -155,14 +155,14 @@ def test_changed_files_are_found_without_file_watchers(root: Path) -> None:
             assert client.problems(path) == problems
 
 
-def test_files_of_other_kinds_are_left_alone(client: Editor, root: Path) -> None:
+def test_other_file_types_are_ignored(client: Editor, root: Path) -> None:
     assert client.open(root / "src/nav/notes.txt", "int x\n") == []
     client.tell("textDocument/didSave", textDocument={"uri": (root / "src/nav/notes.txt").as_uri()})
     client.tell("textDocument/didClose", textDocument={"uri": (root / "src/nav/notes.txt").as_uri()})
     assert (root / "src/nav/notes.txt").as_uri() not in client.diagnostics
 
 
-def test_a_file_outside_of_the_folder_has_a_workspace_of_its_own(client: Editor, root: Path) -> None:
+def test_a_file_outside_the_folder_has_its_own_workspace(client: Editor, root: Path) -> None:
     path = root.parent / "other/msg/Alone.msg"
     path.parent.mkdir(parents=True, exist_ok=True)
     assert client.open(path, "Missing x\n") == ["0:0-7: unknown type 'other/Missing'"]

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 _ENVIRONMENT = {name: value for name, value in os.environ.items() if name != "AMENT_PREFIX_PATH"}
 
 
-def test_a_session_reports_problems_of_a_buffer(tree: Tree) -> None:
+def test_a_session_reports_problems_of_an_open_file(tree: Tree) -> None:
     root = tree(
         {
             "src/nav/package.xml": manifest_text("nav", "<depend>std_msgs</depend>"),

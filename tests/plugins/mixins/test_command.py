@@ -156,7 +156,7 @@ def test_an_invalid_index_is_an_error_and_changes_nothing(
         assert (root / "home/mixin/r/bad.mixin").read_text() == ASAN
 
 
-def test_one_repository_that_fails_does_not_stop_the_others(mixin: partial[Ran], root: Path) -> None:
+def test_a_failing_repository_does_not_stop_the_others(mixin: partial[Ran], root: Path) -> None:
     (root / "home/mixin_repositories.yaml").write_text(
         f"a: http://127.0.0.1:1/index.yaml\nb: file://{root}/repo/index.yaml\n"
     )
@@ -187,7 +187,9 @@ def test_passwords_in_urls_are_hidden(mixin: partial[Ran], root: Path) -> None:
         (("list", "zzz"), "no mixin repository is named 'zzz'"),
     ],
 )
-def test_a_wrong_name_or_url_is_an_error(mixin: partial[Ran], words: tuple[str, ...], message: str) -> None:
+def test_an_invalid_name_or_url_is_an_error(
+    mixin: partial[Ran], words: tuple[str, ...], message: str
+) -> None:
     mixin("add", "r", "repo/index.yaml")
     ran = mixin(*words)
     assert ran.code == 2

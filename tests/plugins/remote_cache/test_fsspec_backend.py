@@ -32,7 +32,7 @@ def opened_store(url: str) -> Store:
     return Store(FsspecBackend(url), url, seconds=10)
 
 
-def test_files_of_a_folder_store_appear_complete(tmp_path: Path) -> None:
+def test_files_of_a_folder_store_appear_atomically(tmp_path: Path) -> None:
     """Files are written under another name first, and nothing is left of a failed upload."""
     source = tmp_path / "source"
     source.write_bytes(BYTES)

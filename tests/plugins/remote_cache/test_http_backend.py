@@ -146,7 +146,7 @@ def threads_end() -> Iterator[None]:
     ],
     ids=SLOW | BROKEN,
 )
-def test_a_faulty_server_is_one_message_within_the_timeout(
+def test_a_faulty_server_gives_one_error_within_the_timeout(
     answer: Callable[[Request], Moves], words: str, seconds: float, target: Path
 ) -> None:
     target.parent.mkdir()
@@ -160,7 +160,7 @@ def test_a_faulty_server_is_one_message_within_the_timeout(
             store.result(KEY)
 
 
-def test_a_wrong_password_is_not_called_a_missing_one(tmp_path: Path) -> None:
+def test_a_wrong_password_is_distinguished_from_a_missing_one(tmp_path: Path) -> None:
     token = {"FORGE_CACHE_TOKEN": "secret"}
     with rude(lambda _: reply(401)) as server, asking(server.url, variables=token) as store:
         with pytest.raises(
@@ -261,7 +261,7 @@ def test_closed_keep_alive_connections_are_reopened() -> None:
     assert len(server.requests) == 5
 
 
-def test_connections_are_kept() -> None:
+def test_connections_are_reused() -> None:
     with rude(Shelf()) as server, asking(server.url) as store:
         for _ in range(5):
             assert store.result(KEY) is None

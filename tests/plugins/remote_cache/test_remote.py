@@ -78,7 +78,7 @@ def remote_of(fake: Fake, warnings: list[str], *, seconds: float = 10, uploaders
     return Remote(fake, "fake://me:secret@host/", options, uploaders=uploaders)
 
 
-def test_a_failing_store_is_tried_and_reported_once(source: Path, tmp_path: Path) -> None:
+def test_a_failing_store_is_reported_once_and_disabled(source: Path, tmp_path: Path) -> None:
     fake, warnings = Fake(RuntimeError("no connection")), list[str]()
     remote = remote_of(fake, warnings)
     for _ in range(3):
@@ -176,7 +176,7 @@ def test_uploads_can_be_added_after_a_pause(source: Path) -> None:
     assert fake.asked == [blob, *(f"write ac/{number}{number} {size}" for number in range(3))]
 
 
-def test_waiting_for_uploads_ends_without_progress() -> None:
+def test_waiting_for_uploads_stops_without_progress() -> None:
     warnings: list[str] = []
     remote = remote_of(Fake(seconds=0.2), warnings, seconds=0.5)
     for number in range(4):
@@ -276,7 +276,7 @@ def test_an_interrupt_is_not_reported_as_a_server_error(tmp_path: Path) -> None:
         ("http", "urllib3", "requires the Python package 'urllib3'"),
     ],
 )
-def test_a_library_that_is_missing_is_named(scheme: str, module: str, words: str) -> None:
+def test_a_missing_library_is_named(scheme: str, module: str, words: str) -> None:
     script = (
         f"import sys; sys.modules[{module!r}] = None\n"
         "from tests.plugins.remote_cache.opening import opened\n"

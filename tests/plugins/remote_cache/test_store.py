@@ -169,7 +169,7 @@ def test_read_and_write_permissions_are_separate(
         store.close()
 
 
-def test_a_target_that_cannot_be_written_is_reported(url: str, tmp_path: Path) -> None:
+def test_an_unwritable_target_is_reported(url: str, tmp_path: Path) -> None:
     source = tmp_path / "source"
     source.write_bytes(BYTES)
     store = opened(url)

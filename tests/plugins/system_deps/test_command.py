@@ -110,7 +110,7 @@ def test_dependency_kinds_and_packages_can_be_selected(forge: Forge, root: Path)
     )
 
 
-def test_installed_dependencies_are_listed_on_request(forge: Forge, root: Path) -> None:
+def test_installed_dependencies_can_be_listed(forge: Forge, root: Path) -> None:
     everything = deps(forge, root, "--all").out
     assert "# b (the workspace), needed by a\n" in everything
     assert "# std_msgs (forge), needed by a\n" in everything
@@ -127,7 +127,7 @@ def test_the_underlays_of_the_build_are_used(forge: Forge, root: Path) -> None:
     assert "# std_msgs, needed by a: ROS package" in out
 
 
-def test_output_as_json(forge: Forge, root: Path) -> None:
+def test_dependencies_can_be_printed_as_json(forge: Forge, root: Path) -> None:
     found = json.loads(deps(forge, root, "--json").out)
     assert found["system"] == "ubuntu:jammy"
     by_key = {need["key"]: need for need in found["needs"]}
@@ -154,7 +154,7 @@ def test_an_invalid_database_is_rejected(forge: Forge, root: Path) -> None:
     )
 
 
-def test_without_a_database_keys_are_listed_with_the_way_to_get_one(
+def test_a_missing_database_lists_keys_and_a_hint(
     forge: Forge, root: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     env = {"ROS_HOME": str(root / "none")}
@@ -179,7 +179,7 @@ def test_without_a_database_keys_are_listed_with_the_way_to_get_one(
     assert ran.err == f"error: '--rosdep-file' needs rosdep\nhint: run: {extra_command('rosdep')}\n"
 
 
-def test_a_system_without_names_in_the_database_is_reported(forge: Forge, root: Path) -> None:
+def test_a_system_missing_from_the_database_is_reported(forge: Forge, root: Path) -> None:
     ran = deps(forge, root, "-t", "test", system="void")
     assert ran.out == "# odd-one is unknown, needed by b\n"
     assert ran.err == (
@@ -211,7 +211,7 @@ def test_unreadable_packages_are_reported(forge: Forge, tree: Tree) -> None:
     assert "no packages found below" in ran.err
 
 
-def test_a_workspace_without_dependencies(forge: Forge, tree: Tree) -> None:
+def test_a_workspace_without_dependencies_is_reported(forge: Forge, tree: Tree) -> None:
     ran = forge("deps", cwd=tree({"src/a/package.xml": manifest_text("a")}))
     assert (ran.code, ran.out) == (0, "# nothing is missing\n")
 
@@ -239,7 +239,7 @@ def test_printed_commands_are_safe_for_any_name(forge: Forge, tree: Tree) -> Non
     assert not (root / "made").exists()
 
 
-def test_ros_packages_are_named_as_those_of_the_distribution(forge: Forge, root: Path) -> None:
+def test_ros_packages_have_the_names_of_the_distribution(forge: Forge, root: Path) -> None:
     """Without data of the distribution their names follow from the rule for them."""
     named = "# nav2_msgs (apt: ros-jazzy-nav2-msgs), needed by a\n"
     assert named in deps(forge, root, "--rosdistro", "jazzy").out
@@ -258,14 +258,14 @@ def test_ros_packages_are_named_as_those_of_the_distribution(forge: Forge, root:
     assert " ros-jazzy-nav2-msgs\n" in forge(*argv, "--rosdistro", "jazzy", cwd=root, env=env).out
 
 
-def test_the_distribution_decides_conditions(forge: Forge, tree: Tree) -> None:
+def test_conditions_are_evaluated_for_the_distribution(forge: Forge, tree: Tree) -> None:
     condition = '<depend condition="$ROS_DISTRO == humble">old_msgs</depend>'
     root = tree({"keys.yaml": "{}", "src/a/package.xml": manifest_text("a", condition)})
     assert "ros-humble-old-msgs" in deps(forge, root, "--rosdistro", "humble").out
     assert deps(forge, root, "--rosdistro", "jazzy").out == "# nothing is missing\n"
 
 
-def test_data_of_the_distribution_says_what_was_released(forge: Forge, root: Path) -> None:
+def test_distribution_data_determines_released_packages(forge: Forge, root: Path) -> None:
     """As `rosdep update` stores it: for each distribution the systems that it is built for."""
     cache = root / "home/rosdep/sources.cache"
     cache.mkdir(parents=True)
@@ -327,7 +327,7 @@ def install(forge: Forge, root: Path, *argv: str, **env: str) -> Ran:
 
 
 @pytest.mark.parametrize("answer", ["y\n", "no\n", ""])
-def test_installing_shows_the_commands_and_asks(
+def test_installation_shows_the_commands_and_asks_for_confirmation(
     forge: Forge, installable: Path, monkeypatch: pytest.MonkeyPatch, answer: str
 ) -> None:
     monkeypatch.setattr("sys.stdin", io.StringIO(answer))
@@ -344,7 +344,7 @@ def test_installing_shows_the_commands_and_asks(
         assert lines[1].removeprefix("sudo ") == logged.strip()
 
 
-def test_with_yes_there_is_no_question(forge: Forge, installable: Path) -> None:
+def test_yes_skips_the_confirmation(forge: Forge, installable: Path) -> None:
     ran = install(forge, installable, "-y")
     assert ran.code == 0
     assert "[y/N]" not in ran.out
@@ -386,6 +386,6 @@ def test_nothing_is_installed_while_a_package_is_unknown(forge: Forge, installab
 
 
 @pytest.mark.parametrize("option", [("--os", "ubuntu:jammy"), ("--json",)])
-def test_installing_is_for_this_machine(forge: Forge, root: Path, option: tuple[str, ...]) -> None:
+def test_installation_is_only_for_this_machine(forge: Forge, root: Path, option: tuple[str, ...]) -> None:
     ran = forge("deps", "--install", *option, cwd=root)
     assert (ran.code, ran.err) == (2, f"error: '--install' and '{option[0]}' exclude each other\n")

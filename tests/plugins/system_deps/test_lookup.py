@@ -35,16 +35,16 @@ EULER = System("openeuler", "24.03", "dnf")
         ({"apt": {"packages": 7}}, None),
     ],
 )
-def test_rules_are_those_of_rosdep(rule: object, expected: Resolved | None) -> None:
+def test_rules_are_interpreted_like_by_rosdep(rule: object, expected: Resolved | None) -> None:
     assert resolver([{"k": {"ubuntu": rule}}], JAMMY)("k") == expected
 
 
-def test_yum_is_dnf() -> None:
+def test_yum_rules_apply_to_dnf() -> None:
     database = {"k": {"openeuler": {"24.03": {"yum": {"packages": ["a"]}}}}}
     assert resolver([database], EULER)("k") == Resolved("dnf", ("a",))
 
 
-def test_rules_for_all_systems_come_last() -> None:
+def test_rules_for_all_systems_are_used_last() -> None:
     anywhere = {"k": {"*": {"pip": ["p"]}}}
     assert resolver([anywhere], JAMMY)("k") == Resolved("pip", ("p",))
     assert resolver([anywhere, {"k": {"ubuntu": ["a"]}}], JAMMY)("k") == Resolved("apt", ("a",))
@@ -59,11 +59,11 @@ def test_the_first_database_with_an_entry_for_the_system_is_used() -> None:
     assert resolver([first, second], System("fedora", "40", "dnf"))("k") == Resolved("dnf", ("f",))
 
 
-def test_a_system_that_rosdep_does_not_know_has_no_packages() -> None:
+def test_unknown_systems_have_no_packages() -> None:
     assert resolver([{"k": {"void": ["v"]}}], System("void", "", ""))("k") is None
 
 
-def test_any_rule_can_be_read() -> None:
+def test_any_rule_can_be_parsed() -> None:
     database: dict[str, Any] = {}
     look_up = resolver([database], JAMMY)
     words = st.sampled_from(["apt", "pip", "source", "jammy", "*", "packages", "uri"]) | st.text(max_size=3)

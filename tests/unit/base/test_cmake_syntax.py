@@ -24,11 +24,13 @@ from forge.base.cmake_syntax import CMakeArgument, cmake_arguments, definitions
         (("",), "", ""),
     ],
 )
-def test_an_option_has_its_value_in_one_or_two_words(words: tuple[str, ...], option: str, value: str) -> None:
+def test_an_option_and_its_value_may_be_one_or_two_words(
+    words: tuple[str, ...], option: str, value: str
+) -> None:
     assert list(cmake_arguments(words)) == [CMakeArgument(words, option, value)]
 
 
-def test_arguments_have_all_words_in_their_order() -> None:
+def test_arguments_keep_all_words_in_order() -> None:
     words = ("-G", "Ninja", "-DA=1", "-D", "-DB=2", "x", "-U", "C", "-D")
     assert tuple(word for argument in cmake_arguments(words) for word in argument.words) == words
 

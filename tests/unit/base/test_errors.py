@@ -12,7 +12,7 @@ def outdated(name: str) -> Problem:
     return Problem(f"'{name}' is outdated", hint=f"update {name}", group=kind)
 
 
-def test_many_similar_problems_are_grouped_at_the_first() -> None:
+def test_many_similar_problems_are_grouped_under_the_first() -> None:
     other = Problem("unrelated")
     found = joined([other, *map(outdated, "dbca"), other, Problem("last")])
     every = Problem("'a', 'b', 'c', 'd' are outdated", hint="update all")
@@ -25,7 +25,7 @@ def test_a_few_similar_problems_are_reported_one_by_one() -> None:
     assert joined([*few, outdated("a")]) == [*few, outdated("a")], "names are counted once"
 
 
-def test_a_watch_groups_only_new_problems(capsys: pytest.CaptureFixture[str]) -> None:
+def test_watch_mode_groups_only_new_problems(capsys: pytest.CaptureFixture[str]) -> None:
     warn = WarningReporter()
     warn(map(outdated, "abcd"))
     assert capsys.readouterr().err == "warning: 'a', 'b', 'c', 'd' are outdated\nhint: update all\n"

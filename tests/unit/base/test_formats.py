@@ -19,7 +19,7 @@ from forge.base.formats import read_toml, read_yaml
         ("a: " + "[" * 1000, "not well-formed YAML: too deeply nested"),
     ],
 )
-def test_yaml_errors(text: str, words: str) -> None:
+def test_yaml_errors_are_reported_with_their_location(text: str, words: str) -> None:
     with pytest.raises(WorkspaceError, match=words):
         read_yaml(text, Path("a.file"))
 
@@ -31,12 +31,12 @@ def test_yaml_errors(text: str, words: str) -> None:
         ("a = " + "[" * 2000, "not well-formed TOML: too deeply nested"),
     ],
 )
-def test_toml_errors(text: str, words: str) -> None:
+def test_toml_errors_are_reported_with_their_location(text: str, words: str) -> None:
     with pytest.raises(WorkspaceError, match=words):
         read_toml(text, Path("a.file"))
 
 
-def test_yaml_anchors() -> None:
+def test_yaml_anchors_are_expanded() -> None:
     assert read_yaml("a: &x {b: [1]}\nc: *x\nd: {<<: *x, e: 2}", Path("a.file")) == {
         "a": {"b": [1]},
         "c": {"b": [1]},

@@ -86,7 +86,7 @@ def test_invalid_arguments_of_constructors_are_reported() -> None:
     assert Checked(1).size == 1
 
 
-def test_defaults_patterns_and_empty_classes_work_like_those_of_dataclasses() -> None:
+def test_defaults_patterns_and_empty_classes_behave_like_dataclasses() -> None:
     assert Ours("a").words is not Ours("a").words
     match Ours("a", 5):
         case Ours(name, count):

@@ -46,7 +46,7 @@ def test_pipx_injects_into_the_environment_of_forge(tree: Tree) -> None:
     assert install_beside_forge("pygls<3,>=2", prefix=prefix) == "pipx inject ros-forge 'pygls<3,>=2'"
 
 
-def test_the_command_for_a_virtual_environment_uses_pip_or_uv(tree: Tree) -> None:
+def test_virtual_environments_get_a_pip_or_uv_command(tree: Tree) -> None:
     root = tree({"pip/pyvenv.cfg": "home = /usr/bin\n", "uv/pyvenv.cfg": "home = /usr/bin\nuv = 0.9.1\n"})
     python = shlex.quote(sys.executable)
     assert install_beside_forge("a", prefix=root / "pip") == f"{python} -m pip install a"

@@ -9,7 +9,7 @@ from forge.build.compile_commands import merge_compile_commands
 from tests.conftest import Tree
 
 
-def test_compile_commands_of_all_packages_are_merged_without_invalid_files(tree: Tree) -> None:
+def test_compile_commands_of_all_packages_are_merged_skipping_invalid_files(tree: Tree) -> None:
     root = tree(
         {
             "a/compile_commands.json": '[\n{"file": "1"},\n{"file": "2"}\n]\n',
@@ -72,7 +72,7 @@ def test_sources_added_to_a_unity_file_get_entries(tree: Tree) -> None:
     assert named == ["/g/one.c", "/g/two.c"]
 
 
-def test_damaged_lists_with_units_are_left_out(tree: Tree) -> None:
+def test_damaged_unity_entries_are_skipped(tree: Tree) -> None:
     root = tree(
         {
             "a/compile_commands.json": '["/Unity/unity_0_c.c"]',

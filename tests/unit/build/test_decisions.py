@@ -167,7 +167,7 @@ def run_native_tool(package: Package, seen: dict[str, Accesses], dropped: frozen
 
 
 @pytest.mark.parametrize("seed", range(2000))
-def test_what_is_reused_is_what_a_clean_build_makes(seed: int) -> None:
+def test_reused_outputs_match_a_clean_build(seed: int) -> None:
     package = Package(random.Random(seed))
     seen = {command.output: command.run(package.files) for command in package.commands}
     missing = missing_of(package, package.files)
@@ -186,7 +186,7 @@ def test_what_is_reused_is_what_a_clean_build_makes(seed: int) -> None:
         assert package.files == package.clean()
 
 
-def test_most_of_a_package_is_reused() -> None:
+def test_most_outputs_are_reused() -> None:
     """The law above would also hold if everything ran again."""
     ran, all_commands = 0, 0
     for seed in range(300):
@@ -207,7 +207,7 @@ def test_most_of_a_package_is_reused() -> None:
 
 @pytest.mark.parametrize("unknown", ["blind", "outside", "no record"])
 @pytest.mark.parametrize("seed", range(50))
-def test_a_command_of_which_not_all_is_known_runs_again_in_a_new_folder(seed: int, unknown: str) -> None:
+def test_a_partially_observed_command_reruns_in_a_new_folder(seed: int, unknown: str) -> None:
     package = Package(random.Random(seed))
     seen = {command.output: command.run(package.files) for command in package.commands}
     one = package.chance.choice(package.commands).output
@@ -334,7 +334,7 @@ def test_the_most_significant_change_is_the_reason(names: tuple[str, ...]) -> No
     assert reason.text.startswith(expected(names))
 
 
-def test_there_are_enough_cases() -> None:
+def test_every_kind_of_reason_is_covered() -> None:
     """Of each kind of reason: the kinds are told apart in output, JSON and statistics."""
     kinds = Counter[InputKind]()
     for change in REASONS.values():

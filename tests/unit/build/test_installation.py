@@ -71,7 +71,7 @@ def layout_in(base: Path, *, merged: bool = False, symlink: bool = False) -> Lay
         ),
     ],
 )
-def test_an_unsuitable_install_folder_is_one_message(
+def test_an_unsuitable_install_folder_gives_one_error(
     before: dict[str, str], asked: str, message: str, tree: Tree
 ) -> None:
     """With the folder, what is wrong and how to mend it."""
@@ -81,7 +81,7 @@ def test_an_unsuitable_install_folder_is_one_message(
     assert str(caught.value) == message.replace("W", str(root), 1)
 
 
-def test_a_folder_that_cannot_be_created_is_one_message() -> None:
+def test_a_folder_that_cannot_be_created_gives_one_error() -> None:
     """Not even root makes folders in /proc."""
     with pytest.raises(WorkspaceError) as caught:
         create_output_folders(layout_in(Path("/proc/forge")))
@@ -108,7 +108,7 @@ def test_hooks_installed_by_the_package_are_kept(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("symlink", [False, True])
-def test_python_packages_get_the_files_that_setup_py_does_not_install(symlink: bool, tmp_path: Path) -> None:
+def test_python_packages_get_files_that_setup_py_does_not_install(symlink: bool, tmp_path: Path) -> None:
     """The index marker and the manifest, unless they are there."""
     layout = layout_in(tmp_path, symlink=symlink)
     made = package("p", build_type="ament_python")
@@ -128,7 +128,7 @@ def test_python_packages_get_the_files_that_setup_py_does_not_install(symlink: b
 # --- finish_workspace
 
 
-def test_recorded_underlays_are_kept_when_they_are_not_sourced(tmp_path: Path) -> None:
+def test_recorded_underlays_are_kept_if_not_sourced(tmp_path: Path) -> None:
     """What a workspace was built on does not depend on the terminal of the day."""
     low, high, other = (tmp_path / name for name in ("low", "high", "other"))
     layout = make_install(tmp_path, [], underlays=(low, high))

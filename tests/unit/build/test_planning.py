@@ -60,7 +60,7 @@ def plan(
     return make_plan(names, RESOLUTION, snapshot, context, SHARED, {})[0]
 
 
-def test_a_ros_1_package_gets_its_own_error_message() -> None:
+def test_ros_1_packages_get_a_specific_error() -> None:
     """A package.xml without a build type means catkin (REP 149): often the wrong branch of a repository."""
     with pytest.raises(WorkspaceError) as raised:
         make_plan(("a",), resolution(package("a", build_type="catkin")), Snapshot(), CONTEXT, SHARED, {})

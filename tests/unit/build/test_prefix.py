@@ -28,7 +28,7 @@ def kept(tmp_path: Path, *, merged: bool = False) -> tuple[Layout, Path, Path]:
 
 
 @pytest.mark.parametrize("merged", [False, True], ids=["isolated", "merged"])
-def test_the_last_good_install_survives_a_kill(tmp_path: Path, *, merged: bool) -> None:
+def test_the_last_successful_install_survives_a_kill(tmp_path: Path, *, merged: bool) -> None:
     """The files of the killed build are no state to return to."""
     layout, small, large = kept(tmp_path, merged=merged)
     assert not small.exists()
@@ -44,7 +44,7 @@ def test_the_last_good_install_survives_a_kill(tmp_path: Path, *, merged: bool) 
     assert not (layout.install / BACKUP_DIR).exists()
 
 
-def test_a_kill_while_files_are_moved_loses_none(tmp_path: Path) -> None:
+def test_a_kill_while_files_are_moved_loses_no_file(tmp_path: Path) -> None:
     """Half of them are aside: all of them are good."""
     layout, small, _ = kept(tmp_path, merged=True)
     (layout.install / BACKUP_DIR / "walker").rename(layout.install / BACKUP_DIR / "walker.part")
@@ -83,7 +83,7 @@ def test_a_failed_first_install_leaves_no_package(tmp_path: Path) -> None:
     assert prefix.read_text() == "mine"
 
 
-def test_a_kill_during_cleanup_changes_nothing(tmp_path: Path) -> None:
+def test_a_kill_during_cleanup_changes_no_files(tmp_path: Path) -> None:
     """What is left of them is not taken for the last good state."""
     layout, small, _ = kept(tmp_path)
     PrefixExchange("walker", layout).commit()

@@ -92,7 +92,7 @@ def test_a_cache_folder_removed_during_use_is_recreated(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("mode", [0o777, 0o1777, 0o2777, 0o707, 0o2772])
-def test_a_folder_that_anyone_can_write_to_is_refused(tmp_path: Path, mode: int) -> None:
+def test_a_world_writable_folder_is_rejected(tmp_path: Path, mode: int) -> None:
     folder = tmp_path / "cache"
     folder.mkdir()
     folder.chmod(mode)
@@ -109,7 +109,7 @@ def test_a_private_folder_and_one_shared_with_a_group_are_accepted(tmp_path: Pat
     FolderStore(tmp_path / "new").check()
 
 
-def test_a_folder_writable_for_a_group_needs_the_setgid_bit(tmp_path: Path) -> None:
+def test_a_group_writable_folder_needs_the_setgid_bit(tmp_path: Path) -> None:
     folder = tmp_path / "cache"
     folder.mkdir()
     other = next(entry.gr_gid for entry in grp.getgrall() if entry.gr_gid != os.getgid())
@@ -124,7 +124,7 @@ def test_a_folder_writable_for_a_group_needs_the_setgid_bit(tmp_path: Path) -> N
     FolderStore(folder).check()
 
 
-def test_a_folder_of_another_user_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_folder_of_another_user_is_rejected(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = tmp_path / "cache"
     folder.mkdir()
     try:
@@ -137,7 +137,7 @@ def test_a_folder_of_another_user_is_refused(tmp_path: Path, monkeypatch: pytest
 
 
 @pytest.mark.usefixtures("mask")
-def test_a_result_that_anyone_can_write_to_counts_as_missing(tmp_path: Path) -> None:
+def test_a_world_writable_result_counts_as_missing(tmp_path: Path) -> None:
     store = FolderStore(tmp_path / "cache")
     store.put_result(KEY, ActionResult())
     assert store.result(KEY) is not None
@@ -153,7 +153,7 @@ def test_shared_cache_files_are_not_world_writable(tmp_path: Path) -> None:
     assert all(not mode & 0o002 for modes in rights(tmp_path / "cache").values() for mode in modes)
 
 
-def test_a_stored_result_is_read_as_it_was_written(tmp_path: Path) -> None:
+def test_stored_results_round_trip(tmp_path: Path) -> None:
     store = FolderStore(tmp_path / "cache")
     result = ActionResult((OutputFile("lib/\udcff", Digest("0a" * 32, 7)),), b'{"a": 1}\xff')
     store.put_result(KEY, result)

@@ -15,7 +15,7 @@ def entry(name: str, hours: float, size: int = 10) -> CacheEntry:
     return CacheEntry("source", name, Path(name), size, time.time() - hours * HOUR)
 
 
-def test_results_that_were_not_used_since_are_removed(tmp_path: Path) -> None:
+def test_results_unused_since_a_date_are_removed(tmp_path: Path) -> None:
     store = FolderStore(tmp_path)
     for key, used in (("ab" * 32, 100.0), ("cd" * 32, 300.0)):
         store.put_result(key, ActionResult())
@@ -32,13 +32,13 @@ def test_least_recently_used_entries_are_removed_until_the_size_is_reached() -> 
     assert [each.name for each in prune_entries(entries, lambda _: True, 0)] == ["old", "middle", "new"]
 
 
-def test_entries_that_cannot_be_removed_count() -> None:
+def test_entries_that_cannot_be_removed_are_counted() -> None:
     entries = [entry("old", 30), entry("middle", 20), entry("new", 10)]
     removed = prune_entries(entries, lambda each: each.name != "old", 20)
     assert [each.name for each in removed] == ["middle"]
 
 
-def test_entries_that_were_not_used_since_are_removed() -> None:
+def test_entries_unused_since_a_date_are_removed() -> None:
     entries = [entry("old", 30), entry("new", 10)]
     removed = prune_entries(entries, lambda _: True, 1 << 30, time.time() - 20 * HOUR)
     assert [each.name for each in removed] == ["old"]

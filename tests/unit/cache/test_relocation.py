@@ -76,17 +76,17 @@ def test_paths_in_text_files_are_rewritten(text: str, moved: str) -> None:
 @pytest.mark.parametrize(
     "content", [b"\x7fELF\0/home/ann/ws/build/a/x.cpp\0", b"@FORGE_ROOT@ and /home/ann/ws"]
 )
-def test_binary_files_and_those_with_placeholders_stay_unchanged(content: bytes) -> None:
+def test_binary_files_and_files_with_placeholders_are_unchanged(content: bytes) -> None:
     assert HERE.relativize(content) == content
 
 
 @pytest.mark.parametrize("root", ["/a b/ws", "/it's/ws", "/a$b"])
-def test_some_paths_must_be_quoted(root: str) -> None:
+def test_paths_with_special_characters_are_not_plain(root: str) -> None:
     assert not places(root).is_plain
     assert places("/ärger/ws-1.0+x").is_plain
 
 
-def test_files_that_are_missing_in_the_home_folder_are_named_as_for_others(
+def test_missing_files_in_home_have_the_same_name_for_all_users(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("HOME", f"{tmp_path}/ann")

@@ -111,7 +111,7 @@ def test_paths_are_adjusted_on_restore(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("size", [10, LARGE])
-def test_binary_files_and_folders_tell_trees_apart(tmp_path: Path, size: int) -> None:
+def test_binary_files_and_folders_distinguish_trees(tmp_path: Path, size: int) -> None:
     roots = [tmp_path / name for name in ("one", "two")]
     paths = [b"\0" * size + bytes(root / "build") + b"\0" for root in roots]
     layouts = [installed(root, {"lib/p": path, "x": b""}) for root, path in zip(roots, paths, strict=True)]
@@ -123,7 +123,7 @@ def test_binary_files_and_folders_tell_trees_apart(tmp_path: Path, size: int) ->
     assert one.difference(surveyed(layouts[1], tmp_path / "pack")) == "hollow"
 
 
-def test_results_that_cannot_be_restored_are_not_stored(tmp_path: Path) -> None:
+def test_unrestorable_results_are_not_stored(tmp_path: Path) -> None:
     layout = installed(tmp_path, {"bin/root": b""})
     (layout.prefix("a") / "bin/root").chmod(0o4755)
     with pytest.raises(Uncacheable, match="'bin/root' is not a regular file"):
@@ -202,7 +202,7 @@ def test_excessive_permissions_are_not_restored() -> None:
     assert decode_index(index(entry)).leaves[0].mode == 0o755
 
 
-def test_nothing_is_written_through_a_link_out_of_the_prefix(tmp_path: Path) -> None:
+def test_no_files_are_written_through_a_link_out_of_the_prefix(tmp_path: Path) -> None:
     """In a merged prefix the link may be another package's."""
     prefix, outside = tmp_path / "two" / "install" / "a", tmp_path / "outside"
     outside.mkdir()
@@ -214,7 +214,7 @@ def test_nothing_is_written_through_a_link_out_of_the_prefix(tmp_path: Path) -> 
     assert not any(outside.iterdir())
 
 
-def test_unchanged_files_keep_their_time_and_hard_links(tmp_path: Path) -> None:
+def test_unchanged_files_keep_times_and_hard_links(tmp_path: Path) -> None:
     """An equal file stays, so that nothing is recompiled. A different one is replaced, not overwritten."""
     tree = surveyed(installed(tmp_path / "one", {"same": b"same", "other": b"new"}), tmp_path / "pack")
     prefix = installed(tmp_path / "two", {"same": b"same", "other": b"old"}).prefix("a")

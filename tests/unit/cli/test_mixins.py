@@ -27,7 +27,7 @@ def test_built_in_mixins_have_the_names_of_the_colcon_repository() -> None:
     assert names >= {"asan", "ubsan", "coverage", "lto"}
 
 
-def test_flags_of_several_mixins_are_joined_because_cmake_uses_only_the_last() -> None:
+def test_flags_of_several_mixins_are_joined() -> None:
     assert cmake_args("asan-gcc", "coverage-gcc", "debug") == [
         "-DCMAKE_C_FLAGS=-fsanitize=address --coverage",
         "-DCMAKE_CXX_FLAGS=-fsanitize=address --coverage",

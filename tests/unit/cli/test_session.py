@@ -14,7 +14,7 @@ from forge.workspace.selection import Query
 from tests.packages import package
 
 
-def test_embedded_packages_have_lines_the_first_time_and_when_they_are_named() -> None:
+def test_embedded_packages_are_shown_in_the_first_build_and_when_selected() -> None:
     packages = {n: replace(package(n), embedded=n != "own") for n in ("own", "new", "old", "asked")}
     plan = BuildPlan({n: Task(n, packages[n], Path(), Path(), (), (), "") for n in packages})
     seconds = dict.fromkeys(("own", "old", "asked"), 1.0)

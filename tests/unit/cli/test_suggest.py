@@ -134,7 +134,7 @@ ALL = "'forge clean --help' lists all options"
         ),
     ],
 )
-def test_misspelled_words_have_a_suggestion(
+def test_misspelled_words_get_a_suggestion(
     argv: tuple[str, ...], told: str, forge: Forge, tmp_path: Path
 ) -> None:
     ran = forge(*argv, cwd=tmp_path)

@@ -65,7 +65,7 @@ def test_prefixes_are_searched_in_order_if_they_exist(index: ModuleType, prefixe
 
 
 @pytest.mark.parametrize("value", [None, ""])
-def test_without_prefixes_the_variable_is_named(
+def test_missing_prefixes_are_reported_with_the_variable(
     index: ModuleType, monkeypatch: pytest.MonkeyPatch, value: str | None
 ) -> None:
     monkeypatch.setenv("AMENT_PREFIX_PATH", value or "")
@@ -110,7 +110,7 @@ def test_names_that_escape_the_index_are_rejected(index: ModuleType, name: str) 
         index.get_resources(name)
 
 
-def test_resources_have_a_content_and_a_prefix(index: ModuleType, prefixes: Path) -> None:
+def test_resources_have_content_and_a_prefix(index: ModuleType, prefixes: Path) -> None:
     assert index.get_resource("rosidl_interfaces", "robot") == (LISTED, f"{prefixes}/over")
     assert index.has_resource("rosidl_interfaces", "robot") == f"{prefixes}/over"
     assert index.has_resource("rosidl_interfaces", "plain") is False
@@ -120,7 +120,7 @@ def test_resources_have_a_content_and_a_prefix(index: ModuleType, prefixes: Path
 
 
 @pytest.mark.usefixtures("prefixes")
-def test_interfaces_are_listed_without_halves_of_services(runtime: ModuleType) -> None:
+def test_interfaces_are_listed_without_requests_and_responses(runtime: ModuleType) -> None:
     assert runtime.get_interfaces() == {"robot": ["action/Go", "msg/Pose", "srv/Do"]}
     assert list(runtime.get_interfaces(["robot", "plain"])) == ["robot"]
     assert list(runtime.get_interface_packages()) == ["robot"]

@@ -53,7 +53,7 @@ def test_descriptions_report_bounded_sizes(definition: ModuleType) -> None:
     assert not definition.UnboundedSequence(element).has_maximum_size()
 
 
-def test_the_abstract_bases_are_those_that_readers_of_slot_types_ask_for(definition: ModuleType) -> None:
+def test_abstract_base_classes_match_rosidl_parser(definition: ModuleType) -> None:
     element = definition.BasicType("int8")
     assert isinstance(element, definition.AbstractNestableType)
     assert isinstance(
@@ -67,6 +67,6 @@ def test_the_abstract_bases_are_those_that_readers_of_slot_types_ask_for(definit
     assert definition.NamespacedType(("a", "msg"), "B").namespaces == ["a", "msg"]
 
 
-def test_a_name_of_a_type_is_found_in_the_table_of_its_kind(definition: ModuleType) -> None:
+def test_type_names_are_found_in_the_table_of_their_kind(definition: ModuleType) -> None:
     assert (definition.BOOLEAN_TYPE, definition.OCTET_TYPE) == ("boolean", "octet")
     assert {"boolean", "octet", "char", "double", "uint64"} <= set(definition.BASIC_TYPES)

@@ -68,7 +68,7 @@ def test_collections_and_strings_can_be_summarized(msg: ModuleType, runtime: Mod
     assert (fields["text"], fields["wide"]) == ("<string length: <3>>", "<string length: <0>>")
 
 
-def test_yaml_is_a_block_in_the_order_of_the_fields(msg: ModuleType, runtime: ModuleType) -> None:
+def test_yaml_uses_block_style_in_field_order(msg: ModuleType, runtime: ModuleType) -> None:
     message = msg.Bound(numbers=[1, 2], texts=["é"], points=[msg.Point()])
     expected = "numbers:\n- 1\n- 2\ntexts:\n- é\nshorts: []\npoints:\n- x: 0.0\n  y: 0.0\n"
     assert runtime.message_to_yaml(message) == expected
@@ -84,7 +84,7 @@ def test_flow_style_puts_lists_on_one_line(msg: ModuleType, runtime: ModuleType)
     assert runtime.message_to_yaml(message, flow_style=True) == expected
 
 
-def test_yaml_leaves_the_dumpers_of_others_alone(msg: ModuleType, runtime: ModuleType) -> None:
+def test_yaml_does_not_modify_other_dumpers(msg: ModuleType, runtime: ModuleType) -> None:
     from collections import OrderedDict
 
     before = yaml.dump(OrderedDict(a=1))
@@ -103,7 +103,7 @@ def test_csv_has_no_leading_separator(msg: ModuleType, runtime: ModuleType) -> N
     assert runtime.message_to_csv(msg.Bound(texts=["a"])) == "a,,"
 
 
-def test_csv_can_be_abridged(msg: ModuleType, runtime: ModuleType) -> None:
+def test_csv_can_be_truncated(msg: ModuleType, runtime: ModuleType) -> None:
     message = msg.Loose(a_int8=[1, 2, 3], texts=["abcd"], bytes=[b"xyz"])
     text = runtime.message_to_csv(message, truncate_length=2)
     assert text.startswith("1,2,...,")
@@ -119,7 +119,7 @@ def test_slot_types_are_found_by_name(msg: ModuleType, runtime: ModuleType) -> N
     )
 
 
-def test_hand_written_classes_need_only_slots(runtime: ModuleType) -> None:
+def test_handwritten_classes_need_only_slots(runtime: ModuleType) -> None:
     class ByHand:
         __slots__ = ("_speed",)
         SLOT_TYPES = ("double",)
@@ -127,7 +127,7 @@ def test_hand_written_classes_need_only_slots(runtime: ModuleType) -> None:
     assert dict(runtime.get_message_slot_types(ByHand())) == {"speed": "double"}
 
 
-def test_a_single_value_is_converted_with_the_keys_of_a_dictionary_whole(runtime: ModuleType) -> None:
+def test_single_values_are_converted_keeping_dictionary_keys(runtime: ModuleType) -> None:
     convert = import_module("rosidl_runtime_py.convert")._convert_value
     assert convert({1: "abc", "key": b"abc"}, truncate_length=1) == {1: "a...", "key": "a..."}
     assert runtime.convert._convert_value((1, 2), truncate_length=1) == (1, "...")
@@ -269,12 +269,12 @@ NAMED = [
 
 
 @pytest.mark.parametrize(("function", "name", "namespaces"), NAMED)
-def test_a_name_becomes_a_type(names: ModuleType, function: str, name: str, namespaces: list[str]) -> None:
+def test_type_names_are_resolved(names: ModuleType, function: str, name: str, namespaces: list[str]) -> None:
     type_ = getattr(names, function)(name)
     assert (type_.namespaces, type_.name) == (namespaces, "Point")
 
 
-def test_the_class_of_a_collections_elements_is_deprecated(msg: ModuleType, runtime: ModuleType) -> None:
+def test_the_element_class_of_collections_is_deprecated(msg: ModuleType, runtime: ModuleType) -> None:
     points = msg.Loose.SLOT_TYPES[-1]
     with pytest.warns(DeprecationWarning, match="value_type"):
         assert runtime.import_message_from_namespaced_type(points) is msg.Point

@@ -28,35 +28,35 @@ COMMANDS = ObservedCommands(missing=frozenset({"/s/config.h", "/s/inc", "/t/othe
 
 
 @pytest.mark.parametrize("path", ["/s/a.c"])
-def test_a_command_is_affected_by_what_it_read(path: str) -> None:
+def test_commands_are_affected_by_files_that_they_read(path: str) -> None:
     assert COMMANDS.affected(SEEN, (), (), {path})
     assert COMMANDS.affected(SEEN, (), {path}, ())
 
 
-def test_a_command_that_only_found_a_file_is_affected_if_it_goes() -> None:
+def test_commands_are_affected_if_a_found_file_disappears() -> None:
     assert COMMANDS.affected(SEEN, (), {"/s/b.c"}, ())
     assert COMMANDS.affected(SEEN, (), {"/s/d/"}, ())
     assert not COMMANDS.affected(SEEN, (), (), {"/s/b.c"})
 
 
 @pytest.mark.parametrize("path", ["/s/l/new", "/s/l/folder/", "/s/config.h", "/s/inc/x/y.h", "/s/inc/"])
-def test_a_command_is_affected_by_new_names_that_it_listed_or_missed(path: str) -> None:
+def test_commands_are_affected_by_new_names_that_they_listed_or_missed(path: str) -> None:
     assert COMMANDS.affected(SEEN, {path}, (), ())
 
 
 @pytest.mark.parametrize("path", ["/s/new", "/s/d/l", "/t/other.h", "/s/l/deep/new", "/s/config.hpp"])
-def test_a_command_is_not_affected_by_other_new_names(path: str) -> None:
+def test_commands_are_not_affected_by_other_new_names(path: str) -> None:
     assert not COMMANDS.affected(SEEN, {path}, (), ())
 
 
-def test_a_later_build_replaces_what_its_commands_did_before() -> None:
+def test_later_builds_replace_records_of_the_same_commands() -> None:
     old, new = Accesses(read=frozenset({"/old"})), Accesses(read=frozenset({"/new"}))
     before = ObservedCommands(SEEN, {"a": old, "b": old, "gone": old}, frozenset({"/m"}))
     merged = before.merged(ObservedCommands(None, {"a": new}, frozenset({"/n"})), {"a", "b"})
     assert merged == ObservedCommands(SEEN, {"a": new, "b": old}, frozenset({"/m", "/n"}))
 
 
-def test_what_is_known_survives_on_disk() -> None:
+def test_commands_survive_a_round_trip() -> None:
     commands = ObservedCommands(
         SEEN, {"x": Accesses(blind=True), "y": SEEN}, frozenset({"/m"}), SEEN, (("$A", "1"),)
     )
@@ -70,7 +70,7 @@ def process(pid: int, parent: Process | None, program: str, *records: tuple[str,
     return found
 
 
-def test_the_children_of_ninja_are_the_commands(tmp_path: Path) -> None:
+def test_children_of_ninja_are_commands(tmp_path: Path) -> None:
     build, source, other = tmp_path / "b", tmp_path / "s", tmp_path / "other"
     for folder in (build, source, other):
         folder.mkdir()
@@ -104,7 +104,7 @@ def test_the_children_of_ninja_are_the_commands(tmp_path: Path) -> None:
     assert not found.edges[str(output)].outputs_known
 
 
-def test_the_names_in_the_folder_of_temporary_files_are_no_input(tmp_path: Path) -> None:
+def test_names_in_the_temporary_folder_are_not_inputs(tmp_path: Path) -> None:
     (tmp_path / "names").mkdir()
     cmake = process(1, None, "/usr/bin/cmake")
     listed = [("L", tempfile.gettempdir()), ("L", str(tmp_path / "names"))]
@@ -137,7 +137,7 @@ def test_an_inner_ninja_belongs_to_the_command_that_starts_it(tmp_path: Path) ->
     assert (found(None).rest or Accesses()).read == source
 
 
-def test_paths_are_those_of_the_spelled_folders(tmp_path: Path) -> None:
+def test_paths_are_spelled_like_their_configured_folders(tmp_path: Path) -> None:
     (tmp_path / "real/deep").mkdir(parents=True)
     (tmp_path / "link").symlink_to("real")
     folders = Folders(tmp_path / "link/b", (tmp_path / "link",))

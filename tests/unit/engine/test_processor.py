@@ -13,12 +13,12 @@ bogomips\t: 1
 """
 
 
-def test_clock_rate_and_number_of_processors_do_not_count() -> None:
+def test_clock_rate_and_processor_count_are_ignored() -> None:
     again = ONE.replace("1234.5", "4321.0").replace(": 0", ": 1")
     assert processor(f"{ONE}\n{again}") == processor(ONE)
 
 
-def test_processor_model_and_features_count() -> None:
+def test_processor_model_and_features_are_inputs() -> None:
     assert processor(ONE.replace("avx2", "avx")) != processor(ONE)
     assert processor(ONE.replace("A processor", "B processor")) != processor(ONE)
 

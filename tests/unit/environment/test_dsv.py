@@ -77,7 +77,7 @@ def test_prepending_keeps_the_order_of_existing_entries(held: str | None, first:
     }
 
 
-def test_appending_setting_and_defaults() -> None:
+def test_append_set_and_default_operations_work() -> None:
     edits = [
         Edit("append", "X", "a", below=True),
         Edit("append", "X", "a", below=True),

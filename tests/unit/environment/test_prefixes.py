@@ -19,7 +19,7 @@ def paths(*folders: Path) -> str:
     return ":".join(map(str, folders))
 
 
-def test_underlays_are_lowest_first_and_prefixes_highest_first(tmp_path: Path) -> None:
+def test_underlays_are_ordered_lowest_first_and_prefixes_highest_first(tmp_path: Path) -> None:
     low = make_install(tmp_path / "low", [Made("base")], merged=True).install
     high = make_install(tmp_path / "high", [Made("library"), Made("tool")]).install
     variables = {
@@ -32,7 +32,7 @@ def test_underlays_are_lowest_first_and_prefixes_highest_first(tmp_path: Path) -
     assert found.prefixes == (high / "tool", low, high / "library")
 
 
-def test_an_ament_prefix_stands_for_the_root_with_setup_scripts(tree: Tree) -> None:
+def test_an_ament_prefix_is_mapped_to_the_root_with_setup_scripts(tree: Tree) -> None:
     root = tree(
         {
             "humble/local_setup.bash": "",

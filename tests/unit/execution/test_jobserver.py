@@ -81,7 +81,7 @@ def test_all_tools_of_a_build_share_one_jobserver_style(
     assert common_style(styles) == style
 
 
-def test_jobserver_notices_of_ninja_are_not_shown() -> None:
+def test_ninja_jobserver_notices_are_hidden() -> None:
     notice = b"ninja: Jobserver mode detected:  -j2 --jobserver-auth=3,4\n"
     warning = b"ninja: warning: Jobserver 'pipe' mode detected, a pool that"
     error = b"ninja: error: loading 'build.ninja'\n"
@@ -137,7 +137,7 @@ def test_lost_tokens_are_replaced_when_nothing_runs(tmp_path: Path) -> None:
         os.close(killed)
 
 
-def test_low_memory_leaves_one_package_and_drains_the_pool(tmp_path: Path) -> None:
+def test_low_memory_allows_one_package_and_drains_the_pool(tmp_path: Path) -> None:
     short = threading.Event()
     with closing(JobPool(3, create_pool(FIFO), TOOLS, is_overloaded=short.is_set)) as job_pool:
         auth = auth_in(job_pool, tmp_path)

@@ -104,7 +104,7 @@ def test_long_chains_start_before_short_ones() -> None:
         assert Scheduler(plan_of(graph), 1, seconds, in_order=True).advance() == [Started(first)]
 
 
-def test_packages_without_history_count_as_average() -> None:
+def test_packages_without_history_have_the_average_duration() -> None:
     graph = {name: frozenset[str]() for name in ("short", "new", "long", "longer")}
     scheduler = Scheduler(plan_of(graph), 1, {"short": 1.0, "long": 5.0, "longer": 7.0})
     order = []

@@ -136,9 +136,11 @@ def made(text: str) -> Any:
 
 
 @pytest.fixture(scope="module")
-def test_msgs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def test_msg_definitions_are_accepted_or_rejected_like_by_rosidl(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Path:
     """Write ROS's test messages."""
-    folder = tmp_path_factory.mktemp("test_msgs")
+    folder = tmp_path_factory.mktemp("test_msg_definitions_are_accepted_or_rejected_like_by_rosidl")
     (folder / "msg").mkdir()
     for name, text in TEST_MSGS.items():
         (folder / "msg" / f"{name}.msg").write_text(text, encoding="utf-8")
@@ -146,8 +148,13 @@ def test_msgs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize("name", ["Arrays", "BoundedSequences", "UnboundedSequences"])
-def test_fields_after_strings_of_odd_length_are_aligned(name: str, test_msgs: Path) -> None:
-    class_ = load(test_msgs, "test_msgs")[f"test_msgs/msg/{name}"]
+def test_fields_after_strings_of_odd_length_are_aligned(
+    name: str, test_msg_definitions_are_accepted_or_rejected_like_by_rosidl: Path
+) -> None:
+    class_ = load(
+        test_msg_definitions_are_accepted_or_rejected_like_by_rosidl,
+        "test_msg_definitions_are_accepted_or_rejected_like_by_rosidl",
+    )[f"test_msg_definitions_are_accepted_or_rejected_like_by_rosidl/msg/{name}"]
     forge_cdr = import_module("forge_cdr")
     value = class_(alignment_check=0x01020304)
     data = forge_cdr.serialize(value)
@@ -156,20 +163,36 @@ def test_fields_after_strings_of_odd_length_are_aligned(name: str, test_msgs: Pa
     assert forge_cdr.deserialize(data, class_) == value
 
 
-def test_wide_strings_contain_any_characters() -> None:
+def test_wide_strings_can_contain_any_character() -> None:
     value = made(TEST_MSGS["WStrings"])()
     assert (value.wstring_value_default2, value.wstring_value_default3) == ("Hellö wörld!", "ハローワールド")
     assert not hasattr(value, "WSTRING_CONST")
 
 
 @pytest.mark.parametrize("name", KNOWN)
-def test_nested_arrays_of_messages_have_the_reference_hashes(name: str, test_msgs: Path) -> None:
+def test_nested_arrays_of_messages_have_the_reference_hashes(
+    name: str, test_msg_definitions_are_accepted_or_rejected_like_by_rosidl: Path
+) -> None:
     """The hashes are those of rosidl; MultiNested contains nearly all other messages."""
-    found = hashes(resolve("test_msgs", parse_all(read_folder("test_msgs", test_msgs)), Library()))
-    assert found[TypeName("test_msgs", "msg", name)] == f"RIHS01_{KNOWN[name]}"
+    found = hashes(
+        resolve(
+            "test_msg_definitions_are_accepted_or_rejected_like_by_rosidl",
+            parse_all(
+                read_folder(
+                    "test_msg_definitions_are_accepted_or_rejected_like_by_rosidl",
+                    test_msg_definitions_are_accepted_or_rejected_like_by_rosidl,
+                )
+            ),
+            Library(),
+        )
+    )
+    assert (
+        found[TypeName("test_msg_definitions_are_accepted_or_rejected_like_by_rosidl", "msg", name)]
+        == f"RIHS01_{KNOWN[name]}"
+    )
 
 
-def test_bare_and_qualified_type_names_are_the_same_type(tree: Tree) -> None:
+def test_bare_and_qualified_type_names_are_equivalent(tree: Tree) -> None:
     part = "Near near\ntour/Near again\nbuiltin_interfaces/Duration far\n"
     folder = tree({"msg/Near.msg": "int8 a", "action/Go.action": f"{part}---\n{part}---\n{part}"})
     go = load(folder, "tour")["tour/action/Go"]
@@ -184,12 +207,12 @@ def test_bytes_and_their_constants_are_bytes_in_python() -> None:
     assert (log().level, log.DEBUG, log.INFO, log.FATAL) == (0, b"\n", b"\x14", b"2")
 
 
-def test_integer_defaults_of_floats_are_floats() -> None:
+def test_integer_defaults_of_float_fields_are_floats() -> None:
     pose = load(EMBEDDED / "geometry_msgs")["geometry_msgs/msg/Pose"]()
     assert (type(pose.orientation.w), pose.orientation.w) == (float, 1.0)
 
 
-def test_any_bracketed_text_is_a_unit_as_in_rosidl() -> None:
+def test_any_text_in_brackets_is_a_unit_as_in_rosidl() -> None:
     (field,) = message("float32 a # a share [0.0-1.0]").fields
     assert (field.doc, field.unit) == (("a share",), "0.0-1.0")
     assert message("# K[0] == 0.0 says that.\n\nint8 a").doc == ("K == 0.0 says that.",)
@@ -215,7 +238,7 @@ def test_sequences_of_bounded_wide_strings_are_rejected() -> None:
     assert [field.type for field in fields] == [Array(wide, 2), Sequence(wide, 3), Sequence(String(bound=4))]
 
 
-def test_idl_only_types_in_their_own_namespace(forge: Forge, tree: Tree) -> None:
+def test_idl_only_types_have_their_own_namespace(forge: Forge, tree: Tree) -> None:
     idl = "module tour {{ module idl {{ struct Only {{ wchar a; sequence<wchar> b; {} c; }}; }}; }};"
     folder = tree({"src/idl/Only.idl": idl.format("long double")})
     arguments = ["--package", "tour", "--output", "out", "src"]
@@ -228,11 +251,18 @@ def test_idl_only_types_in_their_own_namespace(forge: Forge, tree: Tree) -> None
     assert load(folder / "src", "tour")["tour/idl/Only"](a="日", b=["x"]).a == "日"
 
 
-def test_files_of_other_folders_belong_to_the_generating_package(forge: Forge, tree: Tree) -> None:
+def test_files_in_other_folders_belong_to_the_generating_package(forge: Forge, tree: Tree) -> None:
     root = tree({"share/files/msg/Inner.msg": "int8 a", "share/files/msg/Outer.msg": "Inner inner"})
     files = [word for name in ("Inner", "Outer") for word in ("--file", f"share/files:msg/{name}.msg")]
-    ran = forge("interface", "hash", "--package", "test_msgs", *files, cwd=root)
+    ran = forge(
+        "interface",
+        "hash",
+        "--package",
+        "test_msg_definitions_are_accepted_or_rejected_like_by_rosidl",
+        *files,
+        cwd=root,
+    )
     assert [line.split()[0] for line in ran.out.splitlines()] == [
-        "test_msgs/msg/Inner",
-        "test_msgs/msg/Outer",
+        "test_msg_definitions_are_accepted_or_rejected_like_by_rosidl/msg/Inner",
+        "test_msg_definitions_are_accepted_or_rejected_like_by_rosidl/msg/Outer",
     ]

@@ -118,7 +118,7 @@ def _table(path: Path, rosdistro: str) -> dict[str, object]:
 
 
 @pytest.mark.parametrize("rosdistro", DISTRIBUTIONS)
-def test_the_type_hashes_are_those_of_ros(rosdistro: str) -> None:
+def test_type_hashes_match_ros(rosdistro: str) -> None:
     """The tables contain the hashes of the reference implementation and of an installed Jazzy."""
     library = Library(embedded=EMBEDDED, rosdistro=rosdistro)
     computed = {
@@ -131,7 +131,7 @@ def test_the_type_hashes_are_those_of_ros(rosdistro: str) -> None:
 
 
 @pytest.mark.parametrize("rosdistro", DISTRIBUTIONS)
-def test_constants_and_defaults_are_those_of_the_distribution(rosdistro: str) -> None:
+def test_constants_and_defaults_match_the_distribution(rosdistro: str) -> None:
     """Type hashes do not include them."""
     values: dict[str, dict[str, Value]] = {}
     interfaces = (parsed.interface for name in NAMES for parsed in _of_distribution(name, rosdistro))
@@ -144,7 +144,7 @@ def test_constants_and_defaults_are_those_of_the_distribution(rosdistro: str) ->
     assert values == _table(VALUES, rosdistro)
 
 
-def test_log_levels_are_bytes_in_humble_and_numbers_later() -> None:
+def test_log_levels_are_bytes_in_humble_and_integers_later() -> None:
     """The tables do not contain types."""
     types = {
         rosdistro: {

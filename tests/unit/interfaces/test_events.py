@@ -30,7 +30,7 @@ def catalog(*, events: bool) -> Catalog:
     return resolve("demo", parse_all(sources), Library(), events=events)
 
 
-def test_events_are_messages_after_those_that_they_contain() -> None:
+def test_event_messages_follow_the_messages_that_they_contain() -> None:
     interfaces = catalog(events=True).interfaces
     names = [message.name.name for message in messages_of(interfaces[MOVE])]
     assert names == ["Move_Request", "Move_Response", "Move_Event"]
@@ -41,7 +41,7 @@ def test_events_are_messages_after_those_that_they_contain() -> None:
     ]
 
 
-def test_without_events_they_are_only_part_of_the_hash() -> None:
+def test_disabled_events_affect_only_the_hash() -> None:
     without, with_ = catalog(events=False), catalog(events=True)
     assert not [name for name in without.known if name.name.endswith("_Event")]
     assert hashes(without) == hashes(with_)
@@ -50,7 +50,7 @@ def test_without_events_they_are_only_part_of_the_hash() -> None:
 
 
 @pytest.mark.parametrize("events", [True, False])
-def test_events_are_generated_in_cpp_and_python_on_request(*, events: bool) -> None:
+def test_events_can_be_generated_in_cpp_and_python(*, events: bool) -> None:
     found = catalog(events=events)
     texts = {file.path: file.text for target in (cpp, python) for file in target.files(found)}
     expected = {
@@ -64,7 +64,7 @@ def test_events_are_generated_in_cpp_and_python_on_request(*, events: bool) -> N
     assert {path: text in texts[path] for path, text in expected.items()} == dict.fromkeys(expected, events)
 
 
-def test_a_missing_dependency_of_a_service_is_named() -> None:
+def test_a_missing_dependency_of_a_service_is_reported() -> None:
     source = Source("demo", "srv/Move.srv", Path("Move.srv"), DEFINITIONS["srv/Move.srv"])
     with pytest.raises(InterfaceError) as caught:
         resolve("demo", parse_all([source]), Library(embedded=None), events=True)

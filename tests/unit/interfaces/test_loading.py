@@ -36,7 +36,7 @@ def test_a_folder_provides_its_classes_and_nested_ones(tree: Tree) -> None:
     assert sorted(path.name for path in folder.iterdir()) == ["tour"]
 
 
-def test_embedded_packages_are_those_of_the_distribution(tree: Tree, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_embedded_packages_match_the_distribution(tree: Tree, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = tree({"far/msg/A.msg": "sensor_msgs/Range range", "far/srv/B.srv": "---\n"}) / "far"
     monkeypatch.setenv("ROS_DISTRO", "jazzy")
     types = load(folder)
@@ -66,7 +66,7 @@ def test_two_versions_of_a_type_coexist() -> None:
     )
 
 
-def test_idl_and_actions_are_loaded_as_well(tree: Tree) -> None:
+def test_idl_files_and_actions_can_be_loaded(tree: Tree) -> None:
     idl = "module tour { module msg { struct A { @default (value=7) long a; }; }; };"
     assert load(f"{LINE}\nIDL: tour/msg/A\n{idl}", "tour/msg/A")["tour/msg/A"]().a == 7
     folder = tree({"action/Go.action": "int8 a\n---\nstd_msgs/Header header\n---\n"})
@@ -88,7 +88,7 @@ def test_invalid_arguments_are_reported() -> None:
         _ = forge.interfaces.nothing
 
 
-def test_modules_in_memory_behave_like_modules() -> None:
+def test_in_memory_modules_behave_like_modules() -> None:
     types = load("std_msgs/String text", "tour/msg/A")
     module: Any = import_module(types["tour/msg/A"].__module__)
     root = module.__name__.partition(".")[0]
@@ -100,7 +100,7 @@ def test_modules_in_memory_behave_like_modules() -> None:
     assert module.A.__init__.__code__.co_filename == f"<{module.__name__}>"
 
 
-def test_big_endian_bytes_are_read_into_types_in_memory() -> None:
+def test_big_endian_bytes_are_read_into_in_memory_types() -> None:
     """The generic codec finds classes by name, including those of other packages."""
     load("int8 a", "tour/msg/A")
     forge_cdr = import_module("forge_cdr")
@@ -110,5 +110,5 @@ def test_big_endian_bytes_are_read_into_types_in_memory() -> None:
     assert (message.header.stamp.sec, message.header.frame_id, message.a) == (1, "map", 3)
 
 
-def test_the_classes_are_named_in_the_package() -> None:
+def test_load_returns_a_types_object() -> None:
     assert isinstance(load("int8 a", "tour/msg/A"), Types)

@@ -78,7 +78,7 @@ def test_schemas_round_trip(encoding: str) -> None:
         assert found == hashes(resolve(name.package, reference, LIBRARY))[name]
 
 
-def test_headings_are_read_with_and_without_the_namespace() -> None:
+def test_headings_are_parsed_with_or_without_a_namespace() -> None:
     text = f"A a\n{LINE}\nMSG: q/A\nint8 a\n\n{LINE}\nMSG: q/msg/B \n\n{LINE}\nIDL: q/idl/C\nmodule q {{}};"
     sources = read_schema(text, TypeName("p", "msg", "Top"))
     assert [(s.package, s.relative, s.text) for s in sources] == [

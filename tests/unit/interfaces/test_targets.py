@@ -45,7 +45,7 @@ def third_party(tree: Tree, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.usefixtures("third_party")
-def test_another_distribution_provides_a_target(forge: Forge, tree: Tree) -> None:
+def test_third_party_targets_are_found(forge: Forge, tree: Tree) -> None:
     root = tree({"src/msg/A.msg": "int8 a", "src/msg/B.msg": ""})
     ran = forge(
         "interface", "generate", "--package", "p", "--output", "out", "--lang", "names", "src", cwd=root
@@ -55,7 +55,7 @@ def test_another_distribution_provides_a_target(forge: Forge, tree: Tree) -> Non
 
 
 @pytest.mark.usefixtures("third_party")
-def test_forges_own_targets_come_first() -> None:
+def test_built_in_targets_take_precedence() -> None:
     assert all(file.path != "python/demo.txt" for file in render(EMPTY, "python"))
 
 
@@ -68,7 +68,7 @@ def test_forges_own_targets_come_first() -> None:
         ("empty", "it has no function 'files'"),
     ],
 )
-def test_an_unusable_target_is_reported_with_the_cause(name: str, cause: str) -> None:
+def test_unusable_targets_are_reported_with_the_cause(name: str, cause: str) -> None:
     with pytest.raises(ForgeError) as caught:
         render(EMPTY, name)
     message = f"the target '{name}' cannot be loaded from 'third_{name}': {cause}"

@@ -54,13 +54,13 @@ def test_a_corrupt_state_file_is_ignored(tmp_path: Path, text: str) -> None:
     assert read_states(tmp_path) == {"p": OutputState()}
 
 
-def test_an_unwritable_folder_is_a_host_error(tmp_path: Path) -> None:
+def test_unwritable_folders_are_host_errors(tmp_path: Path) -> None:
     (tmp_path / "x").write_text("a file")
     with pytest.raises(HostError, match="cannot write"):
         write([part("x", a="a")], tmp_path, "p")
 
 
-def test_a_depfile_is_a_rule_for_make(tmp_path: Path) -> None:
+def test_depfiles_are_make_rules(tmp_path: Path) -> None:
     depfile = tmp_path / "p.d"
     write_depfile(depfile, tmp_path / "stamp", [tmp_path / "a b.msg", tmp_path / "$c#.msg"])
     text = depfile.read_text().replace(str(tmp_path), "T")

@@ -139,7 +139,7 @@ def test_a_failure_names_step_error_log_and_command(capfd: pytest.CaptureFixture
 
 
 @pytest.mark.parametrize(("lines_after", "times"), [(0, 1), (10, 1), (40, 2)])
-def test_a_visible_error_is_not_printed_again(
+def test_errors_already_shown_are_not_repeated(
     capfd: pytest.CaptureFixture[str], lines_after: int, times: int
 ) -> None:
     """stderr is shown in full; an error far above the report is repeated."""
@@ -151,14 +151,14 @@ def test_a_visible_error_is_not_printed_again(
     assert err.count("  first error in step 'build': see above\n") == 2 - times
 
 
-def test_an_invalid_interface_definition_has_exit_code_2(capfd: pytest.CaptureFixture[str]) -> None:
+def test_invalid_interface_definitions_have_exit_code_2(capfd: pytest.CaptureFixture[str]) -> None:
     report = report_on("a")
     line = b"src/a/msg/A.msg:1:1: error: unknown type 'a/Nope'\n"
     shown(capfd, report, Output("a", line, stderr=False), Finished("a", 1, 0.1, STEP))
     assert report.exit_code == 2
 
 
-def test_warnings_of_compilers_are_shown_as_with_make(capfd: pytest.CaptureFixture[str]) -> None:
+def test_compiler_warnings_are_shown_like_with_make(capfd: pytest.CaptureFixture[str]) -> None:
     """Ninja prints to stdout what compilers print to stderr."""
     text = "x.cpp:3:5: warning: unused\n    3 | int x;\n"
     events = (
@@ -173,7 +173,7 @@ def test_warnings_of_compilers_are_shown_as_with_make(capfd: pytest.CaptureFixtu
     assert "unused" not in shown(capfd, report_on("a"), *events, Finished("a", 1, 0.1, STEP))[1]
 
 
-def test_direct_and_cohesive_output(capfd: pytest.CaptureFixture[str]) -> None:
+def test_output_can_be_direct_or_cohesive(capfd: pytest.CaptureFixture[str]) -> None:
     line = Output("a", b"\xff line\n", stderr=False)
     quiet = {**HANDLERS, "console_start_end": False, "summary": False}
     direct = report_on("a", handlers={**quiet, "console_direct": True})
@@ -184,7 +184,7 @@ def test_direct_and_cohesive_output(capfd: pytest.CaptureFixture[str]) -> None:
     assert out == "\ufffd line\n--- output: a\n\ufffd line\n---\n"
 
 
-def test_long_output_keeps_its_beginning_and_end(capfd: pytest.CaptureFixture[str]) -> None:
+def test_long_output_is_shortened_in_the_middle(capfd: pytest.CaptureFixture[str]) -> None:
     report = report_on("a", handlers={**HANDLERS, "console_cohesion": True})
     for number in range(100_000):
         report.show(Output("a", f"{number:100}\n".encode(), stderr=False))

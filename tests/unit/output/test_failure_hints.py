@@ -119,7 +119,7 @@ NOT_EXPORTED = 'The link interface of target "{}" contains:\n\n    {}\n\n  but t
         ('unable to provide libc for target "arm-linux.5.10...7.2-gnueabihf.2.10"', "zig has no glibc 2.10"),
     ],
 )
-def test_known_failures_have_a_hint(said: str, expected: str) -> None:
+def test_known_failures_get_a_hint(said: str, expected: str) -> None:
     hint = hint_of(said, SCENE)
     assert hint is not None
     assert expected in hint
@@ -159,7 +159,7 @@ def test_misspelled_packages_get_a_suggestion_before_system_packages() -> None:
         "drive: not found",
     ],
 )
-def test_unclear_failures_have_no_hint(said: str) -> None:
+def test_unknown_failures_get_no_hint(said: str) -> None:
     """A package that is declared and built, but not found, has an unknown cause."""
     assert hint_of(said, SCENE) is None
 
@@ -209,7 +209,7 @@ def test_an_unknown_cmake_command_is_misspelled_or_lacks_find_package(
     assert hint_of(f'Unknown CMake command "{command}".', scene) == expected
 
 
-def test_headers_of_interfaces_are_in_lower_case() -> None:
+def test_interface_headers_are_lowercase() -> None:
     text = manifest_text("own_msgs", "<member_of_group>rosidl_interface_packages</member_of_group>")
     path = Path("src/own_msgs")
     msgs = Package(path, parse_manifest(text.encode(), path / "package.xml", {}))
@@ -255,7 +255,7 @@ def test_a_package_of_an_earlier_build_gets_no_system_package_hint(tree: Tree) -
     assert "forge clean stale" in hint
 
 
-def test_a_submodule_that_is_not_checked_out_is_named(tree: Tree) -> None:
+def test_a_missing_submodule_is_named(tree: Tree) -> None:
     modules = '[submodule "up"]\n\tpath = src/up\n\turl = https://x.org/up\n[submodule "b"]\n\tpath = src/b\n'
     root = tree({"ws/.gitmodules": modules, "ws/src/b/README": "", "ws/src/up/.keep": ""}) / "ws"
     (root / "src/up/.keep").unlink()
@@ -265,7 +265,7 @@ def test_a_submodule_that_is_not_checked_out_is_named(tree: Tree) -> None:
     assert "apt-file" in str(hint_of(NO_CONFIG.format("pk"), scene_in(root)))
 
 
-def test_a_submodule_below_a_package_is_named(tree: Tree, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_submodule_in_a_package_is_named(tree: Tree, monkeypatch: pytest.MonkeyPatch) -> None:
     root = tree({"src/mine/.gitmodules": '[submodule "x"]\n path = extern/x\n', "src/mine/extern/x/f": ""})
     (root / "src/mine/extern/x/f").unlink()
     monkeypatch.chdir(root)
@@ -286,7 +286,7 @@ def test_a_package_of_a_neighbouring_workspace_suggests_sourcing_it(tree: Tree) 
         'install FILES given directory "launch/sub" to install.',
     ],
 )
-def test_a_folder_named_where_files_are_expected_gets_a_hint(tree: Tree, said: str) -> None:
+def test_a_folder_in_place_of_files_gets_a_hint(tree: Tree, said: str) -> None:
     scene = scene_in(tree({"src/mine/launch/sub/a.py": ""}))
     assert str(hint_of(said, scene)).startswith("'launch/sub' is a folder, where files are expected")
 
@@ -342,13 +342,13 @@ def test_an_unknown_header_is_not_attributed_to_this_package(tree: Tree) -> None
     assert "apt-file search /yaml.h" in str(hint_of(said.format("yaml.h"), scene))
 
 
-def test_failures_in_embedded_packages_have_no_hints(tree: Tree) -> None:
+def test_failures_in_embedded_packages_get_no_hints(tree: Tree) -> None:
     scene = scene_in(tree({}))
     scene = replace(scene, package=replace(scene.package, embedded=True))
     assert hint_of(NO_CONFIG.format("shapes"), scene) is None
 
 
 @pytest.mark.parametrize("word", ["--no-such-option", "-x", "--job", "-jail"])
-def test_only_options_of_the_command_may_be_meant_for_forge(word: str) -> None:
+def test_only_forge_options_get_an_unrecognized_argument_hint(word: str) -> None:
     hint = hint_of(f"error: unrecognized arguments: {word}\n", SCENE)
     assert (hint is not None) == word.startswith("-j")

@@ -37,7 +37,7 @@ def test_the_first_error_prefers_specific_patterns_and_includes_its_lines(
         ("CMake Error at cmake_install.cmake:3 (x):", "CMake Error at cmake_install.cmake:3 (x):"),
     ],
 )
-def test_paths_of_cmakelists_can_be_opened_by_editors(line: str, shown: str) -> None:
+def test_cmakelists_paths_can_be_opened_by_editors(line: str, shown: str) -> None:
     error = first_error([line], "src/a b")
     assert error is not None
     assert error.lines == (shown,)
@@ -53,9 +53,7 @@ def test_paths_of_cmakelists_can_be_opened_by_editors(line: str, shown: str) -> 
         ([], ("FAILED: [code=1] CMakeFiles/t ",)),
     ],
 )
-def test_what_a_failed_command_of_ninja_has_printed_is_an_error(
-    printed: list[str], shown: tuple[str, ...]
-) -> None:
+def test_output_of_a_failed_ninja_command_is_an_error(printed: list[str], shown: tuple[str, ...]) -> None:
     output = ["[1/2] made x", "FAILED: [code=1] CMakeFiles/t ", "cd build && cat none other", *printed]
     for after in ("ninja: build stopped: subcommand failed.", "[2/2] made y", "FAILED: [code=2] z"):
         error = first_error([*output, after, "more"])

@@ -29,7 +29,7 @@ def found(*output: bytes) -> bytes:
     return warnings.text
 
 
-def test_the_output_of_commands_with_warnings_is_kept_whole() -> None:
+def test_output_of_commands_with_warnings_is_kept_completely() -> None:
     assert found(*OUTPUT) == WARNING + b"/usr/bin/ld: warning: x.so not found\n"
 
 
@@ -45,7 +45,7 @@ def test_coloured_warnings_are_found(line: bytes, count: int) -> None:
     assert found(b"[1/1] c\n" + line + b"\n").count(line) == count
 
 
-def test_output_before_the_first_command_and_beyond_the_limit_is_left_out() -> None:
+def test_output_before_the_first_command_and_beyond_the_limit_is_omitted() -> None:
     assert found(b"a.c:1:2: warning: old\n") == b""
     many = found(b"".join(b"[%d/999] c\na.c:%d: warning: %s\n" % (n, n, b"x" * 9999) for n in range(200)))
     assert len(many) < 1_100_000
@@ -69,7 +69,7 @@ This warning is for project developers.  Use -Wno-dev to suppress it.
 """
 
 
-def test_warnings_of_a_kind_are_recognized_by_their_text() -> None:
+def test_warnings_are_classified_by_their_text() -> None:
     """Regardless of its location, and of line breaks that depend on the package's name."""
     kinds = RepeatedWarnings()
     first = "note\n" + OLD.format(file="CMakeLists.txt", line=1) + NAMED.format(name="my_pkg", line=3)

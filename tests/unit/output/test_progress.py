@@ -38,7 +38,7 @@ def texts(
     return ["".join(text for _, text in line) for line in lines(progress, now, room, width, **more)]
 
 
-def test_running_packages_have_their_current_step() -> None:
+def test_running_packages_show_their_current_step() -> None:
     begun = Progress(0.0, {}, 3)
     step = StepStarted("b", Step(StepKind.CONFIGURE, (), Path()))
     now = after(begun, (1, Started("a")), (2, Started("b")), (3, step), (4, Finished("a", 1, 3.0)))

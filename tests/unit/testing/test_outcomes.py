@@ -59,7 +59,7 @@ def ctest(text: str) -> Outcome:
     return read_ctest(parse_xml(text.encode(), Path("Test.xml")), "build/p/Testing/1/Test.xml", "build/p")
 
 
-def test_failed_tests_are_printed_as_by_colcon() -> None:
+def test_failed_tests_are_printed_like_by_colcon() -> None:
     bad, worse = junit(JUNIT).cases
     assert details(bad) == [
         "- p.test_a test_bad (test_a.py:7)",
@@ -131,7 +131,7 @@ RUNS = st.dictionaries(
 
 
 @given(RUNS, st.sampled_from([".xml", ".catch2.xml", ".gtest.xml", ".xunit.xml"]))
-def test_removing_duplicates_loses_no_failure_and_no_test(
+def test_removing_duplicates_loses_no_tests_or_failures(
     run: dict[str, tuple[Counts, list[Counts] | None]], extension: str
 ) -> None:
     """Each test counts at least once, and removing duplicates hides no failure and adds none."""
@@ -163,7 +163,7 @@ def test_tests_of_different_packages_are_never_counted_as_duplicates() -> None:
     assert counted_once([whole, own])[0].counts.tests == 3
 
 
-def test_the_first_lines_come_from_the_message_or_else_from_the_text() -> None:
+def test_error_lines_come_from_the_message_or_the_text() -> None:
     bad, worse = junit(JUNIT).cases
     assert first_lines([bad]) == ("assert 1 == 2", "  more")
     assert first_lines([bad, worse]) == (

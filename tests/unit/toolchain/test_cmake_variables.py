@@ -15,7 +15,7 @@ def complaint(*names: str, kind: str = "") -> bytes:
     return f"CMake Warning{kind}:\n  {words}:\n\n{lines}\n\n".encode()
 
 
-def test_definitions_are_parsed_like_cmake_does() -> None:
+def test_definitions_are_parsed_like_by_cmake() -> None:
     words = ["-DA=1", "-DB:BOOL=ON", "-D", "C=x", "-D", "D:STRING=-DE=2", "-GNinja", "-Wno-dev", "--fresh"]
     assert defined(words) == {"A", "B", "C", "D"}
 
@@ -39,7 +39,7 @@ def test_used_variables_are_not_reported() -> None:
     assert list(unused.names) == ["TYPO"]
 
 
-def test_the_default_of_a_policy_may_be_unused() -> None:
+def test_unused_policy_defaults_are_not_reported() -> None:
     unused = UnusedVariables(frozenset({"A", "CMAKE_POLICY_DEFAULT_CMP0069"}))
     assert unused.take(complaint("A", "CMAKE_POLICY_DEFAULT_CMP0069")) == b""
     assert list(unused.names) == ["A"]

@@ -50,7 +50,7 @@ def test_an_unknown_launcher_in_the_variable_is_an_error() -> None:
         selected_launcher("cache")
 
 
-def test_a_missing_launcher_is_one_problem_with_a_hint(forge: Forge, tree: Tree) -> None:
+def test_a_missing_launcher_gives_one_error_with_a_hint(forge: Forge, tree: Tree) -> None:
     ran = forge("build", "--compiler-launcher", "recc", cwd=tree(PACKAGE))
     assert ran.code == 2
     assert ran.err.splitlines() == [
@@ -59,7 +59,7 @@ def test_a_missing_launcher_is_one_problem_with_a_hint(forge: Forge, tree: Tree)
     ]
 
 
-def test_a_workspace_that_compiles_nothing_needs_no_launcher(forge: Forge, tree: Tree) -> None:
+def test_workspaces_without_compilation_need_no_launcher(forge: Forge, tree: Tree) -> None:
     files = {
         "src/one/package.xml": manifest_text("one", build_type="ament_python"),
         "src/one/setup.py": "from setuptools import setup\nsetup(name='one', version='1.0.0', packages=[])\n",
@@ -93,7 +93,7 @@ def test_cmake_gets_a_launcher_for_each_supported_language() -> None:
     assert {value for _, value in launcher_variables(None)} == {""}
 
 
-def test_the_initial_cache_sets_the_launcher_and_removes_a_former_one() -> None:
+def test_the_initial_cache_sets_the_launcher_and_removes_the_previous_one() -> None:
     text = initial_cache(context_of(Path("/opt/my tools/distcc")), Path("manifest.cmake"))
     assert 'set(CMAKE_CXX_COMPILER_LAUNCHER "/opt/my tools/distcc" CACHE STRING' in text
     assert "unset(CMAKE_CUDA_COMPILER_LAUNCHER CACHE)" in text
@@ -142,6 +142,6 @@ def test_an_explicit_number_of_jobs_is_used(jobs: int | None, variables: dict[st
     job_pool.close()
 
 
-def test_other_hosts_do_not_cause_a_rebuild() -> None:
+def test_changed_hosts_cause_no_rebuild() -> None:
     said = {"DISTCC_HOSTS": "red", "CCACHE_DIR": "/cache", "CCACHE_PREFIX": "distcc", "DISTUTILS_DEBUG": "1"}
     assert dict(relevant_environment(said)) == {"DISTUTILS_DEBUG": "1"}

@@ -74,7 +74,7 @@ def test_the_interpreter_is_chosen_in_the_documented_order(tree: Tree) -> None:
     assert {each.version for each in found} == {(3, sys.version_info.minor + 1)}
 
 
-def test_the_environment_of_a_workspace_with_a_lock_is_chosen_before_that_of_an_underlay(tree: Tree) -> None:
+def test_the_environment_of_a_locked_workspace_precedes_that_of_an_underlay(tree: Tree) -> None:
     root = tree({})
     own = environment(root, ".venv") / "bin/python3"
     low = environment(root, "low") / "bin/python3"
@@ -90,7 +90,7 @@ def test_the_environment_of_a_workspace_with_a_lock_is_chosen_before_that_of_an_
 
 
 @pytest.mark.parametrize("receipt", ["tool/uv-receipt.toml", "tool/pipx_metadata.json", "archive-v0/x/CACHE"])
-def test_the_environment_of_the_tool_is_never_chosen(
+def test_the_environment_of_forge_itself_is_never_chosen(
     receipt: str, tree: Tree, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Not even if it is active, on PATH as with `uvx`, or recorded by an underlay or the last build."""
@@ -108,7 +108,7 @@ def test_the_environment_of_the_tool_is_never_chosen(
         find_interpreter(None, {"PATH": path_of(tool / "bin")})
 
 
-def test_the_interpreter_is_the_same_however_forge_was_started(
+def test_the_interpreter_does_not_depend_on_how_forge_was_started(
     monkeypatch: pytest.MonkeyPatch, tree: Tree
 ) -> None:
     """`forge` uses python3, while users may write python; this causes no rebuild."""
@@ -185,7 +185,7 @@ def test_an_invalid_record_of_an_underlay_is_ignored(tree: Tree) -> None:
         ),
     ],
 )
-def test_an_interpreter_of_another_version_than_the_underlay_is_rejected_with_a_hint(
+def test_a_version_mismatch_with_the_underlay_is_rejected_with_a_hint(
     variables: dict[str, str],
     option: str | None,
     used: str,

@@ -19,14 +19,14 @@ def lookup(*folders: Path) -> ProgramLookup:
     return ProgramLookup({"PATH": os.pathsep.join(map(str, folders))})
 
 
-def test_a_replaced_program_has_another_identity(tree: Tree) -> None:
+def test_a_replaced_program_has_a_different_identity(tree: Tree) -> None:
     root = tree({"a/tool": PROGRAM})
     before = lookup(root / "a").identity("tool")
     tree({"a/tool": f"{PROGRAM}# longer\n"})
     assert lookup(root / "a").identity("tool") != before
 
 
-def test_the_modules_of_cmake_are_found_next_to_it(tree: Tree) -> None:
+def test_cmake_modules_are_found_next_to_cmake(tree: Tree) -> None:
     root = tree(
         {
             "share/cmake/Modules/FindMine.cmake": "",
@@ -48,7 +48,7 @@ def test_the_modules_of_cmake_are_found_next_to_it(tree: Tree) -> None:
         "cmake/zedConfig.cmake",
     ],
 )
-def test_config_files_below_a_prefix(tree: Tree, place: str) -> None:
+def test_config_files_are_found_below_a_prefix(tree: Tree, place: str) -> None:
     root = tree({place: "", "lib/cmake/zedless/x": ""})
     assert ConfigSearch().folder(str(root), "zed") == str((root / place).parent)
     assert ConfigSearch().folder(str(root), "yam") == ""

@@ -33,7 +33,7 @@ def compiled(root: Path, project: str) -> Package:
     return made
 
 
-def test_CMAKE_COMMAND_selects_another_cmake(tree: Tree) -> None:
+def test_CMAKE_COMMAND_selects_a_different_cmake(tree: Tree) -> None:
     root = tree({"bin/make": PROGRAM})
     tools = find_tools(
         [package("a")], {"PATH": str(root / "bin"), "CMAKE_COMMAND": "/opt/cmake", "CXX": "cc"}
@@ -42,7 +42,7 @@ def test_CMAKE_COMMAND_selects_another_cmake(tree: Tree) -> None:
     assert tools.cmake == Path("/opt/cmake")
 
 
-def test_everything_missing_is_reported_together_with_hints(
+def test_all_missing_programs_are_reported_together_with_hints(
     tree: Tree, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     root = tree({})
@@ -77,7 +77,7 @@ def test_the_ninja_of_forge_precedes_the_system_ninja(tree: Tree, monkeypatch: p
     assert (found.ninja, named.ninja) == (root / "venv/bin/ninja", Path("/mine/ninja"))
 
 
-def test_programs_that_a_package_starts_find_the_same_ninja(tree: Tree) -> None:
+def test_programs_started_by_a_package_find_the_same_ninja(tree: Tree) -> None:
     root = tree({"bin/ninja": PROGRAM, "venv/bin/ninja": PROGRAM})
     for name in ("bin/ninja", "venv/bin/ninja"):
         (root / name).chmod(0o755)

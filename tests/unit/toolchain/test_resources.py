@@ -100,7 +100,7 @@ def test_available_memory_is_the_minimum_of_machine_and_cgroups(
     assert memory(tree(files)) == expected
 
 
-def test_the_resources_of_this_machine_are_known() -> None:
+def test_the_resources_of_this_machine_are_detected() -> None:
     now = memory()
     assert now is not None
     assert 0 < now.available <= now.total
@@ -150,7 +150,7 @@ def test_the_default_memory_limit_keeps_a_tenth_free_but_at_most_one_gib() -> No
         (4 * GIB, 2, 256),
     ],
 )
-def test_all_compilers_together_use_at_most_a_quarter_of_the_memory(
+def test_compilers_together_use_at_most_a_quarter_of_the_memory(
     total: int, jobs: int, mib: int | None
 ) -> None:
     found = gcc_heap(Memory(total, 0), jobs)
@@ -159,10 +159,10 @@ def test_all_compilers_together_use_at_most_a_quarter_of_the_memory(
     assert 2 * (mib or 0) * (1 << 20) * jobs <= total / 4
 
 
-def test_without_known_memory_gcc_decides() -> None:
+def test_unknown_memory_leaves_the_limit_to_gcc() -> None:
     assert gcc_heap(None, 2) == {}
 
 
-def test_a_path_that_the_shell_would_split_is_not_used(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_paths_that_the_shell_would_split_are_not_used(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("forge.toolchain.resources.templates_folder", lambda: templates_folder() / "a folder")
     assert gcc_heap(Memory(64 * GIB, 0), 2) == {}

@@ -26,7 +26,7 @@ class Broken:
         raise OSError("no SDK")
 
 
-def test_a_toolchain_that_returns_something_else_is_an_error() -> None:
+def test_a_toolchain_that_returns_a_wrong_type_is_an_error() -> None:
     target = Target("board", "board", Broken(("-DX=1",)))
     with pytest.raises(ForgeError, match="the toolchain of 'board' returned tuple instead of a CrossBuild"):
         target.prepare(LAYOUT, {}, CrossOptions())

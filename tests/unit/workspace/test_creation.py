@@ -71,7 +71,7 @@ def files_of(blueprint: NewPackage) -> dict[str, str]:
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_created_packages_match_their_goldens(case: str, golden: Golden) -> None:
+def test_created_packages_match_the_golden_files(case: str, golden: Golden) -> None:
     folders = "".join(f"{path}/\n" for path, text in render_package(CASES[case]).items() if text is None)
     golden(f"pkg/{case}", {**files_of(CASES[case]), "folders.txt": folders})
 
@@ -115,7 +115,7 @@ def test_names_that_cannot_be_built_are_rejected(name: str, build_type: str, mes
 
 
 @pytest.mark.parametrize("name", ["test", "my-walker", "3d", "import", "Walker", "a"])
-def test_python_keywords_are_valid_names_of_cmake_packages(name: str) -> None:
+def test_python_keywords_are_valid_cmake_package_names(name: str) -> None:
     assert files_of(NewPackage(name, ADA))["package.xml"]
 
 
@@ -143,7 +143,7 @@ def test_all_invalid_properties_are_reported_together() -> None:
 
 
 @pytest.mark.parametrize(("node", "fits"), [("walk-far", True), ("3walk", False), ("", False)])
-def test_a_node_in_cpp_is_named_like_a_file(node: str, fits: bool) -> None:
+def test_cpp_node_names_must_be_valid_file_names(node: str, fits: bool) -> None:
     if fits:
         assert f"src/{node}.cpp" in files_of(NewPackage("walker", ADA, node=node))
     else:
@@ -163,7 +163,7 @@ def test_a_node_in_cpp_is_named_like_a_file(node: str, fits: bool) -> None:
         ({"node": "walk"}, "cannot be combined with --node-name"),
     ],
 )
-def test_an_interface_package_that_rosidl_rejects_is_not_created(
+def test_interface_packages_that_rosidl_rejects_are_not_created(
     properties: dict[str, object], message: str
 ) -> None:
     values = {"name": "walker_msgs", "maintainer": ADA, "interfaces": ("Pose.msg",), **properties}
@@ -172,7 +172,7 @@ def test_an_interface_package_that_rosidl_rejects_is_not_created(
 
 
 @pytest.mark.parametrize("node", ["walk-far", "class"])
-def test_a_node_in_python_is_named_like_a_module(node: str) -> None:
+def test_python_node_names_must_be_valid_module_names(node: str) -> None:
     with pytest.raises(ForgeError, match="invalid --node-name"):
         NewPackage("walker", ADA, "ament_python", node=node)
 

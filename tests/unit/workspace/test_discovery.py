@@ -15,7 +15,7 @@ def found(root: Path, *base_paths: str) -> dict[str, str]:
     return {name: str(package.path) for name, package in workspace.packages.items()}
 
 
-def test_packages_are_found_in_folders_but_not_in_packages(tree: Tree) -> None:
+def test_packages_are_found_in_folders_but_not_inside_other_packages(tree: Tree) -> None:
     root = tree(
         {
             "src/a/package.xml": manifest_text("a"),
@@ -28,7 +28,7 @@ def test_packages_are_found_in_folders_but_not_in_packages(tree: Tree) -> None:
     assert found(root, "src/deep", "src/a") == {"b": "src/deep/er/b", "a": "src/a"}
 
 
-def test_ignore_files_hide_a_folder_and_everything_below(tree: Tree) -> None:
+def test_ignore_files_hide_a_folder_and_its_subfolders(tree: Tree) -> None:
     root = tree(
         {
             "a/package.xml": manifest_text("a"),
@@ -61,7 +61,7 @@ def test_installed_packages_are_not_discovered(tree: Tree) -> None:
     assert found(root, "src/web/node_modules") == {"a": "src/web/node_modules/x"}
 
 
-def test_a_virtual_environment_at_the_root_hides_no_packages(tree: Tree) -> None:
+def test_virtual_environments_at_the_root_hide_no_packages(tree: Tree) -> None:
     root = tree(
         {
             "pyvenv.cfg": "",
@@ -81,7 +81,7 @@ def test_named_pipes_in_virtual_environments_are_not_opened(tree: Tree) -> None:
     assert len(list(special_files(root, Path("a")))) == 1
 
 
-def test_link_loops_end_and_each_folder_is_visited_once(tree: Tree) -> None:
+def test_symlink_loops_are_detected_and_each_folder_is_visited_once(tree: Tree) -> None:
     root = tree({"src/a/package.xml": manifest_text("a")})
     (root / "src" / "loop").symlink_to(root)
     (root / "src" / "again").symlink_to(root / "src" / "a")

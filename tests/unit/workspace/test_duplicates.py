@@ -21,7 +21,7 @@ def reported(root: Path) -> list[tuple[str, str]]:
     return [(problem.message, problem.hint or "") for problem in found]
 
 
-def test_duplicates_in_a_worktree_are_one_problem_that_suggests_ignoring_it(tree: Tree) -> None:
+def test_duplicates_in_a_worktree_give_one_error_that_suggests_ignoring_it(tree: Tree) -> None:
     root = tree({**packages("src/a", "src/b", "build_copy/src/a", "build_copy/src/b"), "build_copy/.git": ""})
     ((message, hint),) = reported(root)
     assert message == "2 packages are in '.' and again in 'build_copy': 'a', 'b'"
@@ -29,18 +29,18 @@ def test_duplicates_in_a_worktree_are_one_problem_that_suggests_ignoring_it(tree
     assert hint.endswith("creating an empty file 'build_copy/COLCON_IGNORE'")
 
 
-def test_the_copy_below_a_generated_folder_is_the_one_to_ignore(tree: Tree) -> None:
+def test_the_copy_in_a_generated_folder_should_be_ignored(tree: Tree) -> None:
     ((message, hint),) = reported(tree(packages("docs_build/a", "src/a")))
     assert message == "two packages are named 'a': 'src/a' and 'docs_build/a'"
     assert hint.endswith("'docs_build/COLCON_IGNORE'")
 
 
-def test_the_hint_never_ignores_a_folder_with_other_packages(tree: Tree) -> None:
+def test_the_hint_never_suggests_ignoring_a_folder_with_other_packages(tree: Tree) -> None:
     ((_, hint),) = reported(tree(packages("src/a", "old/a", "old/b")))
     assert hint.endswith("'old/a/COLCON_IGNORE'")
 
 
-def test_a_folder_of_workspaces_is_recognised(tree: Tree) -> None:
+def test_a_folder_of_workspaces_is_recognized(tree: Tree) -> None:
     root = tree(packages("one/src/a", "two/src/a", "two/src/b", "x/src/b", "x/src/a"))
     assert reported(root) == [
         (

@@ -29,7 +29,7 @@ def beginnings(problems: Iterable[Problem]) -> list[str]:
     return [problem.message.split(",")[0] for problem in problems]
 
 
-def test_missing_packages_of_builds_and_runs_are_warnings() -> None:
+def test_missing_build_and_exec_dependencies_give_warnings() -> None:
     missing = missing_in(
         package("a", "rclcpp", "libboost-dev"),
         package("b", "rclcpp", "boost"),
@@ -47,12 +47,12 @@ def test_skipped_keys_are_not_mentioned() -> None:
     assert missing_in(made, skip_keys=("rclcpp", "rmw", "tf2")) == ()
 
 
-def test_packages_that_only_tests_use_are_recognized() -> None:
+def test_packages_used_only_by_tests_are_recognized() -> None:
     text = "find_package(a)\nif(BUILD_TESTING)\nfind_package(a)\nfind_package(b REQUIRED)\nendif()"
     assert used_by_tests_only(text) == {"b"}
 
 
-def test_dependencies_that_the_same_packages_lack_are_one_problem() -> None:
+def test_dependencies_missing_from_the_same_packages_are_grouped() -> None:
     both = ("rclcpp", "rclcpp_action")
     missing = missing_in(package("a", *both), package("b", *both, "tf2"))
     assert [warning.message.rpartition(" neither")[0] for warning in missing] == [
@@ -61,7 +61,7 @@ def test_dependencies_that_the_same_packages_lack_are_one_problem() -> None:
     ]
 
 
-def test_a_misspelt_dependency_has_its_line_and_a_suggestion(tree: Tree) -> None:
+def test_a_misspelled_dependency_gets_a_line_and_a_suggestion(tree: Tree) -> None:
     text = manifest_text("a", "<!-- geomtry_msgs -->", "<depend>x</depend>", "<depend>geomtry_msgs</depend>")
     path = tree({"package.xml": text}) / "package.xml"
     made = Package(path.parent, parse_manifest(text.encode(), path, {}))
@@ -74,7 +74,7 @@ def test_a_misspelt_dependency_has_its_line_and_a_suggestion(tree: Tree) -> None
     assert str(error.hint).startswith(hint)
 
 
-def test_misspelt_dependencies_are_compared_with_the_workspace_and_underlays() -> None:
+def test_misspelled_dependencies_are_compared_with_workspace_and_underlays() -> None:
     own = package("a", "my_interfces", "rclcppp", "rmw_x", "rmw_y")
     problems = missing_in(own, package("my_interfaces"), known=["rclcpp"])
     assert [(problem.message.split(",")[0], str(problem.hint)[:30]) for problem in problems] == [
@@ -85,12 +85,12 @@ def test_misspelt_dependencies_are_compared_with_the_workspace_and_underlays() -
     assert "or source an installation that contains them" in str(problems[2].hint)
 
 
-def test_a_misspelt_dependency_of_a_python_package_is_a_warning() -> None:
+def test_a_misspelled_dependency_of_a_python_package_gives_a_warning() -> None:
     own = package("p", "geometry_msg", "odd_python", "geometry-msgs", build_type="ament_python")
     assert beginnings(missing_in(own, known=["geometry_msgs"])) == ["'p' needs 'geometry_msg'"]
 
 
-def test_unresolved_build_dependencies_that_resemble_ros_packages_are_warnings() -> None:
+def test_unresolved_build_dependencies_like_ros_packages_give_warnings() -> None:
     """System packages hardly ever have '_' in their names; such a dependency may still be optional."""
     missing = missing_in(
         package("a", "libodd_collector", "lib_x-dev", "spdlog"),
@@ -100,7 +100,7 @@ def test_unresolved_build_dependencies_that_resemble_ros_packages_are_warnings()
     assert beginnings(missing) == ["'a' needs 'libodd_collector'"]
 
 
-def test_a_group_dependency_uses_the_existing_members() -> None:
+def test_group_dependencies_use_the_existing_members() -> None:
     switch = package("switch", "rmw_one", "rmw_two")
     switch = replace(switch, manifest=replace(switch.manifest, group_dependencies=("rmw_packages",)))
     missing = missing_in(switch, package("rmw_one"))

@@ -74,7 +74,7 @@ def test_names_bound_in_setup_py_are_resolved() -> None:
     assert read_setup_py("print('no setup')") is None
 
 
-def test_setup_cfg_is_read_without_running_what_it_refers_to() -> None:
+def test_setup_cfg_is_read_without_running_code() -> None:
     facts = read_setup_cfg(
         "[metadata]\nname = x\nversion = attr: x.VERSION\nauthor = A\nauthor-email = a@x.co\n"
         "[options]\ninstall_requires = a>=1; b\n[options.extras_require]\ntest =\n  # why\n  c # note\n"
@@ -148,7 +148,7 @@ def test_pyproject_is_a_package_only_with_a_project() -> None:
         ),
     ],
 )
-def test_the_first_source_of_both_type_and_name_wins(
+def test_the_first_source_with_both_type_and_name_wins(
     tree: Tree, files: dict[str, str], name: str, type_: str
 ) -> None:
     package = only(tree({f"x/{file}": text for file, text in files.items()}))
@@ -181,7 +181,7 @@ def test_folders_that_are_not_packages_are_recognized(tree: Tree, files: dict[st
     assert not walked(tree({f"x/{file}": text for file, text in files.items()})).packages
 
 
-def test_dependencies_are_read_from_all_cmake_files_except_hidden_and_installed_ones(tree: Tree) -> None:
+def test_dependencies_are_read_from_all_own_cmake_files(tree: Tree) -> None:
     root = tree(
         {
             "x/CMakeLists.txt": CMAKE.format("x") + "find_package(a)\nfind_package(x)",
@@ -196,9 +196,7 @@ def test_dependencies_are_read_from_all_cmake_files_except_hidden_and_installed_
     assert only(root).manifest.names(frozenset({DependencyKind.BUILD})) == ("a", "b", "c")
 
 
-def test_a_project_name_that_is_no_literal_becomes_the_folder_name_with_a_note(
-    tree: Tree, forge: Forge
-) -> None:
+def test_a_computed_project_name_is_replaced_by_the_folder_name(tree: Tree, forge: Forge) -> None:
     root = tree(
         {
             "one/setup.py": SETUP.format("name=compute()"),
@@ -213,7 +211,7 @@ def test_a_project_name_that_is_no_literal_becomes_the_folder_name_with_a_note(
     assert "three" not in ran.err
 
 
-def test_meta_files_name_folders_and_conflicts_are_reported(tree: Tree) -> None:
+def test_meta_files_can_name_folders_and_conflicts_are_reported(tree: Tree) -> None:
     root = tree(
         {
             "x/CMakeLists.txt": CMAKE.format("c"),

@@ -53,7 +53,7 @@ def test_embedded_packages_are_added_recursively_as_needed() -> None:
     assert made.needs["std_msgs"] == {"rosidl_default_generators", "builtin_interfaces"}
 
 
-def test_a_family_of_embedded_packages_is_used_completely_or_not_at_all() -> None:
+def test_families_of_embedded_packages_are_used_completely_or_not_at_all() -> None:
     made = resolve_dependencies(
         by_name(package("a", "ament_cmake", "ament_cmake_auto", "std_msgs")), EMBEDDED, {"ament_cmake": 1}.get
     )
@@ -111,7 +111,7 @@ def test_service_events_imply_dependencies_missing_in_the_manifest(*, is_action:
     assert "service_msgs" not in resolve_dependencies(plain, EMBEDDED, nobody, events=True).packages
 
 
-def test_generators_of_a_distribution_get_no_implied_dependencies_of_events() -> None:
+def test_generators_of_a_distribution_add_no_event_dependencies() -> None:
     generating = replace(package("a", "rosidl_default_generators"), has_services=True)
     installed = {"rosidl_default_generators": 1}
     made = resolve_dependencies(by_name(generating), EMBEDDED, installed.get, events=True)
@@ -134,7 +134,7 @@ def test_packages_with_the_same_suffix_are_not_suggested(name: str, expected: st
     assert similar_package(name, known) == expected
 
 
-def test_superseded_embedded_packages_are_listed_for_removal() -> None:
+def test_superseded_embedded_packages_are_marked_for_removal() -> None:
     own = by_name(package("a", "std_msgs"), package("unique_identifier_msgs"))
     assert resolve_dependencies(own, EMBEDDED, nobody).superseded == set()
     made = resolve_dependencies(

@@ -105,7 +105,7 @@ def test_commands_in_a_subfolder_use_the_whole_workspace_and_print_relative_path
     assert not (workspace / "build/a/pytest.xml").exists()
 
 
-def test_the_option_c_changes_the_working_directory(forge: Forge, workspace: Path, tmp_path: Path) -> None:
+def test_option_C_changes_the_working_directory(forge: Forge, workspace: Path, tmp_path: Path) -> None:
     assert forge("-C", "ws", "list", "-p", cwd=tmp_path).out == "src/a\nsrc/b\n"
     assert forge("-Cws", "-C", "src/b", "list", "-n", cwd=tmp_path).out == "a\nb\n"
     before = Path.cwd()

@@ -46,7 +46,7 @@ def test_selection_options_narrow_the_selection(query: Query, expected: tuple[st
     assert not warnings
 
 
-def test_unknown_names_in_select_and_skip_are_warnings() -> None:
+def test_unknown_names_in_select_and_skip_give_warnings() -> None:
     selection, warnings = select(Query(select=("aa",), skip=("x",)), ORDERED, NEEDS)
     assert selection.names == ()
     assert [(w.message, w.hint) for w in warnings] == [
@@ -61,7 +61,7 @@ def test_unknown_names_in_up_to_and_above_are_errors() -> None:
     assert len(error.value.problems) == 2
 
 
-def test_limits_deselect_in_addition_to_options() -> None:
+def test_limits_apply_in_addition_to_selection_options() -> None:
     selection, _ = select(Query(skip=("a",)), ORDERED, NEEDS, [("not changed", frozenset({"a", "b"}))])
     assert selection.names == ("b",)
     assert selection.left_out == {"a": "named by --packages-skip", "c": "not changed", "d": "not changed"}
@@ -85,7 +85,7 @@ def test_a_query_that_cannot_select_anything_is_an_error(query: Query) -> None:
         select(query, ORDERED, NEEDS)
 
 
-def test_ignored_packages_are_no_unknown_names() -> None:
+def test_ignored_packages_are_not_unknown_names() -> None:
     query = Query(up_to=("gone",), ignore=("gone", "x"), ignore_regex=("g", "y"))
     selection, warnings = select(query, ORDERED, NEEDS, known=(*ORDERED, "gone"))
     assert selection.names == ()

@@ -77,7 +77,7 @@ def test_every_kind_of_result_is_reported(tree: Tree) -> None:
         ),
     ],
 )
-def test_the_exit_code_tells_failures_from_no_tests(
+def test_the_exit_code_distinguishes_failures_from_no_tests(
     tree: Tree, files: dict[str, str], arguments: tuple[str, ...], code: int
 ) -> None:
     """Modules of the package precede those beside the program, which also has one called 'names'."""

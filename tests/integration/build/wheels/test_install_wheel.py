@@ -98,9 +98,7 @@ def test_a_setup_py_package_is_installed_and_its_source_folder_stays_clean(tree:
         (None, "bin"),
     ],
 )
-def test_scripts_are_installed_where_setup_cfg_says_or_else_in_bin(
-    tree: Tree, said: str | None, folder: str
-) -> None:
+def test_scripts_are_installed_as_in_setup_cfg_or_in_bin(tree: Tree, said: str | None, folder: str) -> None:
     """As setuptools has it: ros2 itself, and the linters, say nothing and are typed without `ros2 run`."""
     root = tree(SETUP | {"src/talk/setup.cfg": said or ""})
     if said is None:
@@ -199,7 +197,7 @@ class Hook(install_egg_info):
 
 
 @pytest.mark.parametrize("command", HOOKS)
-def test_a_command_of_the_package_sees_the_real_prefix(tree: Tree, command: str) -> None:
+def test_custom_install_commands_see_the_real_prefix(tree: Tree, command: str) -> None:
     """What it stores leads nowhere else, and the files that it writes are recorded as installed."""
     root = tree(setup_py(HOOKS[command], f"cmdclass={{'{command}': Hook}},"))
     assert install(root) == 0
@@ -210,7 +208,7 @@ def test_a_command_of_the_package_sees_the_real_prefix(tree: Tree, command: str)
     assert hello(root) == "hello from talk\n"
 
 
-def test_a_command_may_change_installed_scripts(tree: Tree) -> None:
+def test_custom_install_commands_may_change_scripts(tree: Tree) -> None:
     root = tree(setup_py(HOOKS["install"], "cmdclass={'install': Hook},"))
     assert install(root) == 0
     assert (root / "install/lib/talk/hello").read_text().endswith("# changed\n")
@@ -244,7 +242,7 @@ setup(name="second", version="2", py_modules=["second"])
         ("'install_headers': '$base/h'", "h/talk.h"),
     ],
 )
-def test_options_of_the_install_command_are_followed(tree: Tree, option: str, file: str) -> None:
+def test_options_of_the_install_command_are_respected(tree: Tree, option: str, file: str) -> None:
     code = setup_py(arguments=f"headers=['talk.h'], options={{'install': {{{option}}}}},")
     root = tree(code | {"src/talk/setup.cfg": "", "src/talk/talk.h": ""})
     assert install(root) == 0
@@ -264,7 +262,7 @@ INTERMEDIATE = {
 
 @pytest.mark.parametrize("file", ["setup.cfg", "setup.py"])
 @pytest.mark.parametrize("options", INTERMEDIATE.values(), ids=INTERMEDIATE)
-def test_intermediate_files_are_never_in_the_sources_nor_of_an_earlier_build(
+def test_intermediate_files_are_outside_the_sources_and_always_new(
     tree: Tree, file: str, options: dict[str, dict[str, str]]
 ) -> None:
     package = {**setup_py(arguments="scripts=['tool'],"), "src/talk/tool": "#!/bin/sh\n"}
@@ -305,21 +303,21 @@ def test_intermediate_files_of_a_backend_that_wraps_setuptools_are_not_in_the_so
     assert f"{SITE}/talk/old.py" not in files(root / "install")
 
 
-def test_links_have_scripts_where_develop_installs_them(tree: Tree) -> None:
+def test_linked_installs_put_scripts_where_develop_does(tree: Tree) -> None:
     """Colcon's --symlink-install runs this command."""
     root = tree(SETUP | {"src/talk/setup.cfg": "[develop]\nscript_dir=$base/lib/talk\n"})
     assert install(root, "--link") == 0
     assert (root / "install/lib/talk/hello").is_file()
 
 
-def test_a_script_that_is_not_executable_in_the_sources_is_no_link(tree: Tree) -> None:
+def test_scripts_that_are_not_executable_are_not_linked(tree: Tree) -> None:
     root = tree(setup_py(arguments="scripts=['tool'],") | {"src/talk/tool": "#!/bin/sh\necho tool\n"})
     assert install(root, "--link") == 0
     assert subprocess.check_output([str(root / "install/lib/talk/tool")], text=True) == "tool\n"
 
 
 @pytest.mark.needs("gcc")
-def test_compiled_modules_and_modules_in_a_folder_of_the_package_have_no_messages(
+def test_compiled_and_relocated_modules_give_no_warnings(
     tree: Tree, capfd: pytest.CaptureFixture[str]
 ) -> None:
     """A compiled module has no syntax, and `install_lib` moves the modules."""
@@ -348,7 +346,7 @@ def test_packages_named_build_and_dist_are_linked(tree: Tree, backend: str) -> N
         assert (root / "install" / SITE / name).readlink() == root / "src/talk" / name
 
 
-def test_an_interpreter_in_a_folder_with_a_blank_can_be_started(tree: Tree) -> None:
+def test_an_interpreter_path_with_a_space_works(tree: Tree) -> None:
     root = tree(
         setup_py(arguments="scripts=['tool'],") | {"src/talk/tool": "#!/usr/bin/python\nprint('tool')\n"}
     )
@@ -365,7 +363,7 @@ def test_setup_requires_does_not_download_into_the_sources(tree: Tree) -> None:
     assert files(root / "src") == before
 
 
-def test_links_show_an_edit_at_once_and_going_back_to_copies_leaves_the_sources_alone(tree: Tree) -> None:
+def test_edits_are_visible_through_links_and_copies_replace_links_safely(tree: Tree) -> None:
     root = tree(SETUP)
     install(root, "--link")
     source = root / "src/talk/talk/hello.py"
@@ -433,7 +431,7 @@ def test_files_of_unknown_origin_are_linked_only_to_a_unique_source(tree: Tree) 
     assert (root / "install" / SITE / "talk/__init__.py").readlink() == sources / "talk/__init__.py"
 
 
-def test_a_pyproject_with_its_own_backend(tree: Tree) -> None:
+def test_a_pyproject_with_its_own_backend_is_installed(tree: Tree) -> None:
     root = tree(PROJECT)
     assert install(root) == 0
     assert hello(root) == "hello from hatch\n"
@@ -445,7 +443,9 @@ def test_a_missing_build_backend_is_named(tree: Tree, capsys: pytest.CaptureFixt
     assert "the build backend 'no_such.backend' is not installed" in capsys.readouterr().err
 
 
-def test_the_traceback_of_a_setup_py_starts_in_it(tree: Tree, capfd: pytest.CaptureFixture[str]) -> None:
+def test_the_traceback_of_a_setup_py_omits_internal_frames(
+    tree: Tree, capfd: pytest.CaptureFixture[str]
+) -> None:
     """Neither forge nor setuptools is the reason."""
     root = tree({"src/talk/setup.py": "def fail():\n    raise RuntimeError('my own words')\nfail()\n"})
     assert install(root) == 2
@@ -484,7 +484,7 @@ def test_warnings_of_a_backend_are_not_shown(tree: Tree, capfd: pytest.CaptureFi
 
 
 @pytest.mark.parametrize("contents", [["--without-pip"], []])
-def test_a_fresh_virtual_environment_needs_nothing_more(
+def test_a_fresh_virtual_environment_needs_no_packages(
     tree: Tree, monkeypatch: pytest.MonkeyPatch, contents: list[str]
 ) -> None:
     """It has no setuptools, or one of its Python's age that makes no wheels."""
@@ -578,7 +578,7 @@ def test_metadata_errors_that_backends_miss_are_reported(
         ),
     ],
 )
-def test_an_invalid_entry_point_of_setup_py_is_one_message(
+def test_an_invalid_entry_point_in_setup_py_gives_one_error(
     point: str, problem: str, meant: str, tree: Tree, capfd: pytest.CaptureFixture[str]
 ) -> None:
     """Whether setuptools or only the installation rejects it."""
@@ -595,7 +595,7 @@ def test_an_invalid_entry_point_of_setup_py_is_one_message(
     assert rest[-1] == f"hint: write '{meant}'"
 
 
-def test_an_invalid_entry_point_of_another_backend_is_one_message(
+def test_an_invalid_entry_point_of_another_backend_gives_one_error(
     tree: Tree, capfd: pytest.CaptureFixture[str]
 ) -> None:
     """With its line in pyproject.toml, or only the file if the line is computed."""
@@ -618,7 +618,7 @@ def test_a_computed_entry_point_is_reported_with_its_file(tree: Tree) -> None:
     assert not list(invalid_scripts("no section\n", source))
 
 
-def test_a_correct_package_has_no_messages(tree: Tree, capfd: pytest.CaptureFixture[str]) -> None:
+def test_a_correct_package_gives_no_warnings(tree: Tree, capfd: pytest.CaptureFixture[str]) -> None:
     """Functions may come from anywhere, and modules from other packages."""
     points = "['a = talk.hello:Node.main', 'b = other.module:main', 'c = talk:late', 'd = talk.hello:given']"
     setup = SETUP["src/talk/setup.py"].replace('["hello = talk.hello:main"]', points)
@@ -672,7 +672,7 @@ def test_entry_points_that_escape_the_prefix_are_rejected(
     assert not list(root.rglob("away"))
 
 
-def test_a_script_without_a_function_does_not_keep_the_others_from_being_installed(tree: Tree) -> None:
+def test_a_script_without_a_function_does_not_block_others(tree: Tree) -> None:
     """As colcon installs it, although it cannot be started."""
     both = '"hello = talk.hello:main", "bad = talk.hello"'
     setup = SETUP["src/talk/setup.py"].replace('"hello = talk.hello:main"', both)
@@ -682,7 +682,7 @@ def test_a_script_without_a_function_does_not_keep_the_others_from_being_install
 
 
 @pytest.mark.parametrize(("has_setuptools", "starts"), [(True, 1), (False, 3)])
-def test_a_package_starts_one_interpreter(has_setuptools: bool, starts: int, tree: Tree) -> None:
+def test_installing_a_package_starts_one_interpreter(has_setuptools: bool, starts: int, tree: Tree) -> None:
     """One without setuptools is asked what it lacks, and started again with those of forge."""
     root = tree(SETUP)
     options = ["--system-site-packages"] if has_setuptools else []

@@ -85,7 +85,7 @@ def include(tmp_path_factory: pytest.TempPathFactory) -> Path:
         pytest.param("clang++", ("-std=c++20", "-O1"), marks=pytest.mark.needs("clang++")),
     ],
 )
-def test_serialized_bytes_are_right_and_invalid_ones_rejected(
+def test_serialized_bytes_are_correct_and_invalid_ones_are_rejected(
     compiler: str, options: tuple[str, ...], include: Path, tmp_path: Path
 ) -> None:
     """The program compiles without warnings, and all checks pass, including those with corrupt bytes."""

@@ -228,7 +228,7 @@ def test_a_ros_style_program_compiles_and_runs(
 
 
 @pytest.mark.needs("g++")
-def test_a_header_needs_no_other_header_before_it(include: Path, tmp_path: Path) -> None:
+def test_each_header_compiles_alone(include: Path, tmp_path: Path) -> None:
     sources = []
     for header in SAMPLE:
         source = tmp_path / f"{PurePosixPath(header).stem}.cpp"

@@ -120,7 +120,7 @@ def mark(package: Path, known: Fingerprint | None = None) -> Fingerprint:
     return fingerprint_tree(str(package), FileTable(package.parent / "table"), known)[0]
 
 
-def test_a_folder_reachable_by_several_links_is_read_once(package: Path) -> None:
+def test_a_folder_reachable_through_several_links_is_read_once(package: Path) -> None:
     away = package.parent / "away"
     away.mkdir()
     (away / "y.hpp").write_text("1")

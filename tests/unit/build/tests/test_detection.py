@@ -35,7 +35,7 @@ def test_metadata_that_requires_pytest_is_recognized(tree: Tree, name: str, text
         ("README", "pytest"),
     ],
 )
-def test_packages_without_a_test_declaration_have_no_pytest(tree: Tree, name: str, text: str) -> None:
+def test_packages_without_a_test_declaration_do_not_use_pytest(tree: Tree, name: str, text: str) -> None:
     assert requirements_of_tests(tree({name: text})) == frozenset()
 
 

@@ -17,7 +17,7 @@ def log(*lines: list[object]) -> str:
     return "".join(f"{json.dumps(line)}\n" for line in lines)
 
 
-def test_a_log_is_parsed() -> None:
+def test_logs_are_parsed() -> None:
     traced = parse_trace(
         log(
             ["read", "/a/../b"],
@@ -37,7 +37,7 @@ def test_invalid_log_lines_are_skipped(line: str) -> None:
     assert parse_trace(f"{line}\n" + log(["read", "/a"])) == Traced(read={"/a"})
 
 
-def test_any_file_name_survives_the_log() -> None:
+def test_any_file_name_can_be_logged() -> None:
     name = "/a\nb\udcff\u2028'\"\\"
     assert parse_trace(log(["read", name])).read == {name}
 
@@ -49,7 +49,7 @@ def test_listed_folders_programs_and_variables_are_inputs(tree: Tree) -> None:
     assert external_inputs(traced, (f"{root}/p",)) == ("$VERSION", f"{root}/shared/.", "program cat")
 
 
-def test_a_missing_module_is_looked_for_beside_others(tree: Tree) -> None:
+def test_a_missing_module_is_searched_for_in_the_right_folders(tree: Tree) -> None:
     root = tree({"lib/python3/os.py": "", "lib/python3/lib-dynload/x": "", "site-packages/a.py": ""})
     folders = ("lib/python3", "lib/python3/lib-dynload", "site-packages", "site-packages/a/_vendor", "absent")
     traced = Traced(

@@ -16,7 +16,7 @@ LOOPS = {
 
 
 @pytest.mark.parametrize("local_variables", LOOPS.values(), ids=LOOPS)
-def test_a_script_imports_the_function_of_its_entry_point(local_variables: dict[str, object]) -> None:
+def test_scripts_import_the_function_of_their_entry_point(local_variables: dict[str, object]) -> None:
     local_variables |= {"group": "console_scripts", "name": "talk", "spec": "hello==1"}
     script = _Template("the template of setuptools") % local_variables
     assert "from hello.talk import main" in script

@@ -31,7 +31,7 @@ PREFIX = {
 }
 
 
-def test_list_has_a_heading_for_each_kind(forge: Forge) -> None:
+def test_list_prints_a_heading_for_each_kind(forge: Forge) -> None:
     out = forge("interface", "list").out.splitlines()
     headings = [line for line in out if not line.startswith(" ")]
     assert headings == ["Messages:", "Services:", "Actions:"]
@@ -46,7 +46,7 @@ def test_list_can_be_restricted_to_kinds(forge: Forge) -> None:
     assert "    example_interfaces/action/Fibonacci" in out
 
 
-def test_package_names_its_interfaces_one_per_line(forge: Forge) -> None:
+def test_package_prints_one_interface_per_line(forge: Forge) -> None:
     assert (
         forge("interface", "package", "std_srvs").out
         == "std_srvs/srv/Empty\nstd_srvs/srv/SetBool\nstd_srvs/srv/Trigger\n"
@@ -160,7 +160,7 @@ def test_show_suggests_the_full_name(forge: Forge, tree: Tree) -> None:
         ("", "argument TYPE: the name is empty"),
     ],
 )
-def test_show_reports_why_it_cannot(forge: Forge, tree: Tree, name: str, text: str) -> None:
+def test_show_reports_its_errors(forge: Forge, tree: Tree, name: str, text: str) -> None:
     prefix = tree(PREFIX)
     ran = forge("interface", "show", name, env={"AMENT_PREFIX_PATH": str(prefix)})
     assert ran.code == 2
@@ -177,7 +177,7 @@ def test_proto_prints_the_defaults_as_yaml(forge: Forge) -> None:
     assert nested.startswith("header:\n  stamp:\n    sec: 0\n    nanosec: 0\n  frame_id: ''\npose:\n")
 
 
-def test_proto_knows_every_kind_of_field(forge: Forge, tree: Tree) -> None:
+def test_proto_supports_every_kind_of_field(forge: Forge, tree: Tree) -> None:
     lines = [
         "byte a",
         "byte b 65",
@@ -243,7 +243,7 @@ def test_generate_takes_idl_files_and_folders_of_them(forge: Forge, tree: Tree) 
         assert (root / "some/idl/tour" / path).read_text() == (root / "all/idl/tour" / path).read_text()
 
 
-def test_hash_prints_a_line_per_type(forge: Forge) -> None:
+def test_hash_prints_one_line_per_type(forge: Forge) -> None:
     ran = forge("interface", "hash", "std_msgs/msg/Empty", "std_srvs/srv/Empty")
     assert [line.split()[0] for line in ran.out.splitlines()] == ["std_msgs/msg/Empty", "std_srvs/srv/Empty"]
     assert all(re.fullmatch(r"\S+ RIHS01_[0-9a-f]{64}", line) for line in ran.out.splitlines())
@@ -260,7 +260,7 @@ def test_hash_of_a_folder_covers_derived_types(forge: Forge, tree: Tree) -> None
     assert names == ["msg/A", "srv/B", "srv/B_Event", "srv/B_Request", "srv/B_Response"]
 
 
-def test_hash_as_json_is_one_object_and_names_with_underscores_are_found(forge: Forge, tree: Tree) -> None:
+def test_hash_prints_a_json_object_and_finds_names_with_underscores(forge: Forge, tree: Tree) -> None:
     struct = "module tour {{ module msg {{ struct {} {{ long a; }}; }}; }};"
     folder = tree({"msg/A_B.idl": struct.format("A_B"), "msg/A.idl": struct.format("A")})
     ran = forge("interface", "hash", "--package", "tour", str(folder), "--json")
@@ -284,7 +284,7 @@ def test_hash_reports_missing_definitions(forge: Forge, arguments: list[str], te
     assert (ran.code, ran.err.splitlines()[0]) == (2, f"error: {text}")
 
 
-def test_generate_writes_a_package_with_all_that_it_needs(forge: Forge, tree: Tree) -> None:
+def test_generate_writes_a_package_with_its_dependencies(forge: Forge, tree: Tree) -> None:
     root = tree({"src/msg/A.msg": "std_msgs/Header header", "src/action/Go.action": "A a\n---\n---\n"})
     out = root / "out"
     ran = forge("interface", "generate", "--package", "tour", "--output", str(out), str(root / "src"))
@@ -305,7 +305,7 @@ def test_generate_writes_a_package_with_all_that_it_needs(forge: Forge, tree: Tr
     assert again.out.startswith("0 of ")
 
 
-def test_two_packages_share_an_output_folder(forge: Forge, tree: Tree) -> None:
+def test_packages_can_share_an_output_folder(forge: Forge, tree: Tree) -> None:
     root = tree(
         {
             "a/msg/A.msg": "std_msgs/Header header",
@@ -352,7 +352,7 @@ def test_a_build_rejects_types_of_packages_that_are_not_dependencies(forge: Forg
     assert forge("interface", "generate", *arguments, "--include", f"std_msgs={included}", cwd=root).code == 0
 
 
-def test_generate_for_a_build_takes_files_and_leaves_stamp_and_depfile(forge: Forge, tree: Tree) -> None:
+def test_generate_for_a_build_takes_files_and_writes_a_stamp_and_a_depfile(forge: Forge, tree: Tree) -> None:
     root = tree({"some where/msg/A.msg": "std_msgs/Header header"})
     arguments = [
         "--package",
@@ -406,7 +406,7 @@ def test_generate_reports_missing_definitions(
     assert (ran.code, ran.err.splitlines()[0]) == (2, f"error: {text}")
 
 
-def test_idl_text_is_as_reviewed(golden: Golden) -> None:
+def test_idl_text_matches_the_reviewed_text(golden: Golden) -> None:
     folder = GOLDEN / "interfaces/idl/src"
     catalog = resolve("tour", parse_all(read_folder("tour", folder)), Library())
     golden("interfaces/idl", {file.path.removeprefix("idl/"): file.text for file in render(catalog, "idl")})

@@ -47,7 +47,7 @@ def message(*fields: Field, constants: tuple[Constant, ...] = (), name: str = "T
     return Message(TypeName("demo", "msg", name), fields, constants)
 
 
-def test_the_headers_of_a_package_are_as_reviewed(golden: Golden) -> None:
+def test_the_headers_of_a_package_match_the_reviewed_text(golden: Golden) -> None:
     """The golden files are all headers of a message, a service and an action."""
     case = GOLDEN / "interfaces" / "cpp" / "robot"
     catalog = resolve("robot", parse_all(read_folder("robot", case)), Library())

@@ -97,7 +97,7 @@ def test_idl_types_are_converted(written: str, type_: Type) -> None:
     assert message(f"{written} a;").fields == (Field("a", type_),)
 
 
-def test_each_declarator_may_be_an_array() -> None:
+def test_each_declarator_can_be_an_array() -> None:
     fields = message("int8 a[3], b, c[4];").fields
     assert [(field.name, field.type) for field in fields] == [
         ("a", Array(INT8, 3)),
@@ -226,7 +226,7 @@ def test_unknown_annotations_are_ignored() -> None:
     assert message(annotated, '@verbatim (language="comment", text="Of it.")').doc == ("Of it.",)
 
 
-def test_definitions_without_meaning_for_ros_are_ignored() -> None:
+def test_definitions_that_ros_does_not_use_are_ignored() -> None:
     before = """
         enum Color { @value(1) RED, GREEN };
         struct Later;
@@ -261,7 +261,7 @@ def test_the_number_of_structs_determines_the_kind() -> None:
     assert errors(apart) == ["1:72 all structs of a file must be in one module"]
 
 
-def test_modules_are_the_package_and_a_namespace() -> None:
+def test_modules_are_package_and_namespace() -> None:
     assert read("module p { module idl { struct A { int8 a; }; }; };").name == TypeName("p", "idl", "A")
     assert errors("module q { module msg { struct A { int8 a; }; }; };") == [
         "1:8 the module is 'q', but the package is 'p'"
@@ -277,7 +277,7 @@ def test_modules_are_the_package_and_a_namespace() -> None:
     ]
 
 
-def test_a_lone_hidden_member_is_not_a_field() -> None:
+def test_a_single_placeholder_member_is_not_a_field() -> None:
     assert message("uint8 structure_needs_at_least_one_member;").fields == ()
     assert len(message("uint8 structure_needs_at_least_one_member; int8 a;").fields) == 2
 
@@ -342,7 +342,7 @@ def test_a_lone_hidden_member_is_not_a_field() -> None:
         ("@range(min=01) int8 a;", "a number with a leading zero is octal"),
     ],
 )
-def test_members_that_rosidl_cannot_read_are_reported(members: str, text: str) -> None:
+def test_unsupported_members_are_reported(members: str, text: str) -> None:
     assert error(members) == text
 
 
@@ -419,7 +419,7 @@ def test_embedded_interfaces_survive_a_round_trip(package: str) -> None:
         _assert_same(package, parsed.interface)
 
 
-def test_the_tour_of_all_features_survives_a_round_trip() -> None:
+def test_all_features_survive_a_round_trip() -> None:
     for folder in ("idl", "show", "cpp", "python"):
         source = GOLDEN / "interfaces" / folder / "src"
         if source.is_dir():
@@ -433,7 +433,7 @@ def _assert_same(package: str, interface: Interface) -> None:
     assert parse(Source(package, relative, Path(relative), text)) == interface
 
 
-def test_annotations_without_effect_are_warned_of() -> None:
+def test_annotations_without_effect_give_a_warning() -> None:
     """Other tools for DDS write other bytes because of them."""
     text = in_modules('@mutable struct A { @key @unit(value="m") int8 a; @optional int8 b; };')
     reader = read_idl(Source("p", "msg/A.idl", Path("A.idl"), text))

@@ -236,7 +236,7 @@ def fast(word: str, class_: Any) -> Any:
 
 
 @pytest.mark.parametrize("number", VECTORS)
-def test_vectors_are_written_and_read(cdr: Any, number: str) -> None:
+def test_reference_vectors_are_written_and_read(cdr: Any, number: str) -> None:
     name, values, text = VECTORS[number]
     message, data = make(name, values), body(text)
     assert cdr.serialize(message) == data
@@ -258,7 +258,7 @@ BIG_ENDIAN = {
 
 
 @pytest.mark.parametrize("name", BIG_ENDIAN)
-def test_big_endian_is_read_into_the_types_of_this_machine(cdr: Any, name: str) -> None:
+def test_big_endian_data_is_converted_to_native_types(cdr: Any, name: str) -> None:
     values = next(values for type_, values, _ in VECTORS.values() if type_ == name)
     read = cdr.deserialize(bytes.fromhex(f"00000000 {BIG_ENDIAN[name]}"), class_of(name))
     assert read == make(name, values)
@@ -353,7 +353,7 @@ def test_strided_arrays_are_written_contiguously(cdr: Any) -> None:
         )
 
 
-def test_unchecked_values_are_written_if_possible(cdr: Any) -> None:
+def test_unchecked_values_are_serialized_if_possible(cdr: Any) -> None:
     message = class_of("vectors/Arr")()
     message._d, message._b = [5, 6], (1,)
     assert cdr.serialize(message) == body("00 00000000000000 000000000000f03f 000000 00 05000000 06000000")
@@ -368,7 +368,7 @@ def test_subclasses_of_messages_are_supported(cdr: Any) -> None:
     assert (type(read), read.data) == (Mine, "x")
 
 
-def test_classes_without_generated_serializers_are_read_by_their_description(cdr: Any, folder: Path) -> None:
+def test_classes_without_generated_serializers_use_their_description(cdr: Any, folder: Path) -> None:
     definition: Any = import_module("rosidl_parser.definition")
 
     class Foreign:
@@ -556,7 +556,7 @@ def test_errors_have_an_offset_and_can_be_pickled(cdr: Any) -> None:
 @pytest.mark.parametrize(
     "name", ["vectors/Seq", "vectors/Strs", "std_msgs/String", "vectors/W", "vectors/Tree", "vectors/Hollow"]
 )
-def test_an_impossible_count_allocates_no_memory(cdr: Any, name: str, count: str) -> None:
+def test_an_invalid_length_allocates_no_memory(cdr: Any, name: str, count: str) -> None:
     data, class_ = body(count) + bytes(64), class_of(name)
     for _ in range(2):  # the first time loads modules
         tracemalloc.start()
@@ -589,7 +589,7 @@ def test_a_large_sequence_is_copied_on_first_access(image: Any) -> None:
     assert type(image) is class_
 
 
-def test_lazy_messages_behave_like_others(cdr: Any, image: Any) -> None:
+def test_lazy_messages_behave_like_eager_ones(cdr: Any, image: Any) -> None:
     whole = make("sensor_msgs/Image", {"header": {"frame_id": "c"}, "data": [1, 2, 3, 4] * 2500})
     data = cdr.serialize(whole)
 
@@ -607,7 +607,7 @@ def test_lazy_messages_behave_like_others(cdr: Any, image: Any) -> None:
         assert copied == whole
 
 
-def test_each_lazy_field_is_read_on_its_own(cdr: Any) -> None:
+def test_lazy_fields_are_read_independently(cdr: Any) -> None:
     scan = class_of("sensor_msgs/LaserScan")(ranges=[1.0] * 2000, intensities=[2.0] * 3000)
     read = cdr.deserialize(cdr.serialize(scan), type(scan), copy=False)
     assert read.ranges == scan.ranges
@@ -625,7 +625,7 @@ def test_nested_lazy_messages_are_created_on_access(cdr: Any) -> None:
     assert read == around
 
 
-def test_a_lazy_field_refers_to_the_buffer_until_accessed(cdr: Any, image: Any) -> None:
+def test_a_lazy_field_references_the_buffer_until_accessed(cdr: Any, image: Any) -> None:
     view = cdr.view(image, "data")
     assert view.readonly
     assert view[:4].tolist() == [1, 2, 3, 4]

@@ -69,7 +69,7 @@ def test_constructors_convert_to_array(msg: ModuleType) -> None:
         msg.Bound(numbers=[1, 2, 3, 4])
 
 
-def test_assigning_an_array_of_the_right_type_keeps_it(msg: ModuleType) -> None:
+def test_arrays_of_the_right_type_are_stored_without_a_copy(msg: ModuleType) -> None:
     fixed, loose = msg.Fixed(), msg.Loose()
     fixed.a_uint8 = kept = np.arange(3, dtype=np.uint8)
     assert fixed.a_uint8 is kept
@@ -152,19 +152,19 @@ def test_numbers_in_buffers_are_copied_in_c_order(msg: ModuleType, name: str, va
         ("a_uint8", np.array(["2026-01-01"], "datetime64[D]")),
     ],
 )
-def test_numbers_that_do_not_fit_are_refused(msg: ModuleType, name: str, value: Any) -> None:
+def test_out_of_range_numbers_are_rejected(msg: ModuleType, name: str, value: Any) -> None:
     with pytest.raises(AssertionError, match=f"^The '{name}' field must be a set or sequence and each value"):
         setattr(msg.Loose(), name, value)
 
 
-def test_an_array_of_another_type_that_fits_is_converted(msg: ModuleType) -> None:
+def test_arrays_of_a_compatible_type_are_converted(msg: ModuleType) -> None:
     fixed = msg.Fixed()
     fixed.a_uint8 = np.array([1, 2, 3])
     assert (fixed.a_uint8.dtype, fixed.a_uint8.tolist()) == (np.uint8, [1, 2, 3])
 
 
 @pytest.mark.parametrize("value", [[1.0], iter([1]), "", 5, None, {1: 1.5}, np.zeros(3), [300], ["a"]])
-def test_a_numeric_sequence_rejects_other_values(msg: ModuleType, value: object) -> None:
+def test_numeric_sequences_reject_other_values(msg: ModuleType, value: object) -> None:
     with refused(
         "The 'a_uint8' field must be a set or sequence and each value of type 'int' "
         "and each unsigned integer in [0, 255]"
@@ -219,7 +219,7 @@ LISTS_REFUSED = [
 
 
 @pytest.mark.parametrize(("class_", "name", "value", "words"), LISTS_REFUSED)
-def test_a_list_rejects_other_elements_and_lengths(
+def test_lists_reject_wrong_elements_and_lengths(
     msg: ModuleType, class_: str, name: str, value: object, words: str
 ) -> None:
     message = getattr(msg, class_)()
@@ -230,7 +230,7 @@ def test_a_list_rejects_other_elements_and_lengths(
 
 
 @pytest.mark.parametrize("value", [("a", "b"), {"a", "b"}, UserList(["a", "b"]), ["a", "b"]])
-def test_a_list_is_stored_as_given(msg: ModuleType, value: object) -> None:
+def test_lists_are_stored_without_a_copy(msg: ModuleType, value: object) -> None:
     message = msg.Fixed()
     message.texts = value
     assert message.texts is value

@@ -122,7 +122,7 @@ def test_a_message_field_accepts_subclasses(msg: ModuleType) -> None:
         msg.Nested().header = None
 
 
-def test_defaults_have_the_form_in_which_fields_store_them(msg: ModuleType) -> None:
+def test_defaults_have_the_stored_type_of_their_fields(msg: ModuleType) -> None:
     message = msg.Defaults()
     assert (message.flag, message.raw, message.low, message.high) == (True, b"\xff", -(2**63), 2**64 - 1)
     assert (message.whole, message.endless) == (0.0, -math.inf)
@@ -151,14 +151,14 @@ def test_a_default_out_of_range_fails_at_construction() -> None:
         huge()
 
 
-def test_a_field_may_be_named_property(msg: ModuleType) -> None:
+def test_a_field_can_be_named_property(msg: ModuleType) -> None:
     message = msg.Property(property="x", after=1, builtins=2, last=3)
     assert (message.property, message.after, message.builtins, message.last) == ("x", 1, 2, 3)
     with pytest.raises(AssertionError):
         message.last = "x"
 
 
-def test_field_names_may_shadow_names_of_generated_code(msg: ModuleType) -> None:
+def test_field_names_may_shadow_generated_names(msg: ModuleType) -> None:
     message = msg.Words(self=1, len=2, str="x", bytes=b"y", array=[1], numpy=[1, 2, 3])
     assert (message.self, message.len, message.str, message.bytes) == (1, 2, "x", b"y")
     assert (message.array, message.numpy.tolist()) == (array("b", [1]), [1, 2, 3])
@@ -255,7 +255,7 @@ def test_a_message_with_a_field_named_shape_can_be_compared(tmp_path: Path) -> N
         assert wide != module.Tracked()
 
 
-def test_a_field_named_like_a_keyword_has_another_name_in_code(tmp_path: Path) -> None:
+def test_fields_named_like_keywords_are_renamed_in_code(tmp_path: Path) -> None:
     """getattr(), the constructor and tools that iterate over the fields use its own name."""
     text = "string from\nfloat64[2] in\nint8[<=2] is\nint32 lambda 3\nuint8 pass\n"
     generate(tmp_path, catalog_of("keyword_msgs", {"msg/Edge.msg": text}))

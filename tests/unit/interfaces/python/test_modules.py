@@ -70,7 +70,7 @@ def test_constants_cannot_be_changed(msg: ModuleType) -> None:
     assert msg.Constants.LOW == -128
 
 
-def test_classes_accept_other_attributes(msg: ModuleType) -> None:
+def test_classes_accept_additional_attributes(msg: ModuleType) -> None:
     msg.Hidden.note = "mine"
     msg.Hidden.note = "still mine"
     del msg.Hidden.note
@@ -89,12 +89,12 @@ def test_defaults_can_be_read_but_not_changed(msg: ModuleType) -> None:
 
 
 @pytest.mark.parametrize("name", ["SOME__DEFAULT", "PAIR__DEFAULT", "FLAGS__DEFAULT"])
-def test_a_default_read_on_the_class_is_fresh_and_shared_on_instances(msg: ModuleType, name: str) -> None:
+def test_class_defaults_are_copies_and_instance_defaults_are_shared(msg: ModuleType, name: str) -> None:
     assert getattr(msg.Defaults, name) is not getattr(msg.Defaults, name)
     assert getattr(msg.Defaults(), name) is getattr(msg.Defaults(), name)
 
 
-def test_slots_are_in_field_order_and_exclusive(msg: ModuleType) -> None:
+def test_slots_are_exclusive_and_in_field_order(msg: ModuleType) -> None:
     assert msg.Nested.__slots__ == ["_header", "_point"]
     with pytest.raises(AttributeError):
         msg.Nested().other = 1
@@ -160,7 +160,7 @@ def test_messages_are_compared_by_fields(msg: ModuleType) -> None:
     assert msg.Point(x=math.nan) != msg.Point(x=math.nan)
 
 
-def test_arrays_differ_if_one_element_does(msg: ModuleType) -> None:
+def test_arrays_differ_if_an_element_differs(msg: ModuleType) -> None:
     one, other = msg.Fixed(a_int8=[1, 2, 3]), msg.Fixed(a_int8=[1, 2, 4])
     assert one != other
     other.a_int8[2] = 3
@@ -174,7 +174,7 @@ def test_messages_are_not_hashable_or_ordered(msg: ModuleType) -> None:
         _ = msg.Point() < msg.Point()
 
 
-def test_repr_of_a_message_is_its_constructor_call(msg: ModuleType) -> None:
+def test_repr_returns_a_constructor_call(msg: ModuleType) -> None:
     assert repr(msg.Point(x=1.0)) == "probe.msg.Point(x=1.0, y=0.0)"
     assert repr(msg.Nothing()) == "probe.msg.Nothing()"
     shown = repr(msg.Bound(numbers=[1, 2], texts=["a'b"]))
@@ -200,7 +200,7 @@ def test_the_metaclass_has_the_attributes_that_rclpy_uses(msg: ModuleType) -> No
     assert metaclass._TYPE_SUPPORT is None
 
 
-def test_the_docstring_names_the_constants(msg: ModuleType) -> None:
+def test_docstrings_list_constants(msg: ModuleType) -> None:
     assert msg.Point.__doc__ == "Message class 'Point'."
     names = "YES RAW LETTER LOW HIGH PI NAN INF WORD WIDE"
     assert msg.Constants.__doc__.split() == f"Message class 'Constants'. Constants: {names}".split()

@@ -32,7 +32,7 @@ def test_docstrings_are_escaped(lines: list[str]) -> None:
         ("check_fields", "check_fields: float"),
     ],
 )
-def test_a_constructor_takes_check_fields_unless_a_field_has_the_name(field: str, argument: str) -> None:
+def test_constructors_accept_check_fields_unless_a_field_has_this_name(field: str, argument: str) -> None:
     name = TypeName("checked", "msg", "Speed")
     message = Message(name, (Field(field, Primitive("double"), None, (), None),), (), ())
     files = {

@@ -37,7 +37,7 @@ def test_integers_are_parsed_as_in_python(text: str, value: int) -> None:
 
 
 @given(st.sampled_from(sorted(INTEGER_RANGES)), st.integers(-(1 << 65), 1 << 65))
-def test_an_integer_is_accepted_exactly_within_its_range(name: str, number: int) -> None:
+def test_integers_are_accepted_exactly_within_their_range(name: str, number: int) -> None:
     low, high = INTEGER_RANGES[name]
     if low <= number <= high:
         assert read_value(str(number), Primitive(name)) == number
@@ -92,7 +92,7 @@ def test_floats_have_no_range() -> None:
         ('["abc"]', Sequence(String(bound=3), 1), ("abc",)),
     ],
 )
-def test_collections(text: str, type_: Type, value: Value) -> None:
+def test_collections_are_parsed(text: str, type_: Type, value: Value) -> None:
     assert read_value(text, type_) == value
 
 
@@ -123,14 +123,14 @@ def test_quotes_and_escapes_are_resolved_once(text: str, value: str) -> None:
     assert read_value(text, String(wide=True)) == value
 
 
-def test_a_bound_counts_characters_after_unescaping() -> None:
+def test_string_bounds_count_unescaped_characters() -> None:
     assert read_value("'it\\'s'", String(bound=4)) == "it's"
     with pytest.raises(ParseError, match="5 characters exceeds the bound 4"):
         read_value('"it\'ss"', String(bound=4))
 
 
 @given(st.text(st.characters(exclude_categories=["Cs"])))
-def test_any_text_can_be_quoted(text: str) -> None:
+def test_any_string_can_be_quoted(text: str) -> None:
     written = text.replace("\\", "\\\\").replace('"', '\\"')
     assert read_value(f'"{written}"', TEXT) == text
 
@@ -143,7 +143,7 @@ def test_messages_have_no_literals(type_: Type) -> None:
         read_value("[]", type_)
 
 
-def test_an_error_points_at_the_element() -> None:
+def test_errors_point_at_the_element() -> None:
     with pytest.raises(ParseError) as caught:
         read_value("[1, 2,  x]", Sequence(INT8))
     assert caught.value.offset == 8

@@ -90,7 +90,7 @@ def test_whitespace_and_comments_do_not_change_constants(line: str) -> None:
 
 
 @pytest.mark.parametrize("line", ["int8 \xa0a \xa05", "int8 A\xa0=\xa05", "int8  \u3000A=5\xa0"])
-def test_other_blanks_around_names_and_values_are_ignored_too(line: str) -> None:
+def test_other_whitespace_around_names_and_values_is_ignored(line: str) -> None:
     parsed = message(line)
     values = [(f.name.upper(), f.default) for f in parsed.fields] + [
         (c.name, c.value) for c in parsed.constants
@@ -118,7 +118,7 @@ def test_a_field_and_a_constant_may_differ_only_in_case() -> None:
     assert (parsed.fields, parsed.constants) == ((Field("a", INT8),), (Constant("A", INT8, 1),))
 
 
-def test_the_placeholder_member_is_hidden_only_alone() -> None:
+def test_the_placeholder_member_is_hidden_only_if_it_is_the_only_one() -> None:
     hidden = "uint8 structure_needs_at_least_one_member"
     assert message(hidden).fields == ()
     assert message("").members == message(hidden).members
@@ -140,7 +140,7 @@ def test_the_placeholder_member_is_hidden_only_alone() -> None:
         ("\n# one\n# C:\\Users \\\nint8 a\n", (), {"a": ("one", "C:\\Users \\")}),
     ],
 )
-def test_comments_belong_to_the_file_the_next_or_the_previous(
+def test_comments_are_attached_to_the_file_or_the_adjacent_declaration(
     text: str, file: tuple[str, ...], docs: dict[str, tuple[str, ...]]
 ) -> None:
     parsed = message(text)
@@ -159,12 +159,12 @@ def test_comments_belong_to_the_file_the_next_or_the_previous(
         ("empty []", ("empty []",), None),
     ],
 )
-def test_a_single_bracketed_text_is_the_unit(comment: str, doc: tuple[str, ...], unit: str | None) -> None:
+def test_a_single_text_in_brackets_is_the_unit(comment: str, doc: tuple[str, ...], unit: str | None) -> None:
     field = message(f"int8 a # {comment}").fields[0]
     assert (field.doc, field.unit) == (doc, unit)
 
 
-def test_services_and_actions_have_sections_of_their_own() -> None:
+def test_services_and_actions_are_split_into_sections() -> None:
     service = parse(
         Source("tour", "srv/Go.srv", Path("Go.srv"), "# ask\nint8 a\n---\n# tell\nint8 a\nint8 A=1\n")
     )
@@ -185,7 +185,7 @@ def test_problems_are_sorted_by_line() -> None:
     ]
 
 
-def test_the_problems_of_all_files_are_raised_at_once() -> None:
+def test_problems_in_all_files_are_raised_together() -> None:
     sources = [Source("tour", f"msg/{name}.msg", Path(f"{name}.msg"), "foo a") for name in ("One", "Two")]
     with pytest.raises(InterfaceError) as caught:
         parse_all(sources)

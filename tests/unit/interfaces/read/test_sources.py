@@ -22,7 +22,7 @@ def fields(library: Library, name: str) -> list[str]:
     return [field.name for field in getattr(parsed.interface, "fields", ())]
 
 
-def test_a_folder_is_read_in_the_order_of_kinds_and_names(tree: Tree) -> None:
+def test_folders_are_read_in_order_of_kind_and_name(tree: Tree) -> None:
     folder = tree(
         {"srv/A.srv": "---", "msg/B.msg": "", "msg/A.msg": "", "action/A.action": "", "msg/README.md": ""}
     )
@@ -52,7 +52,7 @@ def test_unreadable_definitions_are_reported_with_their_path(tree: Tree) -> None
         read_source("p", folder, "msg/Latin.msg")
 
 
-def test_search_order_is_includes_prefixes_embedded(tree: Tree) -> None:
+def test_definitions_are_searched_in_includes_then_prefixes_then_embedded(tree: Tree) -> None:
     root = tree(
         {
             "included/msg/String.msg": "int8 included",
@@ -71,7 +71,7 @@ def test_a_package_is_never_combined_from_several_folders(tree: Tree) -> None:
     assert Library(prefixes=(prefix,)).find(TypeName("std_msgs", "msg", "Header")) is None
 
 
-def test_packages_are_those_with_interfaces(tree: Tree) -> None:
+def test_only_packages_with_interfaces_are_listed(tree: Tree) -> None:
     prefix = tree(
         {f"{INDEX}/mine": "", f"{INDEX}/.hidden": "", f"{INDEX}/gone": "", "share/mine/srv/A.srv": "---"}
     )
@@ -90,7 +90,7 @@ def test_requests_and_responses_are_hidden_and_idl_files_listed(tree: Tree) -> N
     assert {str(name) for name in library.names()} == {"p/msg/B", "p/srv/A"}
 
 
-def test_definitions_in_deeper_folders_are_found(tree: Tree) -> None:
+def test_definitions_in_nested_folders_are_found(tree: Tree) -> None:
     folder = tree({"msg/deep/more/A.msg": "int8 deep", "msg/B.msg": "A a", "msg/B.idl": "", "test/C.msg": ""})
     library = Library({"p": folder}, embedded=None)
     assert list(map(str, library.names_in("p"))) == ["p/msg/A", "p/msg/B"]
@@ -98,7 +98,7 @@ def test_definitions_in_deeper_folders_are_found(tree: Tree) -> None:
     assert [source.relative for source in read_folder("p", folder)] == ["msg/B.msg", "msg/deep/more/A.msg"]
 
 
-def test_an_installed_package_has_what_the_index_lists(tree: Tree) -> None:
+def test_installed_interfaces_are_those_in_the_index(tree: Tree) -> None:
     """Files that another version has left are none of it; generated .idl files are not the source."""
     listed = ("deep/A.msg", "msg/A.idl", "srv/S.srv", "srv/S_Request.msg", "msg/Own.idl", "msg/gone.msg")
     own = "module p { module msg { struct Own { long x; }; }; };"
@@ -117,7 +117,7 @@ def test_an_installed_package_has_what_the_index_lists(tree: Tree) -> None:
     assert fields(library, "p/msg/Own") == ["x"]
 
 
-def test_run_time_files_are_those_of_the_language() -> None:
+def test_runtime_files_depend_on_the_language() -> None:
     assert "rosidl_runtime_cpp/bounded_vector.hpp" in {file.path for file in read_runtime("cpp")}
     assert "forge_rosidl/messages.py" in {file.path for file in read_runtime("python")}
     assert list(read_runtime("idl")) == []

@@ -106,7 +106,7 @@ def test_header_without_a_package_suggests_std_msgs() -> None:
     ]
 
 
-def test_suggestions_ignore_the_common_package_name() -> None:
+def test_suggestions_ignore_a_common_package_name() -> None:
     files = {"msg/A.msg": "Nope a", "msg/M9.msg": "int8 a", "msg/Other.msg": "int8 a"}
     assert problems(files, Shelf({})) == ["msg/A.msg:1:1: unknown type 'tour/Nope' (None)"]
 
@@ -194,7 +194,7 @@ def test_a_missing_dependency_of_generated_code_is_an_error() -> None:
         dependency_catalogs(catalog({"action/Go.action": "---\n---"}, shelf), shelf)
 
 
-def test_messages_below_an_installed_interface_include_its_own_packages() -> None:
+def test_messages_used_by_installed_interfaces_are_included() -> None:
     parsed = Shelf(ROS).find(TypeName("action_msgs", "srv", "CancelGoal"))
     assert parsed
     below = nested_messages(parsed, Shelf(ROS))

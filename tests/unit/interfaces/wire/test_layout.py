@@ -17,7 +17,7 @@ def layout_of(definitions: Mapping[str, str], name: str = "X", start: Phase = ST
     return LayoutBuilder(catalog_of("p", files).known).of(TypeName("p", "msg", name), start)
 
 
-def test_a_message_of_many_large_ones_is_not_large_itself() -> None:
+def test_a_message_of_large_messages_is_not_large_itself() -> None:
     large = "\n".join(f"string s{number}" for number in range(INLINE_LIMIT + 1))
     known = catalog_of("p", {"msg/Large.msg": large, "msg/X.msg": "Large a\nLarge b"}).known
     assert LayoutBuilder(known).is_large(TypeName("p", "msg", "Large"))

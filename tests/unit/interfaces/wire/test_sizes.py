@@ -80,7 +80,7 @@ def test_serialized_messages_are_within_the_computed_limits(
 @pytest.mark.parametrize("name", NAMES, ids=str)
 @settings(max_examples=30)
 @given(data=st.data())
-def test_a_number_is_at_its_computed_offset(
+def test_numbers_are_at_their_computed_offsets(
     classes: Mapping[str, Any], name: TypeName, data: st.DataObject
 ) -> None:
     definition, found = size_of(name)
@@ -92,7 +92,7 @@ def test_a_number_is_at_its_computed_offset(
             assert value == getattr(message, member.name)
 
 
-def test_a_full_message_has_the_maximum_size(classes: Mapping[str, Any]) -> None:
+def test_full_messages_have_the_maximum_size(classes: Mapping[str, Any]) -> None:
     inner, bounded = classes["spans/msg/Inner"], classes["spans/msg/Bounded"]
     full = [bounded(b="12345", c=[1.0] * 3, d="123", e=[inner() for _ in range(4)]) for _ in range(2)]
     assert size(full[0]) == size_of(TypeName("spans", "msg", "Bounded"))[1].max_size
