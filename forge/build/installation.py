@@ -21,7 +21,6 @@ from forge.base.files import (
 from forge.base.frozen import frozen
 from forge.base.layout import INSTALL_STATE_FILE
 from forge.build.build_types import build_type_of
-from forge.build.inputs.depfiles import written_by_backend
 from forge.build.installed_lists import listed_files, package_markers
 from forge.build.prefix import PrefixExchange
 from forge.environment import scripts
@@ -119,7 +118,7 @@ def installed_files(package: Package, layout: Layout, earlier: Collection[str] =
     exchange = PrefixExchange(name, layout)
     build = layout.build_dir(name)
     below = f"{prefix}/"
-    listed = {*listed_files(build), *(path for path in written_by_backend(build) if path.startswith(below))}
+    listed = {*listed_files(build)}
     raise_if_any(exchange.overwritten(listed), WorkspaceError)
     # A listed file may be missing: the package's own code can remove files that CMake installed.
     others, writes = exchange.others(), exchange.writes()

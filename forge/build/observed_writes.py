@@ -25,7 +25,6 @@ NOTES = ".notes"
 
 P pid kind   forge has started a step; P alone: forge's worker has started a program of one
 W path   a file that forge has written, D path: a folder
-E name   a program that was not observed
 """
 
 
@@ -100,7 +99,7 @@ def read_steps(log: Path, kinds: str = ALL_KINDS) -> ObservedSteps:
     roots = {int(pid): kind for pid, _, kind in (word.partition(" ") for word in starts) if pid}
     observed = read_log(log, frozenset(roots), starts.count(""), kinds=kinds)
     files, folders = (frozenset(word for kind, word in words if kind == each) for each in (b"W", b"D"))
-    is_noted = notes[-1] == b"" and bool(starts) and all(kind != b"E" for kind, _ in words)
+    is_noted = notes[-1] == b"" and bool(starts)
     unseen = any(kind == "B" for process in observed.processes for _, kind, _ in process.records)
     complete = is_noted and not observed.blind and not unseen
     return ObservedSteps(observed, roots, files, folders, bool(starts), complete)
@@ -156,12 +155,6 @@ def note_start(variables: Mapping[str, str]) -> None:
         started_with = Path("/proc/self/environ").read_bytes()
     if LOG_VARIABLE.encode() not in started_with:  # else the library is in this process
         append(variables.get(LOG_VARIABLE), b"P")
-
-
-def note_unobserved(program: str) -> None:
-    """Log a program that has run as part of a step, unless the library observes the processes of the step."""
-    if "LD_PRELOAD" not in os.environ:
-        append(os.environ.get(LOG_VARIABLE), b"E" + os.fsencode(program))
 
 
 def append(log: str | None, *notes: bytes) -> None:

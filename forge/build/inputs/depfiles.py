@@ -1,4 +1,4 @@
-"""What tools reported of a build besides what was observed: compilers by depfiles, Python by its tracer.
+"""What tools reported of a build besides what was observed: compilers by depfiles, cargo by a list.
 
 CMake's own modules are left out, since CMake is tracked as a tool.
 """
@@ -22,8 +22,6 @@ if TYPE_CHECKING:
 
 _text = partial(text_or_nothing, errors="surrogateescape")
 _CMAKE_ROOT = re.compile(r"^CMAKE_ROOT:INTERNAL=(.+)$", re.MULTILINE)
-READ_BY_BACKEND = "read_by_backend"
-WRITTEN_BY_BACKEND = "written_by_backend"
 
 
 def reported_inputs(build: Path, graph: NativeGraph, inside: Sequence[Path]) -> frozenset[str]:
@@ -46,14 +44,14 @@ def cmake_root(build: Path) -> str:
 
 
 def written_by_backend(build: Path) -> Iterator[str]:
-    """Yield the source files that a Python build backend wrote, or the Cargo.lock that cargo wrote."""
-    return _listed(build, WRITTEN_BY_BACKEND)
+    """Yield the Cargo.lock that cargo wrote."""
+    return _listed(build, "written_by_backend")
 
 
 def _read_by_backend(build: Path, inside: Sequence[Path]) -> Iterator[str]:
-    """Yield what the build backend of a Python package or cargo read; of a folder, its files and names."""
-    for path in _listed(build, READ_BY_BACKEND):
-        if path.endswith(DIR_LISTING_SUFFIX) or not path.startswith("/") or not os.path.isdir(path):
+    """Yield what cargo read; of a folder, its files and names."""
+    for path in _listed(build, "read_by_backend"):
+        if not os.path.isdir(path):
             yield path
         elif not any(f"{folder}/".startswith(f"{path}/") for folder in inside):
             yield from source_files(path)
@@ -61,6 +59,4 @@ def _read_by_backend(build: Path, inside: Sequence[Path]) -> Iterator[str]:
 
 
 def _listed(build: Path, name: str) -> Iterator[str]:
-    """Yield the lines of a list; those that begin with '#' are comments."""
-    lines = _text(build / SCRATCH_DIR / name).split("\n")
-    yield from (line for line in lines if line and not line.startswith("#"))
+    return filter(None, _text(build / SCRATCH_DIR / name).split("\n"))

@@ -1,4 +1,4 @@
-"""Run the build backend of a package, record the files that it read, and shorten the output of a failure.
+"""Run the build backend of a package, and shorten the output of a failure.
 
 setuptools installs a package itself, like with colcon; other backends build a wheel (PEP 517).
 """
@@ -12,7 +12,6 @@ import re
 import subprocess
 import sys
 import warnings
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -31,11 +30,9 @@ from forge.base.formats import read_toml
 from forge.base.frozen import frozen
 from forge.base.layout import PACKAGE, SCRATCH_DIR
 from forge.base.options import flag, option
-from forge.build.inputs.depfiles import READ_BY_BACKEND, WRITTEN_BY_BACKEND
 from forge.build.inputs.fingerprints import source_files
-from forge.build.observed_writes import note_start, note_unobserved, note_written
+from forge.build.observed_writes import note_start, note_written
 from forge.build.wheels import setup_install
-from forge.build.wheels.backend_inputs import Traced, external_inputs, parse_trace
 from forge.build.wheels.pitfalls import invalid_scripts_of_setup
 from forge.toolchain.python_modules import install_command, setuptools_path
 
@@ -52,46 +49,22 @@ _NOT_UTF8 = "surrogates not allowed"
 """The text of Python's error for a name that is not UTF-8."""
 _OF_ENTRY_POINT = re.compile(r"Pair\.__new__|entry.?point|in script names", re.IGNORECASE)
 """The errors of setuptools for an invalid entry point."""
-_START = """\
-import sys
-if sys.path[:1] == [""]:
-    del sys.path[0]
-from importlib.util import module_from_spec, spec_from_file_location
-spec = spec_from_file_location("backend_tracer", {tracer!r})
-tracer = module_from_spec(spec)
-spec.loader.exec_module(tracer)
-tracer.main(sys.argv)
-"""
-"""Imports the tracer as a module, which is compiled only once, and nothing from the package's folder."""
-
 _SITECUSTOMIZE = """\
-# Traces Python programs started by a build backend.
+# For Python programs that a setup.py starts: as with colcon, sys.prefix is that of the package.
 import os, sys
-if sys.executable == {python!r} and {prefix!r}:
+from importlib.machinery import PathFinder
+from importlib.util import module_from_spec
+
+if sys.executable == {python!r}:
     sys.real_prefix = sys.prefix
     sys.prefix = sys.exec_prefix = {prefix!r}
-from importlib.machinery import PathFinder
-from importlib.util import module_from_spec, spec_from_file_location
-
-def _run(spec):
-    module = module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
 _folder = os.path.dirname(os.path.abspath(__file__))
 sys.path[:] = [entry for entry in sys.path if os.path.abspath(entry) != _folder]
-try:
-    _run(spec_from_file_location("backend_tracer", {tracer!r})).trace({log!r})
-except Exception:
-    pass  # as with a Python that is too old
 _next = PathFinder.find_spec("sitecustomize", sys.path)
 if _next is not None and _next.loader is not None:
-    _run(_next)
+    _next.loader.exec_module(module_from_spec(_next))
 """
-"""Python imports this at its start; the original sitecustomize module is run as well.
-
-`prefix` is that of the package if setuptools installs it: like with colcon, `sys.prefix` leads there.
-"""
+"""Python imports this at its start; the original sitecustomize module is run as well."""
 
 _SETTINGS = """\
 [egg_info]
@@ -147,9 +120,7 @@ def run_setup_install(options: WheelInstall, scripts: str | None) -> tuple[tuple
     commands run, with the real prefix.
     """
     source, build = options.source, options.build
-    _remove_leftovers(build)
-    build.mkdir(parents=True, exist_ok=True)
-    trace = _Trace(source, build, options.prefix)
+    backend = _Backend(build, options.python)
     log = build / INSTALL_LOG
     egg_base = os.path.relpath(os.path.realpath(build), os.path.realpath(source))
     words = ["egg_info", "--egg-base", egg_base, "build", "--build-base", str(build / "build")]
@@ -157,54 +128,52 @@ def run_setup_install(options: WheelInstall, scripts: str | None) -> tuple[tuple
     words += ["install", "--record", str(log), "--single-version-externally-managed"]
     words += ["--install-scripts", scripts] if scripts else []
     words += ["--force", "--no-compile"]
+    children = backend.folder / "children"
+    children.mkdir()
+    text = _SITECUSTOMIZE.format(python=options.python, prefix=str(options.prefix))
+    (children / "sitecustomize.py").write_text(text, encoding="utf-8")
     request = {
         "build": str(build / "build"),
+        "children": str(children),
         "prefix": str(options.prefix),
         "site_packages": options.site_packages,
         "words": words,
         "pure": bool(options.target),
     }
-    file = trace.folder / "request.json"
+    file = backend.folder / "request.json"
     file.write_text(json.dumps(request), "utf-8")
+    argv = (options.python, setup_install.__file__, str(file))
     # A wheel also needs the distribution 'wheel' of old versions.
     wheels = not (source / "setup.py").is_file()
-
-    def run(environment: Mapping[str, str]) -> None:
-        argv = (options.python, setup_install.__file__, str(file))
-        prefix = str(options.prefix)
-        _run_backend(argv, str(source), trace=trace, environment=environment, prefix=prefix)
-
-    def lend_setuptools() -> Mapping[str, str]:
-        return _backend_environment(dict(_SETUPTOOLS), options.python, trace, wheels=wheels)
-
+    if wheels:
+        backend.lend_setuptools(wheels=True)
     try:
         try:
-            run(lend_setuptools() if wheels else {**os.environ, **trace.variables()})
+            backend.run(argv, str(source))
         except subprocess.CalledProcessError as error:
             # Nearly all interpreters have setuptools: to ask first, each package would start one more.
             if wheels or error.returncode != setup_install.UNAVAILABLE:
                 raise
-            run(lend_setuptools())
+            backend.lend_setuptools(wheels=False)
+            backend.run(argv, str(source))
     except subprocess.CalledProcessError as error:
-        if DISK_FULL.search(trace.output):
+        if DISK_FULL.search(backend.output):
             raise _full_disk(options.prefix) from None
-        outside = text_if_exists(trace.folder / setup_install.OUTSIDE) or ""
+        outside = text_if_exists(backend.folder / setup_install.OUTSIDE) or ""
         raise _setup_fault(error.returncode, outside, options) from None
     finally:
-        # After a failure, too: what was installed is removed again.
-        traced = trace.finish()
-        found = {*traced.written, *map(os.path.normpath, listed_paths(log))}
+        delete_tree(backend.folder)
         # setuptools also lists folders: those of `data_files` without files.
-        installed = sorted(path for path in _respelled(found, options.prefix) if _is_file(path))
+        listed = _respelled(map(os.path.normpath, listed_paths(log)), options.prefix)
+        installed = sorted(path for path in listed if _is_file(path))
+        # After a failure, too: what was installed is removed again.
         for path in installed:
             note_written(path)
-        for started in traced.started:
-            note_unobserved(started)
     if source.is_relative_to(PACKAGE):
         # The path from an embedded package to the build folder depends on where both are.
         for listing in filter(lambda path: path.name == "SOURCES.txt", map(Path, installed)):
             replace_file(listing, read_file(listing).replace(os.fsencode(f"{egg_base}/"), b""))
-    return tuple(map(Path, installed)), trace.output
+    return tuple(map(Path, installed)), backend.output
 
 
 def _is_file(path: str) -> bool:
@@ -246,18 +215,19 @@ def build_wheel(source: Path, build: Path, prefix: Path, python: str) -> tuple[P
     """Build the wheel without writing into the source folder; return its path and the backend's output."""
     system = _build_system(source)
     backend, *_ = system["build-backend"].split(":")
-    _remove_leftovers(build)
+    runner = _Backend(build, python)
+    if backend.startswith("setuptools.") or "backend-path" in system:
+        runner.lend_setuptools(wheels=True)
     out = build / "wheel"
-    out.mkdir(parents=True)
+    out.mkdir()
     settings = build / "distutils.cfg"
     settings.write_text(_SETTINGS.format(build=build), "utf-8")
-    os.environ["DIST_EXTRA_CONFIG"] = str(settings)
-    trace = _Trace(source, build, prefix)
+    os.environ["DIST_EXTRA_CONFIG"] = runner.environment["DIST_EXTRA_CONFIG"] = str(settings)
     caller = pyproject_hooks.BuildBackendHookCaller(
         str(source),
         system["build-backend"],
         backend_path=system.get("backend-path"),
-        runner=partial(_run_backend, trace=trace, environment=_backend_environment(system, python, trace)),
+        runner=runner.run,
         python_executable=python,
     )
     try:
@@ -267,65 +237,71 @@ def build_wheel(source: Path, build: Path, prefix: Path, python: str) -> tuple[P
     except pyproject_hooks.BackendUnavailable:
         raise _unavailable(backend, python) from None
     except subprocess.CalledProcessError:
-        if DISK_FULL.search(trace.output):
+        if DISK_FULL.search(runner.output):
             raise _full_disk(build) from None
         message = f"the package's build backend '{backend}' failed; see its output above"
         raise HostError(Problem(message)) from None
     for warning in warned:
         # Warnings of pyproject_hooks about the backend.
         print(f"{warning.category.__name__}: {warning.message}")
-    trace.finish()
-    return out / wheel, trace.output
+    delete_tree(runner.folder)
+    return out / wheel, runner.output
 
 
-class _Trace:
-    """A folder for the logs of a backend and the programs that it starts."""
+class _Backend:
+    """Runs the build backend of a package; `output` is what it has printed."""
 
-    def __init__(self, source: Path, build: Path, prefix: Path) -> None:
-        """Create the folder; files in these three folders are not inputs."""
+    def __init__(self, build: Path, python: str) -> None:
+        """Remove files of an earlier build, whose modules and list of sources would end up in the wheel."""
         self.folder = build / SCRATCH_DIR / "backend"
+        names = (build / name for name in ("wheel", "build", INSTALL_LOG))
+        for path in (self.folder, *names, *build.glob("*.egg-info")):
+            if path.is_dir() and not path.is_symlink():
+                delete_tree(path)
+            else:
+                path.unlink(missing_ok=True)
         self.folder.mkdir(parents=True)
-        self._source = source
-        self._build = build
-        self._products = build / "build"
-        inside = (source, build, prefix)
-        self._inside = {*map(str, inside), *map(os.path.realpath, inside)}
-        self.bundled: Path | None = None
-        """A folder with forge's setuptools, if the interpreter lacks one."""
+        # The variable keeps scikit-build-core out of the sources.
+        self.environment = {**os.environ, "SKBUILD_BUILD_DIR": str(build / "build/cmake")}
         self.output = ""
-        """The backend's output."""
+        self._python = python
 
-    def argv(self, command: Sequence[str], prefix: str) -> tuple[str, ...]:
-        """Return the traced version of a Python command whose last argument is its folder."""
-        python, script, *words = command
-        self._inside |= {str(Path(script).parent), words[-1]}
-        tracer = str(Path(__file__).with_name("backend_tracer.py"))
-        children = self.folder / "children"
-        children.mkdir(exist_ok=True)
-        text = _SITECUSTOMIZE.format(tracer=tracer, log=str(self._log), python=python, prefix=prefix)
-        (children / "sitecustomize.py").write_text(text, encoding="utf-8")
-        return (python, "-c", _START.format(tracer=tracer), str(self.folder), script, *words)
+    def lend_setuptools(self, *, wheels: bool) -> None:
+        """Let the backend find forge's setuptools if the interpreter lacks one, or one that builds wheels."""
+        if lent := setuptools_path(self._python, self.folder / "lent", wheels=wheels):
+            path = os.pathsep.join(filter(None, (str(lent), os.environ.get("PYTHONPATH"))))
+            self.environment["PYTHONPATH"] = path
 
-    def variables(self) -> Mapping[str, str]:
-        """Return the variables that keep scikit-build-core out of the sources."""
-        return {"SKBUILD_BUILD_DIR": str(self._products / "cmake")}
+    def run(
+        self, cmd: Sequence[str], cwd: str | None = None, extra_environ: Mapping[str, str] | None = None
+    ) -> None:
+        """Run the backend with its output on stdout, since backends also write to stderr on success.
 
-    def finish(self) -> Traced:
-        """Record the external inputs, and the sources that were written; return the parsed log."""
-        traced = parse_trace(text_if_exists(self._log) or "")
-        if self.bundled:
-            # The bundled setuptools is used until these modules are installed.
-            traced.missing.update(setuptools=True, wheel=True)
-            traced.read.update(map(os.path.realpath, self.bundled.glob("*.dist-info/RECORD")))
-        scratch = self._build / SCRATCH_DIR
-        _write_list(scratch / READ_BY_BACKEND, external_inputs(traced, tuple(self._inside)))
-        _write_list(scratch / WRITTEN_BY_BACKEND, sorted(_respelled(traced.written, self._source)))
-        delete_tree(self.folder)
-        return traced
-
-    @property
-    def _log(self) -> Path:
-        return self.folder / "log"
+        Raises CalledProcessError after printing the reason to stderr.
+        """
+        note_start(self.environment)
+        done = subprocess.run(
+            cmd,
+            cwd=cwd,
+            env={**self.environment, **(extra_environ or {})},
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            errors="replace",
+            check=False,
+        )
+        self.output += done.stdout
+        source, progress, failure = Path(cwd or "."), done.stdout, ""
+        if done.returncode:
+            if _NOT_UTF8 in done.stdout:
+                raise_if_any(_non_utf8_names(source), WorkspaceError)
+            if _OF_ENTRY_POINT.search(done.stdout):
+                raise_if_any(invalid_scripts_of_setup(source / "setup.py"), WorkspaceError)
+            progress, failure = progress_and_failure(done.stdout, source / "setup.py")
+        print(progress, end="", flush=True)
+        print(failure, end="", file=sys.stderr)
+        done.check_returncode()
 
 
 def _respelled(paths: Iterable[str], folder: Path) -> set[str]:
@@ -334,89 +310,6 @@ def _respelled(paths: Iterable[str], folder: Path) -> set[str]:
     return {
         f"{folder}{os.sep}{path[len(home) :]}" for home in homes for path in paths if path.startswith(home)
     }
-
-
-def _remove_leftovers(build: Path) -> None:
-    """Remove files of an earlier build, whose modules and list of sources would end up in the wheel."""
-    for name in (
-        "wheel",
-        "build",
-        INSTALL_LOG,
-        f"{SCRATCH_DIR}/backend",
-        f"{SCRATCH_DIR}/{READ_BY_BACKEND}",
-        f"{SCRATCH_DIR}/{WRITTEN_BY_BACKEND}",
-    ):
-        _remove(build / name)
-    for path in build.glob("*.egg-info"):
-        _remove(path)
-
-
-def _remove(path: Path) -> None:
-    if path.is_dir() and not path.is_symlink():
-        delete_tree(path)
-    else:
-        path.unlink(missing_ok=True)
-
-
-def _write_list(file: Path, paths: Iterable[str]) -> None:
-    lines = (
-        f"# omitted because of a line break in its name: {path!a}\n"
-        if "\n" in path or "\r" in path
-        else f"{path}\n"
-        for path in paths
-    )
-    replace_file(file, "".join(lines).encode("utf-8", "surrogateescape"))
-
-
-def _backend_environment(
-    system: Mapping[str, Any], python: str, trace: _Trace, *, wheels: bool = True
-) -> Mapping[str, str]:
-    """Return the environment of the backend, with the bundled setuptools if needed."""
-    variables = {**os.environ, **trace.variables()}
-    if system["build-backend"].startswith("setuptools.") or "backend-path" in system:
-        trace.bundled = setuptools_path(python, trace.folder / "lent", wheels=wheels)
-        if trace.bundled is not None:
-            path = os.pathsep.join(filter(None, (str(trace.bundled), os.environ.get("PYTHONPATH"))))
-            variables["PYTHONPATH"] = path
-    return variables
-
-
-def _run_backend(
-    cmd: Sequence[str],
-    cwd: str | None = None,
-    extra_environ: Mapping[str, str] | None = None,
-    *,
-    trace: _Trace,
-    environment: Mapping[str, str],
-    prefix: str = "",
-) -> None:
-    """Run the backend with its output on stdout, since backends also write to stderr on success.
-
-    Raises CalledProcessError after printing the reason to stderr.
-    """
-    note_start(environment)
-    done = subprocess.run(
-        trace.argv(cmd, prefix),
-        cwd=cwd,
-        env={**environment, **(extra_environ or {})},
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        errors="replace",
-        check=False,
-    )
-    trace.output += done.stdout
-    if done.returncode and _NOT_UTF8 in done.stdout:
-        raise_if_any(_non_utf8_names(Path(cwd or ".")), WorkspaceError)
-    if done.returncode and _OF_ENTRY_POINT.search(done.stdout):
-        raise_if_any(invalid_scripts_of_setup(Path(cwd or ".") / "setup.py"), WorkspaceError)
-    progress, failure = done.stdout, ""
-    if done.returncode:
-        progress, failure = progress_and_failure(done.stdout, Path(cwd or ".") / "setup.py")
-    print(progress, end="", flush=True)
-    print(failure, end="", file=sys.stderr)
-    done.check_returncode()
 
 
 def _non_utf8_names(source: Path) -> Iterator[Problem]:
@@ -464,8 +357,7 @@ _PROGRESS = re.compile(
 _CODE = r"(?:    .*\n)*"
 _OUTER_FRAMES = re.compile(
     r"^(Traceback \(most recent call last\):\n)"
-    rf'(?:  File "<string>", .*\n{_CODE}(?=  File ".*backend_tracer\.py"))?'
-    rf'(?:  File ".*(?:backend_tracer|setup_install|_in_process|setuptools/build_meta)\.py", .*\n{_CODE})+'
+    rf'(?:  File ".*(?:setup_install|_in_process|setuptools/build_meta)\.py", .*\n{_CODE})+'
     r'(?:  File "(?:<string>|setup\.py)", line (\d+), in <module>\n'
     rf"({_CODE})|(?=  File ))",
     re.MULTILINE,

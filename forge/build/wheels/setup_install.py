@@ -1,7 +1,7 @@
 """Run `setup.py install` in the current folder as colcon does; argument: a JSON file with the request.
 
-Like backend_tracer, this module runs in the workspace's interpreter, which may not have forge. It has minimal
-imports and supports Python 3.8.
+This module runs in the workspace's interpreter, which may not have forge. It has minimal imports and supports
+Python 3.8. Python programs that the setup.py starts find the sitecustomize.py in the folder `children`.
 """
 
 import contextlib
@@ -38,6 +38,8 @@ def main(path: str) -> None:
     """Run the setup.py, or setuptools alone if there is none."""
     with open(path, encoding="utf-8") as stream:
         request = json.load(stream)
+    paths = (request["children"], os.environ.get("PYTHONPATH"))
+    os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, paths))
     # As colcon does: what setup.py computes from sys.prefix, and setuptools' defaults, are in the prefix.
     sys.real_prefix = sys.prefix  # type: ignore[attr-defined]
     sys.prefix = sys.exec_prefix = request["prefix"]
@@ -193,4 +195,6 @@ class _Template(str):
 
 
 if __name__ == "__main__":
+    # Import nothing from the folder of this file.
+    sys.path[:] = [entry for entry in sys.path if entry != os.path.dirname(os.path.abspath(__file__))]
     main(sys.argv[1])

@@ -198,13 +198,12 @@ class Hook(install_egg_info):
 
 @pytest.mark.parametrize("command", HOOKS)
 def test_custom_install_commands_see_the_real_prefix(tree: Tree, command: str) -> None:
-    """What it stores leads nowhere else, and the files that it writes are recorded as installed."""
+    """What it stores leads nowhere else."""
     root = tree(setup_py(HOOKS[command], f"cmdclass={{'{command}': Hook}},"))
     assert install(root) == 0
     paths = (root / "install/hook").read_text().split()
     assert paths
     assert all(f"{path}/".startswith(f"{root}/install/") for path in paths)
-    assert f"{root}/install/hook" in (root / "build/talk/install_manifest.txt").read_text().splitlines()
     assert hello(root) == "hello from talk\n"
 
 
