@@ -136,11 +136,11 @@ def made(text: str) -> Any:
 
 
 @pytest.fixture(scope="module")
-def test_msg_definitions_are_accepted_or_rejected_like_by_rosidl(
+def test_msgs(
     tmp_path_factory: pytest.TempPathFactory,
 ) -> Path:
     """Write ROS's test messages."""
-    folder = tmp_path_factory.mktemp("test_msg_definitions_are_accepted_or_rejected_like_by_rosidl")
+    folder = tmp_path_factory.mktemp("test_msgs")
     (folder / "msg").mkdir()
     for name, text in TEST_MSGS.items():
         (folder / "msg" / f"{name}.msg").write_text(text, encoding="utf-8")
@@ -148,13 +148,11 @@ def test_msg_definitions_are_accepted_or_rejected_like_by_rosidl(
 
 
 @pytest.mark.parametrize("name", ["Arrays", "BoundedSequences", "UnboundedSequences"])
-def test_fields_after_strings_of_odd_length_are_aligned(
-    name: str, test_msg_definitions_are_accepted_or_rejected_like_by_rosidl: Path
-) -> None:
+def test_fields_after_strings_of_odd_length_are_aligned(name: str, test_msgs: Path) -> None:
     class_ = load(
-        test_msg_definitions_are_accepted_or_rejected_like_by_rosidl,
-        "test_msg_definitions_are_accepted_or_rejected_like_by_rosidl",
-    )[f"test_msg_definitions_are_accepted_or_rejected_like_by_rosidl/msg/{name}"]
+        test_msgs,
+        "test_msgs",
+    )[f"test_msgs/msg/{name}"]
     forge_cdr = import_module("forge_cdr")
     value = class_(alignment_check=0x01020304)
     data = forge_cdr.serialize(value)
@@ -170,26 +168,21 @@ def test_wide_strings_can_contain_any_character() -> None:
 
 
 @pytest.mark.parametrize("name", KNOWN)
-def test_nested_arrays_of_messages_have_the_reference_hashes(
-    name: str, test_msg_definitions_are_accepted_or_rejected_like_by_rosidl: Path
-) -> None:
+def test_nested_arrays_of_messages_have_the_reference_hashes(name: str, test_msgs: Path) -> None:
     """The hashes are those of rosidl; MultiNested contains nearly all other messages."""
     found = hashes(
         resolve(
-            "test_msg_definitions_are_accepted_or_rejected_like_by_rosidl",
+            "test_msgs",
             parse_all(
                 read_folder(
-                    "test_msg_definitions_are_accepted_or_rejected_like_by_rosidl",
-                    test_msg_definitions_are_accepted_or_rejected_like_by_rosidl,
+                    "test_msgs",
+                    test_msgs,
                 )
             ),
             Library(),
         )
     )
-    assert (
-        found[TypeName("test_msg_definitions_are_accepted_or_rejected_like_by_rosidl", "msg", name)]
-        == f"RIHS01_{KNOWN[name]}"
-    )
+    assert found[TypeName("test_msgs", "msg", name)] == f"RIHS01_{KNOWN[name]}"
 
 
 def test_bare_and_qualified_type_names_are_equivalent(tree: Tree) -> None:
@@ -258,11 +251,11 @@ def test_files_in_other_folders_belong_to_the_generating_package(forge: Forge, t
         "interface",
         "hash",
         "--package",
-        "test_msg_definitions_are_accepted_or_rejected_like_by_rosidl",
+        "test_msgs",
         *files,
         cwd=root,
     )
     assert [line.split()[0] for line in ran.out.splitlines()] == [
-        "test_msg_definitions_are_accepted_or_rejected_like_by_rosidl/msg/Inner",
-        "test_msg_definitions_are_accepted_or_rejected_like_by_rosidl/msg/Outer",
+        "test_msgs/msg/Inner",
+        "test_msgs/msg/Outer",
     ]
