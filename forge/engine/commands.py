@@ -16,7 +16,6 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from forge.base.files import open_regular
 from forge.base.frozen import frozen
 from forge.engine.observation import observe
 from forge.engine.observed import is_intact
@@ -28,6 +27,7 @@ from forge.engine.world import (
     PROCESSOR,
     PROGRAM,
     ModuleSearch,
+    Scripts,
     about_modules,
     about_variables,
 )
@@ -274,7 +274,7 @@ class Folders:
         self._unwatched = self._path | {self._temporary}
         self._sources = sources
         self._searched = world.searched_for_packages if world else lambda _: False
-        self._native_scripts = world.native_scripts if world else {}
+        self._scripts = world.scripts if world else Scripts()
         self.tools: frozenset[str] = frozenset()
         """The programs of the steps themselves, which are tracked as tools wherever they are installed."""
         folders = (str(build), *map(str, others))
@@ -285,17 +285,18 @@ class Folders:
         self._folders: dict[str, str] = {"": "", "/": "/"}
         self._modules = ModuleSearch()
         self._metadata: dict[str, tuple[str, ...]] = {}
-        self._mentioned: dict[tuple[str, str], frozenset[str]] = {}
         # Commands of one package read and miss mostly the same: each path is looked at once.
+        self.path = cache(self._look_for_path)
+        """Returns a path below one of the folders as its name spells it, None if it is elsewhere."""
         self._is_read_file = cache(self._look_at_file)
         self._is_missing = cache(self._look_for)
         self._is_native = cache(self._look_for_native)
         self._is_found = cache(self._look_at_kind)
         self._is_no_source = cache(self._look_beside)
         self._is_script = cache(self._look_for_script)
+        self._mentioned = cache(self._scripts.variables)
 
-    def path(self, path: str) -> str | None:
-        """Return a path below one of the folders as its name spells it, None if it is elsewhere."""
+    def _look_for_path(self, path: str) -> str | None:
         root, below = self._place(path)
         return f"{root}{below}" if below else root[:-1] or None
 
@@ -335,7 +336,7 @@ class Folders:
 
     def paths(self, paths: Iterable[str]) -> frozenset[str]:
         """Return those below one of the folders."""
-        return frozenset(found for path in paths if (found := self.path(path)) is not None)
+        return frozenset(filter(None, map(self.path, paths)))
 
     def accesses(
         self, seen: Observation, processes: Iterable[Process] = (), copying: Collection[Process] = ()
@@ -518,12 +519,8 @@ class Folders:
     def _look_for_native(self, path: str) -> bool:
         if path in self._sources or path.startswith(self._known):
             return False
-        if self.path(path) is not None:
-            return is_for_this_processor(_script(path).decode(errors="replace"))
-        if path not in self._native_scripts:
-            # Such as Python's modules, where the word has many meanings.
-            self._native_scripts[path] = _NATIVE_FLAG.search(_script(path)) is not None
-        return self._native_scripts[path]
+        is_native = _has_native_flag if self.path(path) is None else is_for_this_processor
+        return self._scripts.is_native(path, is_native)
 
     def _mentioned_by(self, process: Process) -> frozenset[str]:
         """Return the variables that a process may have read from a copy of its environment."""
@@ -531,10 +528,7 @@ class Folders:
         for number, kind, path in process.records:
             program = process.program_at(number) if kind == "R" else ""
             if program and copies_environment(program) and self._is_script(path):
-                if (program, path) not in self._mentioned:
-                    text = _script(path).decode(errors="replace")
-                    self._mentioned[program, path] = mentioned(text, program)
-                found.append(self._mentioned[program, path])
+                found.append(self._mentioned(path, program))
         return frozenset[str]().union(*found)
 
     def _look_for_script(self, path: str) -> bool:
@@ -549,16 +543,6 @@ class Folders:
         return path.startswith(self._workspace)
 
 
-def _script(path: str) -> bytes:
-    """Return the text of a file, nothing of other data, which may be large."""
-    try:
-        with open(path, "rb", opener=open_regular) as file:
-            text = file.read(4096)
-            return b"" if b"\0" in text else text + file.read()
-    except OSError:
-        return b""
-
-
 def is_for_this_processor(text: str) -> bool:
     """Return True if options, or a file that may have some, name the processor at hand; comments do not."""
     if not any(word in text for word in _NATIVE_WORDS):
@@ -567,6 +551,11 @@ def is_for_this_processor(text: str) -> bool:
         text[text.rfind("\n", 0, found.start()) + 1 : found.start()] for found in _NATIVE.finditer(text)
     )
     return not all(beginning.lstrip().startswith(("#", "//")) for beginning in beginnings)
+
+
+def _has_native_flag(text: str) -> bool:
+    """Tell if a script of others, such as a module of Python, has an option that names the processor."""
+    return _NATIVE_FLAG.search(text) is not None
 
 
 def _is_metadata(path: str) -> bool:
@@ -588,7 +577,7 @@ _SYSTEM_LIBRARIES = ("/lib", "/usr/lib")
 _NATIVE_WORDS = ("native", "-xHost", CPU_INFO)
 _NATIVE = re.compile(rf"\bnative\b|-xHost\b|{CPU_INFO}")
 """How the options of all compilers name the processor at hand, and where scripts read what it is."""
-_NATIVE_FLAG = re.compile(rb"-m(?:arch|tune|cpu)=native|target-cpu=native|-xHost\b|/proc/cpuinfo")
+_NATIVE_FLAG = re.compile(r"-m(?:arch|tune|cpu)=native|target-cpu=native|-xHost\b|/proc/cpuinfo")
 _VOLATILE = ("/proc/", "/sys/")
 """What the kernel makes up."""
 CACHED_BYTECODE = re.compile(r"^(.*)/__pycache__/([^/.]+)\.[^/]*\.pyc$")

@@ -12,14 +12,14 @@ import re
 import stat
 from typing import TYPE_CHECKING
 
-from forge.base.files import text_or_nothing
+from forge.base.files import open_regular, text_or_nothing
 from forge.base.text import digest
-from forge.engine.variables import is_tracked
+from forge.engine.variables import is_tracked, mentioned
 from forge.toolchain.config_search import ConfigSearch, prefixes_of_path
 from forge.toolchain.programs import ProgramLookup
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
+    from collections.abc import Callable, Iterable, Iterator, Mapping
 
     from forge.base.frozen import Pairs
 
@@ -58,8 +58,7 @@ class World:
         folders = self._lookup.folders
         self.path = frozenset((*folders, *map(os.path.realpath, folders)))
         """The folders of PATH."""
-        self.native_scripts: dict[str, bool] = {}
-        """Whether files outside of the packages, such as CMake's modules, have options for this processor."""
+        self.scripts = Scripts()
 
     def value(self, name: str) -> str:
         """Return the value of a variable, '' if it is not set."""
@@ -114,6 +113,45 @@ class World:
                     for name in os.listdir(folder):
                         self._libraries.setdefault(name, folder)
         return self._libraries
+
+
+class Scripts:
+    """What scripts say. Many packages read the same ones: each state of a file is read once."""
+
+    def __init__(self) -> None:
+        self._variables: dict[tuple[object, ...], frozenset[str]] = {}
+        self._native: dict[tuple[object, ...], bool] = {}
+
+    def variables(self, path: str, program: str) -> frozenset[str]:
+        """Return the variables that a script of a program names; see `mentioned`."""
+        state = (program, *_state(path))
+        if state not in self._variables:
+            self._variables[state] = mentioned(_script(path), program)
+        return self._variables[state]
+
+    def is_native(self, path: str, is_for_this_processor: Callable[[str], bool]) -> bool:
+        """Tell if a script has options for the processor at hand."""
+        state = (is_for_this_processor, *_state(path))
+        if state not in self._native:
+            self._native[state] = is_for_this_processor(_script(path))
+        return self._native[state]
+
+
+def _state(path: str) -> tuple[object, ...]:
+    with contextlib.suppress(OSError):
+        status = os.stat(path)
+        return path, status.st_ino, status.st_size, status.st_mtime_ns
+    return (path,)
+
+
+def _script(path: str) -> str:
+    """Return the text of a file, nothing of other data, which may be large."""
+    try:
+        with open(path, "rb", opener=open_regular) as file:
+            text = file.read(4096)
+            return "" if b"\0" in text else (text + file.read()).decode(errors="replace")
+    except OSError:
+        return ""
 
 
 def _position(place: str, folders: list[str]) -> str:
