@@ -7,21 +7,32 @@ a field.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import re
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Set as AbstractSet
+from math import isinf
 from types import SimpleNamespace
+from typing import Final
 
 from forge.base.errors import InterfaceError, Problem, raise_if_any
-from forge.base.names import snake_case
+from forge.base.frozen import frozen
+from forge.base.names import python_attribute, snake_case
 from forge.base.templating import render
 from forge.interfaces.model import (
     Action,
+    Array,
     Catalog,
     Constant,
+    Element,
     Field,
     File,
     Interface,
     Message,
+    Named,
     Primitive,
+    Sequence,
+    String,
+    Type,
     TypeName,
     element_of,
     messages_of,
@@ -29,11 +40,21 @@ from forge.interfaces.model import (
     sections_of,
     services_of,
 )
-from forge.interfaces.python import cdr
-from forge.interfaces.python.fields import BUILTINS, Scope, view_field
-from forge.interfaces.python.stubs import BUILTINS as STUB_BUILTINS
-from forge.interfaces.python.stubs import StubNames, stub_imports, view_stub
-from forge.interfaces.python.types import literal, module_name
+from forge.interfaces.python.cdr_read import emit_part_reader, emit_reader
+from forge.interfaces.python.cdr_text import FunctionSource, Module
+from forge.interfaces.python.cdr_write import emit_part_writer, emit_writer
+from forge.interfaces.python.types import (
+    DTYPES,
+    INTEGERS,
+    literal,
+    module_name,
+    numeric,
+    scalar,
+    slot_type,
+    type_text,
+    zero,
+)
+from forge.interfaces.wire.layout import START, UNKNOWN, LayoutBuilder, MessageCall, MessageLayout
 
 _CANCEL = TypeName("action_msgs", "srv", "CancelGoal")
 _STATUS = TypeName("action_msgs", "msg", "GoalStatusArray")
@@ -77,7 +98,7 @@ def interface_files(catalog: Catalog, root: str = "") -> Callable[[Interface], I
                 text = f"Python has no type for the long double '{member.name}'"
                 problems.append(Problem(text, member.place, "use double, or leave out --lang python"))
     raise_if_any(problems, InterfaceError)
-    serializers_of = cdr.interface_files(catalog, root)
+    serializers_of = _serializers(catalog, root)
 
     def files_of(interface: Interface) -> Iterator[File]:
         yield from _modules(interface, root)
@@ -127,7 +148,7 @@ def _modules(interface: Interface, root: str) -> Iterator[File]:
     yield File(f"{path}.pyi", render("python/interface.pyi.j2", **shared, messages=stubs, imports=lines))
 
 
-def _imports(views: Sequence[SimpleNamespace], *, shadows_property: bool) -> list[str]:
+def _imports(views: list[SimpleNamespace], *, shadows_property: bool) -> list[str]:
     needs = {need for view in views for field in view.fields for need in field.needs}
     lines = ["from array import array as _array"] if "array" in needs else []
     if shadows_property:
@@ -159,3 +180,383 @@ def _message(message: Message, classes: Mapping[TypeName, str]) -> SimpleNamespa
         fields=fields,
         own=own,
     )
+
+
+STUB_BUILTINS: Final = frozenset(
+    {"bool", "bytearray", "bytes", "float", "int", "list", "object", "property", "str"}
+)
+"""Builtins used in stubs; a field of such a name shadows one inside its class."""
+
+
+@frozen
+class StubNames:
+    """The local names of classes and builtins in a stub."""
+
+    classes: Mapping[TypeName, str]
+    shadowed: AbstractSet[str]
+
+    def builtin(self, name: str) -> str:
+        """Return the local name of a builtin, which has a leading '_' if it is shadowed."""
+        return f"_{name}" if name in self.shadowed else name
+
+    def element(self, element: Element) -> str:
+        """Return the type of a single value, or of an element of a collection."""
+        match element:
+            case Named(name):
+                return self.classes[name]
+            case String() | Primitive("char" | "wchar"):
+                return self.builtin("str")
+            case Primitive("boolean"):
+                return self.builtin("bool")
+            case Primitive("octet"):
+                return self.builtin("bytes")
+            case Primitive(name):
+                return self.builtin("int" if name in INTEGERS else "float")
+
+    def getter_type(self, type_: Type) -> str:
+        element, number = self.element(element_of(type_)), numeric(type_)
+        match type_:
+            case Array() if number:
+                return f"_NDArray[_numpy.{DTYPES[number]}]"
+            case Sequence() if number:
+                return f"_array[{element}]"
+            case Array() | Sequence():
+                return f"{self.builtin('list')}[{element}]"
+            case _:
+                return element
+
+    def setter_type(self, type_: Type) -> str:
+        read, element = self.getter_type(type_), self.element(element_of(type_))
+        match type_:
+            case Array() if numeric(type_):
+                return f"{read} | _Sequence[{element}] | _Set[{element}]"
+            case Array() | Sequence():
+                return f"_Sequence[{element}] | _Set[{element}]"
+            case Primitive("octet"):
+                return f"{read} | {self.builtin('bytearray')}"
+            case _:
+                return read
+
+
+def view_stub(message: Message, names: StubNames) -> SimpleNamespace:
+    """Return the variables of a message class for the template of stubs."""
+    fields = {field.name for field in message.fields}
+    return SimpleNamespace(
+        name=message.name.name,
+        own="_self" if "self" in fields else "self",
+        doc=docstring(message.doc or (f"Message class '{message.name.name}'.",)),
+        constants=[
+            (constant.name, names.getter_type(constant.type), docstring(constant.doc))
+            for constant in message.constants
+        ],
+        fields=[
+            SimpleNamespace(
+                name=python_attribute(field.name),
+                getter_type=names.getter_type(field.type),
+                setter_type=names.setter_type(field.type),
+                doc=docstring((*field.doc, *([f"[{field.unit}]"] if field.unit else []))),
+                default=None if field.default is None else f"{field.name.upper()}__DEFAULT",
+            )
+            for field in message.fields
+        ],
+        # The type of the constructor's argument of this name, unless a field has it.
+        # Not bool: an unpacked dict[str, float] could not be passed then.
+        check_fields=None if "check_fields" in fields else names.builtin("object"),
+    )
+
+
+def stub_imports(messages: Collection[Message], shadowed: Iterable[str], *, aliases: bool) -> list[str]:
+    """Return the import lines of a stub, the standard library's first.
+
+    `aliases` is True if the module has a service or an action, whose messages are also class attributes.
+    """
+    fields = [field for message in messages for field in message.fields]
+    types = [field.type for field in fields]
+    lines = [f"from builtins import {name} as _{name}" for name in sorted(shadowed)]
+    if any(isinstance(type_, Sequence) and numeric(type_) for type_ in types):
+        lines.insert(0, "from array import array as _array")
+    if any(isinstance(type_, Array | Sequence) for type_ in types):
+        lines += [
+            "from collections.abc import Sequence as _Sequence",
+            "from collections.abc import Set as _Set",
+        ]
+    if any(message.constants for message in messages) or any(f.default is not None for f in fields):
+        lines.append("from typing import Final as _Final")
+    if aliases:
+        lines.append("from typing import TypeAlias as _TypeAlias")
+    if any(isinstance(type_, Array) and numeric(type_) for type_ in types):
+        lines += ["", "import numpy as _numpy", "from numpy.typing import NDArray as _NDArray"]
+    return lines
+
+
+def docstring(lines: Iterable[str]) -> tuple[str, ...]:
+    """Return the lines of a docstring, quoted and escaped. Blank lines become empty."""
+    safe = [_safe_line(line) for line in lines]
+    if not any(safe):
+        return ()
+    if len(safe) == 1:
+        return (f'"""{safe[0]}"""',)
+    return (f'"""{safe[0]}', *safe[1:], '"""')
+
+
+def _safe_line(line: str) -> str:
+    escaped = line.rstrip().replace("\\", "\\\\")
+    if '"""' in escaped or escaped.endswith('"'):
+        escaped = escaped.replace('"', '\\"')
+    return "".join(
+        character if character.isprintable() else character.encode("unicode_escape").decode()
+        for character in escaped
+    )
+
+
+HIGHEST: Final = {"char": 127, "wchar": 65535}
+FLOAT_MAX: Final = "3.4028234663852886e+38"
+
+BUILTINS: Final = frozenset({"bool", "bytes", "float", "int", "len", "str"})
+"""Builtins used in the fast paths of constructors; a field of such a name shadows one."""
+
+
+@frozen
+class Scope:
+    """The names used inside the methods of a message class."""
+
+    classes: Mapping[TypeName, str]
+    """The local names of message classes."""
+    own: str = "self"
+    """The name of the first parameter of the constructor."""
+    direct: bool = True
+    """Whether the constructor can call builtins, because no field shadows one."""
+
+
+def view_field(field: Field, scope: Scope) -> SimpleNamespace:
+    """Return the variables of a field for the template.
+
+    `attribute` is the name in Python code, which differs from `name` if that is a keyword; `needs` are the
+    imports that the code needs: 'array', 'arrays', 'numpy', 'zeros', 'no_double' and so on.
+    """
+    return SimpleNamespace(
+        name=field.name,
+        attribute=python_attribute(field.name),
+        type_text=repr(type_text(field.type)),
+        slot_type=slot_type(field.type),
+        build=_build(field, scope),
+        accept=_accept(field, scope.classes),
+        default=None if field.default is None else literal(field.type, field.default),
+        default_name=f"{field.name.upper()}__DEFAULT",
+        needs=_needs(field),
+    )
+
+
+def _needs(field: Field) -> frozenset[str]:
+    number, own = numeric(field.type), field.default is None
+    if number is None:
+        return frozenset()
+    if isinstance(field.type, Array):
+        words = {"arrays": True, "zeros": own, "numpy": number != "double" or not own}
+    else:
+        words = {"array": not (own and _bound(field.type, "")), f"no_{number}": own}
+    return frozenset(word for word, used in words.items() if used)
+
+
+def _build(field: Field, scope: Scope) -> tuple[str, ...]:
+    name, slot = python_attribute(field.name), f"{scope.own}._{field.name}"
+    # The property setter reports a default that is out of range, as one of float32 may be.
+    size = abs(field.default) if isinstance(field.default, float) and field.type == Primitive("float") else 0
+    target = f"{scope.own}.{name}" if size > float(FLOAT_MAX) and not isinf(size) else slot
+    lines = [f"if {name} is ...:", f"    {target} = {_own_value(field, scope)}"]
+    if numeric(field.type) and field.default is None:
+        return (*lines, "else:", f"    {slot} = {_convert(field)}")
+    if scope.direct and not isinstance(field.type, Array | Sequence):
+        # The condition under which a value is valid without further checks.
+        if isinstance(field.type, Named):
+            tests = [f"{name}.__class__ is {scope.classes[field.type.name]}"]
+        else:
+            tests = _tests(field.type, name)
+        lines += [f"elif {' and '.join(tests)}:", f"    {slot} = {name}"]
+    return (*lines, "else:", f"    {scope.own}.{name} = {name}")
+
+
+def _own_value(field: Field, scope: Scope) -> str:
+    """Return the expression for the default of a field; messages do not share mutable values."""
+    if isinstance(field.type, Array | Sequence) and field.default is not None:
+        copied = ".copy()" if numeric(field.type) and isinstance(field.type, Array) else "[:]"
+        return f"{scope.own}.{field.name.upper()}__DEFAULT{copied}"
+    match field.type:
+        case Array(of, size):
+            number = numeric(field.type)
+            if number:  # double is numpy's default, which is the fastest
+                return f"_zeros({size})" if number == "double" else f"_zeros({size}, _numpy.{DTYPES[number]})"
+            if isinstance(of, Named):
+                return f"_messages.several({scope.classes[of.name]}, {size})"
+            return f"[{zero(of)}] * {size}"
+        case Sequence():
+            return f"_no_{numeric(field.type)}[:]" if numeric(field.type) else "[]"
+        case Named(name):
+            return f"{scope.classes[name]}()"
+        case single:
+            return zero(single) if field.default is None else scalar(single, field.default)
+
+
+def _convert(field: Field) -> str:
+    number, variable = numeric(field.type) or "", python_attribute(field.name)
+    if isinstance(field.type, Array):
+        return f"_arrays.new_array({field.name!r}, {variable}, {number!r}, {field.type.size})"
+    if isinstance(field.type, Sequence) and field.type.bound is not None:
+        return f"_checks.new_numbers({field.name!r}, {variable}, {number!r}, {field.type.bound})"
+    return f"_checks.new_numbers({field.name!r}, {variable}, {number!r})"
+
+
+def _accept(field: Field, classes: Mapping[TypeName, str]) -> tuple[str, ...]:
+    store = f"self._{field.name} = value"
+    if isinstance(field.type, Array | Sequence):
+        return (f"self._{field.name} = {_collection(field, classes)}",)
+    call = _scalar_check(field, classes)
+    if isinstance(field.type, Named):
+        test = f"value.__class__ is not {classes[field.type.name]}"
+    else:
+        tests = _tests(field.type, "value")
+        test = f"not ({' and '.join(tests)})" if tests[1:] else tests[0].replace(" is ", " is not ")
+    return (f"if {test}:", f"    value = {call}", store)
+
+
+def _tests(type_: Type, variable: str) -> list[str]:
+    limits = []
+    match type_:
+        case Primitive("boolean"):
+            python = "bool"
+        case Primitive("octet"):
+            python, limits = "bytes", [f"len({variable}) == 1"]
+        case Primitive("char" | "wchar" as name):
+            python, limits = "str", [f"len({variable}) == 1", f"{variable} <= {chr(HIGHEST[name])!r}"]
+        case Primitive("float"):
+            python, limits = "float", [f"-{FLOAT_MAX} <= {variable} <= {FLOAT_MAX}"]
+        case Primitive(name) if name in INTEGERS:
+            low, high = INTEGERS[name]
+            python, limits = "int", [f"{low} <= {variable} <= {high}"]
+        case String(_, bound):
+            python, limits = "str", [] if bound is None else [f"len({variable}) <= {bound}"]
+        case _:
+            python = "float"
+    return [f"{variable}.__class__ is {python}", *limits]
+
+
+def _scalar_check(field: Field, classes: Mapping[TypeName, str]) -> str:
+    start = f"({field.name!r}, value"
+    match field.type:
+        case Primitive("boolean" | "octet" as name):
+            return f"_checks.{name}{start})"
+        case Primitive("char" | "wchar" as name):
+            return f"_checks.character{start}, {HIGHEST[name]})"
+        case Primitive(name):
+            return f"_checks.number{start}, {name!r})"
+        case String(_, None):
+            return f"_checks.text{start})"
+        case String(_, bound):
+            return f"_checks.bounded_text{start}, {bound})"
+        case Named(name):
+            return f"_checks.message{start}, {classes[name]})"
+        case _:
+            raise AssertionError(field.type)
+
+
+def _collection(field: Field, classes: Mapping[TypeName, str]) -> str:
+    type_, number = field.type, numeric(field.type)
+    size = f", {type_.size}" if isinstance(type_, Array) else ""
+    if number and size:
+        return f"_arrays.array({field.name!r}, value, {number!r}{size})"
+    if number:
+        return f"_checks.numbers({field.name!r}, value, {number!r}{_bound(type_, '')})"
+    match element_of(type_):
+        case Named(name):
+            call, what = "collection", classes[name]
+        case String(_, None):
+            call, what = "collection", "str"
+        case String(_, bound):
+            call, what = "texts", str(bound)
+        case Primitive("char" | "wchar" as name):
+            call, what = "characters", str(HIGHEST[name])
+        case Primitive(name):
+            call, what = "collection", "bool" if name == "boolean" else "bytes"
+    length = size.replace(" ", " size=") + _bound(type_, "bound=")
+    return f"_checks.{call}({field.name!r}, value, {what}{length})"
+
+
+def _bound(type_: Type, prefix: str) -> str:
+    return f", {prefix}{type_.bound}" if isinstance(type_, Sequence) and type_.bound is not None else ""
+
+
+_CDR_IMPORTS = (
+    ("_array(", "from array import array as _array"),
+    ("_repeat(", "from itertools import repeat as _repeat"),
+    ("_lazy.", "from forge_cdr import lazy as _lazy"),
+    ("_pieces.", "from forge_cdr import pieces as _pieces"),
+    ("_ndarray(", "import numpy as _numpy"),
+)
+"""What a generated module imports if its text contains a use of it."""
+
+_CDR_CONSTANTS = ("HEADER", "HEADER_BYTES", "LITTLE_ENDIAN")
+
+
+def _serializers(catalog: Catalog, root: str) -> Callable[[Interface], Iterator[File]]:
+    """Return a function that yields the serializers of one interface: a module that is imported on first use.
+
+    For each message, a module has a factory of its writer and one of its reader; a factory first creates the
+    tables that the function looks up. Messages too large to be inlined have two more, for use inside other
+    messages. All code is little-endian. Data that it rejects is passed to the run time's generic codec, which
+    handles every case and reports errors.
+    """
+    layouts = LayoutBuilder(catalog.known)
+    all_classes = frozenset(name.name for name in catalog.known)
+
+    def files_of(interface: Interface) -> Iterator[File]:
+        home = module_name(interface.name)
+        own = [message.name for message in messages_of(interface)]
+        module = Module(frozenset(own), all_classes)
+        for name in own:
+            module.class_of(name)
+        functions = [function for name in own for function in _factories(name, module, layouts)]
+        text = "\n".join(line for function in functions for line in (*function.tables, *function.lines))
+        classes = [
+            (home if name in module.own else module_name(name), name.name, local)
+            for name, local in sorted(module.classes.items())
+        ]
+        others = [(*path.rsplit(".", 1), local) for path, local in sorted(module.modules.items())]
+        source = render(
+            "python/cdr.py.j2",
+            title=str(interface.name),
+            shared=[line for use, line in _CDR_IMPORTS if use in text],
+            imported=[(f"{root}{path}", name, local) for path, name, local in (*classes, *others)],
+            # Functions look up names faster as module globals than as attributes.
+            constants=[
+                *(["_ndarray = _numpy.ndarray"] if "_ndarray(" in text else []),
+                *(f"_{name} = _pieces.{name}" for name in _CDR_CONSTANTS if re.search(rf"_{name}\b", text)),
+            ],
+            functions=functions,
+        )
+        yield File(f"{home.replace('.', '/')}__cdr.py", source)
+
+    return files_of
+
+
+def _factories(name: TypeName, module: Module, layouts: LayoutBuilder) -> Iterator[SimpleNamespace]:
+    """Yield the factories of the writers and readers of a message."""
+
+    def factory(kind: str, inner: str, emit: Callable[[FunctionSource], None]) -> SimpleNamespace:
+        source = FunctionSource(module)
+        emit(source)
+        made = inner.partition("(")[0]
+        return SimpleNamespace(
+            name=f"{kind}_{name.name}", inner=inner, made=made, tables=source.tables, lines=source.lines
+        )
+
+    if layouts.is_large(name):
+        part = layouts.of(name, UNKNOWN)
+        yield factory("part_writer", "write(message, append, o)", lambda to: emit_part_writer(to, part))
+        yield factory(
+            "part_reader", "read(buffer, view, o, limit)", lambda to: emit_part_reader(to, name, part)
+        )
+        layout = MessageLayout((MessageCall((), name, START),), (), START, UNKNOWN)
+    else:
+        layout = layouts.of(name)
+    yield factory("writer", "write(message)", lambda to: emit_writer(to, layout))
+    yield factory("reader", "read(buffer, limit)", lambda to: emit_reader(to, name, layout))

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from forge.interfaces.model import Catalog, Constant, Field, Message, Primitive, TypeName
 from forge.interfaces.python import target as python
-from forge.interfaces.python.stubs import docstring
+from forge.interfaces.python.target import docstring
 
 
 @given(st.lists(st.text(), min_size=1, max_size=4))
