@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import re
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 _MOST = 1_000_000
 """Bytes kept of the beginning, with the first error, and of the end of output."""
@@ -32,9 +32,13 @@ def counted(number: int, noun: str) -> str:
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
+def quoted_names(names: Iterable[str]) -> str:
+    return ", ".join(f"'{name}'" for name in names)
+
+
 def listed(names: Sequence[str], most: int = _NAMES_SHOWN) -> str:
     """Return the first few names and the number of others."""
-    shown = ", ".join(f"'{name}'" for name in names[:most])
+    shown = quoted_names(names[:most])
     return f"{shown} and {len(names) - most} more" if len(names) > most else shown
 
 

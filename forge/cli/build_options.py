@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 from forge.base.distributions import check_distribution, distribution_option
 from forge.base.errors import Problem, SelectionError
@@ -16,12 +16,10 @@ from forge.cli.options import FolderOptions, OptionSources
 from forge.execution.executor import ExecutorOptions
 from forge.execution.options import JobOptions
 from forge.output.handlers import ReportOptions
+from forge.output.reporters import Start
 from forge.toolchain.compiler_launchers import LAUNCHERS, NONE, selected_launcher
 from forge.toolchain.targets import CrossOptions
 from forge.workspace.selection import Query
-
-if TYPE_CHECKING:
-    from forge.output.reporters import Start
 
 _Options = TypeVar("_Options")
 

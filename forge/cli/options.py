@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from dataclasses import Field
 
     from forge.base.options import Option
-    from forge.cli.main import Parser
     from forge.toolchain.targets import Target
 
 _Options = TypeVar("_Options")
@@ -71,7 +70,9 @@ def read_options(cls: Callable[..., _Options], namespace: argparse.Namespace) ->
     return cls(**values)
 
 
-def set_command(parser: Parser, cls: Callable[..., _Options], run: Callable[[_Options], int | None]) -> None:
+def set_command(
+    parser: argparse.ArgumentParser, cls: Callable[..., _Options], run: Callable[[_Options], int | None]
+) -> None:
     """Add the options of a command or verb, which calls `run` with them."""
     add_options(parser, cls)
     parser.usage, parser.epilog = getattr(cls, "USAGE", None), getattr(cls, "EPILOG", None)

@@ -42,12 +42,7 @@ from forge.build.recipes.cmake import FLAGS, unfit_generator
 from forge.build.recipes.context import BuildContext
 from forge.build.snapshot import take_snapshot
 from forge.engine.variables import relevant_environment
-from forge.environment.install_state import (
-    forget_underlays,
-    recorded_python,
-    recorded_rosdistro,
-    recorded_underlays,
-)
+from forge.environment import install_state
 from forge.environment.prefixes import PACKAGES, find_underlays, spellings, tidy_prefixes
 from forge.environment.underlay_python import lacks_modules
 from forge.environment.underlays import lost_underlays, other_distributions, unusable_overlays
@@ -137,7 +132,7 @@ def _load(
     There are warnings about underlays that do not exist, cannot be used, or do not fit.
     """
     if options.reset_underlays and not options.dry_run and folder_marks.is_own_install_base(layout.install):
-        forget_underlays(layout.install)
+        install_state.forget_underlays(layout.install)
     locked: tuple[Path, ...] = ()
     if os.path.lexists(PACKAGE_LOCK) and not options.dry_run:
         # The underlay that the lock of the workspace names, after building what it lacks.
@@ -261,7 +256,7 @@ def prepare(options: BuildOptions, layout: Layout, mode: BuildMode) -> PreparedB
     tools = find_tools(packages, variables, launcher, has_compiler=cross is not None, cmake_args=cmake_args)
     chain = find_underlays(variables, layout.install).chain
     interpreter = find_interpreter(options.python, variables, chain, root=loaded.workspace.root)
-    mode.warn(other_than_recorded(recorded_python(layout.install), interpreter))
+    mode.warn(other_than_recorded(install_state.recorded_python(layout.install), interpreter))
     if cross and cross.python_version:
         interpreter = replace(interpreter, version=cross.python_version)
     shared_args = (*(cross.cmake_args if cross else ()), *cmake.cmake_args)
@@ -411,7 +406,7 @@ def build_variables(
     """
     own = tidy_prefixes(without_own(surroundings, layout))
     sourced = find_underlays(own, layout.install).chain
-    recorded = tuple(dict.fromkeys((*recorded_underlays(layout.install), *locked)))
+    recorded = tuple(dict.fromkeys((*install_state.recorded_underlays(layout.install), *locked)))
     known = rosdistro or own.get(VARIABLE) or _recorded_rosdistro((*recorded, *sourced), layout.install)
     variables = {**ROS_DEFAULTS, "COLCON": "1", **own, **({VARIABLE: known} if known else {})}
     real = {root.resolve() for root in sourced}
@@ -459,7 +454,7 @@ def require_packages(loaded: LoadedWorkspace) -> None:
 def workspace_interpreter(python: str | None, layout: Layout, root: Path) -> Interpreter:
     """Return `python` if given, else the interpreter of the last build, else that which a build would use."""
     variables = build_variables(layout, os.environ)
-    recorded = recorded_python(layout.install)
+    recorded = install_state.recorded_python(layout.install)
     if not (python or recorded):
         from forge.cli.config import configured_word
 
@@ -476,7 +471,7 @@ def known_rosdistro(rosdistro: str | None, root: Path, install: Path) -> str | N
 
     if configured := configured_word("rosdistro", root, os.environ):
         return configured
-    underlays = (*recorded_underlays(install), *find_underlays(os.environ, install).chain)
+    underlays = (*install_state.recorded_underlays(install), *find_underlays(os.environ, install).chain)
     return _recorded_rosdistro(underlays, install)
 
 
@@ -485,7 +480,7 @@ def _recorded_rosdistro(underlays: Sequence[Path], install: Path) -> str | None:
 
     The highest underlay's generators are used. `underlays` is in order, lowest first.
     """
-    return next(filter(None, map(recorded_rosdistro, (*reversed(underlays), install))), None)
+    return next(filter(None, map(install_state.recorded_rosdistro, (*reversed(underlays), install))), None)
 
 
 def output_problems(

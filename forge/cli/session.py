@@ -8,38 +8,28 @@ from __future__ import annotations
 import os
 import sys
 import time
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from forge.base.errors import Problem, WarningReporter
+from forge.base.layout import Layout
 from forge.base.text import listed
-from forge.build.events import Finished, Started
+from forge.build.events import Event, Finished, Started
+from forge.build.tasks import BuildPlan, Task
 from forge.cli.options import displayed
-from forge.execution.loop import execute
+from forge.execution.loop import Scheduler, execute
+from forge.execution.runner import TaskRunner
 from forge.output.console import ConsoleReporter
-from forge.output.handlers import without_text_output
+from forge.output.handlers import ReportOptions, without_text_output
 from forge.output.json_events import JsonEvents
-from forge.output.live import is_wanted, live_view
-from forge.output.logs import open_log
-from forge.output.reporters import Run, ask
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterator, Mapping
-
-    from forge.base.errors import Problem, WarningReporter
-    from forge.base.layout import Layout
-    from forge.build.events import Event
-    from forge.build.tasks import BuildPlan, Task
-    from forge.execution.loop import Scheduler
-    from forge.execution.runner import TaskRunner
-    from forge.output.handlers import ReportOptions
-    from forge.output.live import View
-    from forge.output.logs import LogWriter
-    from forge.output.reporters import Reporter, Start
-    from forge.workspace.model import Package
-    from forge.workspace.selection import Query
-
+from forge.output.live import View, is_wanted, live_view
+from forge.output.logs import LogWriter, open_log
+from forge.output.reporters import Reporter, Run, Start, ask
+from forge.workspace.model import Package
+from forge.workspace.selection import Query
 
 _MOST_NEEDS = 100_000
 """Writing so many dependencies to the log takes a tenth of a second."""

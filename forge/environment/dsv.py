@@ -8,19 +8,16 @@ from __future__ import annotations
 
 import heapq
 import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import PurePosixPath
 from posixpath import splitext
-from typing import TYPE_CHECKING
 
 from forge.base.errors import Location, Problem, WorkspaceError
 from forge.base.frozen import frozen
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping
-
-    Read = Callable[[str], str | None]
-    """The text of a file below a package's prefix, or None if it does not exist."""
+Read = Callable[[str], str | None]
+"""The text of a file below a package's prefix, or None if it does not exist."""
 
 OPERATIONS = (
     "prepend-non-duplicate",

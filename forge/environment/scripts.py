@@ -8,24 +8,18 @@ from __future__ import annotations
 
 import re
 import shlex
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Sequence
+from pathlib import Path
 
 from forge.base.templating import render
-from forge.environment.dsv import Edit, Script
-from forge.environment.shells import SHELLS
+from forge.environment.dsv import Edit, PackageEdits, Script
+from forge.environment.shells import SHELLS, Shell
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-    from pathlib import Path
+Statement = dict[str, object]
+"""A paragraph of a script: its template, and finished words for it."""
 
-    from forge.environment.dsv import PackageEdits
-    from forge.environment.shells import Shell
-
-    Statement = dict[str, object]
-    """A paragraph of a script: its template, and finished words for it."""
-
-    Group = list[tuple[PackageEdits, Edit | Script]]
-    """Edits that one statement makes."""
+Group = list[tuple[PackageEdits, Edit | Script]]
+"""Edits that one statement makes."""
 
 
 _ASSIGNING = frozenset({"set", "default"})

@@ -11,7 +11,7 @@ from pathlib import Path
 from forge.base.distributions import VARIABLE
 from forge.base.errors import Problem, WorkspaceError
 from forge.base.files import text_or_nothing
-from forge.base.text import listed
+from forge.base.text import listed, quoted_names
 from forge.environment.install_state import recorded_overlays, recorded_rosdistro, recorded_underlays
 from forge.environment.prefixes import find_underlays, installed_packages
 
@@ -86,8 +86,7 @@ def overridden(names: Collection[str], install: Path, variables: Mapping[str, st
         used = [name for name in users if users[name]]
         if used:
             verb, what = ("overrides", "the package") if len(used) == 1 else ("override", "the packages")
-            quoted = ", ".join(f"'{name}'" for name in used)
             dependents = listed(sorted({user for name in used for user in users[name]}))
-            message = f"{quoted} {verb} {what} in '{root}', on which {dependents} there depend"
+            message = f"{quoted_names(used)} {verb} {what} in '{root}', on which {dependents} there depend"
             hint = "if the two are not compatible, build the dependents in this workspace, too"
             yield Problem(message, hint=hint)

@@ -16,22 +16,17 @@ from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
 from forge.base.layout import PACKAGE
 from forge.base.names import did_you_mean, nearest, snake_case
+from forge.base.text import quoted_names
 from forge.build.inputs.fingerprints import own_files
 from forge.environment.prefixes import SYSTEM
 from forge.output.first_error import COLOUR
 from forge.toolchain.config_search import ConfigSearch
 from forge.toolchain.python_modules import install_command
+from forge.workspace import resolve
 from forge.workspace.cmake_text import calls, cmake_dependencies, linked_packages, targets, used_by_tests_only
 from forge.workspace.discovery import discover_embedded
 from forge.workspace.missing import submodule_remedy, unchecked_submodules
 from forge.workspace.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS, Package
-from forge.workspace.resolve import (
-    INTERFACE_GROUP,
-    is_ros_name,
-    quoted_names,
-    resembles_ros_name,
-    similar_package,
-)
 
 _SURE = 0.8
 """Required similarity for suggestions among many similar names."""
@@ -147,9 +142,9 @@ def _ways_to_find(name: str, context: FailureContext) -> str:
     """Return where a package may come from that is not in the workspace."""
     if place := context.whereabouts(name):
         return place
-    near = similar_package(name, context.packages.keys() - {context.package.name})
+    near = resolve.similar_package(name, context.packages.keys() - {context.package.name})
     question = f"did you mean '{near}'? otherwise " if near else ""
-    if is_ros_name(name) or (context.declares(name) and resembles_ros_name(name)):
+    if resolve.is_ros_name(name) or (context.declares(name) and resolve.resembles_ros_name(name)):
         other = f"source a ROS installation that contains '{name}'"
         return question + other if near else _ways_to_get(name, context)
     return (
@@ -180,7 +175,7 @@ def _header_not_found(header: str, context: FailureContext) -> str | None:
     if name in context.packages:
         folder, _, file = header.rpartition("/")
         stem, dot, ending = file.partition(".")
-        if stem != stem.lower() and INTERFACE_GROUP in context.packages[name].manifest.groups:
+        if stem != stem.lower() and resolve.INTERFACE_GROUP in context.packages[name].manifest.groups:
             return f"headers of interfaces are lower case: '{folder}/{snake_case(stem)}{dot}{ending}'"
     if installed and header not in installed:
         near = nearest(rest, (other.partition("/")[2] for other in installed), _SURE)
@@ -190,7 +185,7 @@ def _header_not_found(header: str, context: FailureContext) -> str | None:
         return f"'{header}' belongs to the package '{name}'; add {lines}" if lines else None
     return context.whereabouts(name) or (
         _ways_to_get(name, context)
-        if is_ros_name(name)
+        if resolve.is_ros_name(name)
         else f"install the system package that contains it (Debian: apt-file search {header})"
     )
 
@@ -366,7 +361,7 @@ def _module_not_found(module: str, context: FailureContext) -> str | None:
     if name in context.packages:
         depend = f"add <depend>{name}</depend> to {context.manifest}"
         return None if context.declares(name) else f"'{name}' is a package of the workspace: {depend}"
-    if is_ros_name(name):
+    if resolve.is_ros_name(name):
         return _ways_to_find(name, context)
     return install_command(Path(context.python), (name,))
 

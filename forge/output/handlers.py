@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
 
 from forge.base.errors import Problem, SelectionError, raise_if_any
 from forge.base.extensions import OWN, REPORTERS
 from forge.base.frozen import frozen
 from forge.base.names import nearest
 from forge.base.options import flag, option
-from forge.output.reporters import find_reporter
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from forge.output.reporters import Start
+from forge.output.reporters import Start, find_reporter
 
 HANDLERS = {
     "console_start_end": True,

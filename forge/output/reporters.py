@@ -5,20 +5,17 @@ They are entry points of the group 'forge.reporters', which docs/how-to/plugins.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, TypeVar
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any, TypeVar
 
+from forge.base.errors import Problem
 from forge.base.extensions import OWN, REPORTERS, call, find
 from forge.base.frozen import frozen
+from forge.build.tasks import BuildPlan
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping
-    from pathlib import Path
-
-    from forge.base.errors import Problem
-    from forge.build.tasks import BuildPlan
-
-    Start = Callable[["Run"], "Reporter"]
-    """The function `start` of a reporter's module, called before the first package starts."""
+Start = Callable[["Run"], "Reporter"]
+"""The function `start` of a reporter's module, called before the first package starts."""
 
 _Result = TypeVar("_Result")
 

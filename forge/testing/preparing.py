@@ -17,7 +17,7 @@ from forge.base.errors import (
 )
 from forge.base.graph import closures, ordered_names
 from forge.base.layout import FILE_TABLE, TEST_SCRATCH_DIR, Layout
-from forge.base.text import listed
+from forge.base.text import listed, quoted_names
 from forge.build.build_types import build_type_of, by_toolchain, unknown_types
 from forge.build.inputs.fingerprints import FileTable, fingerprint_tree
 from forge.build.journal import open_journal
@@ -92,9 +92,8 @@ def absent_problems(
         ]
         if absent:
             absent = [name] if name in absent else absent
-            quoted = ", ".join(f"'{need}'" for need in absent)
             verb = "is" if len(absent) == 1 else "are"
-            message = f"'{name}' cannot be tested: {quoted} {verb} not built"
+            message = f"'{name}' cannot be tested: {quoted_names(absent)} {verb} not built"
             found[name] = Problem(message, hint=f"forge build --packages-up-to {name}")
     if found and len(found) == len(needs):
         if len(found) == 1:

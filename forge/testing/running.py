@@ -5,33 +5,34 @@ from __future__ import annotations
 import os
 import re
 import shutil
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from forge.base.errors import Problem
 from forge.base.files import delete_tree, replace_file
 from forge.base.frozen import frozen
 from forge.base.layout import TEST_RESULT
-from forge.build.events import Aborted, Finished
+from forge.build.events import Aborted, Event, Finished
 from forge.build.folder_marks import mark_result_dir
 from forge.build.model import BuildInputs, BuildRecord
-from forge.build.tasks import TEST_FAILURES, StepKind, environment_file, short_step_line, step_line
-from forge.build.tests.recipes import error_result
+from forge.build.tasks import (
+    TEST_FAILURES,
+    Step,
+    StepKind,
+    Task,
+    environment_file,
+    short_step_line,
+    step_line,
+)
+from forge.build.tests.recipes import TestContext, error_result
 from forge.environment.sourcing import build_environment
 from forge.execution.runner import TaskLifecycle
 from forge.execution.started import BUILD_FOLDER_VARIABLE
 from forge.testing.collecting import collect, last_run
 from forge.testing.failures import Failure, first_lines, last_lines
-from forge.testing.outcomes import Counts, counted_once, find_junit
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-
-    from forge.base.errors import Problem
-    from forge.build.events import Event
-    from forge.build.tasks import Step, Task
-    from forge.build.tests.recipes import TestContext
-    from forge.testing.outcomes import Case, Outcome
+from forge.testing.outcomes import Case, Counts, Outcome, counted_once, find_junit
 
 
 @frozen

@@ -12,22 +12,17 @@ import re
 import shutil
 import stat
 import sys
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base.errors import HostError, Problem, raise_if_any
 from forge.base.files import text_or_nothing
-from forge.base.frozen import frozen
+from forge.base.frozen import Pairs, frozen
 from forge.base.own_environment import extra_command, install_beside_forge
 from forge.base.text import counted, digest
 from forge.toolchain.compiler_launchers import LAUNCHERS
 from forge.workspace.cmake_text import calls, cmake_files
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
-
-    from forge.base.frozen import Pairs
-    from forge.workspace.model import Package
+from forge.workspace.model import Package
 
 CMAKE_TYPES = frozenset({"ament_cmake", "cmake"})
 PYTHON_TYPES = frozenset({"ament_python", "python"})

@@ -8,19 +8,15 @@ from __future__ import annotations
 
 import os
 import re
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Iterator
+from pathlib import Path
 
 from forge.base.errors import Problem
 from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
 from forge.base.text import counted
+from forge.workspace.model import Package
 from forge.workspace.source_names import is_environment, may_contain_packages
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
-    from pathlib import Path
-
-    from forge.workspace.model import Package
 
 _TOKEN = re.compile(
     r"(?P<gap>[ \t\r\n\f\v;\ufeff]+|\#\[(=*)\[.*?\]\2\]|\#(?!\[=*\[)[^\n]*)"

@@ -18,17 +18,10 @@ from forge.base.layout import IGNORE_MARK
 from forge.base.names import project_name
 from forge.base.text import listed
 from forge.environment.prefixes import find_underlays, provider, system_prefixes
+from forge.workspace import resolve
 from forge.workspace.discovery import discover, discover_embedded, projects
 from forge.workspace.model import Manifest, Package, Selection, Workspace
 from forge.workspace.overrides import read_overrides
-from forge.workspace.resolve import (
-    ALL_KINDS,
-    GENERATORS,
-    DependencyResolution,
-    break_test_cycles,
-    resolve_dependencies,
-    unmet_versions,
-)
 from forge.workspace.selection import Query, SearchPaths, apply_filters, duplicate_node, ignored, select
 
 Node = TypeVar("Node")
@@ -48,7 +41,7 @@ class LoadedWorkspace:
     """
 
     workspace: Workspace
-    resolution: DependencyResolution
+    resolution: resolve.DependencyResolution
     selection: Selection
     packages: Mapping[str, Package]
     needs: Mapping[str, frozenset[str]]
@@ -101,7 +94,7 @@ def load_workspace(
             if tested(each) is False or (query.no_test_dependencies and tested(each) is None)
         ),
     )
-    resolution, cycle_warnings = break_test_cycles(replace(with_cycles, ignored=hidden))
+    resolution, cycle_warnings = resolve.break_test_cycles(replace(with_cycles, ignored=hidden))
     listing = install is None
     duplicates = workspace.duplicates if listing else ()
     packages = {
@@ -114,7 +107,13 @@ def load_workspace(
     selection, notes = select(query, ordered, needs, limits, every)
     if not listing:
         raise_if_any(clashes(workspace, selection.names), WorkspaceError)
-    warnings = (*workspace.notes, *cycle_warnings, *unmet_versions(workspace.packages), *unsure, *notes)
+    warnings = (
+        *workspace.notes,
+        *cycle_warnings,
+        *resolve.unmet_versions(workspace.packages),
+        *unsure,
+        *notes,
+    )
     faults: tuple[Problem, ...] = ()
     if listing:
         names = {other.name for other in workspace.duplicates}
@@ -196,19 +195,19 @@ def resolve_workspace(
     *,
     embedded: bool,
     untested: frozenset[str] = frozenset(),
-) -> DependencyResolution:
+) -> resolve.DependencyResolution:
     """Return where the packages' dependencies come from; without `embedded`, only those in the workspace.
 
     Dependencies that only the tests of `untested` need do not count.
     """
     if not embedded:
-        return resolve_dependencies(workspace.packages, {}, lambda _: None, untested=untested)
+        return resolve.resolve_dependencies(workspace.packages, {}, lambda _: None, untested=untested)
     underlays = find_underlays(variables, install)
     # If this workspace is sourced, its own results are on PATH.
     system = tuple(path for path in system_prefixes(variables) if not path.is_relative_to(install))
     rosdistro = distribution_in(variables)
     find = cache(lambda name: provider(name, underlays, system))
-    resolution = resolve_dependencies(
+    resolution = resolve.resolve_dependencies(
         workspace.packages,
         discover_embedded(rosdistro),
         find,
@@ -217,7 +216,7 @@ def resolve_workspace(
         untested=untested,
     )
     hints: dict[str, str] = {}
-    if GENERATORS not in resolution.withheld:
+    if resolve.GENERATORS not in resolution.withheld:
         missing = {name for names in resolution.missing.values() for name in names}
         hints = {name: hint for name in missing if (hint := distribution_hint(name, rosdistro))}
     return replace(
@@ -228,7 +227,7 @@ def resolve_workspace(
 
 
 def _needs(
-    resolution: DependencyResolution, duplicates: Iterable[Package], *, tested: bool
+    resolution: resolve.DependencyResolution, duplicates: Iterable[Package], *, tested: bool
 ) -> Mapping[str, frozenset[str]]:
     """Return the graph including duplicates of a name: dependents of the name depend on all of them."""
     others: dict[str, set[str]] = {}
@@ -239,7 +238,7 @@ def _needs(
     needs = dict(resolution.needs)
     for other in duplicates:
         left_out = {other.name} if tested else {other.name, *other.only_tested_with}
-        wanted = frozenset(other.manifest.names(ALL_KINDS)) - left_out
+        wanted = frozenset(other.manifest.names(resolve.ALL_KINDS)) - left_out
         needs[duplicate_node(other.name, other.path)] = wanted & resolution.packages.keys()
     return {node: below.union(*(others.get(name, ()) for name in below)) for node, below in needs.items()}
 

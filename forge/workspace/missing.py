@@ -14,22 +14,17 @@ from pathlib import Path
 from forge.base.errors import Problem
 from forge.base.files import text_or_nothing
 from forge.base.layout import Layout, docs_url
+from forge.base.text import quoted_names
+from forge.workspace import resolve
 from forge.workspace.manifest import declaration
 from forge.workspace.model import BUILD_KINDS, RUN_KINDS
-from forge.workspace.resolve import (
-    DependencyResolution,
-    is_ros_name,
-    quoted_names,
-    resembles_ros_name,
-    similar_package,
-)
 
 _FEW = 3
 _SUBMODULE = re.compile(r"^[ \t]*path[ \t]*=[ \t]*(\S.*?)[ \t]*$", re.MULTILINE)
 
 
 def missing_dependencies(
-    resolution: DependencyResolution,
+    resolution: resolve.DependencyResolution,
     names: Iterable[str],
     skip_keys: Collection[str] = (),
     place_of: Callable[[str], str | None] = lambda _: None,
@@ -42,7 +37,9 @@ def missing_dependencies(
     """
 
     def is_misspelt(name: str) -> bool:
-        return resembles_ros_name(name) and similar_package(name, resolution.known()) is not None
+        return (
+            resolve.resembles_ros_name(name) and resolve.similar_package(name, resolution.known()) is not None
+        )
 
     def problem(names: Sequence[str], users: Sequence[str], what: str, hint: str) -> Problem:
         location = declaration(resolution.packages[users[0]].manifest.path, names[0])
@@ -62,7 +59,7 @@ def missing_dependencies(
         used = manifest.names(BUILD_KINDS | RUN_KINDS)
         for dependency in unresolved:
             if dependency in built_with or (
-                dependency in used and (is_ros_name(dependency) or is_misspelt(dependency))
+                dependency in used and (resolve.is_ros_name(dependency) or is_misspelt(dependency))
             ):
                 found.setdefault(dependency, []).append(name)
     # One problem for all dependencies that the same packages lack for the same reason.
@@ -79,7 +76,7 @@ def missing_dependencies(
             problems.append(problem([dependency], users, what, hint))
         else:
             reason = resolution.withheld.get(dependency, "")
-            near, place = similar_package(dependency, known), place_of(dependency)
+            near, place = resolve.similar_package(dependency, known), place_of(dependency)
             groups.setdefault((users, reason, near, place), []).append(dependency)
     for (users, reason, near, place), names in groups.items():
         one = len(names) == 1

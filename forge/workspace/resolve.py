@@ -16,6 +16,7 @@ from forge.base.errors import Location, Problem
 from forge.base.frozen import frozen
 from forge.base.graph import order, weak_edges_on_cycles
 from forge.base.names import nearest
+from forge.base.text import quoted_names
 from forge.workspace.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS, Package
 
 GENERATORS = "rosidl_default_generators"
@@ -213,10 +214,6 @@ def unmet_versions(packages: Mapping[str, Package]) -> Iterator[Problem]:
                 wanted = f"version {' and '.join(unmet)} of '{need.name}'"
                 message = f"'{package.name}' requires {wanted}, but it is {present}"
                 yield Problem(message, Location(package.manifest.path))
-
-
-def quoted_names(names: Iterable[str]) -> str:
-    return ", ".join(f"'{name}'" for name in names)
 
 
 def is_ros_name(name: str) -> bool:

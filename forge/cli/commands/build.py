@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import argparse
 import os
 import sys
 import time
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base.env_vars import compiled_templates
 from forge.base.errors import WorkspaceError, raise_if_any
@@ -16,21 +16,16 @@ from forge.base.layout import TEMPLATES_DIR
 from forge.base.templating import keep_compiled
 from forge.base.text import listed
 from forge.build.folder_marks import create_output_folders, mark_layout
+from forge.build.model import Snapshot
 from forge.build.stale_packages import stale_package_warnings
 from forge.build.state import BuildState
+from forge.build.tasks import BuildPlan
 from forge.cli.build_options import BuildOptions
+from forge.cli.main import Parser
 from forge.cli.options import LOG_LEVELS, add_options, read_options
 from forge.cli.preparation import BuildMode, PreparedBuild, check_plan, make_plan, prepare
 from forge.execution.lock import lock_build_dir, lock_install_dir
 from forge.output.console import ConsoleReporter
-
-if TYPE_CHECKING:
-    import argparse
-
-    from forge.build.model import Snapshot
-    from forge.build.state import BuildState
-    from forge.build.tasks import BuildPlan
-    from forge.cli.main import Parser
 
 
 def register(parser: Parser) -> None:

@@ -15,19 +15,7 @@ from forge.base.layout import Layout
 from forge.base.names import did_you_mean
 from forge.base.options import flag, option, options_of
 from forge.base.text import counted, listed
-from forge.build.cleaning import (
-    BASES,
-    Removable,
-    built_packages,
-    is_of_workspace,
-    package_removables,
-    packages_of_others,
-    remaining_entries,
-    remaining_in_prefix,
-    remove,
-    restore_backups,
-    workspace_removables,
-)
+from forge.build import cleaning
 from forge.build.compile_commands import merge_compile_commands
 from forge.build.folder_marks import bases_of, is_own_build_base, is_own_install_base, recorded_layout
 from forge.build.installation import finish_workspace
@@ -63,9 +51,9 @@ class Options:
     yes: bool = flag("do not ask for confirmation", short="-y")
     base_select: tuple[str, ...] = option(
         "folders to remove, for 'workspace' (default: all)",
-        default=tuple(BASES),
+        default=tuple(cleaning.BASES),
         nargs="+",
-        choices=tuple(BASES),
+        choices=tuple(cleaning.BASES),
     )
     query: Query = options_of(Query)
     sources: OptionSources = options_of(OptionSources)
@@ -100,20 +88,20 @@ def run(options: Options) -> int:
         if not (options.yes or shared.confirmed(f"Remove these {len(removables)} items? [y/N] ")):
             print("nothing was removed")
             return 0
-        restore_backups(layout, names or built_packages(layout, journal.records))
+        cleaning.restore_backups(layout, names or cleaning.built_packages(layout, journal.records))
         removables = _removables(options, root, layout, journal, names)
         for name in names:
             journal.forget(name)
         journal.close()
-        remove(removables)
+        cleaning.remove(removables)
     if options.what == "workspace" and not names:
-        _report_rest(remaining_entries(layout, options.base_select), options)
+        _report_rest(cleaning.remaining_entries(layout, options.base_select), options)
     else:
         kept = (
             entry
             for removable in removables
             if removable.prefix
-            for entry in remaining_in_prefix(removable.prefix)
+            for entry in cleaning.remaining_in_prefix(removable.prefix)
         )
         _report_rest(kept, options)
         # Setup scripts of forge name packages; those of colcon search the folder.
@@ -126,14 +114,14 @@ def run(options: Options) -> int:
 
 def _removables(
     options: Options, root: Path, layout: Layout, journal: Journal, names: Sequence[str]
-) -> list[Removable]:
+) -> list[cleaning.Removable]:
     if options.what == "workspace":
-        return list(workspace_removables(root, layout, journal.records, options.base_select))
-    return [found for name in names for found in package_removables(name, layout, journal.records)]
+        return list(cleaning.workspace_removables(root, layout, journal.records, options.base_select))
+    return [found for name in names for found in cleaning.package_removables(name, layout, journal.records)]
 
 
 def _preview(options: Options, root: Path, layout: Layout, journal: Journal, stale: Sequence[str]) -> None:
-    found = list(workspace_removables(root, layout, journal.records, options.base_select))
+    found = list(cleaning.workspace_removables(root, layout, journal.records, options.base_select))
     if not found:
         print("nothing to remove")
         return
@@ -155,7 +143,7 @@ def _names(options: Options, root: Path, layout: Layout, journal: Journal) -> tu
 
     Raises SelectionError for invalid combinations of arguments.
     """
-    made = built_packages(layout, journal.records)
+    made = cleaning.built_packages(layout, journal.records)
     query = options.query
     unlimited = Query(search=query.search, build_base=query.build_base, since=query.since)
     chosen = query != replace(unlimited, no_test_dependencies=query.no_test_dependencies)
@@ -164,13 +152,13 @@ def _names(options: Options, root: Path, layout: Layout, journal: Journal) -> tu
         command = f"clean {options.what or ''}".rstrip()
         raise SelectionError(Problem(f"'{command}' does not accept package names", hint=hint))
     if options.what == "workspace":
-        others = sorted(packages_of_others(root, layout, journal.records))
+        others = sorted(cleaning.packages_of_others(root, layout, journal.records))
         _report_others(others)
         return tuple(sorted(made.difference(others))) if others else ()
     if options.what != "packages":
         packages = _load(options, root, layout).packages
         absent = sorted(made - packages.keys())
-        stale = [name for name in absent if is_of_workspace(name, root, layout, journal.records)]
+        stale = [name for name in absent if cleaning.is_of_workspace(name, root, layout, journal.records)]
         _report_others([name for name in absent if name not in stale])
         taken = {str(root / package.path) for package in packages.values()}
         sources = {name: record.source for name, record in journal.records.items()}
@@ -213,7 +201,7 @@ def _load(options: Options, root: Path, layout: Layout) -> LoadedWorkspace:
     return loaded
 
 
-def _shown(removable: Removable, options: Options) -> str:
+def _shown(removable: cleaning.Removable, options: Options) -> str:
     if removable.prefix is not None:
         return f"{_displayed(removable.prefix, options)} ({removable.label})"
     if len(removable.paths) > 1:

@@ -6,7 +6,6 @@ import getpass
 import os
 import subprocess
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base.errors import ForgeError, HostError, Problem, print_problem, reason_of
 from forge.base.files import write_if_changed
@@ -14,29 +13,18 @@ from forge.base.frozen import frozen
 from forge.base.names import did_you_mean, is_email
 from forge.base.options import flag, option
 from forge.base.xml import parse_xml
+from forge.cli.main import Parser
 from forge.cli.options import NoOptions, add_verb
 from forge.environment.installed import executables, find_package, known_packages
-from forge.workspace.creation import (
-    BUILD_TYPES,
-    EXAMPLE_INTERFACES,
-    LICENSES,
-    UNDECLARED_LICENSE,
-    VERSION,
-    NewPackage,
-    placeholder_email,
-    render_package,
-)
+from forge.workspace import creation
 from forge.workspace.model import Person
 from forge.workspace.root import find_install, source_packages
-
-if TYPE_CHECKING:
-    from forge.cli.main import Parser
 
 
 def _license(text: str) -> str:
     """Return a license; '?' prints the supported ones and exits, before other arguments are checked."""
     if text == "?":
-        print("Supported licenses:", *LICENSES, sep="\n")
+        print("Supported licenses:", *creation.LICENSES, sep="\n")
         raise SystemExit(0)
     return text
 
@@ -57,14 +45,14 @@ class _CreateOptions:
     )
     license: str = option(
         "license as an SPDX identifier; '?' lists those with a LICENSE template (default: a line with TODO)",
-        default=UNDECLARED_LICENSE,
+        default=creation.UNDECLARED_LICENSE,
         parse=_license,
     )
     destination_directory: str = option(
         "folder to create the package in (default: .)", default=".", metavar="DIR"
     )
     build_type: str = option(
-        "build type (default: ament_cmake)", default="ament_cmake", choices=tuple(BUILD_TYPES)
+        "build type (default: ament_cmake)", default="ament_cmake", choices=tuple(creation.BUILD_TYPES)
     )
     dependencies: tuple[str, ...] = option("dependencies of the package", default=(), metavar="NAME")
     maintainer_email: str | None = option(
@@ -119,9 +107,9 @@ def _create(options: _CreateOptions) -> None:
         _warn(f"node and library cannot both be named '{library}'")
         _warn(f"the node is named '{node}' instead")
     name = options.maintainer_name or _login()
-    blueprint = NewPackage(
+    blueprint = creation.NewPackage(
         options.name,
-        Person(name, options.maintainer_email or _git_email() or placeholder_email(name)),
+        Person(name, options.maintainer_email or _git_email() or creation.placeholder_email(name)),
         options.build_type,
         options.package_format,
         options.description,
@@ -129,19 +117,21 @@ def _create(options: _CreateOptions) -> None:
         tuple(dict.fromkeys(options.dependencies)),
         node,
         library,
-        () if options.interfaces is None else tuple(dict.fromkeys(options.interfaces)) or EXAMPLE_INTERFACES,
+        ()
+        if options.interfaces is None
+        else tuple(dict.fromkeys(options.interfaces)) or creation.EXAMPLE_INTERFACES,
     )
     folder = Path(options.destination_directory, blueprint.name)
     if folder.exists() or folder.is_symlink():
         hint = "remove it, or choose another name or --destination-directory"
         raise ForgeError(Problem(f"'{folder}' already exists", hint=hint))
-    items = render_package(blueprint)
+    items = creation.render_package(blueprint)
     path = f"{options.destination_directory.rstrip('/')}/{blueprint.name}"
     facts = {
         "package name": blueprint.name,
         "destination directory": folder.parent.resolve(),
         "package format": blueprint.format,
-        "version": VERSION,
+        "version": creation.VERSION,
         "description": blueprint.description,
         "maintainer": [f"{blueprint.maintainer.name} <{blueprint.maintainer.email}>"],
         "licenses": [blueprint.license],
@@ -175,10 +165,13 @@ def _create(options: _CreateOptions) -> None:
     name = blueprint.name
     if not name[0].isalpha() or name != name.lower():
         _warn(f"'{name}' is an unusual name: package names start with a letter and are lower case")
-    if blueprint.license == UNDECLARED_LICENSE:
+    if blueprint.license == creation.UNDECLARED_LICENSE:
         print_problem(Problem("no license yet: choose one with --license, such as --license MIT"), "note")
-    elif blueprint.license not in LICENSES:
-        hint = did_you_mean(blueprint.license, LICENSES) or f"supported licenses are {', '.join(LICENSES)}"
+    elif blueprint.license not in creation.LICENSES:
+        hint = (
+            did_you_mean(blueprint.license, creation.LICENSES)
+            or f"supported licenses are {', '.join(creation.LICENSES)}"
+        )
         _warn(f"no LICENSE file created: unknown license '{blueprint.license}'", hint)
 
 

@@ -16,18 +16,8 @@ from types import FrameType
 from forge.base.errors import ForgeError, HostError, Problem, reason_of
 from forge.base.frozen import frozen
 from forge.base.options import option
+from forge.environment import installed
 from forge.environment.install_state import python_of
-from forge.environment.installed import (
-    executables,
-    find_package,
-    is_registered,
-    is_unsourced,
-    missing_executable_hint,
-    plain_executables,
-    plain_prefix,
-    refuse_windows_line_endings,
-    unregistered_prefix,
-)
 from forge.workspace.root import find_install, source_packages
 
 _SHOWN_NAMES = 10
@@ -56,15 +46,17 @@ def run(options: Options) -> int:
     install = find_install(Path.cwd(), Path.home())
     # `ros2 run` does not find the packages of the enclosing workspace that do not use ament.
     plain = None
-    if not is_registered(package, os.environ, install) and unregistered_prefix(package, install):
-        plain = plain_prefix(package, install, source_packages(install))
-    prefix = plain or find_package(package, os.environ, install, lambda: source_packages(install))
+    if not installed.is_registered(package, os.environ, install) and installed.unregistered_prefix(
+        package, install
+    ):
+        plain = installed.plain_prefix(package, install, source_packages(install))
+    prefix = plain or installed.find_package(package, os.environ, install, lambda: source_packages(install))
     variables: Mapping[str, str] = os.environ
-    if install is not None and (plain or is_unsourced(package, os.environ, install)):
+    if install is not None and (plain or installed.is_unsourced(package, os.environ, install)):
         from forge.environment.sourcing import sourced_environment
 
         variables = sourced_environment(install, os.environ)
-    paths = (plain_executables if plain else executables)(package, prefix)
+    paths = (installed.plain_executables if plain else installed.executables)(package, prefix)
     names = sorted({path.name for path in paths})
     if not name and names:
         shown = ", ".join(f"'{each}'" for each in names[:_SHOWN_NAMES])
@@ -73,13 +65,13 @@ def run(options: Options) -> int:
         raise ForgeError(Problem("missing argument EXECUTABLE", hint=hint))
     matches = [path for path in paths if path.name == (name or "x")]
     if not matches:
-        hint = missing_executable_hint(package, name or "x", prefix, paths)
+        hint = installed.missing_executable_hint(package, name or "x", prefix, paths)
         raise ForgeError(Problem("no executable found", hint=hint))
     if len(matches) > 1:
         listing = "".join(f"\n- {path}" for path in matches)
         raise ForgeError(Problem(f"multiple executables found:{listing}"))
     path = matches[0]
-    refuse_windows_line_endings(path)
+    installed.refuse_windows_line_endings(path)
     program = [str(path)]
     # The python3 of an active virtual environment is the one that `env` finds.
     if not any(variables.get(each) for each in ("VIRTUAL_ENV", "CONDA_PREFIX")) and _by_env(path):

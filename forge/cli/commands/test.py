@@ -5,9 +5,10 @@ from __future__ import annotations
 import os
 import sys
 import time
-from contextlib import closing
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager, closing
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from forge.base.env_vars import SEQUENTIAL, own_cache
 from forge.base.errors import Problem, WarningReporter, WorkspaceError, print_problem, raise_if_any
@@ -16,53 +17,29 @@ from forge.base.frozen import frozen
 from forge.base.layout import OWN_CACHE_DIR, TEST_FILE_TABLE
 from forge.base.options import options_of
 from forge.base.text import counted
-from forge.build.events import Aborted, Finished, StepFinished
+from forge.build.events import Aborted, Event, Finished, StepFinished
 from forge.build.folder_marks import create_output_folders, mark_layout
 from forge.build.inputs.fingerprints import FileTable
 from forge.build.journal import open_journal
-from forge.build.tasks import TEST_FAILURES
+from forge.build.tasks import TEST_FAILURES, BuildPlan, Task
 from forge.build.tests.options import TestOptions
+from forge.build.tests.recipes import TestContext
 from forge.cli.options import FolderOptions, OptionSources
 from forge.cli.preparation import build_variables, output_problems, require_packages
-from forge.cli.session import open_session
-from forge.execution.job_pool import open_test_job_pool
+from forge.cli.session import Session, open_session
+from forge.execution.job_pool import JobPool, open_test_job_pool
 from forge.execution.lock import lock_build_dir
 from forge.execution.loop import Scheduler
 from forge.execution.options import JobOptions
 from forge.execution.runner import LocalExecutor, TaskRunner
 from forge.execution.started import StartedProcesses
 from forge.output.handlers import ReportOptions
+from forge.testing import preparing, running
 from forge.testing.collecting import result_folder_problems
 from forge.testing.failures import table
-from forge.testing.preparing import (
-    absent_problems,
-    built_without_tests,
-    changed_since_build,
-    make_test_plan,
-    needs_of_tests,
-    prepare_context,
-    tested_names,
-)
 from forge.testing.restored import RestoredSetup, has_no_tests, not_runnable, plan_restored
-from forge.testing.running import (
-    TestSetup,
-    failures_of,
-    total_counts,
-    write_result_file,
-    write_results_of_untested,
-)
 from forge.workspace.load import load_workspace
 from forge.workspace.selection import Query
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-    from contextlib import AbstractContextManager
-
-    from forge.build.events import Event
-    from forge.build.tasks import BuildPlan, Task
-    from forge.build.tests.recipes import TestContext
-    from forge.cli.session import Session
-    from forge.execution.job_pool import JobPool
 
 
 @frozen
@@ -93,24 +70,24 @@ def run(given: Options) -> int:
         tested=lambda package: False if has_no_tests(layout.build_dir(package.name)) else None,
     )
     warn(loaded.warnings)
-    names, unsupported = tested_names(loaded, warn)
+    names, unsupported = preparing.tested_names(loaded, warn)
     results = {"--test-result-base": options.test_result_base}
     problems = [*output_problems(loaded, layout, names, results, prefixes=False)]
     if options.test_result_base:
         problems += result_folder_problems(names, options.test_result_base)
     raise_if_any(problems, WorkspaceError)
     require_packages(loaded)
-    needs = needs_of_tests(names, loaded)
-    absent = absent_problems(needs, layout, variables)
+    needs = preparing.needs_of_tests(names, loaded)
+    absent = preparing.absent_problems(needs, layout, variables)
     create_output_folders(layout)
     mark_layout(layout)
     built = [name for name in names if name not in absent]
-    warn(changed_since_build({name: needs[name] for name in built}, loaded, layout))
-    context, lacking = prepare_context(options, loaded, layout, variables, built)
+    warn(preparing.changed_since_build({name: needs[name] for name in built}, loaded, layout))
+    context, lacking = preparing.prepare_context(options, loaded, layout, variables, built)
     absent |= lacking
     built = [name for name in built if name not in lacking]
     cached = _open_cached_tests(options, context, needs, variables, warn)
-    setup = TestSetup(context, needs, variables, cached=cached)
+    setup = running.TestSetup(context, needs, variables, cached=cached)
 
     def session_of(plan: BuildPlan) -> AbstractContextManager[Session]:
         return open_session(
@@ -146,8 +123,10 @@ def run(given: Options) -> int:
                 )
                 failed = bool(session.report.tally.failed)
         unbuilt = not_runnable(built, loaded, layout, restored)
-        warn((*unbuilt.values(), *built_without_tests(built, loaded, layout)))
-        plan = make_test_plan([name for name in built if name not in unbuilt], loaded, context, warn)
+        warn((*unbuilt.values(), *preparing.built_without_tests(built, loaded, layout)))
+        plan = preparing.make_test_plan(
+            [name for name in built if name not in unbuilt], loaded, context, warn
+        )
         with session_of(plan) as session:
             session.start_reporters(reporters, plan, variables, context.python, job_pool.jobs, warn)
             session.json_events.announce()
@@ -156,7 +135,7 @@ def run(given: Options) -> int:
                 print_problem(problem)
             for name, problem in absent.items():
                 session.fail_unbuilt(name, problem)
-            write_results_of_untested(names, {**absent, **unbuilt}, context)
+            running.write_results_of_untested(names, {**absent, **unbuilt}, context)
             session.report.not_tested = tuple(sorted((*absent, *unbuilt, *unsupported)))
             try:
                 session.run(
@@ -210,7 +189,7 @@ def _scheduler(plan: BuildPlan, options: TestOptions, jobs: JobOptions, job_pool
     return Scheduler(plan, limit, continue_on_error=not options.abort_on_error, in_order=alone)
 
 
-def _record(event: Event, task: Task, setup: TestSetup, session: Session) -> None:
+def _record(event: Event, task: Task, setup: running.TestSetup, session: Session) -> None:
     """Record how the tests of a package ended, before this is reported.
 
     A result may contain failures, or be unreadable, although its program exited with 0, or be valid
@@ -226,26 +205,28 @@ def _record(event: Event, task: Task, setup: TestSetup, session: Session) -> Non
             fault = "reported failed tests, and ran no test when it was repeated"
         if any(outcome.counts.bad for outcome in setup.results_of(task, fault)):
             session.report.note_test_failures(task.name)
-    write_result_file(event, task, session.report.failed_tests)
+    running.write_result_file(event, task, session.report.failed_tests)
     if setup.cached and isinstance(event, Finished | Aborted):
         has_failed = task.name in setup.failed | session.report.failed_tests
         passed = isinstance(event, Finished) and not event.code and not has_failed
         setup.cached.keep(task, setup.results_of(task) if passed else (), passed=passed)
 
 
-def _report_results(plan: BuildPlan, setup: TestSetup, session: Session, *, json: bool, failed: bool) -> int:
+def _report_results(
+    plan: BuildPlan, setup: running.TestSetup, session: Session, *, json: bool, failed: bool
+) -> int:
     """Print the summary and a table of the failed tests; return the exit code."""
     session.collect_reports()
     report, seconds = session.report, session.seconds
     ended = {*report.tally.finished, *report.tally.failed} & plan.tasks.keys()
-    report.test_counts = total_counts((plan.tasks[name] for name in ended), setup)
+    report.test_counts = running.total_counts((plan.tasks[name] for name in ended), setup)
     counts, aborted = report.test_counts, report.tally.aborted
     report.no_test_ran = counts is not None and counts.tests == counts.skipped and not aborted
     report.summarise(seconds)
     failures = [
         failure
         for name in sorted(report.failed_tests)
-        for failure in failures_of(plan.tasks[name], setup, report.displayed)
+        for failure in running.failures_of(plan.tasks[name], setup, report.displayed)
     ]
     if failures and not json:
         session.write("\n".join(("", *table(failures), "")))

@@ -7,19 +7,8 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
+from forge.base import distributions
 from forge.base.ament_index import INDEX
-from forge.base.distributions import (
-    EMBEDDED,
-    OLDEST,
-    SINCE,
-    definition_folders,
-    distribution_hint,
-    find_definition,
-    has_definitions,
-    has_service_events,
-    is_embedded,
-    removed_definitions,
-)
 from forge.base.errors import ForgeError, InterfaceError, Location, Problem, reason_of
 from forge.base.files import read_file
 from forge.base.xml import parse_xml
@@ -30,7 +19,7 @@ _RUNTIMES = {"python": ("python", "*"), "cpp": ("include", "*"), "c": ("include"
 """The folder and the file pattern of the run time for each language."""
 
 
-def read_folder(package: str, folder: Path, rosdistro: str = OLDEST) -> tuple[Source, ...]:
+def read_folder(package: str, folder: Path, rosdistro: str = distributions.OLDEST) -> tuple[Source, ...]:
     """Read the definitions of a package, sorted by kind and name; .idl files in other folders come last.
 
     An embedded package has those of a ROS distribution.
@@ -45,21 +34,21 @@ def read_folder(package: str, folder: Path, rosdistro: str = OLDEST) -> tuple[So
     return tuple(read_source(package, base, relative) for relative, base in in_order if base)
 
 
-def definition_files(folder: Path, rosdistro: str = OLDEST) -> dict[str, Path | None]:
+def definition_files(folder: Path, rosdistro: str = distributions.OLDEST) -> dict[str, Path | None]:
     """Return the folder of each definition of a package by its path below that folder.
 
     An installed package has those that rosidl_generate_interfaces() was given, wherever they were. Among
     sources, they are looked for below msg, srv and action. None stands for a definition that a distribution
     removed.
     """
-    if not folder.is_relative_to(EMBEDDED):
+    if not folder.is_relative_to(distributions.EMBEDDED):
         listed = _listed(folder)
         return dict.fromkeys(_found(folder) if listed is None else listed, folder)
     definitions: dict[str, Path | None] = {}
-    for base in definition_folders(folder, rosdistro):
+    for base in distributions.definition_folders(folder, rosdistro):
         for relative in _found(base):
             definitions.setdefault(relative, base)
-        for relative in removed_definitions(base):
+        for relative in distributions.removed_definitions(base):
             definitions.setdefault(relative, None)
     return definitions
 
@@ -129,7 +118,7 @@ def read_runtime(language: str) -> Iterator[File]:
     if language not in _RUNTIMES:
         return
     name, pattern = _RUNTIMES[language]
-    folder = EMBEDDED / "rosidl_default_runtime" / name
+    folder = distributions.EMBEDDED / "rosidl_default_runtime" / name
     for path in sorted(folder.rglob(pattern)):
         relative = path.relative_to(folder)
         # Skip caches that tools create in a checkout.
@@ -146,8 +135,8 @@ class Library:
 
     includes: Mapping[str, Path] = field(default_factory=dict)
     prefixes: tuple[Path, ...] = ()
-    embedded: Path | None = EMBEDDED
-    rosdistro: str = OLDEST
+    embedded: Path | None = distributions.EMBEDDED
+    rosdistro: str = distributions.OLDEST
     """The ROS distribution of the embedded definitions."""
     manifest: Path | None = None
     """The package.xml of the definitions that are compiled, read for hints only."""
@@ -160,7 +149,7 @@ class Library:
     @property
     def has_events(self) -> bool:
         """Whether services have messages for their events in the distribution."""
-        return has_service_events(self.rosdistro)
+        return distributions.has_service_events(self.rosdistro)
 
     def find(self, name: TypeName) -> Parsed | None:
         """Return the interface of that name, or None; raises InterfaceError if its file is invalid."""
@@ -185,7 +174,7 @@ class Library:
             return None
         # Where nearly all are; the whole list takes longer to read.
         usual = f"{name.kind}/{name.name}.{name.kind}"
-        path = find_definition(folder, self.rosdistro, usual)
+        path = distributions.find_definition(folder, self.rosdistro, usual)
         if path:
             return path.parent.parent, usual
         return self.definitions(name.package).get((name.kind, name.name))
@@ -234,9 +223,11 @@ class Library:
     def distribution_hint(self, name: TypeName) -> str | None:
         """Return which distributions have a type that an embedded package of this one lacks, or None."""
         folder = self.folder(name.package)
-        if folder and not is_embedded(folder):
+        if folder and not distributions.is_embedded(folder):
             return None
-        return distribution_hint(name.package, self.rosdistro, f"{name.kind}/{name.name}.{name.kind}")
+        return distributions.distribution_hint(
+            name.package, self.rosdistro, f"{name.kind}/{name.name}.{name.kind}"
+        )
 
     def declares(self, package: str) -> bool:
         """Tell whether the manifest declares a package."""
@@ -271,8 +262,8 @@ class Overlay:
 
 
 def _has_interfaces(folder: Path, rosdistro: str) -> bool:
-    if (folder / SINCE).is_dir() and folder.is_relative_to(EMBEDDED):
-        return has_definitions(folder, rosdistro)
+    if (folder / distributions.SINCE).is_dir() and folder.is_relative_to(distributions.EMBEDDED):
+        return distributions.has_definitions(folder, rosdistro)
     return any((folder / kind).is_dir() for kind in SECTIONS) or any(folder.glob("*/*.idl"))
 
 

@@ -19,20 +19,12 @@ from forge.base.text import counted
 from forge.cli.commands.interface.inputs import InputOptions, catalog_of, library_of
 from forge.cli.options import add_verb
 from forge.engine.observed import keep
+from forge.interfaces import writing
 from forge.interfaces.model import Catalog
 from forge.interfaces.read.lint import python_keywords
 from forge.interfaces.read.sources import read_runtime
 from forge.interfaces.rendering import Part, fingerprints, parts
 from forge.interfaces.resolve.resolution import dependency_catalogs, undeclared_dependencies
-from forge.interfaces.writing import (
-    STATE_FOLDER,
-    OutputState,
-    generator_digest,
-    ledger_of,
-    read_states,
-    write,
-    write_depfile,
-)
 
 _DEFAULT_LANGUAGES = ("python", "cpp")
 
@@ -73,11 +65,11 @@ def register(verbs: Any) -> None:
 
 def _generate(options: _Options) -> int:
     inputs = options.inputs
-    states = read_states(options.output)
-    before = states.get(inputs.package or "", OutputState())
+    states = writing.read_states(options.output)
+    before = states.get(inputs.package or "", writing.OutputState())
     if before.parts:
         # Also if this run fails.
-        ledger = ledger_of(inputs.package or "", options.output)
+        ledger = writing.ledger_of(inputs.package or "", options.output)
         content = text_or_nothing(ledger).encode()
         earlier = [f"{options.output}/{path}" for path in before.files]
         keep(ledger, content, (*earlier, *filter(None, (options.depfile,))))
@@ -91,7 +83,7 @@ def _generate(options: _Options) -> int:
     needed = () if options.no_runtime else dependency_catalogs(catalog, library)
     others = () if options.no_runtime else _others(catalog, options, states)
     folders = {each.package: library.folder(each.package) for each in needed}
-    state = OutputState(
+    state = writing.OutputState(
         needs=tuple(name for each in needed for name in each.interfaces),
         folders={
             package: folder.absolute()
@@ -99,20 +91,20 @@ def _generate(options: _Options) -> int:
             if folder and not folder.is_relative_to(EMBEDDED)
         },
     )
-    keep_compiled(*compiled_templates(os.environ, options.output / STATE_FOLDER / "templates"))
+    keep_compiled(*compiled_templates(os.environ, options.output / writing.STATE_FOLDER / "templates"))
     catalogs = (catalog, *others)
     languages = tuple(dict.fromkeys(options.languages or _DEFAULT_LANGUAGES))
-    digests = fingerprints(catalogs, f"{generator_digest()} {library.rosdistro}")
+    digests = fingerprints(catalogs, f"{writing.generator_digest()} {library.rosdistro}")
     found = [part for language in languages for each in catalogs for part in parts(each, language, digests)]
     if not options.no_runtime:
         found += [
             Part(language, "run-time files", None, partial(read_runtime, language)) for language in languages
         ]
-    written = write(found, options.output, catalog.package, state, states)
-    keep(ledger_of(catalog.package, options.output), written.ledger)
+    written = writing.write(found, options.output, catalog.package, state, states)
+    keep(writing.ledger_of(catalog.package, options.output), written.ledger)
     if options.depfile:
         sources = [source.path for each in (catalog, *others) for source in each.sources.values()]
-        write_depfile(options.depfile, options.stamp or options.output, dict.fromkeys(sources))
+        writing.write_depfile(options.depfile, options.stamp or options.output, dict.fromkeys(sources))
     if options.stamp:
         options.stamp.parent.mkdir(parents=True, exist_ok=True)
         options.stamp.touch()
@@ -121,7 +113,9 @@ def _generate(options: _Options) -> int:
     return 0
 
 
-def _others(catalog: Catalog, options: _Options, found: Mapping[str, OutputState]) -> tuple[Catalog, ...]:
+def _others(
+    catalog: Catalog, options: _Options, found: Mapping[str, writing.OutputState]
+) -> tuple[Catalog, ...]:
     """Return the types of other packages that the packages in the output folder need.
 
     Several packages may share the output folder: one run must not remove files that another package needs.
