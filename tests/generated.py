@@ -16,8 +16,8 @@ from forge.interfaces.model import Catalog, File, Message, Source
 from forge.interfaces.python import target
 from forge.interfaces.read.parsing import parse_all
 from forge.interfaces.read.sources import Library, read_folder
-from forge.interfaces.rendering import parts
 from forge.interfaces.resolve.resolution import dependency_catalogs, resolve
+from forge.interfaces.writing import parts
 
 RUNTIME = EMBEDDED / "rosidl_default_runtime" / "python"
 PROBE = Path(__file__).parent / "data" / "probe"

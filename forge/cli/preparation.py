@@ -44,8 +44,7 @@ from forge.build.snapshot import take_snapshot
 from forge.engine.variables import relevant_environment
 from forge.environment import install_state
 from forge.environment.prefixes import PACKAGES, find_underlays, spellings, tidy_prefixes
-from forge.environment.underlay_python import lacks_modules
-from forge.environment.underlays import lost_underlays, other_distributions, unusable_overlays
+from forge.environment.underlays import lacks_modules, lost_underlays, other_distributions, unusable_overlays
 from forge.execution.makeflags import read_make_flags
 from forge.toolchain.cmake_variables import builds_tests, suspicious_arguments, unset_definitions
 from forge.toolchain.compiler_launchers import selected_launcher

@@ -23,7 +23,7 @@ from forge.toolchain.interpreter import own_command
 
 INTERFACE_MODULES = (
     "forge.cli.commands.interface",
-    "forge.interfaces.rendering",
+    "forge.interfaces.writing",
     "forge.interfaces.read.parsing",
     "jinja2",
     "lark",

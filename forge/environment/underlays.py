@@ -1,4 +1,4 @@
-"""Warnings about underlays: missing ones, and packages that override theirs."""
+"""Warnings about underlays, and the Python for which an underlay was built."""
 
 from __future__ import annotations
 
@@ -11,8 +11,14 @@ from pathlib import Path
 from forge.base.distributions import VARIABLE
 from forge.base.errors import Problem, WorkspaceError
 from forge.base.files import text_or_nothing
+from forge.base.layout import LAYOUT_MARKER
 from forge.base.text import listed, quoted_names
-from forge.environment.install_state import recorded_overlays, recorded_rosdistro, recorded_underlays
+from forge.environment.install_state import (
+    recorded_overlays,
+    recorded_python,
+    recorded_rosdistro,
+    recorded_underlays,
+)
 from forge.environment.prefixes import find_underlays, installed_packages
 
 _SETS_ROSDISTRO = re.compile(rf"^(?:set;{VARIABLE};|export {VARIABLE}=)(\w+)$", re.MULTILINE)
@@ -90,3 +96,69 @@ def overridden(names: Collection[str], install: Path, variables: Mapping[str, st
             message = f"{quoted_names(used)} {verb} {what} in '{root}', on which {dependents} there depend"
             hint = "if the two are not compatible, build the dependents in this workspace, too"
             yield Problem(message, hint=hint)
+
+
+Version = tuple[int, int]
+
+_FOLDER = re.compile(r".*/python(\d+)\.(\d+)")
+_SHEBANG = re.compile(rb"#!\s*(/\S*/python3?(?:\.\d+)?)\s")
+_SCRIPTS_READ = 20
+"""The maximum number of scripts that are read per prefix: most have the same interpreter."""
+
+
+def python_versions(root: Path) -> frozenset[Version]:
+    """Return the Python versions of an underlay's modules in lib/pythonX.Y; empty without modules."""
+    versions = (frozenset(version for _, version in _module_folders(prefix)) for prefix in _prefixes(root))
+    return next(filter(None, versions), frozenset())
+
+
+def lacks_modules(root: Path, variables: Mapping[str, str]) -> bool:
+    """Tell whether a prefix has Python modules, but none of its folders is on PYTHONPATH.
+
+    This is the case if only AMENT_PREFIX_PATH or CMAKE_PREFIX_PATH contain a distribution, as with `sudo -E`.
+    """
+    python_path = {
+        os.path.realpath(entry) for entry in variables.get("PYTHONPATH", "").split(os.pathsep) if entry
+    }
+    folders = [folder for folder, _ in _module_folders(root)]
+    return bool(folders) and python_path.isdisjoint(map(os.path.realpath, folders))
+
+
+def underlay_python(root: Path) -> Path | None:
+    """Return the interpreter that an underlay was built with: as recorded by forge, else of its scripts."""
+    with suppress(WorkspaceError):  # an invalid record, which commands that need it report
+        recorded = recorded_python(root)
+        if recorded is not None:
+            return Path(recorded)
+    for prefix in _prefixes(root):
+        for name in _entries(f"{prefix}/bin")[:_SCRIPTS_READ]:
+            with suppress(OSError), Path(prefix, "bin", name).open("rb") as stream:
+                match = _SHEBANG.match(stream.readline(512))
+                python = Path(os.fsdecode(match[1])) if match else None  # none if it is found on PATH
+                if python is not None and python.exists():
+                    return python
+    return None
+
+
+def _prefixes(root: Path) -> Iterator[Path]:
+    yield root
+    if (root / LAYOUT_MARKER).is_file():
+        yield from (root / name for name in _entries(f"{root}"))
+
+
+def _module_folders(prefix: Path) -> Iterator[tuple[str, Version]]:
+    """Yield the folders with Python modules of one prefix, and the versions in their names."""
+    for library in ("lib", "local/lib"):
+        for folder in (f"{library}/{name}" for name in _entries(f"{prefix}/{library}")):
+            match = _FOLDER.fullmatch(folder)
+            for modules in ("site-packages", "dist-packages") if match else ():
+                # Empty folders of that name also belong to underlays without modules.
+                if match and _entries(f"{prefix}/{folder}/{modules}"):
+                    yield f"{prefix}/{folder}/{modules}", (int(match[1]), int(match[2]))
+
+
+def _entries(folder: str) -> list[str]:
+    try:
+        return sorted(os.listdir(folder))  # noqa: PTH208  (called for every prefix: no Path objects)
+    except OSError:
+        return []

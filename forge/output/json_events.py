@@ -32,7 +32,7 @@ from forge.output.console import ConsoleReporter
 from forge.workspace.model import Package
 
 if TYPE_CHECKING:
-    from forge.testing.failures import Failure
+    from forge.testing.outcomes import Failure
 
 
 class JsonEvents:

@@ -31,8 +31,16 @@ from forge.environment.sourcing import build_environment
 from forge.execution.runner import TaskLifecycle
 from forge.execution.started import BUILD_FOLDER_VARIABLE
 from forge.testing.collecting import collect, last_run
-from forge.testing.failures import Failure, first_lines, last_lines
-from forge.testing.outcomes import Case, Counts, Outcome, counted_once, find_junit
+from forge.testing.outcomes import (
+    Case,
+    Counts,
+    Failure,
+    Outcome,
+    counted_once,
+    find_junit,
+    first_lines,
+    last_lines,
+)
 
 
 @frozen

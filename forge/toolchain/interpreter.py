@@ -19,7 +19,7 @@ from pathlib import Path
 from forge.base.errors import HostError, Problem
 from forge.base.frozen import frozen
 from forge.base.layout import PACKAGE, PACKAGE_LOCK
-from forge.environment.underlay_python import python_versions, underlay_python
+from forge.environment.underlays import python_versions, underlay_python
 
 OLDEST = (3, 10)
 

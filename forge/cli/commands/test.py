@@ -36,8 +36,8 @@ from forge.execution.started import StartedProcesses
 from forge.output.handlers import ReportOptions
 from forge.testing import preparing, running
 from forge.testing.collecting import result_folder_problems
-from forge.testing.failures import table
-from forge.testing.restored import RestoredSetup, has_no_tests, not_runnable, plan_restored
+from forge.testing.outcomes import table
+from forge.testing.preparing import RestoredSetup, has_no_tests, not_runnable, plan_restored
 from forge.workspace.load import load_workspace
 from forge.workspace.selection import Query
 

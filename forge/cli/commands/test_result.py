@@ -14,8 +14,7 @@ from forge.base.frozen import frozen
 from forge.base.options import flag, option
 from forge.cli import options as shared
 from forge.testing.collecting import Collection, collect, removable_results
-from forge.testing.failures import as_json, details, skipped_line
-from forge.testing.outcomes import Counts, Outcome, counted_once
+from forge.testing.outcomes import Counts, Outcome, as_json, counted_once, details, skipped_line
 
 
 def _folder(path: str) -> Path:

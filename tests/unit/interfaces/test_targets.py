@@ -9,7 +9,7 @@ import pytest
 
 from forge.base.errors import ForgeError
 from forge.interfaces.model import Catalog
-from forge.interfaces.rendering import TARGETS
+from forge.interfaces.writing import TARGETS
 from tests.conftest import Forge, Tree
 from tests.generated import render
 

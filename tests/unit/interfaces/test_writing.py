@@ -8,8 +8,7 @@ import pytest
 
 from forge.base.errors import HostError
 from forge.interfaces.model import File
-from forge.interfaces.rendering import Part
-from forge.interfaces.writing import OutputState, read_states, write, write_depfile
+from forge.interfaces.writing import OutputState, Part, read_states, write, write_depfile
 
 
 def part(language: str, digest: str | None = None, **texts: str) -> Part:

@@ -9,12 +9,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from forge.base.xml import parse_xml
-from forge.testing.failures import details, first_lines, last_lines
 from forge.testing.outcomes import (
     BrokenResultError,
     Counts,
     Outcome,
     counted_once,
+    details,
+    first_lines,
+    last_lines,
     read_ctest,
     read_junit,
 )

@@ -2,19 +2,382 @@
 
 from __future__ import annotations
 
+import json
+import os
+import sys
+from collections.abc import Mapping
+from functools import partial
+from itertools import compress
+from pathlib import Path
+from typing import NoReturn
+
+from forge.base.ament_index import prefix_of
+from forge.base.distributions import EMBEDDED, distribution_hint, distribution_option
+from forge.base.env_vars import compiled_templates
+from forge.base.errors import ForgeError, InterfaceError, Problem, print_warnings, raise_if_any
 from forge.base.extensions import VERBS, installed
-from forge.cli.commands.interface import asking, compiling
+from forge.base.files import text_or_nothing
+from forge.base.frozen import frozen
+from forge.base.names import did_you_mean
+from forge.base.options import flag, option, options_of
+from forge.base.templating import keep_compiled
+from forge.base.text import counted
+from forge.cli.commands.interface.inputs import (
+    IncludeOptions,
+    InputOptions,
+    catalog_of,
+    known_library,
+    library_of,
+    require_built,
+)
 from forge.cli.main import Parser, add_plugin
+from forge.cli.options import add_verb
+from forge.engine.observed import keep
+from forge.interfaces import writing
+from forge.interfaces.hashing import hashes
+from forge.interfaces.model import Catalog, TypeName
+from forge.interfaces.read.lint import python_keywords
+from forge.interfaces.read.sources import Library, read_runtime
+from forge.interfaces.resolve.resolution import (
+    dependency_catalogs,
+    nested_messages,
+    require,
+    undeclared_dependencies,
+)
+from forge.interfaces.schema import ENCODINGS, schema_text
+from forge.interfaces.show import Comments, parse_type_name, show, to_yaml
 
 __all__ = ["inputs"]
+
+_DEFAULT_LANGUAGES = ("python", "cpp")
+_HEADINGS = {"msg": "Messages:", "srv": "Services:", "action": "Actions:"}
+
+
+def _filled(text: str) -> str:
+    if not text:
+        raise ValueError("the name is empty")
+    return text
+
+
+@frozen
+class _ListingOptions:
+    only_msgs: bool = flag("list only messages", short="-m")
+    only_srvs: bool = flag("list only services", short="-s")
+    only_actions: bool = flag("list only actions", short="-a")
+    rosdistro: str | None = distribution_option()
+
+    @property
+    def kinds(self) -> list[str]:
+        """Return the kinds to list, none for all."""
+        return list(compress(_HEADINGS, (self.only_msgs, self.only_srvs, self.only_actions)))
+
+
+@frozen
+class _PackageOptions:
+    package: str = option("name of the package", positional=True, metavar="PACKAGE")
+    listing: _ListingOptions = options_of(_ListingOptions)
+
+
+@frozen
+class _ShowOptions:
+    type: str = option(
+        "full name of the interface; '-' reads the name from stdin",
+        positional=True,
+        parse=_filled,
+        metavar="TYPE",
+    )
+    all_comments: bool = flag("show the comments of nested messages, too", conflicts="comments")
+    no_comments: bool = flag("omit comments and blank lines", conflicts="comments")
+    rosdistro: str | None = distribution_option()
+
+
+@frozen
+class _ProtoOptions:
+    type: str = option("full name of the interface", positional=True, parse=_filled, metavar="TYPE")
+    no_quotes: bool = flag("print the YAML without surrounding quotes")
+    rosdistro: str | None = distribution_option()
+
+
+@frozen
+class _HashOptions:
+    what: tuple[str, ...] = option(
+        "names of types; with --package a folder of definitions",
+        default=(),
+        positional=True,
+        metavar="TYPE|SOURCE_DIR",
+    )
+    json: bool = flag("print one JSON object")
+    inputs: InputOptions = options_of(InputOptions)
+
+
+@frozen
+class _SchemaOptions:
+    type: str = option("full name of the type", positional=True, metavar="TYPE")
+    encoding: str = option(
+        "format of the definitions (default: %(default)s)", default=ENCODINGS[0], choices=tuple(ENCODINGS)
+    )
+    others: IncludeOptions = options_of(IncludeOptions)
 
 
 def register(parser: Parser) -> None:
     verbs = parser.add_subparsers(metavar="VERB", required=True, parser_class=type(parser))
-    asking.register(verbs)
-    compiling.register(verbs)
+    add_verb(verbs, "list", "list all interfaces", _ListingOptions, _list)
+    add_verb(verbs, "package", "list the interfaces of a package", _PackageOptions, _package)
+    add_verb(verbs, "packages", "list the packages that have interfaces", _ListingOptions, _packages)
+    add_verb(verbs, "show", "print a definition with nested messages expanded", _ShowOptions, _show)
+    summary = "print a message, a service's request or an action's goal as YAML, with default values"
+    add_verb(verbs, "proto", summary, _ProtoOptions, _proto)
+    summary = "print type hashes (RIHS01) of types or of a folder of definitions"
+    add_verb(verbs, "hash", summary, _HashOptions, _hash)
+    summary = "print a definition with all definitions it refers to, as stored in MCAP and rosbag2 files"
+    add_verb(verbs, "schema", summary, _SchemaOptions, _schema)
+    summary = "compile definitions to Python, C++, C, IDL, JSON, JSON Schema or Markdown"
+    add_verb(verbs, "generate", summary, _GenerateOptions, _generate, fromfile_prefix_chars="@")
     asked = next((word for word in parser.words if not word.startswith("-")), None)
     # Builds wait for 'generate': it imports no plugins.
     if asked not in verbs.choices:
         for word in sorted({*installed(VERBS), *((asked,) if asked else ())}):
             add_plugin(verbs, VERBS, word, "verb")
+
+
+def _list(options: _ListingOptions) -> int:
+    names = sorted(known_library(options.rosdistro).names())
+    for kind in options.kinds or _HEADINGS:
+        print(_HEADINGS[kind])
+        for name in names:
+            if name.kind == kind:
+                print(f"    {name}")
+    return 0
+
+
+def _package(options: _PackageOptions) -> int:
+    library = known_library(options.listing.rosdistro)
+    folder = library.folder(options.package)
+    if not folder:
+        _check_package(options.package, library)
+        return 0
+    for name in sorted(library.names_in(options.package)):
+        if not options.listing.kinds or name.kind in options.listing.kinds:
+            print(name)
+    return 0
+
+
+def _packages(options: _ListingOptions) -> int:
+    # With several kinds, `ros2 interface packages` uses the first one in this order.
+    kinds = options.kinds[:1]
+    library = known_library(options.rosdistro)
+    for package in library.packages():
+        names = list(library.names_in(package))
+        if any(name.kind in kinds for name in names) if kinds else names:
+            print(package)
+    return 0
+
+
+def _show(options: _ShowOptions) -> int:
+    library = known_library(options.rosdistro)
+    text = sys.stdin.readline().strip() if options.type == "-" else options.type
+    name = parse_type_name(text, library.names)
+    path = _definition(name, library)
+    if path.suffix == ".idl":
+        print(path.read_text(encoding="utf-8"), end="")
+        return 0
+    inner = Comments.ALL if options.all_comments else Comments.TOP
+    comments = Comments.NONE if options.no_comments else inner
+    for line in show(name, comments, lambda each: _definition(each, library).read_text(encoding="utf-8")):
+        print(line)
+    return 0
+
+
+def _proto(options: _ProtoOptions) -> int:
+    library = known_library(options.rosdistro)
+    name = parse_type_name(options.type, library.names)
+    path = _definition(name, library)
+    parsed = library.find(name)
+    if not parsed:
+        raise InterfaceError(Problem(f"'{path}' does not define the interface '{name}'"))
+    text = to_yaml(parsed.interface, nested_messages(parsed, library))
+    print(text if options.no_quotes else f'"{text}"')
+    return 0
+
+
+def _hash(options: _HashOptions) -> int:
+    inputs = options.inputs
+    library = known_library(inputs.others.rosdistro, inputs.others.folders)
+    if not (inputs.package or inputs.files or options.what):
+        hint = "name types, or a folder of definitions with --package"
+        raise ForgeError(Problem("missing names of types", hint=hint))
+    if inputs.files and not inputs.package:
+        raise ForgeError(Problem("missing package name for --file", hint="add --package NAME"))
+    if inputs.package:
+        if options.what[1:]:
+            hint = "without --package, arguments are names of types"
+            raise ForgeError(Problem("--package accepts only one folder of definitions", hint=hint))
+        found = hashes(catalog_of(inputs, options.what[0] if options.what else None, library))
+    else:
+        found = {name: _hash_of(name, library) for name in map(parse_type_name, options.what)}
+    if options.json:
+        print(json.dumps({str(name): text for name, text in found.items()}, indent=1))
+    else:
+        for name, text in found.items():
+            print(name, text)
+    return 0
+
+
+def _schema(options: _SchemaOptions) -> int:
+    library = known_library(options.others.rosdistro, options.others.folders)
+    name = parse_type_name(options.type)
+    parsed = library.find(name) or _missing(name, library)
+    nested_messages(parsed, library)
+    print(schema_text(parsed, lambda below: require(below, library), options.encoding), end="")
+    return 0
+
+
+def _hash_of(name: TypeName, library: Library) -> str:
+    """Return the type hash of an interface or of a type derived from one; raises InterfaceError."""
+    # A struct of an .idl file may have '_' in its name without being a derived type.
+    for base in dict.fromkeys((name, TypeName(name.package, name.kind, name.name.partition("_")[0]))):
+        parsed = library.find(base)
+        if parsed:
+            below = nested_messages(parsed, library)
+            catalog = Catalog(base.package, {base: parsed.interface}, below, {base: parsed.source})
+            found = hashes(catalog).get(name)
+            if found:
+                return found
+    return _missing(name, library)
+
+
+def _missing(name: TypeName, library: Library) -> NoReturn:
+    require_built(name.package, library)
+    hint = did_you_mean(str(name), [str(each) for each in library.names()])
+    raise InterfaceError(Problem(f"unknown type '{name}'", hint=hint))
+
+
+def _definition(name: TypeName, library: Library) -> Path:
+    """Return the file of an interface; raises InterfaceError with the message of `ros2 interface`."""
+    folder = library.folder(name.package) or _check_package(name.package, library)
+    path = library.file(name)
+    if path:
+        return path
+    near = library.distribution_hint(name) or did_you_mean(str(name), [str(each) for each in library.names()])
+    missing = folder / name.kind / f"{name.name}.idl"
+    raise InterfaceError(Problem(f"Could not find the interface '{missing}'", hint=near))
+
+
+def _check_package(package: str, library: Library) -> Path:
+    """Return the share folder of a package without interfaces; raises InterfaceError if it does not exist."""
+    prefix = prefix_of(package, library.prefixes)
+    if prefix:
+        return prefix / "share" / package
+    hint = distribution_hint(package, library.rosdistro)
+    if not hint and (EMBEDDED / package / "package.xml").is_file():
+        return EMBEDDED / package
+    require_built(package, library)
+    hint = hint or did_you_mean(package, library.packages())
+    raise InterfaceError(Problem(f"Unknown package '{package}'", hint=hint))
+
+
+@frozen
+class _GenerateOptions:
+    EPILOG = "@FILE reads arguments from FILE, one per line"
+    source: str | None = option(
+        "folder with subfolders msg, srv or action", positional=True, nargs="?", metavar="SOURCE_DIR"
+    )
+    inputs: InputOptions = options_of(InputOptions)
+    output: Path = option(
+        "output folder; files go to python/NAME, cpp/NAME and so on",
+        parse=Path,
+        required=True,
+        metavar="DIR",
+    )
+    languages: tuple[str, ...] | None = option(
+        "output to generate: python, cpp, c, idl, json, jsonschema or docs; repeatable (default: "
+        f"{' and '.join(_DEFAULT_LANGUAGES)})",
+        flag="--lang",
+        repeats=True,
+        metavar="LANG",
+    )
+    no_runtime: bool = flag(
+        "do not write run-time files and types of other packages; allow only types of included packages"
+    )
+    stamp: Path | None = option("file to touch after success", parse=Path, metavar="FILE")
+    depfile: Path | None = option(
+        "write a make rule with all files read to this file", parse=Path, metavar="FILE"
+    )
+
+
+def _generate(options: _GenerateOptions) -> int:
+    inputs = options.inputs
+    states = writing.read_states(options.output)
+    before = states.get(inputs.package or "", writing.OutputState())
+    if before.parts:
+        # Also if this run fails.
+        ledger = writing.ledger_of(inputs.package or "", options.output)
+        content = text_or_nothing(ledger).encode()
+        earlier = [f"{options.output}/{path}" for path in before.files]
+        keep(ledger, content, (*earlier, *filter(None, (options.depfile,))))
+    library = library_of(inputs.others)
+    bases = (options.source, *(base for base, _ in inputs.files))
+    library.manifest = next((Path(base) / "package.xml" for base in bases if base), None)
+    catalog = catalog_of(inputs, options.source, library)
+    if options.no_runtime:
+        raise_if_any(undeclared_dependencies(catalog, dict(inputs.others.includes), library), InterfaceError)
+    print_warnings(python_keywords(catalog.interfaces.values()))
+    needed = () if options.no_runtime else dependency_catalogs(catalog, library)
+    others = () if options.no_runtime else _others(catalog, options, states)
+    folders = {each.package: library.folder(each.package) for each in needed}
+    state = writing.OutputState(
+        needs=tuple(name for each in needed for name in each.interfaces),
+        folders={
+            package: folder.absolute()
+            for package, folder in folders.items()
+            if folder and not folder.is_relative_to(EMBEDDED)
+        },
+    )
+    keep_compiled(*compiled_templates(os.environ, options.output / writing.STATE_FOLDER / "templates"))
+    catalogs = (catalog, *others)
+    languages = tuple(dict.fromkeys(options.languages or _DEFAULT_LANGUAGES))
+    digests = writing.fingerprints(catalogs, f"{writing.generator_digest()} {library.rosdistro}")
+    found = [
+        part for language in languages for each in catalogs for part in writing.parts(each, language, digests)
+    ]
+    if not options.no_runtime:
+        found += [
+            writing.Part(language, "run-time files", None, partial(read_runtime, language))
+            for language in languages
+        ]
+    written = writing.write(found, options.output, catalog.package, state, states)
+    keep(writing.ledger_of(catalog.package, options.output), written.ledger)
+    if options.depfile:
+        sources = [source.path for each in (catalog, *others) for source in each.sources.values()]
+        writing.write_depfile(options.depfile, options.stamp or options.output, dict.fromkeys(sources))
+    if options.stamp:
+        options.stamp.parent.mkdir(parents=True, exist_ok=True)
+        options.stamp.touch()
+    else:
+        print(f"{len(written.changed)} of {counted(written.total, 'file')} written to '{options.output}'")
+    return 0
+
+
+def _others(
+    catalog: Catalog, options: _GenerateOptions, found: Mapping[str, writing.OutputState]
+) -> tuple[Catalog, ...]:
+    """Return the types of other packages that the packages in the output folder need.
+
+    Several packages may share the output folder: one run must not remove files that another package needs.
+    Packages that are generated as a whole into the folder are left out.
+    """
+    states = {package: state for package, state in found.items() if package != catalog.package}
+    whole = {catalog.package, *states}
+    folders = dict(pair for state in states.values() for pair in state.folders.items())
+    library = library_of(options.inputs.others, folders)
+    needs = []
+    for package, state in states.items():
+        partial = [name for name in state.needs if name.package not in whole]
+        if lost := [name for name in partial if library.find(name) is None]:
+            message = f"cannot find '{lost[0]}', which '{package}' needs"
+            hint = f"generate '{package}' again, or remove '{options.output}'"
+            raise InterfaceError(Problem(message, hint=hint))
+        needs += partial
+    return tuple(
+        other for other in dependency_catalogs(catalog, library, needs) if other.package not in whole
+    )
