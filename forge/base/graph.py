@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Set
+from contextlib import suppress
+from graphlib import CycleError, TopologicalSorter
 from itertools import compress
 from typing import Any
 
@@ -27,20 +29,15 @@ def order(needs: Mapping[str, frozenset[str]]) -> tuple[str, ...] | None:
     As in colcon: names without open dependencies form a layer, sorted by name; then follows the next layer.
     Dependencies that are not keys of the graph are ignored.
     """
-    open_needs = {name: set(dependencies) & needs.keys() for name, dependencies in needs.items()}
-    dependents = reverse(needs)
-    layer = sorted(name for name, dependencies in open_needs.items() if not dependencies)
-    ordered: list[str] = []
-    while layer:
-        ordered += layer
-        following = []
-        for name in layer:
-            for dependent in dependents[name]:
-                open_needs[dependent].discard(name)
-                if not open_needs[dependent]:
-                    following.append(dependent)
-        layer = sorted(following)
-    return tuple(ordered) if len(ordered) == len(needs) else None
+    sorter = TopologicalSorter({name: below & needs.keys() for name, below in needs.items()})
+    with suppress(CycleError):
+        sorter.prepare()
+        ordered: list[str] = []
+        while layer := sorted(sorter.get_ready()):
+            ordered += layer
+            sorter.done(*layer)
+        return tuple(ordered)
+    return None
 
 
 def reverse(needs: Mapping[str, frozenset[str]]) -> dict[str, frozenset[str]]:

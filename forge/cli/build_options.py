@@ -187,18 +187,13 @@ class BuildOptions:
             raise SelectionError(Problem(message, hint=hint))
 
 
-def for_rebuild(options: BuildOptions) -> BuildOptions:
-    """Return the options of a build after the first one of `--watch`."""
-    return replace(_without_first_build_only(options), is_rebuild=True)
-
-
-def _without_first_build_only(options: _Options) -> _Options:
-    """Return a dataclass with the defaults of its options that apply only to the first build."""
+def for_rebuild(options: _Options) -> _Options:
+    """Return the options of a build after the first one of `--watch`, to which some options do not apply."""
     changed: dict[str, Any] = {}
     for each in fields(options):  # type: ignore[arg-type]
         value, declared = getattr(options, each.name), option_of(each)
         if declared is not None and declared.first_build_only:
             changed[each.name] = default_of(each)
         elif is_dataclass(value) and not isinstance(value, type):
-            changed[each.name] = _without_first_build_only(value)
+            changed[each.name] = for_rebuild(value)
     return replace(options, **changed)  # type: ignore[type-var]

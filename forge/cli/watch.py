@@ -12,6 +12,7 @@ import os
 import sys
 import time
 from contextlib import ExitStack, nullcontext, suppress
+from dataclasses import replace
 from datetime import datetime
 from itertools import chain
 from pathlib import Path
@@ -155,7 +156,7 @@ class WatchLoop(BuildMode):
         self.warn.start_next_build()
         clear_edit_cache()
         try:
-            self._options = for_rebuild(self._read_again())
+            self._options = replace(for_rebuild(self._read_again()), is_rebuild=True)
             if self._folders_outdated:
                 self._update_folders()
             self._build(self._options, self)

@@ -23,8 +23,8 @@ from forge.interfaces.model import Catalog, TypeName
 from forge.interfaces.python.target import files
 from forge.interfaces.python.types import module_name
 from forge.interfaces.read.parsing import parse_all
-from forge.interfaces.read.sources import Library, Overlay, read_folder
-from forge.interfaces.resolve.resolution import DefinitionLookup, dependency_catalogs, resolve
+from forge.interfaces.read.sources import Library, read_folder
+from forge.interfaces.resolve.resolution import dependency_catalogs, resolve
 from forge.interfaces.schema import parse_name, read_schema
 
 _RUNTIME = EMBEDDED / "rosidl_default_runtime" / "python"
@@ -69,7 +69,6 @@ def load(
     check_distribution(rosdistro, "rosdistro")
     chosen = rosdistro or distribution_in(os.environ)
     library = Library(includes=dict(includes or {}), rosdistro=chosen)
-    lookup: DefinitionLookup = library
     if isinstance(definitions, Path):
         package = name or definitions.absolute().name
         parsed = parse_all(read_folder(package, definitions, chosen))
@@ -80,10 +79,10 @@ def load(
         type_name = parse_name(name)
         package = type_name.package
         parsed = parse_all(read_schema(definitions, type_name))
-        lookup = Overlay({each.interface.name: each for each in parsed}, library)
+        library.given = {each.interface.name: each for each in parsed}
         parsed = tuple(each for each in parsed if each.interface.name.package == package)
-    catalog = resolve(package, parsed, lookup, events=library.has_events)
-    return _import((catalog, *dependency_catalogs(catalog, lookup)))
+    catalog = resolve(package, parsed, library, events=library.has_events)
+    return _import((catalog, *dependency_catalogs(catalog, library)))
 
 
 def _import(catalogs: Sequence[Catalog]) -> Types:

@@ -18,7 +18,7 @@ from forge.workspace.identification import MARKER_FILES, identify, read_package
 from forge.workspace.identity import NOT_A_PACKAGE
 from forge.workspace.model import BrokenPackage, Dependency, DependencyKind, Package, Workspace
 from forge.workspace.overrides import Overrides
-from forge.workspace.source_names import is_environment, is_source_folder, may_contain_packages
+from forge.workspace.source_names import folders_to_search, is_environment, is_source_folder
 
 _GROUP_KINDS = frozenset({DependencyKind.BUILD, DependencyKind.BUILD_EXPORT, DependencyKind.EXEC})
 _PYTHON_TYPES = ("python", "ament_python")
@@ -116,35 +116,25 @@ class _Walk:
 
     def visit(self, base: str, *, below: bool = False) -> None:
         """Identify a folder and, unless it is a package, the folders below it."""
-        top = (os.path.join(self.root, base), str(Path(base)))
-        waiting = [top]
-        while waiting:
-            folder, spelling = at = waiting.pop()
-            try:
-                entries = _entries(folder, self.visited)
-            except PermissionError as error:
-                message = f"ignoring unreadable folder: {reason_of(error)}"
-                ignore = "ignore it with an empty file COLCON_IGNORE in its parent folder"
-                self.notes.append(
-                    Problem(message, Location(Path(spelling)), f"grant read permission, or {ignore}")
-                )
-                continue
-            # An environment may be active at the root of a workspace, which is then still one.
-            if entries is None or (at != top and is_environment(entries.__contains__)):
-                continue
+        top, denied = os.path.join(self.root, base), list[PermissionError]()
+        for folder, entries in folders_to_search(top, self.visited, denied):
+            path = Path(base, folder[len(top) :].lstrip("/"))
             identity = NOT_A_PACKAGE
             if self.has_overrides or not MARKER_FILES.isdisjoint(entries):
-                identity = identify(self.root, Path(spelling), entries.keys(), self.variables, self.overrides)
+                identity = identify(self.root, path, entries.keys(), self.variables, self.overrides)
             if identity.problems:
-                self.broken.append(BrokenPackage(identity.name, Path(spelling), identity.problems))
+                self.broken.append(BrokenPackage(identity.name, path, identity.problems))
             self.notes += identity.notes
             package = identity.package
             if package is not None and self.packages.setdefault(package.name, package) is not package:
                 self.duplicates.append(package)
-            for name in sorted(entries, reverse=True) if below and identity.descend else ():
-                if entries[name] and may_contain_packages(name):
-                    child = name if spelling == "." else f"{spelling}/{name}"
-                    waiting.append((f"{folder}/{name}", child))
+            if not (below and identity.descend):
+                entries.clear()
+        for error in denied:
+            message = f"ignoring unreadable folder: {reason_of(error)}"
+            hint = "grant read permission, or ignore it with an empty file COLCON_IGNORE in its parent folder"
+            place = Location(Path(base, error.filename[len(top) :].lstrip("/")))
+            self.notes.append(Problem(message, place, hint))
 
     def workspace(self) -> Workspace:
         found = _with_all_dependencies([*self.packages.values(), *self.duplicates])
@@ -173,33 +163,6 @@ def _expanded(root: Path, paths: Iterable[str]) -> Iterable[str]:
         for found in sorted(glob.glob(path, root_dir=root)):
             if os.path.isdir(os.path.join(root, found)):
                 yield found
-
-
-def _entries(folder: str, visited: set[tuple[int, int]]) -> dict[str, bool] | None:
-    """Return a mapping from names to whether they are folders, or None for missing or visited folders.
-
-    Raises PermissionError for an unreadable folder.
-    """
-    try:
-        status = os.stat(folder)
-        identity = (status.st_dev, status.st_ino)
-        if identity in visited:
-            return None
-        visited.add(identity)
-        with os.scandir(folder) as found:
-            return {entry.name: _is_folder(entry) for entry in found}
-    except PermissionError:
-        raise
-    except OSError:
-        # The folder was removed meanwhile, or is a dangling link.
-        return None
-
-
-def _is_folder(entry: os.DirEntry[str]) -> bool:
-    try:
-        return entry.is_dir()
-    except OSError:
-        return False
 
 
 def projects(packages: Iterable[Package]) -> dict[str, list[Package]]:

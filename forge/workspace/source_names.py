@@ -72,28 +72,42 @@ def may_contain_packages(name: str) -> bool:
     return not name.startswith(".") and name not in _INSTALLED
 
 
-def folders_to_search(base: str) -> Iterator[tuple[str, dict[str, os.DirEntry[str]]]]:
+def folders_to_search(
+    base: str, visited: set[tuple[int, int]] | None = None, denied: list[PermissionError] | None = None
+) -> Iterator[tuple[str, dict[str, os.DirEntry[str]]]]:
     """Yield each folder that a search for packages visits, with its entries; follow links without loops.
 
-    As with os.walk, clear the entries to skip what is below a folder. Unreadable folders are left out.
+    As with os.walk, clear the entries to skip what is below a folder. Folders are sorted, each before those
+    below it. Those in `visited` (device and inode) are left out, as are unreadable ones: see `denied`.
     """
-    waiting, visited = [base], set()
+    waiting, visited = [base], set() if visited is None else visited
     while waiting:
         folder = waiting.pop()
         try:
             status = os.stat(folder)
+            identity = (status.st_dev, status.st_ino)
+            if identity in visited:
+                continue
+            visited.add(identity)
             with os.scandir(folder) as found:
                 entries = {entry.name: entry for entry in found}
-        except OSError:
+        except OSError as error:  # others than denied ones were removed meanwhile, or are dangling links
+            if isinstance(error, PermissionError) and denied is not None:
+                denied.append(error)
             continue
-        identity = (status.st_dev, status.st_ino)
-        if identity in visited or (folder != base and is_environment(entries.__contains__)):
+        # An environment may be active at the root of a workspace, which is then still one.
+        if folder != base and is_environment(entries.__contains__):
             continue
-        visited.add(identity)
         yield folder, entries
-        waiting += (
-            each.path for each in entries.values() if may_contain_packages(each.name) and each.is_dir()
-        )
+        below = (entries[name] for name in sorted(entries, reverse=True) if may_contain_packages(name))
+        waiting += (entry.path for entry in below if _is_folder(entry))
+
+
+def _is_folder(entry: os.DirEntry[str]) -> bool:
+    try:
+        return entry.is_dir()
+    except OSError:
+        return False
 
 
 def _belongs_to_another(name: str, beside: Callable[[str], bool]) -> bool:

@@ -130,7 +130,7 @@ def read_runtime(language: str) -> Iterator[File]:
 class Library:
     """The interfaces of all available packages, parsed on demand and cached.
 
-    Search order: included folders, prefixes in their order, embedded packages.
+    Search order: `given` definitions, included folders, prefixes in their order, embedded packages.
     """
 
     includes: Mapping[str, Path] = field(default_factory=dict)
@@ -142,6 +142,7 @@ class Library:
     """The package.xml of the definitions that are compiled, read for hints only."""
     built: Mapping[str, Path] = field(default_factory=dict)
     """The folders into which included packages were installed, with generated definitions, too."""
+    given: Mapping[TypeName, Parsed] = field(default_factory=dict)
     _parsed: dict[TypeName, Parsed | None] = field(default_factory=dict)
     _definitions: dict[str, dict[tuple[str, str], tuple[Path, str]]] = field(default_factory=dict)
     _declared: frozenset[str] | None = None
@@ -153,6 +154,8 @@ class Library:
 
     def find(self, name: TypeName) -> Parsed | None:
         """Return the interface of that name, or None; raises InterfaceError if its file is invalid."""
+        if name in self.given:
+            return self.given[name]
         if name not in self._parsed:
             place = self._place(name)
             self._parsed[name] = None
@@ -211,6 +214,7 @@ class Library:
         return {name: folder for name, folder in folders.items() if folder}
 
     def names(self) -> Iterator[TypeName]:
+        yield from self.given
         for package in self.packages():
             yield from self.names_in(package)
 
@@ -238,27 +242,6 @@ class Library:
                 tags = root.children if root else ()
                 self._declared = frozenset(each.text.strip() for each in tags if each.tag.endswith("depend"))
         return package in self._declared
-
-
-@dataclass(frozen=True, slots=True)
-class Overlay:
-    """Definitions at hand, and a library for all others."""
-
-    parsed: Mapping[TypeName, Parsed]
-    library: Library
-
-    def find(self, name: TypeName) -> Parsed | None:
-        return self.parsed.get(name) or self.library.find(name)
-
-    def names(self) -> Iterator[TypeName]:
-        yield from self.parsed
-        yield from self.library.names()
-
-    def distribution_hint(self, name: TypeName) -> str | None:
-        return self.library.distribution_hint(name)
-
-    def declares(self, package: str) -> bool:
-        return self.library.declares(package)
 
 
 def _has_interfaces(folder: Path, rosdistro: str) -> bool:

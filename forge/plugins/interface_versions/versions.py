@@ -18,7 +18,7 @@ from forge.base.errors import (
 )
 from forge.interfaces.model import Catalog
 from forge.interfaces.read.parsing import ENDINGS, Parsed, parse_all
-from forge.interfaces.read.sources import Library, Overlay, read_source
+from forge.interfaces.read.sources import Library, read_source
 from forge.interfaces.resolve.resolution import resolve
 from forge.plugins.interface_versions.packages import IGNORED, definitions_in, packages_in
 
@@ -114,7 +114,7 @@ def catalogs_in(folder: Path, name: str, others: Library, package: str | None) -
         hint = "name a folder with packages that have folders msg, srv or action"
         raise SelectionError(Problem(f"found no {what} in '{name}'", hint=hint))
     here = {one.interface.name: one for found in parsed.values() for one in found}
-    lookup = Overlay(here, others)
+    lookup = replace(others, given=here)
     catalogs = []
     for each, found in sorted(parsed.items()):
         if package in {None, each}:
