@@ -9,7 +9,7 @@ from __future__ import annotations
 import codecs
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from xml.parsers import expat
 
@@ -53,22 +53,67 @@ class Element:
         tag = _START_TAG.match(self.content, self.start, self.end)
         return tag.end() if tag else None
 
+    def place(self, path: Path) -> Location:
+        return place_in(self.content, path, self.line, self.column)
+
     def all(self, tag: str) -> Iterator[Element]:
         return (child for child in self.children if child.tag == tag)
 
 
 def parse_xml(content: bytes, path: Path) -> Element:
     """Return the root element of an XML document; raises WorkspaceError with the position of an error."""
-    builder = _Builder(content)
+    parser = expat.ParserCreate("utf-8")
+    parser.buffer_text = True
+    document = Element("", {}, 0, 0, 0, content)
+    open_elements, texts = [document], [list[str]()]
+
+    def error_at(
+        message: str, line: int, column: int | None = None, hint: str | None = None
+    ) -> WorkspaceError:
+        place = place_in(content, path, line, column)
+        return WorkspaceError(Problem(f"not well-formed XML: {message}", place, hint))
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        line, column = parser.CurrentLineNumber, parser.CurrentColumnNumber + 1
+        if len(open_elements) > DEEPEST:
+            raise error_at(f"elements are nested more than {DEEPEST} levels deep", line)
+        element = Element(tag, attributes, line, column, parser.CurrentByteIndex, content)
+        open_elements[-1].children.append(element)
+        open_elements.append(element)
+        texts.append([])
+
+    def end(_tag: str) -> None:
+        element = open_elements.pop()
+        element.end, element.text = parser.CurrentByteIndex, "".join(texts.pop())
+
+    def refuse_doctype(*_: object) -> None:
+        raise error_at("document type declarations are not allowed", parser.CurrentLineNumber)
+
+    def remedy(code: int) -> str | None:
+        if code in _LEFT_OPEN and open_elements[1:]:
+            element = open_elements[-1]
+            return f"<{element.tag}> in line {element.line} is not closed: add </{element.tag}>"
+        try:
+            content.decode()
+        except UnicodeDecodeError:
+            return "the file is not valid UTF-8: save it as UTF-8"
+        return None
+
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    parser.CharacterDataHandler = lambda text: texts[-1].append(text)
+    parser.StartDoctypeDeclHandler = refuse_doctype
     try:
-        builder.parser.Parse(content, True)
+        parser.Parse(content, True)
     except expat.ExpatError as error:
-        problem = _problem(expat.ErrorString(error.code), content, path, error.lineno, error.offset + 1)
-        raise WorkspaceError(replace(problem, hint=builder.remedy(error.code))) from None
-    except _RefusedError as error:
-        raise WorkspaceError(_problem(str(error), content, path, error.line, None)) from None
-    assert builder.root is not None
-    return builder.root
+        message, hint = expat.ErrorString(error.code), remedy(error.code)
+        raise error_at(message, error.lineno, error.offset + 1, hint) from None
+    return document.children[0]
+
+
+def place_in(content: bytes, path: Path, line: int, column: int | None) -> Location:
+    """Return a position in a document, with its line."""
+    lines = content.decode(errors="replace").split("\n")
+    return Location(path, line, column, lines[line - 1].rstrip("\r") if line <= len(lines) else None)
 
 
 def as_utf8(content: bytes, path: Path) -> bytes:
@@ -104,73 +149,3 @@ _ENCODING_MARKS = (
 """The first bytes of documents whose encoding needs no declaration; the longer ones come first."""
 
 _DECLARED_ENCODING = re.compile(rb"""<\?xml\s[^>]*?\bencoding\s*=\s*["']([A-Za-z][A-Za-z0-9._-]*)["']""")
-
-
-class _RefusedError(Exception):
-    def __init__(self, message: str, line: int) -> None:
-        super().__init__(message)
-        self.line = line
-
-
-class _Builder:
-    """Builds the tree from expat's callbacks."""
-
-    def __init__(self, content: bytes) -> None:
-        self.content = content
-        self.root: Element | None = None
-        self.open: list[Element] = []
-        self.texts: list[list[str]] = []
-        self.parser = expat.ParserCreate("utf-8")
-        self.parser.buffer_text = True
-        self.parser.StartElementHandler = self.start
-        self.parser.EndElementHandler = self.end
-        self.parser.CharacterDataHandler = self.characters
-        self.parser.StartDoctypeDeclHandler = self.doctype
-
-    def start(self, tag: str, attributes: dict[str, str]) -> None:
-        parser = self.parser
-        if len(self.open) >= DEEPEST:
-            raise _RefusedError(
-                f"elements are nested more than {DEEPEST} levels deep", parser.CurrentLineNumber
-            )
-        element = Element(
-            tag,
-            attributes,
-            parser.CurrentLineNumber,
-            parser.CurrentColumnNumber + 1,
-            parser.CurrentByteIndex,
-            self.content,
-        )
-        if self.open:
-            self.open[-1].children.append(element)
-        else:
-            self.root = element
-        self.open.append(element)
-        self.texts.append([])
-
-    def end(self, _tag: str) -> None:
-        element = self.open.pop()
-        element.end = self.parser.CurrentByteIndex
-        element.text = "".join(self.texts.pop())
-
-    def remedy(self, code: int) -> str | None:
-        if code in _LEFT_OPEN and self.open:
-            element = self.open[-1]
-            return f"<{element.tag}> in line {element.line} is not closed: add </{element.tag}>"
-        try:
-            self.content.decode()
-        except UnicodeDecodeError:
-            return "the file is not valid UTF-8: save it as UTF-8"
-        return None
-
-    def characters(self, text: str) -> None:
-        self.texts[-1].append(text)
-
-    def doctype(self, *_: object) -> None:
-        raise _RefusedError("document type declarations are not allowed", self.parser.CurrentLineNumber)
-
-
-def _problem(message: str, content: bytes, path: Path, line: int, column: int | None) -> Problem:
-    lines = content.decode(errors="replace").split("\n")
-    source = lines[line - 1].rstrip("\r") if line <= len(lines) else None
-    return Problem(f"not well-formed XML: {message}", Location(path, line, column, source))

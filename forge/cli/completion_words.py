@@ -166,14 +166,15 @@ def _prefixes(variables: Mapping[str, str]) -> tuple[Path, ...]:
 
 def _executables(package: str, variables: Mapping[str, str]) -> Iterator[str]:
     """Yield the programs of a package; those of a package without ament may be in bin."""
-    from forge.environment.installed import is_registered, unregistered_prefix
+    from forge.environment import installed
 
     install = find_install(Path.cwd(), Path.home())
     for prefix in _prefixes(variables):
-        yield from _programs(f"{prefix}/lib/{package}")
-    plain = None if is_registered(package, variables, install) else unregistered_prefix(package, install)
-    for folder in ("bin", f"lib/{package}") if plain else ():
-        yield from _programs(f"{plain}/{folder}")
+        yield from (path.name for path in installed.executables(package, prefix))
+    if not installed.is_registered(package, variables, install) and (
+        plain := installed.unregistered_prefix(package, install)
+    ):
+        yield from (path.name for path in installed.plain_executables(package, plain))
 
 
 def _interface_folders(variables: Mapping[str, str]) -> Iterator[str]:
@@ -209,12 +210,6 @@ def _files(folder: str) -> list[str]:
         return [name for name in os.listdir(folder) if not name.startswith(".")]
     except OSError:
         return []
-
-
-def _programs(folder: str) -> Iterator[str]:
-    for where, names, files in os.walk(folder):
-        names[:] = [name for name in names if not name.startswith(".")]
-        yield from (name for name in files if os.access(f"{where}/{name}", os.X_OK))
 
 
 if __name__ == "__main__":

@@ -171,15 +171,3 @@ def missing_executable_hint(package: str, name: str, prefix: Path, paths: Sequen
         line = f"install(TARGETS {name} DESTINATION lib/${{PROJECT_NAME}})"
         return f"{message}: add {line} to its CMakeLists.txt, and build again"
     return message
-
-
-def refuse_windows_line_endings(path: Path) -> None:
-    try:
-        with path.open("rb") as stream:
-            first = stream.readline(512)
-    except OSError:
-        return
-    if first.startswith(b"#!") and first.endswith(b"\r\n"):
-        message = f"'{path}' has Windows line endings, so that its interpreter cannot be found"
-        hint = f"fix the source: sed -i 's/\\r$//' {shlex.quote(path.name)}, and build again"
-        raise ForgeError(Problem(message, hint=hint))

@@ -62,14 +62,14 @@ def find_underlays(variables: Mapping[str, str], install: Path) -> Underlays:
     by_path: dict[Path, Path] = {}
     for root in roots:
         by_path.setdefault(root.resolve(), root)
-    others = {path: root for path, root in by_path.items() if not _inside(path, own)}
+    others = {path: root for path, root in by_path.items() if not path.is_relative_to(own)}
     overlays = {path: root for path, root in others.items() if is_built_on(path, own)}
     chain = [root for path, root in others.items() if path not in overlays]
     excluded = (own, *overlays)
     prefixes = [
         path
         for path in _folders(variables, "AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH")
-        if not any(_inside(real, root) for real in (path.resolve(),) for root in excluded)
+        if not any(path.resolve().is_relative_to(root) for root in excluded)
     ]
     prefixes += (prefix for root in chain for prefix in _populated_prefixes(root))
     return Underlays(tuple(reversed(chain)), tuple(dict.fromkeys(prefixes)), tuple(overlays.values()))
@@ -170,10 +170,6 @@ def _folders(variables: Mapping[str, str], *names: str) -> list[Path]:
     entries = [entry for name in names for entry in variables.get(name, "").split(os.pathsep)]
     # Unlike Path.is_dir, os.path.isdir returns False for inaccessible folders.
     return [Path(entry) for entry in dict.fromkeys(entries) if os.path.isdir(entry)]
-
-
-def _inside(path: Path, root: Path) -> bool:
-    return path == root or root in path.parents
 
 
 def _layout(root: Path) -> str | None:

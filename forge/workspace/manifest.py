@@ -80,7 +80,7 @@ def parse_manifest(content: bytes, path: Path, variables: Mapping[str, str]) -> 
     """
     root = parse_xml(content, path)
     try:
-        return _Reader(root, content, path, variables).read()
+        return _Reader(root, path, variables).read()
     except WorkspaceError as error:
         if namespace := root.attributes.get("xmlns"):
             message = f"the file is not a manifest of ROS, but belongs to '{namespace}'; it is ignored"
@@ -91,13 +91,12 @@ def parse_manifest(content: bytes, path: Path, variables: Mapping[str, str]) -> 
 def declaration(path: Path, name: str) -> Location:
     """Return the position at which a manifest first declares a dependency, else the manifest."""
     try:
-        content = path.read_bytes()
-        children = parse_xml(content, path).children
+        children = parse_xml(path.read_bytes(), path).children
     except (OSError, WorkspaceError):
         return Location(path)
     tags = (child for child in children if child.tag in DEPENDENCY_KINDS and child.text.strip() == name)
     element = next(tags, None)
-    return _location(path, element, _lines(content)) if element else Location(path)
+    return element.place(path) if element else Location(path)
 
 
 def tags_of(manifest_format: int) -> tuple[str, ...]:
@@ -106,13 +105,11 @@ def tags_of(manifest_format: int) -> tuple[str, ...]:
 
 
 class _Reader:
-    def __init__(self, root: Element, content: bytes, path: Path, variables: Mapping[str, str]) -> None:
+    def __init__(self, root: Element, path: Path, variables: Mapping[str, str]) -> None:
         self.root = root
-        self.content = content
         self.path = path
         self.variables = variables
         self.format = 1
-        self.lines: list[str] = []
         self.problems: list[Problem] = []
         self.warnings: list[Problem] = []
 
@@ -289,23 +286,10 @@ class _Reader:
                 self.fault(child, message, "remove one of the two")
 
     def fault(self, element: Element, message: str, hint: str | None = None) -> None:
-        self.problems.append(Problem(message, self.place(element), hint))
+        self.problems.append(Problem(message, element.place(self.path), hint))
 
     def warn(self, element: Element, message: str) -> None:
-        self.warnings.append(Problem(message, self.place(element)))
-
-    def place(self, element: Element) -> Location:
-        if not self.lines:
-            self.lines = _lines(self.content)
-        return _location(self.path, element, self.lines)
-
-
-def _lines(content: bytes) -> list[str]:
-    return content.decode(errors="replace").split("\n")
-
-
-def _location(path: Path, element: Element, lines: list[str]) -> Location:
-    return Location(path, element.line, element.column, lines[element.line - 1].rstrip("\r"))
+        self.warnings.append(Problem(message, element.place(self.path)))
 
 
 def _identity(child: Element) -> tuple[str, tuple[tuple[str, str], ...]]:

@@ -71,10 +71,16 @@ def run(options: Options) -> int:
         listing = "".join(f"\n- {path}" for path in matches)
         raise ForgeError(Problem(f"multiple executables found:{listing}"))
     path = matches[0]
-    installed.refuse_windows_line_endings(path)
+    first = b""
+    with suppress(OSError), path.open("rb") as stream:
+        first = stream.readline(512)
+    if first.startswith(b"#!") and first.endswith(b"\r\n"):
+        message = f"'{path}' has Windows line endings, so that its interpreter cannot be found"
+        hint = f"fix the source: sed -i 's/\\r$//' {shlex.quote(path.name)}, and build again"
+        raise ForgeError(Problem(message, hint=hint))
     program = [str(path)]
     # The python3 of an active virtual environment is the one that `env` finds.
-    if not any(variables.get(each) for each in ("VIRTUAL_ENV", "CONDA_PREFIX")) and _by_env(path):
+    if not any(variables.get(each) for each in ("VIRTUAL_ENV", "CONDA_PREFIX")) and first.split() in _BY_ENV:
         program[:0] = filter(None, (python_of(prefix),))
     try:
         command = shlex.split(options.prefix or "")
@@ -85,15 +91,6 @@ def run(options: Options) -> int:
         ending = f"Process exited with failure {code}" if code > 0 else signal.strsignal(-code)
         print(f"[ros2run]: {ending}", file=sys.stderr)
     return code
-
-
-def _by_env(path: Path) -> bool:
-    """Tell whether a script starts with '#!/usr/bin/env python3'."""
-    try:
-        with path.open("rb") as stream:
-            return stream.readline(512).split() in _BY_ENV
-    except OSError:
-        return False
 
 
 def _wait_for(argv: Sequence[str], variables: Mapping[str, str]) -> int:
