@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from forge.base.errors import Problem, SelectionError
 from forge.base.layout import PACKAGE
@@ -30,13 +31,12 @@ REMOVED = "removed"
 _KINDS = ("msg", "srv", "action")
 
 
-def distribution_option() -> str | None:
+def distribution_option() -> Any:
     """Return the option --rosdistro, a field of a frozen dataclass."""
-    declared: str | None = option(
+    return option(
         "ROS distribution (default: that of ROS_DISTRO, forge.toml, an underlay, or the last build)",
         metavar="NAME",
     )
-    return declared
 
 
 def check_distribution(name: str | None, argument: str = "--rosdistro") -> None:
@@ -98,14 +98,18 @@ def is_embedded(folder: Path) -> bool:
     return manifest.is_file() and "<forge_family>" in manifest.read_text(encoding="utf-8")
 
 
-def has_definitions(folder: Path, rosdistro: str) -> bool:
-    paths = (
-        path.relative_to(base).as_posix()
-        for base in definition_folders(folder, rosdistro)
-        for kind in _KINDS
-        for path in (base / kind).glob(f"*.{kind}")
-    )
-    return any(find_definition(folder, rosdistro, relative) for relative in paths)
+def embedded_definitions(folder: Path, rosdistro: str) -> dict[str, Path]:
+    """Return the folder of each definition of an embedded package by its path below that folder."""
+    found: dict[str, Path | None] = {}
+    for base in definition_folders(folder, rosdistro):
+        paths = (
+            path.relative_to(base) for kind in _KINDS for path in sorted((base / kind).glob(f"*.{kind}"))
+        )
+        for relative in paths:
+            found.setdefault(relative.as_posix(), base)
+        for removed in removed_definitions(base):
+            found.setdefault(removed, None)
+    return {relative: base for relative, base in found.items() if base}
 
 
 def distributions_with(package: str, relative: str = "") -> tuple[str, ...]:
@@ -115,7 +119,7 @@ def distributions_with(package: str, relative: str = "") -> tuple[str, ...]:
         return ()
     if relative:
         return tuple(name for name in DISTRIBUTIONS if find_definition(folder, name, relative))
-    return tuple(name for name in DISTRIBUTIONS if has_definitions(folder, name))
+    return tuple(name for name in DISTRIBUTIONS if embedded_definitions(folder, name))
 
 
 def distribution_hint(package: str, rosdistro: str, relative: str = "") -> str | None:

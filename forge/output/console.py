@@ -330,7 +330,7 @@ class ConsoleReporter:
     def _fail(self, event: Finished, shown: str) -> None:
         """Print the package, step, first error unless it was just `shown`, log and a command to repeat it."""
         from forge.output.failure_hints import failure_context, hint_of
-        from forge.output.first_error import first_error, is_visible
+        from forge.output.first_error import COLOUR, VISIBLE_LINES, first_error
 
         task, package = event.task, self.packages[event.task]
         text = self._output.pop(task, Excerpt()).everything.decode(errors="replace")
@@ -342,7 +342,7 @@ class ConsoleReporter:
         seconds = f"{duration(event.seconds)}, exited with code {event.code}"
         lines = [f"{palette.paint('failure', 'Failed  ')} <<< {self._label(task, stderr=True)} [{seconds}]"]
         step = event.step.label if event.step else ""
-        if error and is_visible(error, shown):
+        if error and error.lines[0] in COLOUR.sub("", shown).splitlines()[-VISIBLE_LINES:]:
             lines.append(f"  first error in step '{step}': see above")
         elif error:
             lines += [f"  first error in step '{step}':", *(f"    {line}" for line in error.lines)]

@@ -25,7 +25,7 @@ _NINJA = re.compile(rf"\[\d+/\d+\] |{_FAILED}|ninja: ")
 _MAX_SAID = 8
 COLOUR = re.compile(r"\x1b\[[0-9;]*[A-Za-z]")
 
-_VISIBLE_LINES = 20
+VISIBLE_LINES = 20
 """An error at most this many lines above the report of a failure is still visible."""
 
 
@@ -65,9 +65,3 @@ def first_error(output: Sequence[str], folder: str = "") -> FirstError | None:
 def with_paths(output: str, folder: str) -> str:
     """Return the output with `folder` before each CMakeLists.txt of an error, so that editors can open it."""
     return _OWN_LISTS.sub(lambda match: match[1] + (f"{folder}/" if folder else ""), output)
-
-
-def is_visible(error: FirstError, shown: str) -> bool:
-    """Tell whether an error is at the end of what was just printed."""
-    plain = COLOUR.sub("", shown).splitlines()
-    return error.lines[0] in plain[-_VISIBLE_LINES:]

@@ -157,24 +157,18 @@ def _suite_counts(suite: Element) -> Counts:
 
     A writer that dies or is wrong about its numbers hides no failed test.
     """
-    numbers = {name: _number(suite.attributes, name) for name in _NUMBERS}
+    numbers = [_number(suite.attributes, name) for name in ("tests", "errors", "failures")]
+    numbers.append(sum(_number(suite.attributes, name) for name in ("skip", "skipped", "disabled")))
     nested = sum((_suite_counts(child) for child in suite.children if child.tag in _SUITES), Counts())
     cases = list(_own_cases(suite))
     tags = [{child.tag for child in case.children} for case in cases]
     errors = sum("error" in each for each in tags)
     failures = sum("failure" in each and "error" not in each for each in tags)
-    counts = nested + Counts(len(cases), errors, failures, sum("skipped" in each for each in tags))
-    return Counts(
-        max(numbers["tests"], counts.tests),
-        max(numbers["errors"], counts.errors),
-        max(numbers["failures"], counts.failures),
-        max(sum(numbers[name] for name in _SKIPPED), counts.skipped),
-    )
+    present = nested + Counts(len(cases), errors, failures, sum("skipped" in each for each in tags))
+    return Counts(*map(max, numbers, astuple(present)))
 
 
 _SUITES = ("testsuite", "testsuites")
-_SKIPPED = ("skip", "skipped", "disabled")
-_NUMBERS = ("tests", "errors", "failures", *_SKIPPED)
 
 
 def _number(attributes: Mapping[str, str], name: str) -> int:

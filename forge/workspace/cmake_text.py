@@ -129,11 +129,6 @@ def project_name(text: str) -> str | None:
     return name
 
 
-def is_catkin_toplevel(text: str) -> bool:
-    """Tell whether this is the file that catkin_make creates above a source folder."""
-    return project_name(text) == "Project" and "catkin_workspace()" in text.splitlines()
-
-
 def cmake_dependencies(texts: Iterable[str]) -> frozenset[str]:
     """Return the literal names passed to find_package and pkg-config."""
     found: set[str] = set()

@@ -10,7 +10,14 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
-from forge.base.distributions import EMBEDDED, OLDEST, SINCE, VARIABLE, definition_folders, has_definitions
+from forge.base.distributions import (
+    EMBEDDED,
+    OLDEST,
+    SINCE,
+    VARIABLE,
+    definition_folders,
+    embedded_definitions,
+)
 from forge.base.errors import Location, Problem, reason_of
 from forge.base.files import not_regular_reason
 from forge.base.names import project_name
@@ -57,7 +64,9 @@ def discover(
 def discover_embedded(rosdistro: str = OLDEST) -> Mapping[str, Package]:
     """Return the packages that forge has for a ROS distribution; an invalid one is a bug in forge."""
     folders = sorted(path.parent for path in EMBEDDED.glob("*/package.xml"))
-    folders = [path for path in folders if not (path / SINCE).is_dir() or has_definitions(path, rosdistro)]
+    folders = [
+        path for path in folders if not (path / SINCE).is_dir() or embedded_definitions(path, rosdistro)
+    ]
     packages = (read_package(folder, folder, {**ROS_DEFAULTS, VARIABLE: rosdistro}) for folder in folders)
     found = {}
     for package in packages:

@@ -9,7 +9,7 @@ from forge.base.errors import Location, Problem
 from forge.base.extensions import BUILD_TYPES, PACKAGE_FILES, absent
 from forge.base.files import not_regular_reason, text_or_nothing
 from forge.base.formats import read_toml
-from forge.workspace.cmake_text import cmake_dependencies, cmake_files, is_catkin_toplevel, project_name
+from forge.workspace.cmake_text import cmake_dependencies, cmake_files, project_name
 from forge.workspace.identity import Folder, Identity, identify_with
 from forge.workspace.model import Dependency, DependencyKind, Manifest, Package
 from forge.workspace.overrides import COLCON_PKG
@@ -60,7 +60,7 @@ def cmake_package(folder: Folder) -> Identity | None:
         return None
     text = folder.text("CMakeLists.txt")
     path = folder.display_path / "CMakeLists.txt"
-    if is_catkin_toplevel(text):
+    if project_name(text) == "Project" and "catkin_workspace()" in text.splitlines():
         message = "ignored: this is the top-level CMakeLists.txt that catkin_make creates"
         return Identity(descend=True, notes=(Problem(message, Location(path)),))
     name = project_name(text)

@@ -6,26 +6,28 @@ import argparse
 import os
 import sys
 import time
+from collections.abc import Iterator, Mapping
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
 from forge.base.env_vars import compiled_templates
-from forge.base.errors import WorkspaceError, raise_if_any
-from forge.base.layout import TEMPLATES_DIR
+from forge.base.errors import Problem, SelectionError, WorkspaceError, raise_if_any
+from forge.base.layout import LAST_COMMAND, SCRATCH_DIR, TEMPLATES_DIR, Layout
 from forge.base.templating import keep_compiled
-from forge.base.text import listed
+from forge.base.text import counted, listed
 from forge.build.folder_marks import create_output_folders, mark_layout
 from forge.build.model import Snapshot
 from forge.build.stale_packages import stale_package_warnings
 from forge.build.state import BuildState
-from forge.build.tasks import BuildPlan
+from forge.build.tasks import BuildPlan, step_line
 from forge.cli.build_options import BuildOptions
 from forge.cli.main import Parser
 from forge.cli.options import LOG_LEVELS, add_options, read_options
 from forge.cli.preparation import BuildMode, PreparedBuild, check_plan, make_plan, prepare
 from forge.execution.lock import lock_build_dir, lock_install_dir
 from forge.output.console import ConsoleReporter
+from forge.workspace.model import Package
 
 
 def register(parser: Parser) -> None:
@@ -52,8 +54,6 @@ def build(options: BuildOptions, mode: BuildMode) -> int:
     """Build; returns 0, 1 if a package failed, 2 if an interface definition is invalid."""
     layout = options.folders.layout(Path.cwd(), symlink=options.symlink_install)
     if options.print_command:
-        from forge.output.explaining import last_command
-
         print(last_command(layout, options.print_command))
         return 0
     prepared = prepare(options, layout, mode)
@@ -121,7 +121,6 @@ def _print_plan(plan: BuildPlan, snapshot: Snapshot, build: PreparedBuild) -> No
     level = options.folders.level
     if not requested and level > LOG_LEVELS["info"]:
         return
-    from forge.output.explaining import commands, explain
 
     with_commands = options.dry_run if requested else level <= LOG_LEVELS["debug"]
     lines = (*explain(plan, packages, options.query.named), *(commands(plan) if with_commands else ()))
@@ -146,3 +145,40 @@ def _finish_up_to_date(plan: BuildPlan, build: PreparedBuild, state: BuildState)
         mode.conclude(plan, report, seconds)
     if options.query.strict:
         raise_if_any(state.merged_prefix.conflicts(plan.fresh), WorkspaceError)
+
+
+def explain(
+    plan: BuildPlan, packages: Mapping[str, Package], named: frozenset[str] = frozenset()
+) -> Iterator[str]:
+    """Yield a line with the reason for each package that is built, packages of the workspace first.
+
+    Packages that are up to date are only counted, except those that the user `named`.
+    """
+    for name, task in sorted(plan.tasks.items(), key=lambda item: item[1].embedded):
+        yield f"{name}: {'maybe build' if task.conditional else 'build'}, {task.reason}"
+    yield from (f"{name}: up to date" for name in plan.fresh if name in named)
+    for kind, embedded in (("", False), ("embedded ", True)):
+        count = sum(packages[name].embedded is embedded and name not in named for name in plan.fresh)
+        if count:
+            yield f"{counted(count, f'{kind}package')}: up to date"
+
+
+def commands(plan: BuildPlan) -> Iterator[str]:
+    """Yield all commands of the plan in order, as shell command lines."""
+    for name, task in plan.tasks.items():
+        yield f"# {name}"
+        yield from (step_line(step) for step in task.steps)
+
+
+def last_command(layout: Layout, package: str) -> str:
+    """Return a command line that repeats the last step of a package; raises SelectionError for none."""
+    try:
+        return (
+            (layout.build_dir(package) / SCRATCH_DIR / LAST_COMMAND).read_text(encoding="utf-8").rstrip("\n")
+        )
+    except OSError:
+        problem = Problem(
+            f"no step of '{package}' has run in '{layout.build}'",
+            hint=f"forge build --packages-up-to {package}",
+        )
+        raise SelectionError(problem) from None

@@ -31,26 +31,19 @@ def read_folder(package: str, folder: Path, rosdistro: str = distributions.OLDES
         raise InterfaceError(Problem(f"no interface definitions found in '{folder}'", hint=hint))
     kinds = (*SECTIONS, *sorted({_key(relative)[0] for relative in definitions} - SECTIONS.keys()))
     in_order = sorted(definitions.items(), key=lambda item: (kinds.index(_key(item[0])[0]), item[0]))
-    return tuple(read_source(package, base, relative) for relative, base in in_order if base)
+    return tuple(read_source(package, base, relative) for relative, base in in_order)
 
 
-def definition_files(folder: Path, rosdistro: str = distributions.OLDEST) -> dict[str, Path | None]:
+def definition_files(folder: Path, rosdistro: str = distributions.OLDEST) -> dict[str, Path]:
     """Return the folder of each definition of a package by its path below that folder.
 
     An installed package has those that rosidl_generate_interfaces() was given, wherever they were. Among
-    sources, they are looked for below msg, srv and action. None stands for a definition that a distribution
-    removed.
+    sources, they are looked for below msg, srv and action.
     """
-    if not folder.is_relative_to(distributions.EMBEDDED):
-        listed = _listed(folder)
-        return dict.fromkeys(_found(folder) if listed is None else listed, folder)
-    definitions: dict[str, Path | None] = {}
-    for base in distributions.definition_folders(folder, rosdistro):
-        for relative in _found(base):
-            definitions.setdefault(relative, base)
-        for relative in distributions.removed_definitions(base):
-            definitions.setdefault(relative, None)
-    return definitions
+    if folder.is_relative_to(distributions.EMBEDDED):
+        return distributions.embedded_definitions(folder, rosdistro)
+    listed = _listed(folder)
+    return dict.fromkeys(_found(folder) if listed is None else listed, folder)
 
 
 def _listed(share: Path) -> list[str] | None:
@@ -191,8 +184,7 @@ class Library:
             places: dict[tuple[str, str], tuple[Path, str]] = {}
             for folder in filter(None, (self.folder(package), self.built.get(package))):
                 for relative, base in definition_files(folder, self.rosdistro).items():
-                    if base:
-                        places.setdefault(_key(relative), (base, relative))
+                    places.setdefault(_key(relative), (base, relative))
             self._definitions[package] = places
         return self._definitions[package]
 
@@ -246,7 +238,7 @@ class Library:
 
 def _has_interfaces(folder: Path, rosdistro: str) -> bool:
     if (folder / distributions.SINCE).is_dir() and folder.is_relative_to(distributions.EMBEDDED):
-        return distributions.has_definitions(folder, rosdistro)
+        return bool(distributions.embedded_definitions(folder, rosdistro))
     return any((folder / kind).is_dir() for kind in SECTIONS) or any(folder.glob("*/*.idl"))
 
 

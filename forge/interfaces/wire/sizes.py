@@ -7,10 +7,12 @@ nested message depends on its start offset, because XCDR1 aligns primitives only
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
+from math import inf
 
 from forge.base.frozen import frozen
-from forge.interfaces.model import Array, Element, Message, Named, Primitive, Sequence, String, Type, TypeName
-from forge.interfaces.wire.layout import MAX_ALIGNMENT, SIZES, START, LayoutBuilder, Phase
+from forge.interfaces.model import Array, Message, Named, Primitive, Sequence, String, Type, TypeName
+from forge.interfaces.wire.layout import MAX_ALIGNMENT, SIZES, START, LayoutBuilder
 
 _LENGTH = SIZES["uint32"]
 _CODE_UNIT = SIZES["wchar"]
@@ -42,32 +44,25 @@ class SizeCalculator:
 
     def __init__(self, known: Mapping[TypeName, Message]) -> None:
         self._known = known
-        self._layouts = LayoutBuilder(known)
-        self._message_sizes: dict[tuple[TypeName, int, bool], int | None] = {}
-        self._end_phases: dict[tuple[Type, Phase], Phase] = {}
+        layouts = LayoutBuilder(known)
+        self._size = cache(self._computed_size)
+        self._end = cache(lambda type_, phase: layouts.of_element(type_, phase).end)
 
     def of(self, message: Message) -> MessageSize:
         members = []
-        low, phase = 0, START
-        high: int | None = 0
+        low, high, phase = 0.0, 0.0, START
         for member in message.members:
             alignment = self._alignment(member.type)
-            low, phase = _rounded(low, alignment), phase.aligned(alignment)
-            high = None if high is None else _rounded(high, alignment)
+            low, high, phase = _rounded(low, alignment), _rounded(high, alignment), phase.aligned(alignment)
             # The minimum and maximum size over all start offsets of the phase.
             starts = range(phase.remainder, MAX_ALIGNMENT, phase.modulus)
-            smallest = min(self._size_at(member.type, start, full=False) or 0 for start in starts)
-            sizes = [self._size_at(member.type, start, full=True) for start in starts]
-            largest = None if None in sizes else max(size for size in sizes if size is not None)
-            members.append(MemberSize(low, low == high, alignment, smallest, largest))
-            key = (member.type, phase)
-            if key not in self._end_phases:
-                self._end_phases[key] = self._layouts.of_element(member.type, phase).end
-            phase = self._end_phases[key]
-            more = None if high is None else self._size_at(member.type, high % MAX_ALIGNMENT, full=True)
-            high = None if high is None or more is None else high + more
-            low += self._size_at(member.type, low % MAX_ALIGNMENT, full=False) or 0
-        return MessageSize(tuple(members), low, high)
+            smallest = min(self._size_at(member.type, start, full=False) for start in starts)
+            largest = max(self._size_at(member.type, start, full=True) for start in starts)
+            members.append(MemberSize(int(low), low == high, alignment, int(smallest), _limit(largest)))
+            phase = self._end(member.type, phase)
+            low += self._size_at(member.type, low, full=False)
+            high += self._size_at(member.type, high, full=True)
+        return MessageSize(tuple(members), int(low), _limit(high))
 
     def _alignment(self, type_: Type) -> int:
         match type_:
@@ -80,64 +75,40 @@ class SizeCalculator:
             case String() | Sequence():
                 return _LENGTH
 
-    def _size_at(self, type_: Type, start: int, *, full: bool) -> int | None:
-        """Return the size of a member at offset `start`, including padding; None if unbounded.
+    def _size_at(self, type_: Type, start: float, *, full: bool) -> float:
+        """Return the size of a member at offset `start`, including padding, in whole bytes or infinite.
 
         Strings and sequences are empty, or filled up to their bounds if `full` is True.
         """
+        return inf if start == inf else self._size(type_, int(start) % MAX_ALIGNMENT, full)
+
+    def _computed_size(self, type_: Type, start: int, full: bool) -> float:
         match type_:
             case Primitive(name):
                 return _rounded(start, SIZES[name]) + SIZES[name] - start
             case Named(name):
-                return self._message_size(name, start, full=full)
-            case Array(of, size):
-                return self._elements_size(of, size, start, full=full)
-            case String() | Sequence():
-                return self._variable_size(type_, start, full=full)
-
-    def _variable_size(self, type_: String | Sequence, start: int, *, full: bool) -> int | None:
-        prefix = _rounded(start, _LENGTH) + _LENGTH - start
-        size: int | None
-        match type_:
-            case String(wide, bound):
-                count = bound if full else 0
-                size = None if count is None else count * _CODE_UNIT if wide else count + 1
-            case Sequence(of, bound):
-                count = bound if full else 0
-                size = None if count is None else self._elements_size(of, count, start + prefix, full=full)
-        return None if size is None else prefix + size
-
-    def _message_size(self, name: TypeName, start: int, *, full: bool) -> int | None:
-        key = (name, start % MAX_ALIGNMENT, full)
-        if key not in self._message_sizes:
-            end: int | None = start
-            for member in self._known[name].members:
-                size = None if end is None else self._size_at(member.type, end, full=full)
-                end = None if end is None or size is None else end + size
-            self._message_sizes[key] = None if end is None else end - start
-        return self._message_sizes[key]
-
-    def _elements_size(self, of: Element, count: int, start: int, *, full: bool) -> int | None:
-        """Return the size of `count` elements; once start phases repeat, the sizes repeat as well."""
-        end, remaining = start, count
-        visited: dict[int, tuple[int, int]] = {}
-        while remaining:
-            if end % MAX_ALIGNMENT in visited:
-                left_before, end_before = visited[end % MAX_ALIGNMENT]
-                period, size_of_period = left_before - remaining, end - end_before
-                end += remaining // period * size_of_period
-                remaining %= period
-                visited.clear()
-                if not remaining:
-                    break
-            visited[end % MAX_ALIGNMENT] = (remaining, end)
-            size = self._size_at(of, end, full=full)
-            if size is None:
-                return None
-            end += size
-            remaining -= 1
-        return end - start
+                end: float = start
+                for member in self._known[name].members:
+                    end += self._size_at(member.type, end, full=full)
+                return end - start
+            case Array(of, 0 | 1 as count):
+                return self._size_at(of, start, full=full) if count else 0
+            case Array(of, count):  # by halves, which are often equal: known at once
+                half = self._size_at(Array(of, count // 2), start, full=full)
+                return half + self._size_at(Array(of, count - count // 2), start + half, full=full)
+            case String(_, bound) | Sequence(_, bound):
+                prefix = _rounded(start, _LENGTH) + _LENGTH - start
+                filled = 0 if not full else bound
+                if filled is None:
+                    return inf
+                if isinstance(type_, String):
+                    return prefix + (filled * _CODE_UNIT if type_.wide else filled + 1)
+                return prefix + self._size_at(Array(type_.of, filled), start + prefix, full=full)
 
 
-def _rounded(offset: int, alignment: int) -> int:
-    return -(-offset // alignment) * alignment
+def _limit(size: float) -> int | None:
+    return None if size == inf else int(size)
+
+
+def _rounded(offset: float, alignment: int) -> float:
+    return offset if offset == inf else -(-offset // alignment) * alignment

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 import forge
-from forge.base.distributions import DISTRIBUTIONS, has_definitions, up_to
+from forge.base.distributions import DISTRIBUTIONS, embedded_definitions, up_to
 from forge.interfaces.hashing import hashes
 from forge.interfaces.model import (
     Action,
@@ -60,7 +60,7 @@ def _parsed(name: str) -> tuple[Parsed, ...]:
 
 @cache
 def _of_distribution(name: str, rosdistro: str) -> tuple[Parsed, ...]:
-    present = has_definitions(EMBEDDED / name, rosdistro)
+    present = embedded_definitions(EMBEDDED / name, rosdistro)
     return parse_all(read_folder(name, EMBEDDED / name, rosdistro)) if present else ()
 
 
