@@ -26,7 +26,7 @@ from forge.build.prefix import PrefixExchange
 from forge.environment import scripts
 from forge.environment.dsv import PackageEdits
 from forge.environment.hooks import package_hooks
-from forge.environment.install_state import recorded_rosdistro, recorded_underlays
+from forge.environment.install_state import recorded_state, recorded_underlays
 from forge.environment.prefixes import PACKAGES
 from forge.environment.shells import SHELLS
 from forge.environment.sourcing import own_edits, package_edits, packages_in_order
@@ -183,7 +183,7 @@ def finish_workspace(
         "version": 1,
         "python": str(python),
         "underlays": [str(path) for path in chain],
-        "rosdistro": rosdistro or recorded_rosdistro(root),
+        "rosdistro": rosdistro or recorded_state(root).rosdistro,
     }
     state_changed = write_if_changed(root / INSTALL_STATE_FILE, json.dumps(state, indent=2) + "\n")
     if unchanged and not state_changed:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from forge.base.distributions import VARIABLE
 from forge.build.folder_marks import workspace_scripts
 from forge.build.inputs.fingerprints import contents_of, digest_of, stamp_files
-from forge.environment.install_state import recorded_overlays, recorded_rosdistro
+from forge.environment.install_state import recorded_overlays, recorded_state
 from forge.environment.prefixes import PACKAGES, find_underlays
 
 if TYPE_CHECKING:
@@ -51,7 +51,9 @@ class WorkspaceScripts:
         install = self._layout.install
         scripts = workspace_scripts(install)
         untouched = self._journal.scripts == stamp_files(scripts)
-        is_recorded = recorded_rosdistro(install) == variables[VARIABLE] and not recorded_overlays(install)
+        is_recorded = recorded_state(install).rosdistro == variables[VARIABLE] and not recorded_overlays(
+            install
+        )
         if not built and untouched and is_recorded and not self._unfinished:
             return
         from forge.build.installation import finish_workspace

@@ -479,7 +479,12 @@ def _recorded_rosdistro(underlays: Sequence[Path], install: Path) -> str | None:
 
     The highest underlay's generators are used. `underlays` is in order, lowest first.
     """
-    return next(filter(None, map(install_state.recorded_rosdistro, (*reversed(underlays), install))), None)
+    return next(
+        filter(
+            None, (install_state.recorded_state(root).rosdistro for root in (*reversed(underlays), install))
+        ),
+        None,
+    )
 
 
 def output_problems(

@@ -23,7 +23,7 @@ from forge.cli.options import displayed
 from forge.execution.loop import Scheduler, execute
 from forge.execution.runner import TaskRunner
 from forge.output.console import ConsoleReporter
-from forge.output.handlers import ReportOptions, without_text_output
+from forge.output.handlers import TEXT_HANDLERS, ReportOptions
 from forge.output.json_events import JsonEvents
 from forge.output.live import View, is_wanted, live_view
 from forge.output.logs import LogWriter, open_log
@@ -191,7 +191,7 @@ def open_session(
         closing(open_log(layout.logs, command, sys.argv, **values)) as log,
         live_view(plan, durations, wanted=live, collapsed=collapsed) as view,
     ):
-        shown = without_text_output(handlers) if options.json or quiet else handlers
+        shown = {**handlers, **dict.fromkeys(TEXT_HANDLERS if options.json or quiet else (), False)}
         report = ConsoleReporter(plan, packages, shown, log.folder, cmake_variables)
         report.screen = view.screen
         report.surroundings = {"flags": options.flags, **surroundings}

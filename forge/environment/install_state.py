@@ -16,8 +16,8 @@ _SOURCED = re.compile(r'^ *COLCON_CURRENT_PREFIX="(/(?:[^"\\]|\\.)*)"$', re.MULT
 
 
 @frozen
-class _State:
-    """What is recorded; empty before the first build."""
+class InstallState:
+    """What is recorded; empty before the first build. The interpreter may have been removed."""
 
     python: str | None = None
     underlays: tuple[Path, ...] = ()
@@ -26,12 +26,12 @@ class _State:
 
 def recorded_underlays(root: Path) -> tuple[Path, ...]:
     """Return the recorded underlays of an install tree, lowest first, without its own overlays."""
-    return tuple(path for path in _recorded(root).underlays if not is_built_on(path, root))
+    return tuple(path for path in recorded_state(root).underlays if not is_built_on(path, root))
 
 
 def recorded_overlays(root: Path) -> tuple[Path, ...]:
     """Return the recorded underlays of an install tree that were built on it: each would source the other."""
-    return tuple(path for path in _recorded(root).underlays if is_built_on(path, root))
+    return tuple(path for path in recorded_state(root).underlays if is_built_on(path, root))
 
 
 def is_built_on(overlay: Path, root: Path) -> bool:
@@ -48,7 +48,7 @@ def is_built_on(overlay: Path, root: Path) -> bool:
 def underlays_of(root: Path) -> tuple[Path, ...]:
     """Return the underlays of any install tree as recorded by forge, else as sourced by colcon's script."""
     if (root / INSTALL_STATE_FILE).is_file():
-        return _recorded(root).underlays
+        return recorded_state(root).underlays
     # Other tools write a setup.sh, too; only colcon's prefixes have this marker.
     return _sourced(root) if (root / LAYOUT_MARKER).is_file() else ()
 
@@ -59,13 +59,8 @@ def forget_underlays(root: Path) -> None:
 
 def recorded_python(root: Path) -> str | None:
     """Return the recorded interpreter of an install tree if it exists."""
-    python = recorded_path(root)
+    python = recorded_state(root).python
     return python if python and Path(python).exists() else None
-
-
-def recorded_path(root: Path) -> str | None:
-    """Return the path of the recorded interpreter of an install tree, which may have been removed."""
-    return _recorded(root).python
 
 
 def python_of(prefix: Path) -> str | None:
@@ -73,20 +68,16 @@ def python_of(prefix: Path) -> str | None:
     return recorded_python(prefix) or recorded_python(prefix.parent)
 
 
-def recorded_rosdistro(root: Path) -> str | None:
-    return _recorded(root).rosdistro
-
-
-def _recorded(root: Path) -> _State:
+def recorded_state(root: Path) -> InstallState:
     try:
         state = json.loads(read_file(root / INSTALL_STATE_FILE))
         underlays = tuple(map(Path, state["underlays"]))
-        return _State(str(state["python"]), underlays, state.get("rosdistro"))
+        return InstallState(str(state["python"]), underlays, state.get("rosdistro"))
     except OSError:  # begin_workspace reports inaccessible files
-        return _State()
+        return InstallState()
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         # The next build replaces a damaged file; the script names the underlays, too.
-        return _State(underlays=_sourced(root))
+        return InstallState(underlays=_sourced(root))
 
 
 def _sourced(root: Path) -> tuple[Path, ...]:

@@ -100,16 +100,6 @@ def unregistered_prefix(name: str, install: Path | None) -> Path | None:
     return next((prefix for prefix in prefixes if (prefix / PACKAGES / name).is_file()), None)
 
 
-def is_unsourced(name: str, variables: Mapping[str, str], install: Path | None) -> bool:
-    """Tell whether only the enclosing workspace or its underlays contain package `name`."""
-    return (
-        install is not None
-        and is_package_name(name)
-        and not ament_index.prefix_of(name, ament_index.prefixes(variables))
-        and ament_index.prefix_of(name, known_prefixes(variables, install)) is not None
-    )
-
-
 def executables(package: str, prefix: Path) -> tuple[Path, ...]:
     """Return the executables of a package, sorted by path, like `ros2 pkg executables`.
 

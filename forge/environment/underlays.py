@@ -16,7 +16,7 @@ from forge.base.text import listed, quoted_names
 from forge.environment.install_state import (
     recorded_overlays,
     recorded_python,
-    recorded_rosdistro,
+    recorded_state,
     recorded_underlays,
 )
 from forge.environment.prefixes import find_underlays, installed_packages
@@ -74,7 +74,7 @@ def other_distributions(chain: Sequence[Path], rosdistro: str) -> Iterator[Probl
             prefixes = (root, root / "ros_environment")
             scripts = (f"{prefix}/{_ROSDISTRO_HOOK}{end}" for prefix in prefixes for end in (".dsv", ".sh"))
             sets = (match[1] for path in scripts if (match := _SETS_ROSDISTRO.search(text_or_nothing(path))))
-            other = recorded_rosdistro(root) or next(sets, None)
+            other = recorded_state(root).rosdistro or next(sets, None)
             if rosdistro and other and other != rosdistro:
                 message = f"the underlay '{root}' is for ROS '{other}', but this build is for '{rosdistro}'"
                 hint = "in a new terminal, source only underlays of one distribution"

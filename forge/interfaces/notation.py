@@ -6,7 +6,17 @@ import json
 import re
 
 from forge.base.frozen import frozen
-from forge.interfaces.model import Array, Element, Named, Primitive, Sequence, String, Type, TypeName, Value
+from forge.interfaces.model import (
+    Array,
+    Named,
+    Primitive,
+    Sequence,
+    String,
+    Type,
+    TypeName,
+    Value,
+    element_of,
+)
 
 KINDS = {"msg": ("message", "messages"), "srv": ("service", "services"), "action": ("action", "actions")}
 """The singular and plural name of each kind of interface."""
@@ -42,13 +52,21 @@ def kind_of(name: TypeName) -> str:
 
 def type_text(type_: Type, package: str) -> TypeText:
     """Return a type as written in a definition of `package`."""
+    suffix = ""
     match type_:
-        case Array(of, size):
-            return _spell(of, package, f"[{size}]")
-        case Sequence(of, bound):
-            return _spell(of, package, "[]" if bound is None else f"[<={bound}]")
-        case _:
-            return _spell(type_, package, "")
+        case Array(_, size):
+            suffix = f"[{size}]"
+        case Sequence(_, bound):
+            suffix = "[]" if bound is None else f"[<={bound}]"
+    match element_of(type_):
+        case Primitive(name):
+            return TypeText(_IN_FILES.get(name, name), None, suffix)
+        case String(wide, bound):
+            limit = "" if bound is None else f"<={bound}"
+            return TypeText(("wstring" if wide else "string") + limit, None, suffix)
+        case Named(name):
+            word = name.name if name.package == package else f"{name.package}/{name.name}"
+            return TypeText(word, name, suffix)
 
 
 def value_text(value: Value | None) -> str:
@@ -59,15 +77,3 @@ def value_text(value: Value | None) -> str:
 def visible(text: str) -> str:
     """Replace control characters by visible symbols, so that they cannot hide or reorder text."""
     return text if text.isascii() and text.isprintable() else text.translate(_REPLACEMENTS)
-
-
-def _spell(of: Element, package: str, suffix: str) -> TypeText:
-    match of:
-        case Primitive(name):
-            return TypeText(_IN_FILES.get(name, name), None, suffix)
-        case String(wide, bound):
-            limit = "" if bound is None else f"<={bound}"
-            return TypeText(("wstring" if wide else "string") + limit, None, suffix)
-        case Named(name):
-            word = name.name if name.package == package else f"{name.package}/{name.name}"
-            return TypeText(word, name, suffix)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 from forge.base.errors import Problem, SelectionError, raise_if_any
 from forge.base.extensions import OWN, REPORTERS
 from forge.base.frozen import frozen
@@ -31,13 +29,8 @@ HANDLERS = {
 }
 """The event handlers of --event-handlers and their defaults."""
 
-_PROSE = ("console_start_end", "console_cohesion", "console_direct", "console_package_list", "summary")
+TEXT_HANDLERS = ("console_start_end", "console_cohesion", "console_direct", "console_package_list", "summary")
 """The event handlers that print text on stdout."""
-
-
-def without_text_output(handlers: Mapping[str, bool]) -> dict[str, bool]:
-    """Return the event handlers with those disabled that print text on stdout."""
-    return {**handlers, **dict.fromkeys(_PROSE, False)}
 
 
 @frozen

@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import sys
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
@@ -32,7 +32,7 @@ from forge.output.console import ConsoleReporter
 from forge.workspace.model import Package
 
 if TYPE_CHECKING:
-    from forge.testing.outcomes import Failure
+    pass
 
 
 class JsonEvents:
@@ -106,11 +106,6 @@ class JsonEvents:
                 self.emit("Aborted", name, seconds=round(seconds, 3))
             case Skipped(name, because):
                 self.emit("Skipped", name, because=because)
-
-    def report_failures(self, failures: Iterable[Failure]) -> None:
-        for failure in failures:
-            values = {"test": failure.test, "message": list(failure.lines), "repeat": failure.repeat}
-            self.emit("TestFailure", failure.package, **values)
 
     def conclude(self, report: ConsoleReporter, seconds: float, code: int | None = None) -> None:
         """Write the results, ending with a Summary; `code` overrides the exit code of the report."""

@@ -290,10 +290,6 @@ def details(case: Case) -> list[str]:
     return [f"{'-' if number == 0 else ' '} {line}" for number, line in enumerate(lines)]
 
 
-def skipped_line(test: Case) -> str:
-    return f"- {' '.join(filter(None, (test.suite, test.name)))}: {test.text}"
-
-
 def first_lines(cases: Sequence[Case]) -> tuple[str, ...]:
     """Return the first lines of the cases, labeled if there are several."""
     lines: list[str] = []

@@ -24,7 +24,7 @@ from forge.build.stale_packages import is_removed_package
 from forge.cli import options as shared
 from forge.cli.options import FolderOptions, OptionSources
 from forge.cli.preparation import build_variables, check_bases
-from forge.environment.install_state import recorded_path
+from forge.environment.install_state import recorded_state
 from forge.execution.lock import lock_build_dir, lock_install_dir
 from forge.workspace.load import LoadedWorkspace, load_workspace
 from forge.workspace.selection import Query
@@ -105,7 +105,7 @@ def run(options: Options) -> int:
         )
         _report_rest(kept, options)
         # Setup scripts of forge name packages; those of colcon search the folder.
-        if python := recorded_path(layout.install):
+        if python := recorded_state(layout.install).python:
             finish_workspace(layout, (), Path(python))
         if is_own_build_base(layout.build):
             merge_compile_commands(layout.build, force=True)

@@ -52,7 +52,7 @@ def run(options: Options) -> int:
         plain = installed.plain_prefix(package, install, source_packages(install))
     prefix = plain or installed.find_package(package, os.environ, install, lambda: source_packages(install))
     variables: Mapping[str, str] = os.environ
-    if install is not None and (plain or installed.is_unsourced(package, os.environ, install)):
+    if install is not None and (plain or not installed.is_registered(package, os.environ, None)):
         from forge.environment.sourcing import sourced_environment
 
         variables = sourced_environment(install, os.environ)

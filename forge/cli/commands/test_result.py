@@ -14,7 +14,7 @@ from forge.base.frozen import frozen
 from forge.base.options import flag, option
 from forge.cli import options as shared
 from forge.testing.collecting import Collection, collect, removable_results
-from forge.testing.outcomes import Counts, Outcome, as_json, counted_once, details, skipped_line
+from forge.testing.outcomes import Counts, Outcome, as_json, counted_once, details
 
 
 def _folder(path: str) -> Path:
@@ -79,7 +79,9 @@ def run(options: Options) -> int:
         print(f"Summary: {total}")
         skipped = [test for outcome in outcomes for test in outcome.skipped] if options.verbose else []
         if skipped:
-            print("Skipped:", *map(skipped_line, skipped), sep="\n")
+            print("Skipped:")
+        for test in skipped:
+            print(f"- {' '.join(filter(None, (test.suite, test.name)))}: {test.text}")
         if options.verbose and raw != total:
             print(f"Files: {raw} (ament's tests twice, as CTest and JUnit results)")
     return int(total.bad)

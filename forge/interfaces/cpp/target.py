@@ -10,7 +10,7 @@ from forge.base.errors import InterfaceError, Problem, raise_if_any
 from forge.base.frozen import frozen
 from forge.base.templating import render
 from forge.interfaces.cpp.headers import detail_path, guard, handles, main_path, needed
-from forge.interfaces.cpp.text import comment, literal, needs_numeric_limits, qualified, spell
+from forge.interfaces.cpp.text import comment, literal, qualified, spell
 from forge.interfaces.model import (
     Action,
     Array,
@@ -129,7 +129,9 @@ def _headers(interface: Interface, wire: MembersViews) -> Iterator[File]:
     yield header(
         "struct",
         headers=sorted(headers),
-        numeric_limits=any(needs_numeric_limits(value, type_) for value, type_ in values),
+        numeric_limits=any(
+            "std::numeric_limits" in literal(value, type_) for value, type_ in values if value is not None
+        ),
         macros=sorted({constant.name for constant in constants} & _LIKELY_MACROS),
         messages=list(map(_struct, messages)),
         services=[service.name.name for service in services],

@@ -66,11 +66,6 @@ def literal(value: Value, type_: Type) -> str:
             raise TypeError(f"a message has no literal: {name}")
 
 
-def needs_numeric_limits(value: Value | None, type_: Type) -> bool:
-    """Return True if the literal of the value is infinity or NaN."""
-    return value is not None and "std::numeric_limits" in literal(value, type_)
-
-
 def comment(lines: Items[str], unit: str | None = None) -> tuple[str, ...]:
     """Return documentation as comment lines; none of them continues on the next line."""
     *before, last = lines or [""]

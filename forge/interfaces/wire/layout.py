@@ -80,9 +80,7 @@ class Scalar:
     def size(self) -> int:
         return SIZES[self.type.name]
 
-    @property
-    def alignment(self) -> int:
-        return SIZES[self.type.name]
+    alignment = size
 
 
 @frozen
@@ -113,13 +111,7 @@ class Length:
     path: Path
     type: String | Sequence
 
-    @property
-    def size(self) -> int:
-        return 4
-
-    @property
-    def alignment(self) -> int:
-        return 4
+    size = alignment = 4
 
 
 Member = Scalar | InlineArray | Length
@@ -177,11 +169,7 @@ class Run:
 
     def is_fixed(self, start: Phase) -> bool:
         """Return True if all padding is known when the run starts at `start`."""
-        for member in self.members:
-            if start.padding(member.alignment) is None:
-                return False
-            start = start.aligned(member.alignment).after(member.size)
-        return True
+        return all(segment.alignment == 1 for segment in Run(self.members, start).segments)
 
 
 @frozen
@@ -275,13 +263,13 @@ class LayoutBuilder:
 
     def of(self, name: TypeName, start: Phase = START) -> MessageLayout:
         """Return the layout of a message, which is flattened even if it is large."""
-        flattening = _Flattening(self, start)
+        flattening = _Flattening(self, start, start)
         flattening.add_members((), name)
         return flattening.layout()
 
     def of_element(self, type_: Type, start: Phase) -> MessageLayout:
         """Return the layout of an element of a collection, or of a single member; its path is ()."""
-        flattening = _Flattening(self, start)
+        flattening = _Flattening(self, start, start)
         flattening.add((), type_)
         return flattening.layout()
 
@@ -311,14 +299,11 @@ class _Flattening:
 
     layouts: LayoutBuilder
     start: Phase
+    phase: Phase
+    """The phase at the start of the current run."""
     steps: list[LayoutStep] = field(default_factory=list)
     inlined: list[tuple[Path, TypeName]] = field(default_factory=list)
     run: list[Member] = field(default_factory=list)
-    phase: Phase = UNKNOWN
-    """The phase at the start of the current run."""
-
-    def __post_init__(self) -> None:
-        self.phase = self.start
 
     def layout(self) -> MessageLayout:
         self._close()
