@@ -108,6 +108,14 @@ def text_or_nothing(path: str | Path, errors: str = "replace") -> str:
         return ""
 
 
+def names_in(folder: str | Path) -> list[str]:
+    """Return the sorted names in a folder; none if it cannot be read."""
+    try:
+        return sorted(os.listdir(folder))
+    except OSError:
+        return []
+
+
 def current_umask() -> int:
     """Return the umask; /proc provides it without changing it temporarily."""
     if found := re.search(r"^Umask:\s*([0-7]+)$", text_or_nothing("/proc/self/status"), re.MULTILINE):

@@ -28,7 +28,7 @@ from forge.base.errors import (
     raise_if_any,
 )
 from forge.base.extensions import OPTIONS, RECIPES, UNDERLAYS, absent, find, installed
-from forge.base.files import current_umask
+from forge.base.files import current_umask, names_in
 from forge.base.frozen import frozen
 from forge.base.graph import closure
 from forge.base.layout import NO_CODE, OWN_CACHE_DIR, PACKAGE, PACKAGE_LOCK, own_folders
@@ -330,8 +330,8 @@ def make_plan(build: PreparedBuild, state: BuildState) -> tuple[BuildPlan, Snaps
     words: list[str] = []
     for prefix in find_underlays(variables, context.layout.install).prefixes:
         for folder in ("share", "lib/cmake"):
-            with suppress(OSError):
-                words += (f"{prefix}/{folder}", *sorted(os.listdir(prefix / folder)))  # noqa: PTH208
+            if names := names_in(prefix / folder):
+                words += (f"{prefix}/{folder}", *names)
     shared = BuildInputs(
         forge=forge_stamp(),
         tools=condensed(context.tools),

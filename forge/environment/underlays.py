@@ -10,7 +10,7 @@ from pathlib import Path
 
 from forge.base.distributions import VARIABLE
 from forge.base.errors import Problem, WorkspaceError
-from forge.base.files import text_or_nothing
+from forge.base.files import names_in, text_or_nothing
 from forge.base.layout import LAYOUT_MARKER
 from forge.base.text import listed, quoted_names
 from forge.environment.install_state import (
@@ -131,7 +131,7 @@ def underlay_python(root: Path) -> Path | None:
         if recorded is not None:
             return Path(recorded)
     for prefix in _prefixes(root):
-        for name in _entries(f"{prefix}/bin")[:_SCRIPTS_READ]:
+        for name in names_in(f"{prefix}/bin")[:_SCRIPTS_READ]:
             with suppress(OSError), Path(prefix, "bin", name).open("rb") as stream:
                 match = _SHEBANG.match(stream.readline(512))
                 python = Path(os.fsdecode(match[1])) if match else None  # none if it is found on PATH
@@ -143,22 +143,15 @@ def underlay_python(root: Path) -> Path | None:
 def _prefixes(root: Path) -> Iterator[Path]:
     yield root
     if (root / LAYOUT_MARKER).is_file():
-        yield from (root / name for name in _entries(f"{root}"))
+        yield from (root / name for name in names_in(f"{root}"))
 
 
 def _module_folders(prefix: Path) -> Iterator[tuple[str, Version]]:
     """Yield the folders with Python modules of one prefix, and the versions in their names."""
     for library in ("lib", "local/lib"):
-        for folder in (f"{library}/{name}" for name in _entries(f"{prefix}/{library}")):
+        for folder in (f"{library}/{name}" for name in names_in(f"{prefix}/{library}")):
             match = _FOLDER.fullmatch(folder)
             for modules in ("site-packages", "dist-packages") if match else ():
                 # Empty folders of that name also belong to underlays without modules.
-                if match and _entries(f"{prefix}/{folder}/{modules}"):
+                if match and names_in(f"{prefix}/{folder}/{modules}"):
                     yield f"{prefix}/{folder}/{modules}", (int(match[1]), int(match[2]))
-
-
-def _entries(folder: str) -> list[str]:
-    try:
-        return sorted(os.listdir(folder))  # noqa: PTH208  (called for every prefix: no Path objects)
-    except OSError:
-        return []

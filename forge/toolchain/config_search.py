@@ -7,6 +7,8 @@ from bisect import bisect_left
 from collections.abc import Iterator, Sequence
 from itertools import islice
 
+from forge.base.files import names_in
+
 _INSIDE = ("", "/cmake", "/CMake")
 _LIBRARIES = ("lib64", "lib32", "libx32", "lib", "share")
 
@@ -58,8 +60,5 @@ class ConfigSearch:
     def _listed(self, folder: str) -> list[tuple[str, str]]:
         """Return the entries of a folder as (lower-case name, name), sorted."""
         if folder not in self._entries:
-            try:
-                self._entries[folder] = sorted((entry.lower(), entry) for entry in os.listdir(folder))  # noqa: PTH208  (only names)
-            except OSError:
-                self._entries[folder] = []
+            self._entries[folder] = sorted((entry.lower(), entry) for entry in names_in(folder))
         return self._entries[folder]

@@ -5,7 +5,6 @@ The identity of a program is its path, size and time: packages are rebuilt when 
 
 from __future__ import annotations
 
-import contextlib
 import importlib.util
 import os
 import re
@@ -16,7 +15,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from forge.base.errors import HostError, Problem, raise_if_any
-from forge.base.files import text_or_nothing
+from forge.base.files import names_in, text_or_nothing
 from forge.base.frozen import Pairs, frozen
 from forge.base.own_environment import extra_command, install_beside_forge
 from forge.base.text import counted, digest
@@ -329,11 +328,7 @@ class ProgramLookup:
     @property
     def names(self) -> frozenset[str]:
         if self._names is None:
-            names: set[str] = set()
-            for folder in self.folders:
-                with contextlib.suppress(OSError):
-                    names.update(os.listdir(folder))
-            self._names = frozenset(names)
+            self._names = frozenset(name for folder in self.folders for name in names_in(folder))
         return self._names
 
     def identity(self, word: str) -> str:

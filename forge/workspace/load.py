@@ -34,20 +34,20 @@ _NAMING = (
 
 @frozen
 class LoadedWorkspace:
-    """A workspace with its packages in topological order and the selection among them.
+    """A workspace, its packages and their dependencies, and the selection among them.
 
-    `packages`, `needs` and `ordered` have a node for each package: its name, except for duplicates in
-    listings (see forge.workspace.selection).
+    In listings, `resolution` has a node for each duplicate, too (see forge.workspace.selection).
     """
 
     workspace: Workspace
     resolution: resolve.DependencyResolution
     selection: Selection
-    packages: Mapping[str, Package]
-    needs: Mapping[str, frozenset[str]]
-    ordered: tuple[str, ...]
     warnings: tuple[Problem, ...] = ()
     """In a listing also for unreadable manifests."""
+
+    @property
+    def packages(self) -> Mapping[str, Package]:
+        return self.resolution.packages
 
 
 def load_workspace(
@@ -96,15 +96,11 @@ def load_workspace(
     )
     resolution, cycle_warnings = resolve.break_test_cycles(replace(with_cycles, ignored=hidden))
     listing = install is None
-    duplicates = workspace.duplicates if listing else ()
-    packages = {
-        **resolution.packages,
-        **{duplicate_node(other.name, other.path): other for other in duplicates},
-    }
-    needs = _needs(resolution, duplicates, tested=not query.no_test_dependencies)
     limits, unsure = apply_filters(query, root, {**workspace.packages, **broken}, resolution.needs)
-    ordered = ordered_names(needs)
-    selection, notes = select(query, ordered, needs, limits, every)
+    if listing and workspace.duplicates:
+        resolution = _with_duplicates(resolution, workspace.duplicates, tested=not query.no_test_dependencies)
+    ordered = ordered_names(resolution.needs)
+    selection, notes = select(query, ordered, resolution.needs, limits, every)
     if not listing:
         raise_if_any(clashes(workspace, selection.names), WorkspaceError)
     warnings = (
@@ -118,7 +114,7 @@ def load_workspace(
     if listing:
         names = {other.name for other in workspace.duplicates}
         faults = (*workspace.problems, *clashes(workspace, names))
-    loaded = LoadedWorkspace(workspace, resolution, selection, packages, needs, ordered, (*faults, *warnings))
+    loaded = LoadedWorkspace(workspace, resolution, selection, (*faults, *warnings))
     return _without_broken(loaded, frozenset(broken), listing=listing) if workspace.broken else loaded
 
 
@@ -143,7 +139,8 @@ def _without_broken(loaded: LoadedWorkspace, names: frozenset[str], *, listing: 
 
     Only the broken packages that the selected ones include or need remain as problems, others are warnings.
     """
-    reached = closure(loaded.needs, loaded.selection.names) | frozenset(loaded.selection.names)
+    selection, resolution = loaded.selection, loaded.resolution
+    reached = closure(resolution.needs, selection.names) | frozenset(selection.names)
     needed, others = [], []
     for each in loaded.workspace.broken:
         if each.name in reached:
@@ -154,7 +151,6 @@ def _without_broken(loaded: LoadedWorkspace, names: frozenset[str], *, listing: 
         elif not listing:
             message = f"skipping '{each.name}': {each.problems[0].message}"
             others.append(replace(each.problems[0], message=message))
-    selection, resolution = loaded.selection, loaded.resolution
     return replace(
         loaded,
         workspace=replace(loaded.workspace, broken=tuple(needed)),
@@ -166,9 +162,6 @@ def _without_broken(loaded: LoadedWorkspace, names: frozenset[str], *, listing: 
         selection=Selection(
             tuple(node for node in selection.names if node not in names), _drop(selection.left_out, names)
         ),
-        packages=_drop(loaded.packages, names),
-        needs={name: needs - names for name, needs in _drop(loaded.needs, names).items()},
-        ordered=tuple(node for node in loaded.ordered if node not in names),
         warnings=(*others, *loaded.warnings),
     )
 
@@ -226,21 +219,20 @@ def resolve_workspace(
     )
 
 
-def _needs(
+def _with_duplicates(
     resolution: resolve.DependencyResolution, duplicates: Iterable[Package], *, tested: bool
-) -> Mapping[str, frozenset[str]]:
-    """Return the graph including duplicates of a name: dependents of the name depend on all of them."""
+) -> resolve.DependencyResolution:
+    """Return the resolution with a node for each duplicate; dependents of a name depend on all of them."""
+    packages, needs = dict(resolution.packages), dict(resolution.needs)
     others: dict[str, set[str]] = {}
     for other in duplicates:
-        others.setdefault(other.name, set()).add(duplicate_node(other.name, other.path))
-    if not others:
-        return resolution.needs
-    needs = dict(resolution.needs)
-    for other in duplicates:
+        node = duplicate_node(other.name, other.path)
+        others.setdefault(other.name, set()).add(node)
         left_out = {other.name} if tested else {other.name, *other.only_tested_with}
         wanted = frozenset(other.manifest.names(resolve.ALL_KINDS)) - left_out
-        needs[duplicate_node(other.name, other.path)] = wanted & resolution.packages.keys()
-    return {node: below.union(*(others.get(name, ()) for name in below)) for node, below in needs.items()}
+        packages[node], needs[node] = other, wanted & resolution.packages.keys()
+    needs = {node: below.union(*(others.get(name, ()) for name in below)) for node, below in needs.items()}
+    return replace(resolution, packages=packages, needs=needs)
 
 
 _FEW = 5

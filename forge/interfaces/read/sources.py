@@ -10,7 +10,7 @@ from pathlib import Path, PurePosixPath
 from forge.base import distributions
 from forge.base.ament_index import INDEX
 from forge.base.errors import ForgeError, InterfaceError, Location, Problem, reason_of
-from forge.base.files import read_file
+from forge.base.files import names_in, read_file
 from forge.base.xml import parse_xml
 from forge.interfaces.model import File, Source, TypeName, with_events
 from forge.interfaces.read.parsing import ENDINGS, SECTIONS, Parsed, parse
@@ -197,11 +197,9 @@ class Library:
 
     def packages(self) -> dict[str, Path]:
         """Return the folder of each package that has interfaces, by name."""
-        names = set(self.includes)
-        for prefix in self.prefixes:
-            names |= _entries(prefix / INDEX / "rosidl_interfaces")
-        if self.embedded:
-            names |= _entries(self.embedded)
+        places = [prefix / INDEX / "rosidl_interfaces" for prefix in self.prefixes]
+        places += [self.embedded] if self.embedded else []
+        names = {*self.includes, *(name for place in places for name in names_in(place) if name[0] != ".")}
         folders = {name: self.folder(name) for name in sorted(names)}
         return {name: folder for name, folder in folders.items() if folder}
 
@@ -240,10 +238,3 @@ def _has_interfaces(folder: Path, rosdistro: str) -> bool:
     if (folder / distributions.SINCE).is_dir() and folder.is_relative_to(distributions.EMBEDDED):
         return bool(distributions.embedded_definitions(folder, rosdistro))
     return any((folder / kind).is_dir() for kind in SECTIONS) or any(folder.glob("*/*.idl"))
-
-
-def _entries(folder: Path) -> set[str]:
-    """Return the names in a folder without hidden ones; an empty set if it does not exist."""
-    if not folder.is_dir():
-        return set()
-    return {entry.name for entry in folder.iterdir() if not entry.name.startswith(".")}

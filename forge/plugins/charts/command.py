@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from forge.base.frozen import frozen
+from forge.base.graph import ordered_names
 from forge.base.options import flag, option, options_of
 from forge.cli.commands.list import ListingOptions
 from forge.plugins.charts import graph_formats
@@ -30,7 +31,8 @@ class Options:
 def run(options: Options) -> int:
     """Print the graph of the selected packages, or write it to a file."""
     root, loaded = Path.cwd(), options.listing.load()
-    chart = PackageGraph(loaded.ordered, loaded.needs, loaded.packages, frozenset(loaded.selection.names))
+    needs, names = loaded.resolution.needs, frozenset(loaded.selection.names)
+    chart = PackageGraph(ordered_names(needs), needs, loaded.packages, names)
     text = _text(chart, options, root)
     if options.output is None:
         print(text, end="")
