@@ -53,7 +53,7 @@ from forge.build.installed_lists import (
 from forge.build.journal import open_journal
 from forge.build.prefix import PrefixExchange, leftover_backups, remove_empty_folders, tidy
 from forge.environment.prefixes import PACKAGES
-from forge.environment.shells import SHELLS
+from forge.environment.scripts import SHELLS
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Mapping

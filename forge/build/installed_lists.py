@@ -16,7 +16,7 @@ from forge.base.files import listed_paths, replace_file
 from forge.base.frozen import frozen
 from forge.base.layout import INSTALLED_LISTS_DIR, LAYOUT_MARKER
 from forge.environment.prefixes import PACKAGES
-from forge.environment.shells import SHELLS
+from forge.environment.scripts import SHELLS
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Mapping

@@ -28,8 +28,8 @@ from forge.build.inputs.fingerprints import contents_of, digest_of, source_files
 from forge.build.inputs.native_graph import read_native_graph
 from forge.build.records import read_record
 from forge.engine.commands import NOT_OBSERVED
-from forge.toolchain.os_release import os_release
 from forge.toolchain.programs import program_of
+from forge.toolchain.python_modules import os_release
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Mapping, Sequence

@@ -7,7 +7,6 @@ __all__ = [
     "cmake_variables",
     "compiler_launchers",
     "interpreter",
-    "os_release",
     "programs",
     "python_modules",
     "resources",

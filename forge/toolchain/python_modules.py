@@ -1,4 +1,4 @@
-"""Checks which modules an interpreter has, tells how to install others, and provides setuptools."""
+"""Checks which modules an interpreter has, tells how the system installs others, and provides setuptools."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from pathlib import Path
 from forge.base.errors import HostError, Problem
 from forge.base.own_environment import has_no_pip
 from forge.toolchain.interpreter import ask_python, is_own
-from forge.toolchain.os_release import DEBIAN, RED_HAT, families, os_release
 
 _MISSING = "import importlib.util as u, sys; print(*(n for n in sys.argv[1:] if not u.find_spec(n)))"
 
@@ -40,6 +39,24 @@ _OTHER_NAMES = {
 }
 """The packages of Debian and Fedora, and of systems like them, after 'python3-'."""
 _SYSTEM = (Path("/usr/bin"), Path("/bin"))
+
+DEBIAN = frozenset({"debian", "ubuntu", "linuxmint", "pop", "raspbian", "zorin", "elementary"})
+RED_HAT = frozenset({"fedora", "rhel", "centos", "rocky", "almalinux", "ol", "openeuler", "amzn"})
+
+
+def os_release() -> dict[str, str]:
+    """Return the fields of os-release; empty without such a file."""
+    import platform
+
+    try:
+        return platform.freedesktop_os_release()
+    except OSError:
+        return {}
+
+
+def families(fields: Mapping[str, str]) -> tuple[str, ...]:
+    """Return the ids of the system and of those in its ID_LIKE."""
+    return (fields.get("ID", "linux").lower(), *fields.get("ID_LIKE", "").lower().split())
 
 
 def require_modules(python: Path, names: Iterable[str]) -> None:

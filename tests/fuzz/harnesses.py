@@ -40,8 +40,7 @@ from forge.environment import sourcing
 from forge.environment.dsv import PackageEdits
 from forge.environment.install_state import recorded_python, recorded_underlays
 from forge.environment.prefixes import installed_packages
-from forge.environment.scripts import local_setup, package_setup
-from forge.environment.shells import SHELLS
+from forge.environment.scripts import SHELLS, local_setup, package_setup
 from forge.execution.jobserver import join_pool
 from forge.execution.makeflags import read_make_flags
 from forge.interfaces.hashing import hashes
@@ -54,9 +53,8 @@ from forge.interfaces.schema import read_schema
 from forge.interfaces.writing import read_states
 from forge.plugins.remote_cache import action_result as action_results
 from forge.testing.collecting import collect
-from forge.workspace import conditions
 from forge.workspace.discovery import ROS_DEFAULTS, discover
-from forge.workspace.manifest import parse_manifest
+from forge.workspace.manifest import ConditionError, holds, parse_manifest
 from forge.workspace.model import Package
 from forge.workspace.overrides import read_overrides
 from forge.workspace.resolve import unmet_versions
@@ -107,8 +105,8 @@ def manifest(data: bytes) -> None:
 
 @harness
 def condition(data: bytes) -> None:
-    with contextlib.suppress(conditions.ConditionError):
-        conditions.holds(data.decode("utf-8", "surrogateescape"), ROS_DEFAULTS)
+    with contextlib.suppress(ConditionError):
+        holds(data.decode("utf-8", "surrogateescape"), ROS_DEFAULTS)
 
 
 def definition(relative: str, data: bytes) -> None:

@@ -405,17 +405,11 @@ class FileReader:
             return base
         offset = _start(cast("Token", name))
         if len(sizes) > 1 or isinstance(base, Array):
-            raise ParseError(
-                "arrays of arrays are not supported",
-                offset=offset,
-                hint="define a struct for the inner array",
-            )
+            hint = "define a struct for the inner array"
+            raise ParseError("arrays of arrays are not supported", offset=offset, hint=hint)
         if isinstance(base, Sequence):
-            raise ParseError(
-                "arrays of sequences are not supported",
-                offset=offset,
-                hint="define a struct for the sequence",
-            )
+            hint = "define a struct for the sequence"
+            raise ParseError("arrays of sequences are not supported", offset=offset, hint=hint)
         return Array(base, read_size(_subtrees(cast("Tree[Token]", sizes[0]))[0]))
 
     def _default(self, annotations: Annotations, type_: Type) -> Value | None:

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from forge.base.errors import GroupedProblems, HostError, Location, Problem, reason_of
 from forge.base.own_environment import extra_command, install_beside_forge
 from forge.environment.install_state import recorded_python
-from forge.environment.shells import SHELLS
+from forge.environment.scripts import SHELLS
 from forge.plugins.doctor.model import CheckContext, CheckResult, graded
 from forge.toolchain.interpreter import ask_python, find_interpreter, other_than_recorded
 from forge.toolchain.programs import (

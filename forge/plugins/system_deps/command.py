@@ -43,7 +43,7 @@ from forge.plugins.system_deps.system import (
     run_commands,
     system_of,
 )
-from forge.toolchain.os_release import os_release
+from forge.toolchain.python_modules import os_release
 from forge.workspace.discovery import discover_embedded
 from forge.workspace.load import load_workspace, resolve_workspace
 from forge.workspace.model import TEST_KINDS, DependencyKind, Workspace

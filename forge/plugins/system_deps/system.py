@@ -13,7 +13,7 @@ from forge.base.errors import HostError, Problem, reason_of
 from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
 from forge.plugins.system_deps.lookup import DependencyStatus
-from forge.toolchain.os_release import DEBIAN, RED_HAT, families
+from forge.toolchain.python_modules import DEBIAN, RED_HAT, families
 
 DPKG_STATUS = Path("/var/lib/dpkg/status")
 

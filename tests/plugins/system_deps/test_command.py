@@ -14,7 +14,7 @@ import pytest
 
 from forge.base.own_environment import extra_command
 from forge.plugins.system_deps.system import system_of
-from forge.toolchain.os_release import os_release
+from forge.toolchain.python_modules import os_release
 from tests.installs import Made, make_install
 from tests.packages import manifest_text
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from forge.build.events import Finished, Output
-from forge.output.package_warnings import CompilerWarnings, RepeatedWarnings
+from forge.output.console import CompilerWarnings, RepeatedWarnings
 from tests.unit.output.test_console import STEP, report_on, shown
 
 WARNING = (

@@ -2,7 +2,7 @@
 
 import pytest
 
-from forge.workspace.conditions import ConditionError, holds
+from forge.workspace.manifest import ConditionError, holds
 
 VARIABLES = {"ROS_VERSION": "2", "ROS_DISTRO": "humble"}
 

@@ -11,8 +11,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from forge.base.errors import WorkspaceError
-from forge.workspace.conditions import ConditionError, holds
-from forge.workspace.manifest import parse_manifest
+from forge.workspace.manifest import ConditionError, holds, parse_manifest
 from forge.workspace.model import DependencyKind
 
 catkin = pytest.importorskip("catkin_pkg.package", reason="catkin_pkg: pip install catkin_pkg")
