@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +17,6 @@ from forge.base.env_vars import home, setting
 from forge.base.errors import Location, Problem, SelectionError, print_problem
 from forge.base.files import read_file
 from forge.base.formats import read_yaml
-from forge.base.frozen import frozen
 from forge.base.names import did_you_mean
 from forge.workspace.forge_toml import FORGE_TOML, read_forge_toml, table_of
 
@@ -33,12 +31,8 @@ _OF_ONE_COMMAND = frozenset({"json", "mixin", "mixin-files", "profile"})
 _FLAGS = (argparse._StoreTrueAction, argparse._StoreFalseAction)
 
 
-@frozen
-class OptionFile:
-    """The options of one command in one file, by name without leading dashes."""
-
-    path: Path
-    options: Mapping[str, Any]
+OptionFile = tuple[Path, Mapping[str, Any]]
+"""A file, and its options of one command by name without leading dashes."""
 
 
 def configured(
@@ -60,9 +54,9 @@ def configured(
     values: dict[str, Any] = {}
     if verb in _AGREE_WITH_BUILD:
         shared = known.keys() - _OF_ONE_COMMAND
-        for source in _sources("build", given, root, variables):
-            options = {key: value for key, value in source.options.items() if key in shared}
-            values.update(_checked(replace(source, options=options), known, "build"))
+        for path, options in _sources("build", given, root, variables):
+            agreed = {key: value for key, value in options.items() if key in shared}
+            values.update(_checked((path, agreed), known, "build"))
     for source in _sources(verb, given, root, variables):
         values.update(_checked(source, known, verb))
     values = {
@@ -75,7 +69,7 @@ def configured(
         from forge.cli.mixins import combined, mixin_folders, read_mixins
 
         mixins = read_mixins(mixin_folders(variables), wanted.get("mixin_files") or ())
-        source = OptionFile(Path("mixin " + ", ".join(names)), combined(names, verb, mixins))
+        source = Path("mixin " + ", ".join(names)), combined(names, verb, mixins)
         for dest, value in _checked(source, known, verb).items():
             typed = given.get(dest)
             if dest not in given:
@@ -93,7 +87,7 @@ def configured(
 def configured_word(option: str, root: Path, variables: Mapping[str, str]) -> str | None:
     """Return the value that files set for an option of `forge build`, for commands that agree with it."""
     sources = _sources("build", {}, root, variables)
-    values = [value for source in sources if isinstance(value := source.options.get(option), str)]
+    values = [value for _, options in sources if isinstance(value := options.get(option), str)]
     return values[-1] if values else None
 
 
@@ -112,9 +106,9 @@ def _sources(
                 for key, value in table_of(content, "", path).items()
                 if str(key).replace("-", "_") in GENERAL
             }
-            yield OptionFile(path, {**general, **table_of(content, verb, path)})
+            yield path, {**general, **table_of(content, verb, path)}
     content, path = read_forge_toml(root), root / FORGE_TOML
-    yield OptionFile(path, table_of(content, verb, path))
+    yield path, table_of(content, verb, path)
     profiles = table_of(content, "profiles", path)
     name = given.get("profile") or setting("PROFILE", variables)
     if name is None:
@@ -122,17 +116,17 @@ def _sources(
     if name not in profiles:
         hint = did_you_mean(name, profiles) or f"add a table [profiles.{name}.{verb}] to {FORGE_TOML}"
         raise SelectionError(Problem(f"unknown profile '{name}'", Location(path), hint))
-    yield OptionFile(path, table_of(table_of(profiles, name, path), verb, path))
+    yield path, table_of(table_of(profiles, name, path), verb, path)
 
 
 def _checked(source: OptionFile, known: Mapping[str, argparse.Action], verb: str) -> dict[str, Any]:
     """Return the values by destination; warn about unknown options and invalid values."""
-    values = {}
-    for key, value in source.options.items():
+    (path, options), values = source, {}
+    for key, value in options.items():
         action = known.get(str(key))
         if action is None:
             hint = did_you_mean(str(key), known)
-            problem = Problem(f"'forge {verb}' has no option '{key}'", Location(source.path), hint)
+            problem = Problem(f"'forge {verb}' has no option '{key}'", Location(path), hint)
             print_problem(problem, "warning")
             continue
         try:
@@ -142,7 +136,7 @@ def _checked(source: OptionFile, known: Mapping[str, argparse.Action], verb: str
             if not isinstance(error, argparse.ArgumentTypeError):
                 reason = f" expects {error}, not {value!r}"
             message = f"option '{key}' of 'forge {verb}'{reason}"
-            print_problem(Problem(message, Location(source.path)), "warning")
+            print_problem(Problem(message, Location(path)), "warning")
     return values
 
 

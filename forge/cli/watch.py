@@ -243,21 +243,17 @@ def line_of(order: Sequence[str], tally: Tally, seconds: float, palette: Palette
         (tally.aborted, "stopped", "warning"),
         (tally.finished, "rebuilt", "success"),
     )
-    parts = [
-        f"{_some([name for name in order if name in names], palette)} {palette.paint(meaning, words)}"
-        for names, words, meaning in results
-        if names
-    ]
+    parts = []
+    for names, words, meaning in results:
+        if names:
+            first = palette.paint("name", next(name for name in order if name in names))
+            more = f" and {len(names) - 1} more" if names[1:] else ""
+            parts.append(f"{first}{more} {palette.paint(meaning, words)}")
     if tally.embedded and not tally.finished:
         parts.append("embedded packages rebuilt")
     if tally.not_processed:
         parts.append(f"{len(tally.not_processed)} not built")
     return f"{', '.join(parts)} in {duration(seconds)}" if parts else "nothing to do"
-
-
-def _some(names: Sequence[str], palette: Palette) -> str:
-    first = palette.paint("name", names[0])
-    return first if len(names) == 1 else f"{first} and {len(names) - 1} more"
 
 
 def _clock() -> str:

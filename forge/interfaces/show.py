@@ -5,7 +5,6 @@ from __future__ import annotations
 import struct
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from enum import Enum
 
 from forge.base.errors import InterfaceError, Problem
 from forge.interfaces.model import (
@@ -32,14 +31,6 @@ MAX_LINES = 1_000_000
 _MAX_NESTING = 100
 
 
-class Comments(Enum):
-    """The levels whose comments and blank lines are shown."""
-
-    TOP = "top"
-    ALL = "all"
-    NONE = "none"
-
-
 def parse_type_name(text: str, known: Callable[[], Iterable[TypeName]] = tuple) -> TypeName:
     """Parse 'package/kind/Name'; raises InterfaceError with the message of `ros2 interface`.
 
@@ -58,10 +49,11 @@ def parse_type_name(text: str, known: Callable[[], Iterable[TypeName]] = tuple) 
     return TypeName(*parts)
 
 
-def show(name: TypeName, comments: Comments, text_of: Callable[[TypeName], str]) -> Iterator[str]:
+def show(name: TypeName, comments: int, text_of: Callable[[TypeName], str]) -> Iterator[str]:
     """Yield the lines of an interface and of its nested messages, indented by one tab per level.
 
-    `text_of` returns the text of a definition. Omitted comments include their '#', unlike in ROS.
+    Comments and blank lines are shown on as many levels as `comments` says. `text_of` returns the text of a
+    definition. Omitted comments include their '#', unlike in ROS.
     Raises InterfaceError if a message contains itself or is too large; exceptions of `text_of` propagate.
     """
     for number, line in enumerate(_show(name, comments, text_of, ())):
@@ -71,7 +63,7 @@ def show(name: TypeName, comments: Comments, text_of: Callable[[TypeName], str])
 
 
 def _show(
-    name: TypeName, comments: Comments, text_of: Callable[[TypeName], str], above: tuple[TypeName, ...]
+    name: TypeName, comments: int, text_of: Callable[[TypeName], str], above: tuple[TypeName, ...]
 ) -> Iterator[str]:
     if name in above:
         path = " -> ".join(f"{each.package}/{each.name}" for each in (*above[above.index(name) :], name))
@@ -79,7 +71,7 @@ def _show(
     if len(above) > _MAX_NESTING:
         message = f"messages in '{above[0]}' are nested more than {_MAX_NESTING} levels deep"
         raise InterfaceError(Problem(message))
-    keep = comments is Comments.ALL or (comments is Comments.TOP and not above)
+    keep = len(above) < comments
     for written in text_of(name).removeprefix("\ufeff").splitlines():
         line = written.rstrip() if keep else written.partition("#")[0].rstrip()
         if line or keep:

@@ -10,7 +10,7 @@ import shlex
 import sys
 from collections import defaultdict
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from forge.base.colours import Palette, palette_of
 from forge.base.frozen import frozen
@@ -36,20 +36,8 @@ if TYPE_CHECKING:
     from forge.workspace.model import Package
 
 
-class Screen(Protocol):
-    """The output of a report; with `quiet_starts`, another view shows running packages."""
-
-    quiet_starts: bool
-
-    def palette(self, *, stderr: bool = False) -> Palette:
-        """Return the colours of the stream."""
-
-    def write(self, content: bytes, *, stderr: bool = False) -> None:
-        """Write bytes unchanged, because output of packages may have any encoding."""
-
-
-class _Plain:
-    """Writes to stdout and stderr."""
+class Screen:
+    """The output of a report: stdout and stderr. With `quiet_starts`, another view shows running packages."""
 
     quiet_starts = False
 
@@ -57,6 +45,7 @@ class _Plain:
         return palette_of(sys.stderr if stderr else sys.stdout)
 
     def write(self, content: bytes, *, stderr: bool = False) -> None:
+        """Write bytes unchanged, because output of packages may have any encoding."""
         stream = sys.stderr if stderr else sys.stdout
         with ignore_closed_output(1):
             sys.stdout.flush()
@@ -69,7 +58,7 @@ class _Plain:
             stream.flush()
 
 
-PLAIN: Screen = _Plain()
+PLAIN = Screen()
 
 
 @frozen

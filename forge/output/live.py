@@ -20,7 +20,7 @@ from forge.base.colours import palette_of
 from forge.base.frozen import frozen
 from forge.base.text import counted, duration
 from forge.build.events import Aborted, Event, Finished, Fresh, Output, Skipped, Started, StepStarted
-from forge.output.console import PLAIN
+from forge.output.console import PLAIN, Screen
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from forge.base.colours import Palette
     from forge.build.events import Event
     from forge.build.tasks import BuildPlan
-    from forge.output.console import Screen
 
 
 _LINES = 8
@@ -162,7 +161,7 @@ def _elapsed(seconds: float) -> str:
     return f"{seconds:.1f}s" if seconds < _MINUTE - 0.05 else duration(seconds)
 
 
-class Above:
+class Above(Screen):
     """Prints above the status lines.
 
     Each output also redraws them. Without the lock of the redrawing thread, both would count the lines to

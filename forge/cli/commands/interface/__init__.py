@@ -45,7 +45,7 @@ from forge.interfaces.resolve.resolution import (
     undeclared_dependencies,
 )
 from forge.interfaces.schema import ENCODINGS, schema_text
-from forge.interfaces.show import Comments, parse_type_name, show, to_yaml
+from forge.interfaces.show import parse_type_name, show, to_yaml
 
 __all__ = ["inputs"]
 
@@ -181,9 +181,8 @@ def _show(options: _ShowOptions) -> int:
     if path.suffix == ".idl":
         print(path.read_text(encoding="utf-8"), end="")
         return 0
-    inner = Comments.ALL if options.all_comments else Comments.TOP
-    comments = Comments.NONE if options.no_comments else inner
-    for line in show(name, comments, lambda each: _definition(each, library).read_text(encoding="utf-8")):
+    levels = 0 if options.no_comments else sys.maxsize if options.all_comments else 1
+    for line in show(name, levels, lambda each: _definition(each, library).read_text(encoding="utf-8")):
         print(line)
     return 0
 
