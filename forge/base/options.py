@@ -18,7 +18,8 @@ from typing import Any
 
 from forge.base.frozen import frozen
 
-_KEY, _NESTED = "option", "options"
+OPTION, NESTED = "option", "options"
+"""The keys of an Option, or of a dataclass with further ones, in the metadata of a field."""
 
 
 @frozen
@@ -64,7 +65,7 @@ def option(
     **more: Any,
 ) -> Any:
     """Return a dataclass field with an Option; `more` are its attributes."""
-    metadata = {_KEY: Option(help, **more)}
+    metadata = {OPTION: Option(help, **more)}
     if default_factory is not None:
         return field(default_factory=default_factory, metadata=metadata)
     return field(default=default, metadata=metadata)
@@ -77,18 +78,8 @@ def flag(help: str, **more: Any) -> Any:
 
 def options_of(cls: Callable[[], Any]) -> Any:
     """Return a field with the options of another dataclass."""
-    return field(default_factory=cls, metadata={_NESTED: cls})
-
-
-def option_of(declared: Field[Any]) -> Option | None:
-    declared_option: Option | None = declared.metadata.get(_KEY)
-    return declared_option
+    return field(default_factory=cls, metadata={NESTED: cls})
 
 
 def default_of(declared: Field[Any]) -> object:
     return declared.default if declared.default_factory is MISSING else declared.default_factory()
-
-
-def nested_options(declared: Field[Any]) -> Callable[..., Any] | None:
-    nested: Callable[..., Any] | None = declared.metadata.get(_NESTED)
-    return nested

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 from forge.base.distributions import check_distribution, distribution_option
 from forge.base.errors import Problem, SelectionError
 from forge.base.frozen import frozen
-from forge.base.options import default_of, flag, option, option_of, options_of
+from forge.base.options import OPTION, default_of, flag, option, options_of
 from forge.cache.opening import CacheOptions
 from forge.cli.options import FolderOptions, OptionSources
 from forge.execution.executor import ExecutorOptions
@@ -191,7 +191,7 @@ def for_rebuild(options: _Options) -> _Options:
     """Return the options of a build after the first one of `--watch`, to which some options do not apply."""
     changed: dict[str, Any] = {}
     for each in fields(options):  # type: ignore[arg-type]
-        value, declared = getattr(options, each.name), option_of(each)
+        value, declared = getattr(options, each.name), each.metadata.get(OPTION)
         if declared is not None and declared.first_build_only:
             changed[each.name] = default_of(each)
         elif is_dataclass(value) and not isinstance(value, type):

@@ -14,7 +14,7 @@ from forge.base.env_vars import expand_home, setting
 from forge.base.errors import Problem, SelectionError
 from forge.base.frozen import frozen
 from forge.base.layout import Layout
-from forge.base.options import default_of, flag, nested_options, option, option_of
+from forge.base.options import NESTED, OPTION, default_of, flag, option
 from forge.cli.colcon_options import PASSED_ON
 
 if TYPE_CHECKING:
@@ -34,9 +34,9 @@ def add_options(parser: argparse.ArgumentParser, cls: Any) -> None:
     """Add an argument for each option of a dataclass, in groups with their titles."""
     exclusive: dict[str, Any] = {}
     for declared in fields(cls):
-        if nested := nested_options(declared):
+        if nested := declared.metadata.get(NESTED):
             add_options(parser, nested)
-        if each := option_of(declared):
+        if each := declared.metadata.get(OPTION):
             heading = each.group or getattr(cls, "GROUP", "options")
             if each.positional:
                 heading = "positional arguments"
@@ -56,9 +56,9 @@ def read_options(cls: Callable[..., _Options], namespace: argparse.Namespace) ->
     declared: Field[Any]
     for declared in fields(cls):  # type: ignore[arg-type]
         name = declared.name
-        if nested := nested_options(declared):
+        if nested := declared.metadata.get(NESTED):
             values[name] = read_options(nested, namespace)
-        elif each := option_of(declared):
+        elif each := declared.metadata.get(OPTION):
             flag = _flag(cls, declared, each)
             value = getattr(namespace, flag.removeprefix("--").replace("-", "_"))
             if isinstance(value, list):

@@ -141,24 +141,21 @@ class _Reader:
                 message = f"element '{child.tag}' is not part of format {self.format}"
                 self.fault(child, message, _HINTS.get(child.tag))
             else:
-                self.check_element(child, tag)
+                allowed = tag.attributes | {"xmlns"}
+                if self.format == 3 and child.tag in _CONDITIONAL:
+                    allowed |= {"condition"}
+                if self.format == 3 and child.tag == "license":
+                    allowed |= _LICENSE_3
+                for attribute in child.attributes:
+                    if attribute not in allowed and ":" not in attribute:
+                        self.fault(child, f"element '{child.tag}' has an unknown attribute '{attribute}'")
+                if child.children and not tag.nested:
+                    self.fault(child.children[0], f"element '{child.tag}' must contain only text")
         for name, tag in _TAGS.items():
             if counts.get(name, 0) < tag.least:
                 self.fault(self.root, f"element '{name}' is missing")
             if counts.get(name, 0) > tag.most:
                 self.fault(list(self.root.all(name))[1], f"element '{name}' appears more than once")
-
-    def check_element(self, child: Element, tag: _Tag) -> None:
-        allowed = tag.attributes
-        if self.format == 3 and child.tag in _CONDITIONAL:
-            allowed |= {"condition"}
-        if self.format == 3 and child.tag == "license":
-            allowed |= _LICENSE_3
-        for attribute in child.attributes:
-            if attribute not in allowed and attribute != "xmlns" and ":" not in attribute:
-                self.fault(child, f"element '{child.tag}' has an unknown attribute '{attribute}'")
-        if child.children and not tag.nested:
-            self.fault(child.children[0], f"element '{child.tag}' must contain only text")
 
     def check_texts(self) -> None:
         for child in self.root.children:

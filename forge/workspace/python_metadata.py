@@ -9,6 +9,7 @@ import ast
 import configparser
 import re
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import fields
 from typing import Any
 
 from forge.base.frozen import frozen
@@ -38,13 +39,8 @@ class PythonMetadata:
 
     def over(self, below: PythonMetadata) -> PythonMetadata:
         """Return this metadata with missing values taken from another."""
-        return PythonMetadata(
-            self.name or below.name,
-            self.version or below.version,
-            self.dependencies or below.dependencies,
-            self.maintainers or below.maintainers,
-            self.requirements or below.requirements,
-        )
+        names = (each.name for each in fields(self))
+        return PythonMetadata(*(getattr(self, name) or getattr(below, name) for name in names))
 
 
 class _Parser(configparser.RawConfigParser):

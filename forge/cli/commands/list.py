@@ -17,6 +17,8 @@ from forge.cli.options import OptionSources
 from forge.workspace.load import LoadedWorkspace, load_workspace
 from forge.workspace.selection import Query
 
+_GRAPH = "topological_graph"
+
 
 @frozen
 class ListingOptions:
@@ -56,23 +58,18 @@ class Options:
 
 
 def run(options: Options) -> int:
-    if any(getattr(options, each.name) for each in fields(Options) if "graph" in each.name):
-        dot = options.topological_graph_dot
-        if not (dot or options.topological_graph):
+    names = [each.name for each in fields(Options) if each.name.startswith(_GRAPH)]
+    of_graph = {name.removeprefix(_GRAPH).lstrip("_"): getattr(options, name) for name in names}
+    if any(of_graph.values()):
+        requested, dot = of_graph.pop(""), of_graph["dot"]
+        if not (dot or requested):
             hint = "add '--topological-graph' or '--topological-graph-dot', or use 'forge graph'"
             raise SelectionError(
                 Problem("options of the dependency graph given without requesting the graph", hint=hint)
             )
         graph = find(COMMANDS, "graph", "command")
-        graph_options = graph.Options(
-            options.listing,
-            dot=dot,
-            density=options.topological_graph_density and not dot,
-            legend=options.topological_graph_legend,
-            dot_cluster=options.topological_graph_dot_cluster,
-            dot_include_skipped=options.topological_graph_dot_include_skipped,
-        )
-        code: int = graph.run(graph_options)
+        of_graph["density"] = of_graph["density"] and not dot
+        code: int = graph.run(graph.Options(options.listing, **of_graph))
         return code
     loaded = options.listing.load()
     packages = [loaded.packages[node] for node in loaded.selection.names]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Literal, cast
 
 from forge.base.frozen import frozen
@@ -29,11 +30,15 @@ _NOT_FINITE = re.compile(r"[+-]?(nan|inf|infinity)", re.IGNORECASE)
 _TUPLE_HINT = 'write a tuple in quotes, such as "(1, 2, 3)"'
 
 
+_Kind = Literal["integer", "real", "text", "truth", "name"]
+_KINDS: Mapping[type, _Kind] = {bool: "truth", int: "integer", float: "real", str: "text"}
+
+
 @frozen
 class Expression:
     """A literal or name, before its type is known."""
 
-    kind: Literal["integer", "real", "text", "truth", "name"]
+    kind: _Kind
     value: bool | int | float | str
     offset: int
 
@@ -175,14 +180,8 @@ def _element(node: ast.expr) -> Expression:
     match node:
         case ast.UnaryOp(ast.USub(), ast.Constant() | ast.Name() as operand):
             return _signed("-", _element(operand))
-        case ast.Constant(bool(truth)):
-            return Expression("truth", truth, 0)
-        case ast.Constant(int(integer)):
-            return Expression("integer", integer, 0)
-        case ast.Constant(float(real)):
-            return Expression("real", real, 0)
-        case ast.Constant(str(text)):
-            return Expression("text", text, 0)
+        case ast.Constant(bool() | int() | float() | str() as value):
+            return Expression(_KINDS[type(value)], value, 0)
         case ast.Name(name):
             return Expression("name", name, 0)
         case _:
