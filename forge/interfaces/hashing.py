@@ -58,7 +58,6 @@ class Hasher:
             structures.update(structures_of(interface))
         self._structures: Mapping[TypeName, tuple[Field, ...]] = {**_IMPLIED, **structures}
         self._texts: dict[TypeName, str] = {}
-        self._closures: dict[TypeName, frozenset[TypeName]] = {}
 
     def hash(self, name: TypeName) -> str:
         """Return the hash: 'RIHS01_' and 64 hexadecimal digits."""
@@ -68,16 +67,14 @@ class Hasher:
 
     def referenced(self, name: TypeName) -> list[TypeName]:
         """Return all types that `name` refers to, directly or indirectly, sorted by name."""
+        found: set[TypeName] = set()
         waiting = [name]
         while waiting:
-            elements = (element_of(member.type) for member in self._structures[waiting[-1]])
-            inner = [element.name for element in elements if isinstance(element, Named)]
-            if unknown := [each for each in inner if each not in self._closures]:
-                waiting += unknown
-            else:
-                below = frozenset(inner).union(*(self._closures[each] for each in inner))
-                self._closures[waiting.pop()] = below
-        return sorted(self._closures[name], key=str)
+            elements = (element_of(member.type) for member in self._structures[waiting.pop()])
+            inner = {element.name for element in elements if isinstance(element, Named)} - found
+            found |= inner
+            waiting += inner
+        return sorted(found, key=str)
 
     def fields(self, name: TypeName) -> tuple[Field, ...]:
         return self._structures[name]

@@ -85,7 +85,7 @@ class _Candidate:
 
 def _candidates(base: Path, denied: list[OSError]) -> Iterator[_Candidate]:
     """Yield what may be a result; append to `denied` why folders cannot be read."""
-    homes: list[str] = []
+    homes: dict[str, str] = {}  # the nearest folder in which CTest ran
     waiting = [str(base)]
     while waiting:
         for folder, names, files in os.walk(waiting.pop(), onerror=denied.append):
@@ -93,13 +93,16 @@ def _candidates(base: Path, denied: list[OSError]) -> Iterator[_Candidate]:
             if folder == str(base):
                 links = (path for name in names if (path := base / name).is_symlink())
                 waiting += [str(link) for link in links if is_own_result_dir(link)]
-            home = _home(folder, str(base), homes, "Testing" in names)
+            nearest = folder if "Testing" in names else homes.get(os.path.dirname(folder))  # noqa: PTH120
+            if nearest:
+                homes[folder] = nearest
+            within = Path(folder).relative_to(base).parts
+            home = nearest or str(base.joinpath(*within[:1]))
             if os.path.basename(folder) == "Testing" and "TAG" in files:  # noqa: PTH119  (a walk is text)
                 tag = f"{folder}/TAG"
                 result = last_run(tag)
                 if os.path.lexists(result):
                     yield _Candidate(result, home, tag, expected=True)
-            within = Path(folder).relative_to(base).parts
             expected = _OF_AMENT in within
             for name in sorted((*files, *names)):
                 if name.endswith(".xml"):
@@ -109,18 +112,6 @@ def _candidates(base: Path, denied: list[OSError]) -> Iterator[_Candidate]:
 
 
 _OF_AMENT, _OF_PYTHON = "test_results", ("pytest.xml", "unittest.xml")
-
-
-def _home(folder: str, base: str, homes: list[str], has_testing: bool) -> str:
-    """Return the nearest folder in which CTest ran, else the package's folder below `base`."""
-    while homes and folder != homes[-1] and not folder.startswith(homes[-1] + os.sep):
-        homes.pop()
-    if has_testing:
-        homes.append(folder)
-    if homes:
-        return homes[-1]
-    first, _, _ = os.path.relpath(folder, base).partition(os.sep)
-    return os.path.join(base, first)  # noqa: PTH118
 
 
 def last_run(tag: str) -> str:
