@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from contextlib import closing, nullcontext
 from dataclasses import replace
@@ -76,12 +77,12 @@ def run(options: Options) -> int:
         closing(open_journal(layout.build)) as journal,
     ):
         names = _names(options, root, layout, journal)
-        if options.what is None:
-            _preview(options, root, layout, journal, names)
-            return 0
         removables = _removables(options, root, layout, journal, names)
         if not removables:
             print("nothing to remove")
+            return 0
+        if options.what is None:
+            _preview(options, removables, names)
             return 0
         for removable in removables:
             print(f"- {_shown(removable, options)}")
@@ -115,18 +116,13 @@ def run(options: Options) -> int:
 def _removables(
     options: Options, root: Path, layout: Layout, journal: Journal, names: Sequence[str]
 ) -> list[cleaning.Removable]:
-    if options.what == "workspace":
+    if options.what in {None, "workspace"}:
         return list(cleaning.workspace_removables(root, layout, journal.records, options.base_select))
     return [found for name in names for found in cleaning.package_removables(name, layout, journal.records)]
 
 
-def _preview(options: Options, root: Path, layout: Layout, journal: Journal, stale: Sequence[str]) -> None:
-    found = list(cleaning.workspace_removables(root, layout, journal.records, options.base_select))
-    if not found:
-        print("nothing to remove")
-        return
-    for base in dict.fromkeys(removable.base for removable in found):
-        count = sum(removable.base == base for removable in found)
+def _preview(options: Options, removables: Sequence[cleaning.Removable], stale: Sequence[str]) -> None:
+    for base, count in Counter(removable.base for removable in removables).items():
         print(f"- {counted(count, 'item')} in {_displayed(base, options)}")
     lost = listed(stale) or "none"
     print(
