@@ -8,9 +8,8 @@ from __future__ import annotations
 import json
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict
-from typing import TYPE_CHECKING
 
 from forge.base.errors import EXIT_INTERRUPTED, Problem
 from forge.base.graph import reduced
@@ -29,10 +28,8 @@ from forge.build.events import (
 )
 from forge.build.tasks import BuildPlan, Step
 from forge.output.console import ConsoleReporter
+from forge.testing.outcomes import Failure
 from forge.workspace.model import Package
-
-if TYPE_CHECKING:
-    pass
 
 
 class JsonEvents:
@@ -106,6 +103,11 @@ class JsonEvents:
                 self.emit("Aborted", name, seconds=round(seconds, 3))
             case Skipped(name, because):
                 self.emit("Skipped", name, because=because)
+
+    def report_failures(self, failures: Iterable[Failure]) -> None:
+        for failure in failures:
+            values = {"test": failure.test, "message": list(failure.lines), "repeat": failure.repeat}
+            self.emit("TestFailure", failure.package, **values)
 
     def conclude(self, report: ConsoleReporter, seconds: float, code: int | None = None) -> None:
         """Write the results, ending with a Summary; `code` overrides the exit code of the report."""

@@ -230,9 +230,7 @@ def _report_results(
     ]
     if failures and not json:
         session.write("\n".join(("", *table(failures), "")))
-    for failure in failures:
-        values = {"test": failure.test, "message": list(failure.lines), "repeat": failure.repeat}
-        session.json_events.emit("TestFailure", failure.package, **values)
+    session.json_events.report_failures(failures)
     options = setup.context.options
     has_failed = options.return_code_on_test_failure and bool(report.failed_tests or report.not_tested)
     code = report.exit_code or int(failed or has_failed or (options.fail_if_no_tests and report.no_test_ran))
