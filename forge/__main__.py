@@ -6,11 +6,11 @@ import sys
 
 
 def main() -> int:
-    """Carry out the command of this process, which ends then; returns its exit code."""
+    """Run the command line of this process and return its exit code."""
     _insist_on_utf8()
-    # A start makes many objects and no garbage: looking for it would take a tenth of a short command.
+    # Startup creates many objects and no garbage; collecting would take a tenth of a short command's time.
     gc.set_threshold(50_000)
-    # Here, once it is known where modules come from.
+    # Import late: only now is the search path for modules known.
     from forge.base.signals import open_standard_streams
     from forge.cli import main
 
@@ -23,9 +23,9 @@ def main() -> int:
 
 
 def _insist_on_utf8() -> None:
-    """Start anew in UTF-8 mode where Python encodes paths otherwise: all that forge writes is UTF-8.
+    """Restart in UTF-8 mode if Python encodes paths in another way: all output of forge is UTF-8.
 
-    That is so in old locales, and in the C locale when PYTHONUTF8 is 0.
+    This happens in old locales, and in the C locale with PYTHONUTF8=0.
     """
     if sys.getfilesystemencoding() == "utf-8" or sys.flags.utf8_mode:
         return

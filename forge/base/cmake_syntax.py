@@ -15,7 +15,7 @@ _LONG = frozenset({"--preset", "--toolchain"})
 
 @frozen
 class CMakeArgument:
-    """An argument of CMake, in one or two words; `option` is '' if it is no option with a value."""
+    """An argument of CMake, in one or two words; `option` is '' if it is not an option with a value."""
 
     words: tuple[str, ...]
     option: str = ""

@@ -91,7 +91,7 @@ def find_definition(folder: Path, rosdistro: str, relative: str) -> Path | None:
 
 
 def is_embedded(folder: Path) -> bool:
-    """Tell whether a package is forge's own, or was installed from one; `folder` contains its package.xml."""
+    """Return whether a package is embedded or was installed from one; `folder` contains its package.xml."""
     if folder.is_relative_to(EMBEDDED):
         return True
     manifest = folder / "package.xml"
@@ -123,7 +123,7 @@ def distributions_with(package: str, relative: str = "") -> tuple[str, ...]:
 
 
 def distribution_hint(package: str, rosdistro: str, relative: str = "") -> str | None:
-    """Return a hint that names the distributions with what `rosdistro` lacks, None if there are none."""
+    """Return a hint that names the distributions with what `rosdistro` lacks, or None."""
     distributions = distributions_with(package, relative)
     if not distributions or rosdistro in distributions:
         return None

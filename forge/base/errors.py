@@ -87,7 +87,7 @@ class Location:
 
 @frozen
 class GroupedProblems:
-    """What to report instead of many similar problems: `message` with the names in place of '{}'."""
+    """The report that replaces many similar problems: `message` with the names in place of '{}'."""
 
     message: str
     name: str
@@ -247,18 +247,18 @@ def problem_from_oserror(error: OSError) -> Problem | None:
     if isinstance(error, NotRegularFileError):
         return Problem(f"cannot read '{error.filename}': {error.strerror}")
     if error.errno == errno.ENOTDIR and error.filename:
-        message = f"cannot read or write '{error.filename}': a file lies where one of its folders belongs"
+        message = f"cannot read or write '{error.filename}': a file is in place of one of its folders"
         return Problem(message, hint="move that file, or let its package install it elsewhere")
     if error.errno in _NOT_THERE and error.filename:
         message = f"'{error.filename}' disappeared while forge was using it"
         return Problem(message, hint="another program may have removed or moved it; try again")
     reason = reason_of(error)
     if not error.filename and error.errno in _OF_OUTPUT:
-        # Errors of other files contain their name.
+        # Errors for other files contain the name.
         return Problem(f"cannot write to the standard output: {reason}")
     if error.errno not in _HINTS:
         return None
-    # Copies that fail name their source first.
+    # The error of a failed copy names the source first.
     path = (error.errno in _FOR_WRITING and error.filename2) or error.filename
     message = f"cannot read or write '{path or 'a file'}': {reason}"
     return Problem(message, hint=_HINTS[error.errno])

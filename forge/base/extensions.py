@@ -112,7 +112,7 @@ def find(group: str, name: str, kind: str, functions: tuple[str, ...] = ()) -> A
 
 
 def is_installed(group: str, name: str) -> bool:
-    """Tell whether one of forge's own plugins is installed, without importing it."""
+    """Return whether one of forge's own plugins is installed, without importing it."""
     return (PACKAGE / OWN[group][name].partition(".")[2].replace(".", "/")).with_suffix(".py").is_file()
 
 
@@ -121,15 +121,15 @@ def installed(group: str) -> list[str]:
 
 
 def absent(group: str, name: str, kind: str) -> Problem | None:
-    """Return what to do if `name` is one of forge's own plugins and not installed."""
+    """Return a remedy if `name` is one of forge's own plugins that is not installed."""
     if name not in OWN.get(group, ()) or is_installed(group, name):
         return None
     plugin = OWN[group][name].split(".")[2]
     extra = f" with the extra '{_EXTRAS[plugin]}'" if plugin in _EXTRAS else ""
-    message = f"the {kind} '{name}' needs the plugin '{plugin}', which this forge lacks"
-    # No command: on an index, the name of forge's distribution might belong to somebody else.
+    message = f"the {kind} '{name}' needs the plugin '{plugin}', which is not installed"
+    # No command: the name of forge's distribution on a package index might belong to somebody else.
     page = docs_url("how-to/upgrading.md#extras")
-    return Problem(message, hint=f"install forge again{extra}; see {page}")
+    return Problem(message, hint=f"reinstall forge{extra}; see {page}")
 
 
 def entry_points(group: str) -> Mapping[str, EntryPoint]:
@@ -150,7 +150,7 @@ def _entry_points(group: str, _search_path: tuple[str, ...]) -> Mapping[str, Ent
 
 
 def load(entry: EntryPoint, kind: str, functions: tuple[str, ...]) -> Any:
-    """Return what an entry point refers to; raises ForgeError if it lacks one of `functions`."""
+    """Return the object of an entry point; raises ForgeError if it lacks one of `functions`."""
     try:
         found = entry.load()
     except Exception as error:

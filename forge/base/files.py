@@ -38,7 +38,7 @@ def read_file(path: str | Path) -> bytes:
     Never blocks, for example on a named pipe. The null device reads as an empty file. Raises
     NotRegularFileError for other files that are not regular, OSError as the system does.
     """
-    # Without a file object, which would stat the file twice more: builds read thousands of small files.
+    # No file object, which would stat the file twice more: builds read thousands of small files.
     descriptor = open_regular(os.fspath(path), os.O_RDONLY | os.O_CLOEXEC)
     try:
         chunks = []
@@ -275,7 +275,7 @@ def remove_drafts(root: Path) -> None:
 
 
 def writable_by_others(status: os.stat_result) -> bool:
-    """Tell whether users other than this one and root can write to a file or folder with this stat.
+    """Return whether users other than this one and root can write to a file or folder with this stat.
 
     A group without other members, which many systems create for each user, does not count.
     """
@@ -295,7 +295,7 @@ def writable_by_others(status: os.stat_result) -> bool:
 
 
 def has_text(path: Path, text: str) -> bool:
-    """Tell whether a regular file has exactly this text."""
+    """Return whether a regular file has exactly this text."""
     try:
         return not path.is_symlink() and path.read_bytes() == text.encode(errors="surrogateescape")
     except OSError:

@@ -32,7 +32,7 @@ def frozen(cls: type[_Class]) -> type[_Class]:
 
     Supports defaults, `field(...)` and `__post_init__`. The class must not inherit fields.
     """
-    # Without a text, dataclass would make one of the signature, for which it inspects the class.
+    # Without a docstring, dataclass would create one from the signature, which requires inspection.
     cls.__doc__ = cls.__doc__ or cls.__name__
     dataclass_type: Any = dataclass(init=False, repr=False, eq=False, slots=True)(cls)
     own: tuple[Field[Any], ...] = tuple(dataclass_type.__dataclass_fields__.values())

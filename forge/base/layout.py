@@ -22,7 +22,7 @@ FILE_TABLE = "forge_files.json"
 NAMED_INPUTS_FILE = "forge_names.json"
 """Written by earlier versions."""
 INSTALLED_STATES_DIR = ".forge_installed"
-"""A list of the installed files for each package and state, to tell which of them changed."""
+"""Lists of installed files for each package and state, to find out which of them changed."""
 TOOLCHAIN_DIR = "forge_toolchain"
 """Cached results of CMake's checks of compilers and Python."""
 TEST_FILE_TABLE = "forge_test_files.json"
@@ -68,7 +68,7 @@ BUILD_BASE_FILES = (
     *(CLUSTER_DIR, OWN_CACHE_DIR, TEMPLATES_DIR, SET_ASIDE_DIR, TRASH_DIR, STYLES_FILE),
     INTERFACE_PAGES_DIR,
 )
-"""What forge and colcon create in the build folder of a workspace, beside the folders of packages."""
+"""Files that forge and colcon create in the build folder of a workspace, beside package folders."""
 
 # In the build folder of a package.
 SCRATCH_DIR = ".forge"
@@ -85,7 +85,7 @@ TEST_RESULT = "colcon_test.rc"
 CONFIGURED_FILE = "configured"
 """A digest of the last configure command."""
 RECORD_FILE = "record.json"
-"""What the contents of the build folder were made from, and what its commands did."""
+"""The record of a build folder: inputs of its contents, and accesses of its commands."""
 DEFERRED_BUILD_FILE = "deferred_build.json"
 """The build steps of a package that was restored from the cache, for its tests."""
 LAST_COMMAND = "last_command"
@@ -113,7 +113,7 @@ INSTALL_BASE_FILES = (
         for shell in ("bash", "fish", "ps1", "sh", "zsh")
     ),
 )
-"""What forge and colcon create in the install folder of a workspace, beside the files of packages."""
+"""Files that forge and colcon create in the install folder of a workspace, beside those of packages."""
 
 
 def templates_folder() -> Path:

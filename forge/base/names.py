@@ -33,12 +33,12 @@ CPP20_KEYWORDS = frozenset("char8_t co_await co_return co_yield concept consteva
 
 
 def is_package_name(text: str) -> bool:
-    """Tell whether a text is a valid package name (REP 127, 140, 149)."""
+    """Return whether a text is a valid package name (REP 127, 140, 149)."""
     return _PACKAGE.fullmatch(text) is not None
 
 
 def is_safe_name(text: str) -> bool:
-    """Tell whether a name is safe in paths, scripts and CMake.
+    """Return whether a name is safe in paths, scripts and CMake.
 
     All valid names of packages are, and most names of Python projects and folders.
     """
@@ -46,12 +46,12 @@ def is_safe_name(text: str) -> bool:
 
 
 def is_safe_relative_path(path: str) -> bool:
-    """Tell whether a relative path stays in its folder, judging by its text, and has no line break."""
+    """Return whether a relative path stays in its folder, judging by its text, and has no line break."""
     return bool(path) and path.isprintable() and not path.startswith("/") and ".." not in path.split("/")
 
 
 def is_email(text: str) -> bool:
-    """Tell whether a manifest accepts a text as an email address."""
+    """Return whether a manifest accepts a text as an email address."""
     return _EMAIL.fullmatch(text) is not None
 
 

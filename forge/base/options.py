@@ -29,7 +29,7 @@ class Option:
     help: str | None
     """None hides the option."""
     flag: str = ""
-    """The option, if it is not called like the field."""
+    """The option, if its name differs from the field's."""
     positional: bool = False
     metavar: str | tuple[str, ...] | None = None
     short: str = ""

@@ -59,7 +59,7 @@ def install_beside_forge(*requirements: str, prefix: Path | None = None) -> str:
 
 
 def has_no_pip(environment: Path) -> bool:
-    """Tell whether a virtual environment was made by uv, without pip."""
+    """Return whether a virtual environment was made by uv, without pip."""
     by_uv = any(line.startswith("uv =") for line in text_or_nothing(environment / "pyvenv.cfg").splitlines())
     return by_uv and not any(environment.glob("lib/python*/site-packages/pip"))
 

@@ -19,7 +19,7 @@ _READER_IS_GONE = frozenset({errno.EPIPE, errno.EIO, errno.ENXIO, errno.EBADF})
 
 @contextmanager
 def handle_signals(handle: Callable[[int], object]) -> Iterator[None]:
-    """Call `handle` with the signal number; only the main thread can, in others signals stay as they are.
+    """Call `handle` with the signal number; only the main thread can do so, others leave signals unchanged.
 
     Ignored signals stay ignored, as with nohup or in background jobs.
     """

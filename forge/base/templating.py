@@ -58,7 +58,7 @@ def _bytecode_cache() -> jinja2.BytecodeCache | None:
     import jinja2
 
     class TemplateFiles(jinja2.BytecodeCache):
-        """A file per template; a folder that was removed since is not created again."""
+        """Stores a file per template; a folder that has been removed is not recreated."""
 
         def load_bytecode(self, bucket: jinja2.bccache.Bucket) -> None:
             with suppress(OSError):

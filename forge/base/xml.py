@@ -146,6 +146,6 @@ _ENCODING_MARKS = (
     *((codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16")),
     *((b"<\0\0\0", "utf-32-le"), (b"\0\0\0<", "utf-32-be"), (b"<\0", "utf-16-le"), (b"\0<", "utf-16-be")),
 )
-"""The first bytes of documents whose encoding needs no declaration; the longer ones come first."""
+"""Byte patterns that identify an encoding without a declaration, longest first."""
 
 _DECLARED_ENCODING = re.compile(rb"""<\?xml\s[^>]*?\bencoding\s*=\s*["']([A-Za-z][A-Za-z0-9._-]*)["']""")

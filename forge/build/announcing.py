@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from forge.build.up_to_date import InputChange
 
 _SHOWN = 5
-"""The number of lines at most."""
+"""The maximum number of lines."""
 
 
 def announcements(plan: BuildPlan, snapshot: Snapshot) -> Iterator[str]:
@@ -47,7 +47,7 @@ def _announcement(changes: Sequence[InputChange]) -> str:
     elif first.kind is InputKind.VARIABLE and len(names) > 1:
         text = f"the environment variables {', '.join(map(repr, names))} changed"
     line = f"{text}; {_rebuilt(len(changes))}"
-    # What sourcing sets cannot simply be unset.
+    # Variables that sourcing sets cannot simply be unset.
     if first.kind is not InputKind.VARIABLE or any(name.endswith("PATH") for name in names):
         return line
     it = "it" if len(names) == 1 else "them"

@@ -81,26 +81,26 @@ _GENERATED = (
     "CMakeFiles/Makefile2",
     "cmake_install.cmake",
 )
-"""What CMake generates for the native tool, which may not be able to read a damaged file."""
+"""Files that CMake generates for the native tool, which may fail to read a damaged one."""
 _KEPT = (
     *(BUILD_RESULT, TEST_RESULT, TEST_SCRATCH_DIR, "test_results", "Testing"),
     *("pytest.xml", "unittest.xml", ".coverage", "coverage.html", "coverage.xml", ".pytest_cache"),
 )
-"""What tests and other tools wrote: kept when the folder is emptied, like JUnit files elsewhere in it."""
+"""Results of tests and other tools, which are kept when the folder is emptied, as JUnit files are."""
 _CACHES = ("~/.cache", "~/.ccache")
 _CACHE_VARIABLES = ("CCACHE_DIR", "SCCACHE_DIR")
 _PACKAGE = re.compile(r"^([^/#:]+)_DIR:PATH=", re.MULTILINE)
-"""The packages that CMake has searched, found or not."""
+"""The packages that CMake searched for, found or not."""
 _CLOCK_NANOSECONDS = 2_000_000_000
 """The tolerated difference between the clocks of this machine and of a file server."""
 
 
 def last_record(build: Path) -> FolderRecord | None:
-    """Return what is known of the contents of a build folder, after a build that was perhaps killed."""
+    """Return the record of a build folder; the last build may have been killed."""
     before = set_aside_path(build)
     _discard(_trash(build))
     if before.is_dir():
-        # The configure step after which its products should have been restored did not finish.
+        # The build was killed in the configure step, before the outputs were restored.
         _discard(build)
         before.rename(build)
     return read_record(build)
@@ -128,11 +128,11 @@ def prepare_build_dir(
         decision = _decision(build, last, now, states, table, reconfigure=reconfigure)
     reuse, seen = decision.reuse, last.commands if last else NOT_OBSERVED
     if reuse is Reuse.EVERYTHING:
-        # The first output of a command goes in any case, or the native tool would not run it.
+        # Always remove the first output of a command; otherwise the native tool would not rerun it.
         remaining = (
             each.remaining - {output} for output, each in seen.edges.items() if output in decision.dropped
         )
-        # An installation into a new build folder does not find what the last one wrote.
+        # The install step must not see files that the previous one wrote.
         for path in sorted(seen.left.union(decision.dropped).difference(*remaining), reverse=True):
             if not path.startswith(f"{build}/") or not os.path.lexists(path.rstrip("/")):
                 continue
@@ -158,10 +158,10 @@ def prepare_build_dir(
 
 
 def restore_outputs(build: Path) -> None:
-    """Move products of the earlier build that the new build graph still contains back into the build folder.
+    """Move outputs of the earlier build that are still in the build graph back into the build folder.
 
-    Files that CMake generated again with identical content get their old times, so that they cause no
-    rebuild. Nothing is moved unless a folder was set aside.
+    Regenerated files with identical content get their old times, so that they cause no rebuild. Nothing is
+    moved unless a folder was set aside.
     """
     before = set_aside_path(build)
     if before.is_dir():
@@ -200,12 +200,12 @@ def _restore(build: Path, before: Path) -> None:
 
 
 def set_aside_path(build: Path) -> Path:
-    """Return the path of a build folder that was renamed so that its products can be restored."""
+    """Return the path of a build folder that was set aside so that its outputs can be restored."""
     return build.parent / SET_ASIDE_DIR / build.name
 
 
 def empty_build_dir(build: Path) -> None:
-    """Empty a build folder whose contents belong to no record, keeping what tests and other tools wrote."""
+    """Empty a build folder whose contents belong to no record, except for results of tests and tools."""
     _discard(_trash(build))
     _discard(set_aside_path(build))
     _begin_empty(build, Reuse.NOTHING, (f"{SCRATCH_DIR}/{DEFERRED_BUILD_FILE}",))
@@ -230,7 +230,7 @@ def _decision(
         or last.saved - now.sources.keys()
         or needed_changes is None
         or not graph.tool
-        # The clock was set back since the last build, which makes file times useless.
+        # The clock was set back since the last build, so file times are unreliable.
         or max(last.began, _modified(str(build / ".ninja_log"))) > time.time_ns() + _CLOCK_NANOSECONDS
         # Damaged, or written by a run of CMake that forge does not know.
         or (last.complete and last.generated != generated_digest(build))
@@ -245,7 +245,7 @@ def _decision(
     again = seen.left.intersection(chain.from_iterable(made))
     own = compare(last.sources, now.sources, differ) | Changes(modified=last.saved.union(edited, again))
     if last.needs.keys() != now.needs.keys():
-        # Other prefixes are in the search paths: nothing was looked for in them.
+        # The search paths contain different prefixes, for which nothing was observed.
         seen = NOT_OBSERVED
     decision = decide(graph, own | needed_changes, seen)
     must_configure = reconfigure or last.shape != now.shape
@@ -324,7 +324,7 @@ def observed_commands(
     *,
     workspace: Path | None = None,
 ) -> ObservedCommands:
-    """Return what the steps of a package did, and what was done `before` in its build folder.
+    """Return the accesses of a package's steps, merged with those `before` in its build folder.
 
     CMake found the results of a run elsewhere there, which has `detected` them from other inputs.
     """
@@ -353,14 +353,14 @@ def observed_commands(
     )
     found = commands_of(steps.observed, steps.kinds, outputs_of, folders)
     if detected and found.configure:
-        # What asks for the processor would do so here as well.
+        # A dependency on the processor would be observed here, too.
         others = (PROCESSOR, cmake_root(build))
         inputs = frozenset(each for each in detected if not each.startswith(others))
         paths = frozenset(each for each in inputs if each.startswith("/"))
         configure = found.configure | Accesses(external=paths, asked=inputs - paths)
         found = replace(found, configure=configure)
     outputs = frozenset(edge.outputs[0] for edge in graph.edges)
-    # Which commands ran is unknown if a part of the log is missing.
+    # If a part of the log is missing, it is unknown which commands ran.
     commands = (NOT_OBSERVED if steps.observed.blind else before).merged(found, outputs)
     packages = _PACKAGE.findall(text_or_nothing(build / "CMakeCache.txt", errors="surrogateescape"))
     asked = {f"{PACKAGE_FOUND}{name}" for name in packages}.union(*(each.asked for each in commands.all))
@@ -401,7 +401,7 @@ def saved_during_build(
 
 
 def products_of(build: Path, commands: ObservedCommands) -> Mapping[str, str]:
-    """Return kind, size and time of what the commands of the native tool have written to the build folder."""
+    """Return kind, size and time of the files that native commands wrote to the build folder."""
     written = frozenset[str]().union(*(each.written for each in commands.edges.values()))
     return {path: _state(path) for path in written if path.startswith(f"{build}/") and path[-1] != "/"}
 
@@ -412,7 +412,7 @@ def _state(path: str) -> str:
 
 
 def generated_digest(build: Path) -> str:
-    """Return a digest of what CMake generated in a build folder."""
+    """Return a digest of the build files that CMake generated."""
     texts = (text_or_nothing(build / name, errors="surrogateescape") for name in _GENERATED)
     return digest_strings(*texts)
 
@@ -423,9 +423,9 @@ def _begin_empty(build: Path, reuse: Reuse, more: tuple[str, ...]) -> None:
     if build.is_dir() and not build.is_symlink():
         target.parent.mkdir(exist_ok=True)
         build.rename(target)
-    # The mark comes first: whenever this build is killed, the next one knows whose folder this is.
+    # Create the mark first: if this build is killed, the next one knows that the folder is forge's.
     (build / SCRATCH_DIR).mkdir(parents=True, exist_ok=True)
-    # A build that reuses nothing tries again whether generated sources compile together.
+    # A build that reuses nothing tries again to compile generated sources together.
     kept = (*_KEPT, UNITS_FAILED_FILE) if reuse is Reuse.PRODUCTS else _KEPT
     for name in (*kept, *more):
         with contextlib.suppress(FileNotFoundError):
@@ -454,7 +454,7 @@ def _content(path: str) -> bytes:
 
 
 def _touch_build_ninja(build: Path) -> None:
-    """Make what CMake generates as new as all files that it read: forge decides whether CMake runs."""
+    """Make CMake's build files newer than its inputs: forge decides whether CMake runs."""
     edge = cmake_edge(build)
     newest = max(map(_modified, edge.inputs), default=0)
     for path in edge.outputs:
@@ -470,7 +470,7 @@ def _modified(path: str) -> int:
 
 
 def _move(path: str, source: str) -> None:
-    """Move a file back; of a folder that ends with '/', only the folder itself: others may lie in it."""
+    """Move a file back. A path that ends with '/' is a folder, which is only created."""
     if path.endswith("/"):
         if os.path.isdir(source):
             os.makedirs(path, exist_ok=True)

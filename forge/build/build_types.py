@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 @frozen
 class BuildType:
-    """What forge asks a build type. Only `toolchain` runs programs, and no function writes files.
+    """The interface of a build type. Only `toolchain` runs programs, and no function writes files.
 
     The fields without a default and `identify` are required of plugins.
     """
@@ -43,14 +43,14 @@ class BuildType:
     options: Callable[[Package, BuildContext], tuple[str, ...]]
     """Returns the inputs besides sources, dependencies and tools: `common_options` and further ones.
 
-    A package is built again when one of them changes.
+    A package is rebuilt when one of them changes.
     """
     recipe: Callable[[Package, BuildContext], Recipe]
     """Returns the steps that build the package and install it into its prefix."""
     tests: Callable[[Package, TestContext], Recipe]
     """Returns the steps that test the package, none if it has no tests."""
     identify: Callable[[Folder], Identity | None] | None = None
-    """Returns the package in a folder without package.xml, None if it is none of this build type."""
+    """Returns the package in a folder without package.xml, None if it is not of this build type."""
     toolchain: (
         Callable[[Sequence[Package], BuildContext | TestContext, Mapping[str, str]], tuple[str, str]] | None
     ) = None
@@ -133,7 +133,7 @@ def known_types() -> tuple[str, ...]:
 
 
 def is_known_type(name: str) -> bool:
-    """Tell whether there is a build type of this name, without loading it."""
+    """Return whether there is a build type of this name, without loading it."""
     return name in OWN or name in installed(BUILD_TYPES) or name in entry_points(BUILD_TYPES)
 
 
@@ -184,7 +184,7 @@ def unknown_type(manifest: Manifest) -> Problem:
 
 
 def hint_on_type(build_type: str, name: str = "NAME") -> str:
-    """Return what to do about an unknown build type."""
+    """Return a remedy for an unknown build type."""
     if build_type == "catkin":
         what = "catkin, the build type of a package.xml that names none, is for ROS 1"
         return f"{what}; check out a branch for ROS 2, add a build type, or pass --packages-skip {name}"

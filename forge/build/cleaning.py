@@ -95,7 +95,7 @@ def built_packages(layout: Layout, records: Mapping[str, BuildRecord]) -> frozen
         kept = ((name, read_installed_list(name, layout)) for name in lists)
         found |= {name for name, one in kept if one and any(map(os.path.lexists, one.files))}
         if layout.merged:
-            # Files of others may lie beside the marks.
+            # Unowned files may be beside the marks.
             marks = (entry.name for entry in _entries(layout.install / PACKAGES) if entry.is_file())
             share = layout.install / "share"
             found |= {name for name in marks if any((share / name / each).is_file() for each in _SCRIPTS)}
@@ -105,7 +105,7 @@ def built_packages(layout: Layout, records: Mapping[str, BuildRecord]) -> frozen
 
 
 def is_of_workspace(name: str, root: Path, layout: Layout, records: Mapping[str, BuildRecord]) -> bool:
-    """Tell whether a package was built from this workspace, which may share folders with others.
+    """Return whether a package was built from this workspace, which may share folders with others.
 
     Without a list that tells, it is one of this workspace if its sources were, or else if the folders are.
     """
@@ -119,7 +119,7 @@ def is_of_workspace(name: str, root: Path, layout: Layout, records: Mapping[str,
 def packages_of_others(root: Path, layout: Layout, records: Mapping[str, BuildRecord]) -> frozenset[str]:
     """Return the packages that were built from another workspace, which shares a folder and still exists.
 
-    Without a list that tells, the record of the package, or that there is none, tells.
+    Without a list, the record of the package decides, or its absence.
     """
     real, found = os.path.realpath(root), set()
     for name in built_packages(layout, records):
@@ -167,7 +167,7 @@ def workspace_removables(
         ("install", layout.install, is_own_install_base, INSTALL_BASE_FILES),
     ):
         targets = tuple(_targets(layout))
-        # The install folder around those of targets has no mark but them.
+        # An install folder that contains only those of targets has no other mark.
         if base in bases and (is_own(chosen) or any(target.install.parent == chosen for target in targets)):
             yield from (removable for removable in found if removable.base == chosen)
             for target in targets:
@@ -181,7 +181,7 @@ def workspace_removables(
             yield Removable(f"logs of {counted(len(runs), 'run')}", layout.logs, runs)
         links = tuple(filter(is_own_log_link, layout.logs.glob("latest*")))
         mark = layout.logs / IGNORE_MARK
-        # Beside files of others, which it hides from discovery, the mark may be theirs.
+        # If there are unowned files, which the mark hides from discovery, it may belong to their owner.
         others = {*_entries(layout.logs)} - {*runs, *links, mark}
         yield from _own_files("log", layout.logs, (*links, *(() if others else (mark,))))
 
@@ -210,16 +210,16 @@ def remove(removables: Iterable[Removable]) -> None:
         if removable.prefix is not None and removable.layout is not None:
             remove_empty_folders(f"{removable.prefix}/x", str(removable.base))
             if removable.prefix.is_dir():
-                # The next build then knows that it may install here, and that all of this stays.
+                # This tells the next build that it may install here, and that all of this must stay.
                 write_installed_list(removable.prefix.name, removable.layout, {}, ())
     for base in sorted(dict.fromkeys(bases), key=lambda base: -len(base.parts)):
         if base.is_dir() and not base.is_symlink() and not any(base.iterdir()):
-            with suppress(OSError):  # a mount, or in a folder of somebody else
+            with suppress(OSError):  # a mount, or in a folder of another user
                 base.rmdir()
 
 
 def remaining_entries(layout: Layout, bases: Iterable[str]) -> Iterator[tuple[Path, str]]:
-    """Yield what remains in the bases, and in prefixes with files of the user, with the reasons."""
+    """Yield the entries that remain in bases and prefixes, with the reasons."""
     folders = {"build": layout.build, "install": layout.install, "log": layout.logs}
     for base in bases:
         folder = folders[base]
@@ -235,7 +235,7 @@ def remaining_entries(layout: Layout, bases: Iterable[str]) -> Iterator[tuple[Pa
 
 
 def remaining_in_prefix(prefix: Path) -> Iterator[tuple[Path, str]]:
-    """Yield what remains in a prefix from which a package was removed, with the reason."""
+    """Yield the entries that remain in a prefix from which a package was removed, with the reason."""
     files, empty = foreign_entries(str(prefix))
     for path in map(Path, sorted((*files, *empty))):
         yield path, _reason(path)
@@ -272,7 +272,7 @@ def _targets(layout: Layout) -> Iterator[Layout]:
 
 
 def _is_run(folder: Path) -> bool:
-    """Tell whether a folder of a log folder contains the log of one run."""
+    """Return whether a subfolder of a log folder contains the log of one run."""
     if folder.is_symlink() or not is_run_name(folder.name):
         return False
     return not any(folder.iterdir()) or any((folder / name).is_file() for name in _RUN_FILES)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 _UNIT = "/Unity/unity_"
-"""In the paths of the files that CMake writes to compile several sources at once."""
+"""The part of a path that identifies CMake's unity files."""
 _INCLUDED = re.compile(r'^#include "([^"]+)"', re.MULTILINE)
 
 

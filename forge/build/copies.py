@@ -1,4 +1,4 @@
-"""Copies of files that a step of a package could overwrite, and how they are given back."""
+"""Backup copies of files that a build step could overwrite, and how they are restored."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Copies:
                 if stat.S_ISREG(status.st_mode) or stat.S_ISLNK(status.st_mode):
                     shutil.copy2(path, target, follow_symlinks=False)
                 elif of_others and not stat.S_ISDIR(status.st_mode):
-                    with contextlib.suppress(OSError):  # another file system: no copy of a socket or pipe
+                    with contextlib.suppress(OSError):  # fails on another file system
                         target.hardlink_to(path)
                 elif not of_others:
                     continue  # not installed by a build: the installed file is gone
@@ -57,7 +57,7 @@ class Copies:
                 yield self.folder / number, path, status
 
     def restore(self) -> None:
-        """Restore the files that have changed, be it with their time."""
+        """Restore the files that have changed, and those whose times have changed."""
         for copy, path, status in self.entries():
             if stats_of(path) != status or not is_same_file(path, copy):
                 give_back(path, status, copy)
@@ -106,20 +106,20 @@ def status_of(path: str) -> os.stat_result | None:
 
 
 def stats_of(path: str) -> list[int]:
-    """Return what tells whether a file was written: time, size, inode and mode."""
+    """Return the values that change when a file is written: time, size, inode and mode."""
     status = status_of(path)
     return [status.st_mtime_ns, status.st_size, status.st_ino, status.st_mode] if status else []
 
 
 def is_same_file(path: str, other: Path) -> bool:
-    """Tell whether two files have the same content, or two links the same target."""
+    """Return whether two files have the same content, or two links the same target."""
     if os.path.islink(path) or other.is_symlink():
         return os.path.islink(path) and other.is_symlink() and os.readlink(path) == os.readlink(other)
     return os.path.isfile(path) and other.is_file() and filecmp.cmp(path, other, shallow=False)
 
 
 def begins_with(path: str, other: Path) -> bool:
-    """Tell whether a file contains another one, perhaps with more at its end."""
+    """Return whether a file contains another one, perhaps with more at its end."""
     try:
         with open(path, "rb") as now, other.open("rb") as then:
             return all(now.read(len(part)) == part for part in iter(partial(then.read, _CHUNK), b""))
@@ -128,7 +128,7 @@ def begins_with(path: str, other: Path) -> bool:
 
 
 def give_back(path: str, status: Sequence[int], kept: Path) -> None:
-    """Restore an entry of somebody else; of a folder, only its path and mode are known.
+    """Restore an unowned entry; for a folder, only the path and mode are known.
 
     A file that was written in place is restored in place: it may have other names, or be mounted here.
     """

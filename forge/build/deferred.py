@@ -1,7 +1,7 @@
 """The build steps of packages whose installed files came from the package cache.
 
 Their build folders contain nothing, or the results of other sources. `forge test` runs the steps, except the
-installation, before the tests: the installed files stay those of the cache.
+installation, before the tests: the installed files remain those from the cache.
 """
 
 from __future__ import annotations

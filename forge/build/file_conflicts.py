@@ -1,4 +1,4 @@
-"""Decide whose file it is if several packages install it into a merged tree with different contents.
+"""Decide which package owns a file that several install into a merged tree with different contents.
 
 The last package in the order of the build has it. Digests of each package's own files are in its last
 installed state.
@@ -36,11 +36,11 @@ class MergedPrefix:
         self._journal = journal
         self._states = InstalledStates(layout.build)
         self._before: dict[str, frozenset[str]] = {}
-        """The packages that had ended when one was started."""
+        """The packages that had ended when each one started."""
         self._ended: set[str] = set()
 
     def note(self, event: Event) -> None:
-        """Note the start or the end of a package, to know which of them were installed in order."""
+        """Record the start or end of a package, to find out which ones were installed in order."""
         if isinstance(event, Started) and self._layout.merged:
             self._ended.discard(event.task)
             self._before[event.task] = frozenset(self._ended)
@@ -86,7 +86,7 @@ class MergedPrefix:
             yield Problem(f"{packages} install '{relative}' with different contents", hint=hint)
 
     def shared_files(self, task: Task) -> frozenset[str]:
-        """Return those files of a task that other packages have installed, too."""
+        """Return the files of a task that other packages also install."""
         earlier = frozenset(task.earlier if self._layout.merged else ())
         return owned_by_others(task.name, earlier, self._journal.records) if earlier else earlier
 
@@ -156,7 +156,7 @@ class MergedPrefix:
             taken = left.intersection(record.files)
             if record.installed.stamp and taken:
                 self._journal.set_record(name, replace(record, installed=replace(record.installed, stamp="")))
-            # The former owner may have removed it last.
+            # The previous owner may have removed the file afterwards.
             if name in plan.tasks and any(
                 content != states(name).get(path)
                 for path, content in contents_of(sorted(taken), table).items()
@@ -166,6 +166,6 @@ class MergedPrefix:
 
 
 def owned_by_others(name: str, paths: frozenset[str], records: Mapping[str, BuildRecord]) -> frozenset[str]:
-    """Return those of a package's paths that other packages have installed, too."""
+    """Return the paths of a package that other packages also install."""
     others = (record for other, record in list(records.items()) if other != name)
     return frozenset[str]().union(*(paths.intersection(record.files) for record in others))

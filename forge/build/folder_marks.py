@@ -1,4 +1,4 @@
-"""Mark folders, and decide whose one is: only what is marked by forge or colcon is emptied or removed.
+"""Mark folders and decide who owns them: only folders marked by forge or colcon are ever emptied.
 
 A path alone proves nothing: '--build-base src' names folders as '--build-base build' does. A folder of a
 package belongs to forge if it does not exist, is empty, or has a mark that forge makes before anything else,
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 BUILDERS = ("colcon", "forge")
 _OTHER_BUILDERS = ("ament_tools", "catkin build", "catkin_make", "catkin_make_isolated")
-"""Tools that write the same mark; any other word in a folder with forge's journal was damaged."""
+"""Tools that write the same mark; any other word beside forge's journal is damage."""
 _OWN_MARKS = (SCRATCH_DIR, TEST_SCRATCH_DIR)
 _COLCON_MARKS = (BUILD_RESULT, TEST_RESULT, "cmake_args.last", "colcon_command_prefix_*.sh")
 _BASE_MARKS = (BUILT_BY, LAYOUT_MARKER, IGNORE_MARK, INSTALLED_LISTS_DIR)
@@ -64,16 +64,16 @@ def builder(build: Path) -> str | None:
 
 
 def is_own_build_base(build: Path) -> bool:
-    """Tell whether forge or colcon created the build folder of a workspace."""
+    """Return whether forge or colcon created the build folder of a workspace."""
     tool = builder(build)
     marked = (build / BUILT_BY).is_file() and (build / JOURNAL_FILE).is_file()
     return tool in BUILDERS or (tool is None and marked)
 
 
 def is_own_install_base(install: Path) -> bool:
-    """Tell whether forge or colcon created the install folder of a workspace.
+    """Return whether forge or colcon created the install folder of a workspace.
 
-    The lists of installed files stay if 'forge clean' keeps files of others in prefixes.
+    The lists of installed files remain if 'forge clean' keeps unowned files in prefixes.
     """
     return (install / LAYOUT_MARKER).is_file() or (install / INSTALLED_LISTS_DIR).is_dir()
 
@@ -89,29 +89,29 @@ def recorded_layout(install: Path) -> str | None:
 
 
 def is_own_log_base(logs: Path) -> bool:
-    """Tell whether forge or colcon created a log folder."""
+    """Return whether forge or colcon created a log folder."""
     return (logs / IGNORE_MARK).is_file()
 
 
 def is_run_name(name: str) -> bool:
-    """Tell whether forge or colcon name the log folder of a run like this."""
+    """Return whether this is a name that forge or colcon give to the log folder of a run."""
     return _RUN.fullmatch(name) is not None
 
 
 def is_own_log_link(link: Path) -> bool:
-    """Tell whether an entry of a log folder is a link to the latest run, as forge and colcon create it."""
+    """Return whether an entry of a log folder is a link to the latest run, as forge and colcon create it."""
     return link.is_symlink() and bool(
         _RUN.fullmatch(target := os.readlink(link)) or _LATEST.fullmatch(target)
     )
 
 
 def is_own_ignore_mark(mark: Path) -> bool:
-    """Tell whether forge or colcon may have created a COLCON_IGNORE, which then is an empty file."""
+    """Return whether forge or colcon may have created a COLCON_IGNORE, which then is an empty file."""
     return mark.is_file() and not mark.is_symlink() and not mark.stat().st_size
 
 
 def is_own_build_dir(build: Path) -> bool:
-    """Tell whether a folder has the marks of a package's build folder, and is not a source folder."""
+    """Return whether a folder has the marks of a package's build folder, and is not a source folder."""
     if sources_in(build):
         return False
     if any((build / mark).is_dir() for mark in _OWN_MARKS):
@@ -123,7 +123,7 @@ def is_own_build_dir(build: Path) -> bool:
 
 
 def is_own_result_dir(folder: Path) -> bool:
-    """Tell whether a folder has the marks of one in which tests of a package write their results."""
+    """Return whether a folder is marked as one for test results of a package."""
     return is_own_build_dir(folder) or (folder / _RESULTS_MARK).is_file()
 
 
@@ -135,14 +135,14 @@ def mark_result_dir(folder: Path) -> None:
 
 
 def has_package_marks(prefix: Path) -> bool:
-    """Tell whether an isolated prefix has the marks of the package that it is named after."""
+    """Return whether an isolated prefix has the marks of the package that it is named after."""
     share = prefix / "share" / prefix.name
     marks = (prefix / PACKAGES, prefix / INDEX / "packages")
     return any((mark / prefix.name).is_file() for mark in marks) or (share / "package.dsv").is_file()
 
 
 def is_own_prefix(prefix: Path) -> bool:
-    """Tell whether a folder is the isolated prefix of a package, perhaps with files of others in it.
+    """Return whether a folder is the isolated prefix of a package, perhaps with unowned files.
 
     Its base has a list of what forge installed in it, or what a killed build left.
     """
@@ -173,7 +173,7 @@ def sources_in(folder: Path) -> str:
 
 
 def is_source_of(folder: Path, record: BuildRecord | None) -> bool:
-    """Tell whether a package was built from this folder, which then is no output, whatever is in it."""
+    """Return whether a package was built from this folder, which therefore is never an output folder."""
     return record is not None and bool(record.source) and _same_folder(record.source, folder)
 
 
@@ -185,7 +185,7 @@ def contents(folder: Path) -> str:
 
 
 class SourceFolders:
-    """The folders that can be no output: sources of packages, the home folder, the file system's root.
+    """Folders that cannot be output folders: sources, the home folder, the root of the file system.
 
     A package at the root of the workspace may have the bases beside its own files. Paths are compared
     without links.
@@ -202,7 +202,7 @@ class SourceFolders:
             if name in {"", ".", ".."} or os.path.islink(path):
                 real = os.path.realpath(path)
             else:
-                # Hundreds of packages have few parents.
+                # Hundreds of packages share few parent folders.
                 above = folders[parent] if parent in folders else os.path.realpath(parent or "/")
                 folders[parent] = above
                 real = f"{above.rstrip('/')}/{name}"
@@ -224,7 +224,7 @@ class SourceFolders:
         while above != os.sep:
             above = os.path.dirname(above)
             if above in sources and above != self._top:
-                return f"lies in the sources of a package: '{sources[above]}'"
+                return f"is inside the sources of a package: '{sources[above]}'"
         return ""
 
 
@@ -251,7 +251,7 @@ def base_problems(
 
 
 def occupied_bases(layout: Layout) -> Iterator[Problem]:
-    """Yield a problem for each base without marks where forge would overwrite a file of somebody else."""
+    """Yield a problem for each unmarked base where forge would overwrite an unowned file."""
     own = layout.of_host
     for kind, base, is_own, names in (
         ("build", own.build, is_own_build_base, BUILD_BASE_FILES),
@@ -309,7 +309,7 @@ def _unfit_base(base: Path, *, thorough: bool) -> str:
 
 
 def nesting_problems(layout: Layout, names: Iterable[str]) -> Iterator[Problem]:
-    """Yield a problem if one base is another one, or lies where a package of these names has its files.
+    """Yield a problem if two bases are the same, or if one is inside the folder of a package.
 
     A base in such a folder would be emptied with it.
     """
@@ -331,7 +331,7 @@ def nesting_problems(layout: Layout, names: Iterable[str]) -> Iterator[Problem]:
             continue
         part = inner[len(outer) + 1 :].partition("/")[0] if inner.startswith(f"{outer}/") else ""
         if part in known:
-            message = f"the {other} folder '{inner}' lies in the {kind} folder of '{part}'"
+            message = f"the {other} folder '{inner}' is inside the {kind} folder of '{part}'"
             yield Problem(message, hint=hint.format(f"--{other}-base"))
 
 
@@ -377,7 +377,7 @@ def _other_workspace(link: Path, kind: str) -> str:
 
 
 def _is_plain(folder: str, mark: str) -> bool:
-    """Tell quickly whether a folder, no link, has a mark and nothing that needs a closer look."""
+    """Return quickly whether a folder, not a link, has a mark and needs no closer inspection."""
     exists = os.path.lexists
     return (
         exists(f"{folder}/{mark}")
@@ -387,7 +387,7 @@ def _is_plain(folder: str, mark: str) -> bool:
 
 
 def is_usable_prefix(prefix: Path, layout: Layout, records: Callable[[], Mapping[str, BuildRecord]]) -> bool:
-    """Tell whether a build may replace the files of a package in a prefix that exists."""
+    """Return whether a build may replace the files of a package in a prefix that exists."""
     name = prefix.name
     if found := sources_in(prefix):
         path = str(prefix / found)
@@ -407,7 +407,7 @@ def is_usable_prefix(prefix: Path, layout: Layout, records: Callable[[], Mapping
 
 
 def _is_free(folder: Path) -> bool:
-    """Tell whether nothing is lost if a folder is emptied: it is missing, empty, or reported as a file."""
+    """Return whether emptying a folder loses nothing: it is missing, empty, or reported as a file."""
     try:
         with os.scandir(folder) as entries:
             return all(entry.name == "lost+found" for entry in entries)

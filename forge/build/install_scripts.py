@@ -32,7 +32,7 @@ _AROUND = frozenset({"else", "endif", "if", "include", "message", "set", "string
 """The commands outside of blocks, beside those that write a manifest."""
 _IN_BLOCKS = frozenset({"else", "endforeach", "endif", "foreach", "if", "message", "string", "unset"})
 _FILE = frozenset({"DIFFERENT", "GLOB", "REMOVE", "RPATH_CHANGE", "RPATH_CHECK", "RPATH_REMOVE", "RPATH_SET"})
-"""What file() does in blocks to installed files, beside INSTALL."""
+"""Operations of file() on installed files in blocks, besides INSTALL."""
 _STRIP = "CMAKE_INSTALL_DO_STRIP"
 _INSTALLED = "$ENV{DESTDIR}${CMAKE_INSTALL_PREFIX}/"
 _STATE = re.compile(
@@ -71,7 +71,7 @@ class InstallScripts:
 
 
 def read_install_scripts(build: Path) -> InstallScripts:
-    """Return what the scripts of a build folder install."""
+    """Return the files that the scripts of a build folder install."""
     rules: list[InstallRule] | None = []
     digest, prologue = hashlib.blake2b(digest_size=16), None
     waiting = [f"{build}/{SCRIPT}"]
@@ -91,7 +91,7 @@ def read_install_scripts(build: Path) -> InstallScripts:
 
 
 def _included(text: str, build: Path) -> list[str] | None:
-    """Return the scripts that a script includes; None if something in it is not known."""
+    """Return the scripts that a script includes, or None if it contains unknown commands."""
     included = []
     for call in _all_calls(text):
         match call and (call.command, *call.words):
@@ -134,7 +134,7 @@ def _rules(block: str, body: str) -> list[InstallRule] | None:
 
 
 def _is_generated(condition: tuple[str, ...]) -> bool:
-    """Tell whether a condition is one of CMake's own, about installed files or its state."""
+    """Return whether a condition is one of CMake's own, about installed files or its state."""
     terms: list[list[str]] = [[]]
     for word in condition:
         if word == "AND":
@@ -172,7 +172,7 @@ def _rule(words: list[str], block: str, *, is_copy: bool) -> InstallRule | None:
 
 
 def _all_calls(text: str) -> Iterator[Call | None]:
-    """Yield the calls, and None in the end if some text is no call."""
+    """Yield the calls, and finally None if some text is not a call."""
     ended = 0
     for call in calls(f"{text}\nend()"):
         ended = call.command == "end"

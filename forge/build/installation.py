@@ -64,7 +64,7 @@ def install_package(
     implicit = (prefix / INDEX / "packages" / package.name, share / "package.xml")
     scripts_of_it = (share / f"package.{extension}" for extension in ("dsv", *SHELLS))
     marker = prefix / PACKAGES / package.name
-    # CMake code adds its package to the ament index itself, or means not to.
+    # CMake packages add themselves to the ament index, or deliberately do not.
     is_registered = package.ros and package.build_type not in {*CMAKE_TYPES, "python"}
     hooks = package_hooks(package.name, files, python.site_packages, ament=is_registered)
     hook_files = (share / "hook" / f"{name}.dsv" for name in hooks)
@@ -96,7 +96,7 @@ def install_package(
 
 @frozen
 class InstalledFiles:
-    """What a build has installed, as sorted absolute paths; those of empty folders end with '/'.
+    """The files that a build installed, as sorted absolute paths; those of empty folders end with '/'.
 
     It is unknown whether the package or another program has written the `unclaimed` files.
     """

@@ -97,7 +97,7 @@ def write_installed_list(
 
 
 def package_markers(name: str, layout: Layout) -> tuple[str, ...]:
-    """Return the files that mark a package as installed; the one that is read first comes first."""
+    """Return the files that mark a package as installed, in the order in which they are read."""
     prefix = layout.prefix(name)
     scripts_of_it = (f"{prefix}/share/{name}/package.{extension}" for extension in ("dsv", *SHELLS))
     return (*scripts_of_it, f"{prefix}/{PACKAGES}/{name}", f"{prefix}/{INDEX}/packages/{name}")
@@ -108,19 +108,19 @@ def forget_installed_list(name: str, layout: Layout) -> None:
 
 
 def identity(path: str, content: str) -> str:
-    """Return what tells a file from another one at its path: the target of a link, else the digest."""
+    """Return the identity of a file at its path: the target of a link, else the digest."""
     return f"-> {os.readlink(path)}" if content.startswith("link ") else content.rpartition(" ")[2]
 
 
 def identity_now(path: str) -> str:
-    """Return what tells an existing file from another one."""
+    """Return the identity of an existing file."""
     from forge.build.inputs.fingerprints import content_digest
 
     return identity(path, "link " if os.path.islink(path) else content_digest(path))
 
 
 def edited(path: str, name: str) -> Problem:
-    """Return a warning about a file that stays though package `name` no longer installs it."""
+    """Return a warning about a file that is kept although package `name` no longer installs it."""
     message = f"kept '{path}', which '{name}' no longer installs, because it was edited"
     return Problem(message, hint="remove it if you do not need it")
 
@@ -134,7 +134,7 @@ def folders_above(path: str, root: str) -> tuple[str, ...]:
     return _with_folders_above(path.rpartition("/")[0], root)
 
 
-@lru_cache(maxsize=4096)  # many files lie in one folder
+@lru_cache(maxsize=4096)  # many files are in the same folder
 def _with_folders_above(folder: str, root: str) -> tuple[str, ...]:
     inside = folder.startswith(f"{root}/")
     return (folder, *_with_folders_above(folder.rpartition("/")[0], root)) if inside else ()

@@ -64,7 +64,7 @@ class InstalledStates:
         return self._compared[key]
 
     def only_library_code_changed(self, name: str, then: str, now: str) -> bool:
-        """Tell if two states of a package differ, and only in the code of shared libraries.
+        """Return whether two states of a package differ, and only in the code of shared libraries.
 
         A program that is linked with either is the same: the libraries have equal interfaces.
         """

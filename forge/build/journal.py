@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 _HEADER = {"forge_journal": 7}
 _MUCH = 1 << 20
-"""The number of characters up to which obsolete lines do not matter."""
+"""The number of characters of obsolete lines that are tolerated."""
 _INVALID_ENTRY = (ArithmeticError, LookupError, TypeError, ValueError)
 """Exceptions raised by torn lines and lines that forge did not write."""
 
@@ -244,7 +244,7 @@ _READ: Mapping[Any, Callable[[Any], object]] = {
     "str": _text,
     "tuple[str, ...]": _texts,
 }
-"""How the fields of records are read, by their types."""
+"""Decoders for fields of records, by type."""
 
 
 def _parsed(line: str) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Read the log of what the steps of a package wrote below its prefix.
+"""Read the log of the files that the steps of a package wrote below its prefix.
 
 The library of forge/engine logs what the processes of a step do. forge's own installers run without it and
 note what they write in a file beside the log: a letter and a word that ends with NUL for each.
@@ -106,7 +106,7 @@ def read_steps(log: Path, kinds: str = ALL_KINDS) -> ObservedSteps:
 
 
 def read_writes(log: Path, prefix: Path) -> ObservedWrites:
-    """Return what a log says of a prefix; nothing, and not complete, if there is none."""
+    """Return the writes below a prefix in a log; empty and incomplete without a log."""
     steps = read_steps(log, kinds="WDUEB")
     seen = observe(steps.observed.processes, steps.observed.blind)
     real = os.path.realpath(prefix)
@@ -153,7 +153,7 @@ def note_start(variables: Mapping[str, str]) -> None:
     started_with = b""
     with contextlib.suppress(OSError):
         started_with = Path("/proc/self/environ").read_bytes()
-    if LOG_VARIABLE.encode() not in started_with:  # else the library is in this process
+    if LOG_VARIABLE.encode() not in started_with:  # otherwise this process has loaded the library
         append(variables.get(LOG_VARIABLE), b"P")
 
 

@@ -75,7 +75,7 @@ def make_plan(
             sources=snapshot.sources[name].digest,
             needs=need_hashes or (),
         )
-        if package.embedded:  # it compiles nothing
+        if package.embedded:  # embedded packages compile nothing
             inputs = replace(
                 inputs,
                 tools=tuple(pair for pair in shared.tools if pair[0] in _CONFIGURING),
@@ -83,7 +83,7 @@ def make_plan(
             )
         record = snapshot.records.get(name)
         option = forced.get(name)
-        # What depends on pending packages is decided when these have ended.
+        # Dependents of pending packages are decided once these have ended.
         now = replace(inputs, needs=record.inputs.needs) if need_hashes is None and record else inputs
         change = reason_to_build(name, now, record, snapshot)
         reason = change.text if change else (f"requested by {option}" if option else None)

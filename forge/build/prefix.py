@@ -60,7 +60,7 @@ if TYPE_CHECKING:
     from forge.build.tasks import Task
 
 _OF_BASE = frozenset({*INSTALL_BASE_FILES, BACKUP_DIR, INSTALLED_LISTS_DIR, LOCK_FILE})
-"""What forge and colcon write at the top of an install folder."""
+"""Files that forge and colcon write at the top of an install folder."""
 _SCRIPTS = frozenset({".bash", ".bat", ".dsv", ".fish", ".ps1", ".sh", ".zsh"})
 
 
@@ -80,7 +80,7 @@ def guarded_links(name: str, layout: Layout) -> Path:
 
 
 def leftover_backups(name: str, layout: Layout) -> list[Path]:
-    """Return what a killed build left of a package in the backup folder."""
+    """Return the backups of a package that a killed build left behind."""
     folder = _folder(name, layout)
     return [path for path in (folder, *sorted(folder.parent.glob(f"{name}.*"))) if path.exists()]
 
@@ -123,7 +123,7 @@ class PrefixExchange:
         listed = known or InstalledList({})
         # After a kill, install manifests may name files that a step had not yet written.
         earlier = self.moved_files() if self._moved.is_dir() else earlier
-        # Before its first build, nothing is the package's.
+        # Before its first build, a package owns no files.
         markers = self._markers if known or earlier or self._is_installed() else ()
         scripts = _scripts(self._layout.prefix(self._name) / "share" / self._name)
         files = dict.fromkeys(
@@ -141,7 +141,7 @@ class PrefixExchange:
         self._move_aside(movable, folders)
         begin_log(written_log(self._name, self._layout))
         if not self._layout.merged:
-            # What is left belongs to somebody else, and a step could overwrite it.
+            # The remaining files belong to somebody else, and a step could overwrite them.
             files_of_others, empty = foreign_entries(self._prefix)
             if files_of_others or empty:
                 self._others.make((*files_of_others, *empty), of_others=True)
@@ -170,11 +170,11 @@ class PrefixExchange:
         return {path: status for _, path, status in self._others.entries()}
 
     def writes(self) -> ObservedWrites:
-        """Return what the steps have written below the prefix, as far as it was observed."""
+        """Return the observed writes of the steps below the prefix."""
         return read_writes(written_log(self._name, self._layout), Path(self._prefix))
 
     def in_the_way(self, paths: Iterable[str]) -> Iterator[Problem]:
-        """Yield a problem for each file of somebody else where the package is about to install one."""
+        """Yield a problem for each unowned file that the package is about to replace."""
         known, unclaimed = self._known_others()
         others = {path for path in known if os.path.lexists(path)}
         above = {parent: path for path in others for parent in folders_above(path, self._prefix)}
@@ -200,9 +200,9 @@ class PrefixExchange:
         append(str(log), *(b"W" + os.fsencode(path) for path in paths))
 
     def overwritten(self, installed: Iterable[str]) -> Iterator[Problem]:
-        """Give back files of others that lay where the package has installed some; yield a problem for each.
+        """Restore unowned files that the package has replaced; yield a problem for each.
 
-        What the steps were observed to remove without installing something there is given back as well.
+        Unowned files that the steps removed are restored as well.
         """
         others, unclaimed = self._known_others()
         if not others:
@@ -227,7 +227,7 @@ class PrefixExchange:
                     yield self._problem(blocking[0], path)
 
     def refused(self) -> Iterator[Problem]:
-        """Yield a problem for each link of somebody else through which a step tried to write."""
+        """Yield a problem for each unowned link through which a step tried to write."""
         others, found = self.others(), dict[str, str]()
         for path in sorted(self.writes().refused):
             link = next(
@@ -278,7 +278,7 @@ class PrefixExchange:
                 os.chmod(path, mode)
         self._copies.restore()
         if self._list.is_file():
-            list_file(self._name, self._layout).parent.mkdir(exist_ok=True)  # a step may have removed all
+            list_file(self._name, self._layout).parent.mkdir(exist_ok=True)  # may be gone
             self._list.replace(list_file(self._name, self._layout))
         elif self._state.is_file():
             forget_installed_list(self._name, self._layout)
@@ -289,9 +289,10 @@ class PrefixExchange:
         return kept
 
     def _keep_changed(self) -> tuple[Problem, ...]:
-        """Keep the earlier contents of files of others that a step may have changed without being observed.
+        """Keep the earlier contents of unowned files that an unobserved step may have changed.
 
-        They may as well be changed by their owner, so that they stay, too. What was appended changes nothing.
+        Their owner may have changed them instead, so the new contents are kept, too. What was appended
+        changes nothing.
         Where no step is observed, files in a merged prefix may be the package's own, which no manifest lists.
         """
         writes = self.writes()
@@ -332,7 +333,7 @@ class PrefixExchange:
             self._remove_written()
             kept = self._keep_changed()
             if not self.writes().complete:
-                # Some files may be of the killed build: which ones is unknown.
+                # It is unknown which files were written by the killed build.
                 noted = {
                     "state": {**self._noted("state"), "listed": False},
                     "folders": self._noted("folders"),
@@ -423,7 +424,7 @@ class PrefixExchange:
     def _move_back(self, source: Path) -> None:
         """Move files to their original paths, replacing whatever the build created there since.
 
-        What another package has installed there meanwhile stays.
+        Files that another package has installed there meanwhile are kept.
         """
         others, installed = self.others(), self._of_other_packages()
         for path, _ in tree_below(str(source))[0]:
@@ -440,7 +441,7 @@ class PrefixExchange:
         remove_tree(str(source))
 
     def _guard_links(self) -> None:
-        """List the links of others that lead out of the prefix: what is behind them was not copied."""
+        """List unowned links out of the prefix: files behind them were not copied."""
         file = guarded_links(self._name, self._layout)
         file.unlink(missing_ok=True)
         others, unclaimed = self._known_others()
@@ -456,11 +457,11 @@ class PrefixExchange:
             file.write_bytes(b"".join(b"%s\0" % os.fsencode(path) for path in sorted(spelled)))
 
     def unclaimed(self) -> Collection[str]:
-        """Return the files of which it was unknown before the build if they are the package's."""
+        """Return the files that may belong to the package, which was unknown before the build."""
         return self._known_others()[1]
 
     def _known_others(self) -> tuple[Mapping[str, list[int]], Collection[str]]:
-        """Return what certainly was not the package's before the build, and what nobody claimed.
+        """Return the entries that certainly did not belong to the package, and those of unknown owners.
 
         Which files belong to a package that another tool or an older forge installed is unknown.
         """
@@ -512,7 +513,7 @@ def _scripts(share: Path) -> Iterator[str]:
     return (str(path) for path in files if path.suffix in _SCRIPTS)
 
 
-@lru_cache(maxsize=1024)  # an exchange asks for all of them
+@lru_cache(maxsize=1024)  # an exchange needs all of them
 def _folder(name: str, layout: Layout, kind: str = "") -> Path:
     """Return an entry of a package in the backup folder; package names contain no dots."""
     return layout.install / BACKUP_DIR / (f"{name}.{kind}" if kind else name)
@@ -588,5 +589,5 @@ def blocking_paths(task: Task, layout: Layout) -> Iterator[Problem]:
 
 
 def _leads_out(path: str, base: str) -> bool:
-    """Tell whether a link leads out of a folder; `base` has no links."""
+    """Return whether a link leads out of a folder; `base` has no links."""
     return os.path.islink(path) and not f"{os.path.realpath(path)}/".startswith(f"{base}/")

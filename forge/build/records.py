@@ -1,4 +1,4 @@
-"""The record of a build folder: what its contents were made from, and what its commands did.
+"""The record of a build folder: the inputs of its contents, and the accesses of its commands.
 
 The journal records the inputs of successful builds only. A build that failed or was killed leaves objects
 made from other inputs. Therefore each build folder has a record of its own. The first line of the file is
@@ -38,7 +38,7 @@ UNPLANNED = "unplanned"
 
 @frozen
 class FolderRecord:
-    """What the contents of a build folder were made from.
+    """The inputs of the contents of a build folder.
 
     `base` is a digest of inputs that no native build tool tracks: forge, tools, variables. `shape` is a
     digest of inputs that take effect at configure time: options, packages in underlays. `needs` are the
@@ -57,7 +57,7 @@ class FolderRecord:
     dropped: frozenset[str] = frozenset()
     """Products in the folder that was set aside which are not restored after CMake has run."""
     commands: ObservedCommands = NOT_OBSERVED
-    """What CMake and the commands did that made the contents; nothing is known of steps that were killed."""
+    """Accesses of CMake and the commands that made the contents; those of killed steps are unknown."""
     complete: bool = False
     """The build has succeeded."""
     externals: Mapping[str, str] | None = None
@@ -110,14 +110,14 @@ def complete_record(
 def _append(build: Path, data: Mapping[str, object]) -> None:
     path = build / SCRATCH_DIR / RECORD_FILE
     content = json.dumps(data).encode() + b"\n"
-    # If the steps have removed it, the next build starts from empty.
+    # If the steps have removed the file, the next build starts from empty.
     with contextlib.suppress(FileNotFoundError), naming(path), path.open("r+b") as stream:
         stream.seek(0, os.SEEK_END)
         stream.write(content)
 
 
 def read_record(build: Path) -> FolderRecord | None:
-    """Return the record of a build folder, None if there is none that is valid."""
+    """Return the record of a build folder, None without a valid one."""
     try:
         first, *more = (build / SCRATCH_DIR / RECORD_FILE).read_bytes().splitlines()
         data = json.loads(first)

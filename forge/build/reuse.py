@@ -33,7 +33,7 @@ _STEPS = re.compile(r"/src/[^/]+-stamp/[^/]+$")
 
 
 class Reuse(enum.Enum):
-    """What stays of a build folder."""
+    """How much of a build folder is kept."""
 
     NOTHING = "nothing"
     PRODUCTS = "products"
@@ -64,14 +64,14 @@ def decide(
     must_configure = (
         bool(changes.all & {*graph.read_by_cmake})
         or is_affected(seen.configure, seen, changes)
-        # What else they wrote is unknown, and would remain.
+        # Their other outputs are unknown and would remain.
         or any(not is_known(edge, seen) and any(map(exists, edge.outputs)) for edge in graph.edges)
     )
     return Decision(Reuse.PRODUCTS if must_configure else Reuse.EVERYTHING, dropped)
 
 
 def is_known(edge: Edge, seen: ObservedCommands) -> bool:
-    """Return True if all is known that a command read and wrote, and it wrote to the build folder only."""
+    """Return True if all inputs and outputs are known, and it wrote only to the build folder."""
     accesses = seen.edges.get(edge.outputs[0])
     return accesses is not None and accesses.outputs_known and not any(map(_STEPS.search, edge.outputs))
 
@@ -81,7 +81,7 @@ def is_affected(accesses: Accesses, seen: ObservedCommands, changes: Changes) ->
 
 
 def affected_outputs(graph: NativeGraph, changes: Changes, seen: ObservedCommands) -> frozenset[str]:
-    """Return the outputs of commands that could see something else, or of which not all is known.
+    """Return the outputs of commands that are affected by the changes or partially observed.
 
     What was made from the latter is made again, too: the native tool does not notice an output that a command
     writes later than its rule says, as ExternalProject does.
@@ -110,7 +110,7 @@ def with_all_written(graph: NativeGraph, dropped: frozenset[str], seen: Observed
     """
     known = [(edge, seen.edges[edge.outputs[0]]) for edge in graph.edges if is_known(edge, seen)]
     users = graph.users() if known and dropped else {}
-    # Such as into the sources: the native tool has looked at it before they run.
+    # For example in the sources: the native tool checks such files before the commands run.
     beside = _written_beside(graph, seen) if dropped else frozenset[str]()
     dirty: set[str] = set()
     more = set(dropped)
@@ -123,7 +123,7 @@ def with_all_written(graph: NativeGraph, dropped: frozenset[str], seen: Observed
                 waiting += (output for edge in users.get(path, ()) for output in edge.outputs)
         kept = []
         for edge, each in known:
-            # What two commands wrote, both write again; what a command read of another, it reads again.
+            # Both writers of a shared output rerun, and so do readers of undeclared outputs.
             again = (
                 not more.isdisjoint(edge.outputs)
                 or (not dirty.isdisjoint(edge.outputs) and not each.written.issubset(edge.outputs))
@@ -147,7 +147,7 @@ def with_all_written(graph: NativeGraph, dropped: frozenset[str], seen: Observed
 
 
 def _written_beside(graph: NativeGraph, seen: ObservedCommands) -> frozenset[str]:
-    """Return what commands that run again after any change wrote beside their outputs."""
+    """Return the side outputs of commands that rerun after any change."""
     unknown = (edge for edge in graph.edges if not is_known(edge, seen) and edge.outputs[0] in seen.edges)
     return frozenset(
         path for edge in unknown for path in seen.edges[edge.outputs[0]].written.difference(edge.outputs)

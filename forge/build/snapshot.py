@@ -64,7 +64,7 @@ def take_snapshot(
 
     @cache
     def last_record(name: str) -> FolderRecord | None:
-        """Return what the build folder was made from, None if the package came from the cache."""
+        """Return the record of the build folder, None if the package came from the cache."""
         return read_record(layout.build_dir(name)) if records[name].began else None
 
     def settled_sources(name: str) -> Manifest:
@@ -131,7 +131,7 @@ def changed_sources(home: str, now: Manifest, last: FolderRecord | None, table: 
 
 
 def recently_changed(table: FileTable) -> tuple[str, ...]:
-    """Return the files of which the table had another digest, without those that it did not know."""
+    """Return the files with a new digest, except those that were not in the table."""
     return tuple(path for path, before in table.changed_files.items() if before is not None)
 
 
@@ -187,12 +187,12 @@ def changed_external_files(
 
 
 def _changed_answers(questions: Collection[str], before: Mapping[str, str]) -> InputChange:
-    """Return the change of some answers about the surroundings, of which `before` has the former ones."""
+    """Return how answers about the environment changed; `before` has the previous ones."""
     kind, what, start = next(
         row for row in _QUESTIONS if any(question.startswith(row[-1]) for question in questions)
     )
     if start == MODULES:
-        return InputChange(kind, "Python finds other modules than in its last build")
+        return InputChange(kind, "Python finds different modules than in the last build")
     names = {each.removeprefix(start): each for each in sorted(questions) if each.startswith(start)}
     added = frozenset(name for name, question in names.items() if before.get(question) == "")
     first = "".join(f" '{name}'" for name in [*names][:1] if name)
@@ -221,7 +221,7 @@ def _from(root: Path) -> Callable[[str], str]:
 
 
 def _leads_as_before(path: str, content: str) -> bool:
-    """Tell whether a path was and is a link to the same file, which then is what changed."""
+    """Return whether a path was and is a link to the same file, which must have changed."""
     try:
         return content.startswith(f"link {os.readlink(path)} ")  # noqa: PTH115
     except OSError:

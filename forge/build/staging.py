@@ -1,4 +1,4 @@
-"""Install a package again: into a stage, from where changed files are renamed into the prefix.
+"""Reinstall a package into a stage, from where changed files are renamed into the prefix.
 
 Until its steps have succeeded, the prefix stays as it is and can be used. The steps find an empty stage in
 its place, as if the package was built for the first time: the library of forge.engine leads each path below
@@ -63,14 +63,14 @@ _CHANGED = "install_changed.cmake"
 _FOUND = frozenset("RYTLWDUX")
 """The kinds of records of what exists."""
 _OF_STAGING = frozenset({".links", ".notes", ".stage", ".written"})
-"""What a killed build leaves that had a stage."""
+"""Leftovers of a killed build that had a stage."""
 
 
 # Around the steps
 
 
 def staged(task: Task, layout: Layout, shared: Collection[str]) -> Task:
-    """Return the task with a stage, if it is known what is installed now, and that it is the package's alone.
+    """Return the task with a stage, if the installed files are known and belong only to the package.
 
     Other packages have installed the `shared` files as well.
     """
@@ -89,14 +89,14 @@ def staged(task: Task, layout: Layout, shared: Collection[str]) -> Task:
 
 
 def forget_sources(task: Task) -> None:
-    """Let the next build install everything: what is installed comes from elsewhere."""
+    """Make the next build install everything, because the installed files come from elsewhere."""
     notes = _notes_file(task.build_dir)
     if known := read_json(notes):
         replace_file(notes, json.dumps({**known, "sources": None}).encode())
 
 
 def begin(task: Task, layout: Layout) -> None:
-    """Let the steps find the stage instead of the prefix."""
+    """Redirect the steps to the stage instead of the prefix."""
     remove_tree(str(task.stage))
     begin_log(written_log(task.name, layout))
     words: list[str] = [*dict.fromkeys((str(task.prefix), os.path.realpath(task.prefix)))]
@@ -107,7 +107,7 @@ def begin(task: Task, layout: Layout) -> None:
 
 
 def _own_entries(task: Task, layout: Layout) -> set[str]:
-    """Return the files of a package, and the folders in which nobody else has anything."""
+    """Return the files of a package, and the folders that contain nothing else."""
     listed = read_installed_list(task.name, layout) or InstalledList({})
     own = {*listed.files, *(folder.rstrip("/") for folder in listed.folders)}
     above = {folder for path in own for folder in folders_above(path, str(task.prefix))}
@@ -119,7 +119,7 @@ def _own_entries(task: Task, layout: Layout) -> set[str]:
 
 
 def end(task: Task, layout: Layout) -> None:
-    """Remove the stage; the prefix stays as it is."""
+    """Remove the stage; the prefix is unchanged."""
     remove_tree(str(task.stage))
     remove_log(written_log(task.name, layout))
     guarded_links(task.name, layout).unlink(missing_ok=True)
@@ -141,7 +141,7 @@ def in_place(task: Task, layout: Layout, steps: ObservedSteps, failed: Step | No
         for process in steps.observed.processes
         for _, kind, path in process.records
     ]
-    # What a step before the installation wrote there is not written again by the next build.
+    # The next build does not rewrite files that an earlier step wrote there.
     using = frozenset("WDU") if layout.merged else _FOUND
     uses = any(
         kind == "B" or (kind in using and f"{path}/".startswith(own))
@@ -149,7 +149,7 @@ def in_place(task: Task, layout: Layout, steps: ObservedSteps, failed: Step | No
         if not is_installing
     )
     if failed:
-        # What fails in a stage may be able to install into the prefix.
+        # A step that fails in a stage may succeed in the prefix.
         fits = failed.kind is not StepKind.INSTALL or not following.get("code")
         fits &= all(kind != "B" for _, kind, _ in records)
     else:
@@ -167,12 +167,12 @@ def in_place(task: Task, layout: Layout, steps: ObservedSteps, failed: Step | No
 
 
 def _fits(task: Task, layout: Layout, *, has_code: bool) -> bool:
-    """Tell whether the staged files can replace those of the last build, and none names the stage."""
+    """Return whether the staged files can replace those of the last build, and none names the stage."""
     listed = read_installed_list(task.name, layout)
     stage = str(task.stage)
     files, folders = tree_below(stage)
     for path in listed_files(task.build_dir):
-        # CMake installs a file into a folder of its name.
+        # If the target is a folder, CMake installs the file into it.
         if not path.startswith((f"{task.prefix}/", f"{stage}/")) or _is_folder(path):
             return False
     for path, status in files:
@@ -235,7 +235,7 @@ def _changed(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str] | N
         return None
     if before.get("modes") != now["modes"]:
         return None
-    # What a rule excludes was not installed then.
+    # Excluded files were not installed either.
     installed = {*before["files"], *(folder.rstrip("/") for folder in before["folders"])}
     if not installed <= current.keys():  # such as a link to a folder, which is installed as a link
         return None
@@ -287,7 +287,7 @@ def commit(task: Task, layout: Layout) -> tuple[InstalledFiles, tuple[Problem, .
     else:
         now = frozenset(_target(task, path) for path, _ in files)
         folders = frozenset(f"{_target(task, path)}/" for path in empty)
-        if layout.merged:  # the others were there before
+        if layout.merged:  # the others existed before
             own = {f"{path}/" for path in _own_entries(task, layout)}
             folders = frozenset(path for path in folders if path in own or not os.path.isdir(path))
         kept = remove_stale(task, layout, (before | folders_before) - now - folders)
@@ -353,14 +353,14 @@ def remove_stale(
 
 
 def remove_other_stale(task: Task, layout: Layout, installed: InstalledFiles) -> tuple[Problem, ...]:
-    """Remove what neither the steps nor forge install any more."""
+    """Remove files that neither the steps nor forge install any more."""
     listed = read_installed_list(task.name, layout) or InstalledList({})
     stale = listed.files.keys() - listed.unclaimed - {*installed.files}
     return remove_stale(task, layout, stale, installed.folders)
 
 
 def note_installed(task: Task, installed: InstalledFiles, *, observed: bool) -> None:
-    """Note what the install step has installed, and from what, for the next build.
+    """Record what the install step installed, and from which files, for the next build.
 
     Steps of which not all was observed are not run in a stage the next time.
     """
@@ -381,12 +381,12 @@ def note_installed(task: Task, installed: InstalledFiles, *, observed: bool) -> 
 
 
 def _notes_file(build: Path) -> Path:
-    """Return the file that says what the install step has installed, and from what."""
+    """Return the file that records what the install step installed, and from which files."""
     return build.parent / INSTALLED_STATES_DIR / build.name / "install_step"
 
 
 def _target(task: Task, path: str) -> str:
-    """Return where a staged file belongs; other paths stay as they are."""
+    """Return the final path of a staged file; other paths are returned unchanged."""
     below = f"{task.stage}/"
     return f"{task.prefix}/{path[len(below) :]}" if path.startswith(below) else path
 
@@ -406,7 +406,7 @@ def _is_folder(path: str) -> bool:
 
 
 def _is_same(path: str, other: str) -> bool:
-    """Tell whether two files have the same content, mode, owner and capabilities; or two links one target."""
+    """Return whether two files have equal content, mode, owner and capabilities, or two links one target."""
     one, two = os.lstat(path), status_of(other)
     if two is None or (one.st_mode, one.st_uid, one.st_gid) != (two.st_mode, two.st_uid, two.st_gid):
         return False

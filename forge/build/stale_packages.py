@@ -1,4 +1,4 @@
-"""Packages that were built and have left the workspace."""
+"""Packages that were built and are no longer in the workspace."""
 
 from __future__ import annotations
 

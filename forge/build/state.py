@@ -64,7 +64,7 @@ class BuildState:
                 self.journal.set_record(name, now)
 
     def begin(self) -> None:
-        """Copy the files of others in a merged prefix, which a package could overwrite."""
+        """Back up unowned files in a merged prefix, which a package could overwrite."""
         if self.layout.merged:
             records = self.journal.records.values()
             owned = (path.rstrip("/") for record in records for path in (*record.files, *record.folders))

@@ -23,11 +23,11 @@ TEST_FAILURES = "test failures"
 """A possible meaning of an exit code. colcon writes the same text to a package's test result file."""
 
 CACHED, NOT_CACHED = "cached", "tests ran: "
-"""What `forge test --cached` remarks on a package: its pass was replayed, or why not."""
+"""Remarks of `forge test --cached` about a package: its pass was replayed, or why not."""
 
 
 class StepKind(Enum):
-    """What a step does; the values are the labels that users see."""
+    """The kind of a step; the values are the labels shown to users."""
 
     CONFIGURE = "cmake"
     BUILD = "build"

@@ -77,7 +77,7 @@ UNKNOWN_INSTALLED = "an installed file was changed or removed"
 
 
 class InputKind(enum.Enum):
-    """What kind of input changed."""
+    """The kind of a changed input."""
 
     OWN = "own"
     """The package itself, its dependencies or its results: what somebody did in the workspace."""
@@ -88,7 +88,7 @@ class InputKind(enum.Enum):
     OUTSIDE = "outside"
     """A file outside the workspace."""
     OTHER = "other"
-    """What else packages share: folders, interpreter, underlays."""
+    """Other shared inputs: folders, interpreter, underlays."""
 
 
 @frozen
@@ -112,7 +112,7 @@ def reason_to_build(
         return InputChange(InputKind.OWN, "not built yet")
     if not record.complete:
         return InputChange(InputKind.OWN, "the last build did not finish successfully")
-    # First the folders: otherwise, the files in the former ones would seem to be removed.
+    # Check the folders first: otherwise, files in the previous ones would seem to be removed.
     for option, old, new in zip(COMMON_OPTIONS, record.inputs.options, now.options, strict=False):
         if old != new:
             # Paths of folders differ from package to package, the name does not.
@@ -163,7 +163,7 @@ def _changed_pairs(kind: InputKind, now: Pairs, then: Pairs) -> InputChange | No
 
 
 def _forge_change(now: str, then: str) -> str:
-    """Describe another forge; the stamps have the parts of `forge.cli.preparation.forge_stamp`."""
+    """Describe how forge changed; stamps have the parts of `forge.cli.preparation.forge_stamp`."""
     match then.split("\n"), now.split("\n"):
         case [old, _, _, _], [new, _, _, _] if old != new:
             return f"forge changed from version {old} to {new}"
@@ -174,7 +174,7 @@ def _forge_change(now: str, then: str) -> str:
 
 
 def _changed_options(now: Sequence[str], then: Sequence[str]) -> InputChange:
-    """Describe the differences between options as the user knows them."""
+    """Describe the differences between options in the user's terms."""
     before, after = (
         [" ".join(argument.words) for argument in cmake_arguments(options[len(COMMON_OPTIONS) :])]
         for options in (then, now)

@@ -31,7 +31,7 @@ class WorkspaceScripts:
         self._table = table
         self._unfinished = not journal.ended
         self._changing: dict[str, str] = {}
-        """Packages whose contribution may change, and its digest before."""
+        """Packages whose contribution may change, with the previous digest."""
 
     def begin(self, name: str, files: tuple[str, ...]) -> None:
         """Note the contribution of a package, of which `files` are installed, before it is built."""

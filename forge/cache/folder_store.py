@@ -49,7 +49,7 @@ class FolderStore:
         """Existing folders whose permissions have been checked, and the mark."""
 
     def foreign_entry(self) -> Path | None:
-        """Return an entry where results and blobs belong if the folder has no mark of a cache, or None."""
+        """Return an entry that would be in the way in a folder without the mark of a cache, or None."""
         if os.path.lexists(self.folder / _MARK):
             return None
         folders = (self.folder / kind for kind in ("ac", "cas"))

@@ -103,7 +103,7 @@ def input_key(settings: str, task: Task, needs: Sequence[tuple[str, str]]) -> st
 
 
 def scripts_key(settings: str, words: Sequence[str], contents: Mapping[str, str], scripts: str) -> str:
-    """Return the key for what was shown of build scripts, by their digest; '' without one."""
+    """Return the key for what is known about build scripts, by their digest; '' without one."""
     return _key(settings, digest_of(words, contents), "scripts", scripts) if scripts else ""
 
 
@@ -121,7 +121,7 @@ def encode_lists(lists: Iterable[tuple[str, ...]]) -> bytes:
 
 
 def decode_lists(data: bytes) -> tuple[tuple[str, ...], ...]:
-    """Return the lists that `encode_lists` wrote; nothing for what it did not."""
+    """Decode the result of `encode_lists`; return nothing for other data."""
     try:
         found: Mapping[str, Any] = json.loads(data)
         lists = found["lists"][:_MAX_LISTS] if found["forge_inputs"] == _VERSION else ()
@@ -136,7 +136,7 @@ def encode_origin(origin: Origin) -> bytes:
 
 
 def decode_origin(data: bytes) -> Origin:
-    """Return what `encode_origin` wrote; raises ValueError for what it did not."""
+    """Decode the result of `encode_origin`; raises ValueError for other data."""
     try:
         found = Origin(**json.loads(data))
     except (TypeError, RecursionError) as error:
@@ -173,7 +173,7 @@ class ExternalInputs:
         self._known = {}
 
     def look(self, words: Iterable[str]) -> dict[str, tuple[str, str]]:
-        """Return path and content of files by relocatable path; the same ones make a key and a record."""
+        """Return path and content of files by relocatable path, for keys as well as records."""
         known = self._known if self._caching else {}
         found = {}
         for word in words:

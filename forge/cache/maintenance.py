@@ -1,4 +1,4 @@
-"""Keep a folder store tidy: prune it to a maximum size, verify its files, count hits and misses."""
+"""Maintain a folder store: prune it to a maximum size, verify its files, count hits and misses."""
 
 from __future__ import annotations
 
@@ -97,8 +97,8 @@ def prune_entries(
 ) -> list[CacheEntry]:
     """Remove the least recently used entries until they take at most `size` bytes, and return them.
 
-    Entries that were not used `since` then are removed as well. Those of the last hour stay, since a build
-    may use them; `remove` tells whether it could remove an entry.
+    Entries that were not used `since` then are removed as well. Those of the last hour are kept, since a
+    build may use them; `remove` tells whether it could remove an entry.
     """
     ordered = sorted(entries, key=lambda entry: entry.used)
     left, young = sum(entry.size for entry in ordered), time.time() - _YOUNG_SECONDS
@@ -118,7 +118,7 @@ def _blobs(result: StoredFile) -> set[str]:
 
 
 def _files(folder: Path) -> Iterator[StoredFile]:
-    """Yield the files that are named as forge names them; others in the folder are their owner's."""
+    """Yield the files with names of a store; other files in the folder belong to the user."""
     for folder_path, _, names in os.walk(folder):
         above = os.path.basename(folder_path)  # noqa: PTH119  (each file of a cache)
         for name in names:

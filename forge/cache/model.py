@@ -19,7 +19,7 @@ _SHA256 = re.compile(r"[0-9a-f]{64}")
 
 @frozen
 class CacheEntry:
-    """Something that a plugin keeps in the user's cache and can make again."""
+    """An entry of a plugin in the user's cache, which can be recreated."""
 
     kind: str
     """A noun in the singular, such as 'source'."""
@@ -64,7 +64,7 @@ def encode_result(result: ActionResult) -> bytes:
 
 
 def decode_result(data: bytes) -> ActionResult:
-    """Return what `encode_result` wrote; raises ValueError for what it did not."""
+    """Decode the result of `encode_result`; raises ValueError for other data."""
     try:
         value = json.loads(data)
         files = tuple(OutputFile(path, Digest(name, size)) for path, name, size in value["files"])

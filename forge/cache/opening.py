@@ -38,7 +38,7 @@ def _seconds(text: str) -> float:
 
 
 def byte_count(text: str) -> int:
-    """Return the number of bytes in '500M', '20G' or '0'; raises ValueError with a message for users."""
+    """Return the number of bytes for '500M', '20G' or '0'; raises ValueError with a user message."""
     try:
         size = 0 if text == "0" else memory_limit(text).size
     except ValueError:
@@ -81,11 +81,11 @@ class CacheOptions:
 
     @property
     def wanted(self) -> bool:
-        """Tell whether a package cache is enabled."""
+        """Return whether a package cache is enabled."""
         return bool(self.remote_cache) or self.cache is not None
 
     def check(self) -> None:
-        """Raise ForgeError for a folder that is no cache, or an invalid URL of the remote cache."""
+        """Raise ForgeError for a folder that is not a cache, or an invalid URL of the remote cache."""
         if self.wanted:
             raise_if_any(foreign_store(cache_folder(self.cache, os.environ)), SelectionError)
         if self.remote_cache:

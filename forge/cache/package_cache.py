@@ -117,7 +117,7 @@ class PackageCache:
         self._lists: dict[str, tuple[tuple[str, ...], ...]] = {}
         """The lists of external files by first keys."""
         self._elsewhere: dict[str, keys.Origin] = {}
-        """The origin of a result that may be another one at this path, by first keys."""
+        """The origin of a result that may differ at this path, by first keys."""
         self._warned = False
         self._pending: list[PendingResult] = []
         self.notes: dict[str, str] = {}
@@ -281,7 +281,7 @@ class PackageCache:
         Without `remote`, the store is the local folder.
         """
         store, relocator = remote or self._local, self._context.relocator
-        # Scripts that are written for a path without blanks may lack the quotes that another one needs.
+        # Scripts for a path without blanks may lack the quotes that another path needs.
         roots = ("", relocator.root) if relocator.is_plain else (relocator.root,)
         try:
             known = store.result(first)
@@ -418,7 +418,7 @@ class PackageCache:
         return None
 
     def _published(self, key: str) -> tuple[ActionResult | None, Tree | None]:
-        """Return what is known of a result, also by others, with its tree; nothing for an invalid one."""
+        """Return a published result, of any workspace, with its tree; None for an invalid one."""
         for read in (self._remote and self._remote.result, self._local.result):
             with ExitStack() as opened, suppress(StoreError, OSError, ValueError):
                 result = read(key) if read else None
@@ -442,7 +442,7 @@ class PackageCache:
         self._local.put_result(key, result)
         if self._remote is not None and upload:
             paths = {file.digest: self._local.blob_path(file.digest.hash) for file in result.files}
-            # Blobs that are not here are where the result came from.
+            # Missing blobs are already where the result came from.
             here = {digest: path for digest, path in paths.items() if path.is_file()}
             self._remote.upload(key, result, here)
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _MARK = b"@FORGE_"
 """The prefix of all placeholders. A file that already contains it is stored as it is."""
 _NAME_CONTINUES = rb"(?:[\w\x80-\xff-]|\.[\w\x80-\xff-])"
-"""What follows if a match is only the beginning of another folder's name."""
+"""Text after a match that is only the beginning of another folder's name."""
 
 
 class Relocator:
@@ -64,7 +64,7 @@ class Relocator:
         return relative.decode(errors="surrogateescape")
 
     def absolutize_word(self, text: str) -> str:
-        """Return what `relativize_word` returned with the paths of this workspace put in."""
+        """Replace the placeholders in the result of `relativize_word` by the paths of this workspace."""
         return self.absolutize(text.encode(errors="surrogateescape")).decode(errors="surrogateescape")
 
     def relativize_input(self, path: str) -> str:

@@ -66,7 +66,7 @@ class Leaf:
 
     @property
     def state(self) -> tuple[object, ...]:
-        """What a build in another workspace has in common."""
+        """The parts that builds in different workspaces have in common."""
         return self.path, self.mode, self.linked or self.hash, self.target
 
 
@@ -101,7 +101,7 @@ class Tree:
         return value.hexdigest()
 
     def difference(self, other: Tree) -> str:
-        """Return a file or folder that is not the same in another tree, '' if there is none."""
+        """Return a file or folder that differs in another tree, '' if there is none."""
         states = {leaf.state for leaf in self.leaves}.symmetric_difference(
             leaf.state for leaf in other.leaves
         )

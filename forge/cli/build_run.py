@@ -238,7 +238,7 @@ def _package_cache(
 
 
 def _toolchain(plan: BuildPlan, build: PreparedBuild, state: BuildState, library: Path | None) -> Seed | None:
-    """Return what copies detected compilers into the new build folders of CMake packages.
+    """Return the function that copies detected compilers into new build folders of CMake packages.
 
     None with --no-toolchain-cache, without its plugin or CMake, and if ament packages get extra arguments,
     which may select another compiler.
@@ -270,7 +270,7 @@ def _toolchain(plan: BuildPlan, build: PreparedBuild, state: BuildState, library
 
 
 def _compilers(build: PreparedBuild) -> Pairs:
-    """Return what affects every compilation: programs by their identities, and variables."""
+    """Return the inputs of every compilation: programs by their identities, and variables."""
     return (*build.context.tools, *relevant_environment(build.variables))
 
 

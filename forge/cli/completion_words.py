@@ -57,7 +57,7 @@ def main(words: Sequence[str], variables: Mapping[str, str]) -> int:
 def _candidates(
     table: Mapping[str, Any], words: Sequence[str], current: str, variables: Mapping[str, str]
 ) -> Iterator[tuple[str, str]]:
-    """Yield what can follow the words, each with a summary; shells expand '@folders' and '@files'."""
+    """Yield the possible next words, each with a summary; shells expand '@folders' and '@files'."""
     path, named = "", ""
     expected: Sequence[str] = ()
     """Whether the option before takes one, many or passed-on values, their kind, and more words."""

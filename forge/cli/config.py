@@ -26,7 +26,7 @@ GENERAL = ("log_base", "log_level")
 _BEFORE_FILES = {"rosdistro": VARIABLE}
 """Environment variables that take precedence over files, by the destination of the option."""
 _AGREE_WITH_BUILD = frozenset({"deps", "doctor"})
-"""Commands about the next build: they also read the options that they share with it from its tables."""
+"""Commands about the next build, which read options shared with `forge build` from its tables."""
 _OF_ONE_COMMAND = frozenset({"json", "mixin", "mixin-files", "profile"})
 _FLAGS = (argparse._StoreTrueAction, argparse._StoreFalseAction)
 
@@ -76,7 +76,7 @@ def configured(
                 values[dest] = value
             elif isinstance(value, list) and isinstance(typed, list):
                 values[dest] = [*value, *typed]
-    # One of the two on the command line overrides both in files.
+    # Either option on the command line overrides both in files.
     if "paths" in given and given["paths"] and "base_paths" not in given:
         values["base_paths"] = []
     elif "base_paths" in given and "paths" not in given:

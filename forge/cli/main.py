@@ -104,7 +104,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _discard_output() -> None:
-    """Discard what stdout still contains: Python would fail to write it at the end, and exit with 120."""
+    """Discard buffered output: Python would fail to write it at exit, and return 120."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
@@ -162,7 +162,7 @@ _MANY = 7
 
 
 class _Formatter(argparse.HelpFormatter):
-    """Finds out the width of the terminal without shutil, which takes 3 ms to import."""
+    """Determines the terminal width without shutil, which takes 3 ms to import."""
 
     def __init__(self, prog: str, **more: Any) -> None:
         try:

@@ -62,7 +62,7 @@ def read_options(cls: Callable[..., _Options], namespace: argparse.Namespace) ->
             flag = _flag(cls, declared, each)
             value = getattr(namespace, flag.removeprefix("--").replace("-", "_"))
             if isinstance(value, list):
-                # A leading space shields what starts with a dash.
+                # A leading space protects values that start with a dash.
                 value = each.combine([word.lstrip() for word in value] if flag in PASSED_ON else value)
             values[name] = value
         elif hasattr(namespace, name):
@@ -199,7 +199,7 @@ class FolderOptions:
     log_level: str | None = option(None, metavar="LEVEL", inherited=True)
 
     def layout(self, root: Path, *, symlink: bool = False) -> Layout:
-        """Return the absolute folders, without resolving links; the null device disables logs."""
+        """Return the absolute folders with links unresolved; the null device disables logs."""
 
         def absolute(path: str) -> Path:
             return Path(os.path.normpath(root / expand_home(path)))

@@ -73,7 +73,7 @@ if TYPE_CHECKING:
 
 
 _MANY_WHEELS = 4
-"""Starting the worker takes as long as three Python packages save by it."""
+"""Starting the worker takes as long as it saves for three Python packages."""
 
 
 class BuildMode:
@@ -134,7 +134,7 @@ def _load(
         install_state.forget_underlays(layout.install)
     locked: tuple[Path, ...] = ()
     if os.path.lexists(PACKAGE_LOCK) and not options.dry_run:
-        # The underlay that the lock of the workspace names, after building what it lacks.
+        # Build missing packages of the underlay that the lock of the workspace names.
         build = find(UNDERLAYS, PACKAGE_LOCK, "file", ("build",)).build
         surroundings = without_own(os.environ, layout)
         locked = build(Path.cwd(), find_underlays(surroundings, layout.install).chain, surroundings, options)
@@ -316,7 +316,7 @@ def prepare(options: BuildOptions, layout: Layout, mode: BuildMode) -> PreparedB
 
 
 def _has_many_wheels(packages: Iterable[Package]) -> bool:
-    """Tell whether there are enough Python packages for a worker that installs them."""
+    """Return whether there are enough Python packages for a worker that installs them."""
     return sum(package.build_type in PYTHON_TYPES for package in packages) >= _MANY_WHEELS
 
 
@@ -342,7 +342,7 @@ def make_plan(build: PreparedBuild, state: BuildState) -> tuple[BuildPlan, Snaps
     plan, hashes = planning.make_plan(build.names, loaded.resolution, snapshot, context, shared, forced)
     # Up-to-date packages whose files another package will overwrite are installed again after it.
     while found := state.merged_prefix.packages_to_reinstall(plan):
-        changes = dict.fromkeys(found, "another package that is built overwrites one of its files")
+        changes = dict.fromkeys(found, "a package to be built overwrites one of its files")
         snapshot = replace(
             snapshot,
             installed={**snapshot.installed, **dict.fromkeys(found, Fingerprint())},
@@ -463,7 +463,7 @@ def workspace_interpreter(python: str | None, layout: Layout, root: Path) -> Int
 
 
 def known_rosdistro(rosdistro: str | None, root: Path, install: Path) -> str | None:
-    """Return `rosdistro` if given, else the one that a build would use; None if it is chosen nowhere."""
+    """Return `rosdistro` if given, else the one that a build would use; None without any."""
     if rosdistro or (rosdistro := os.environ.get(VARIABLE)):
         return rosdistro
     from forge.cli.config import configured_word

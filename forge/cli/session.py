@@ -77,7 +77,7 @@ class Session:
             self.opened.callback(ask, name, reporter.close)
 
     def collect_reports(self) -> None:
-        """Print and log what the reporters of plugins observed, before the summary."""
+        """Print and log the observations of plugin reporters, before the summary."""
         for name, reporter in self.reporters.items():
             ask(name, self._collect_report, reporter)
 
@@ -170,7 +170,7 @@ def open_session(
     user named. Paths are displayed relative to `origin`.
     """
     handlers, durations = options.handlers, seconds or {}
-    # Later builds of embedded packages follow from a new forge or new options.
+    # Embedded packages are rebuilt only for a new version of forge or new options.
     collapsed = frozenset(
         name
         for name, task in plan.tasks.items()

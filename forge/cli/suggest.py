@@ -27,7 +27,7 @@ _ELSEWHERE = {
     "show": "interface show",
     "watch": "build --watch",
 }
-"""Commands of other build tools, and what does the same in forge."""
+"""Commands of other build tools, and their equivalents in forge."""
 _DASHES = "\u2010\u2011\u2012\u2013\u2014\u2015\u2212\ufe58\ufe63\uff0d"
 """Characters that editors and web pages show in place of '-' or '--'."""
 _SELECT = "--packages-select"
@@ -77,7 +77,7 @@ def _instead(argument: str, options: frozenset[str]) -> str | None:
         return f"to define a variable of CMake: '{_CMAKE_ARGS} {argument}'"
     if word in _BUILD_TYPES and _CMAKE_ARGS in options:
         return f"to set the build type: '{_CMAKE_ARGS} -DCMAKE_BUILD_TYPE={_BUILD_TYPES[word]}'"
-    # The dashes that all options have in common would make short ones similar to each other.
+    # The common dashes would make short options similar to each other.
     names = {option.lstrip("-"): option for option in options if option.startswith("--")}
     near = nearest(word.lstrip("-"), names)
     return f"did you mean '{names[near]}'?" if near else None

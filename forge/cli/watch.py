@@ -63,9 +63,9 @@ _LONGEST = 1000
 """Milliseconds after which a build starts despite further events, as during a long git checkout."""
 
 _TIMEOUT = 200
-"""Milliseconds between two timeouts of the library, each of which empties its queue of events.
+"""Timeout of the library in milliseconds; each timeout empties its queue of events.
 
-Longer, fewer instants in which it could drop an event; shorter, a watch starts faster.
+Longer means fewer moments in which it could drop an event; shorter means a faster start.
 """
 
 _POLL = 500
@@ -142,7 +142,7 @@ class WatchLoop(BuildMode):
             time.sleep(min(2.0 ** (self._consecutive_builds - _SUSPICIOUS), _LONGEST_PAUSE))
         begun = time.monotonic()
         saved = self._watcher.wait()
-        # Changes that are available immediately were made during the last build, perhaps by the build.
+        # Changes available immediately were made during the last build, perhaps by the build itself.
         self.silent_if_up_to_date = self._watcher.second_check or time.monotonic() - begun < 4 * STEP / 1000
         return saved
 
@@ -430,7 +430,7 @@ def _changes_in(folders: list[str], *, polling: bool) -> Iterator[set[FileChange
 
 
 def _can_be_watched(folder: str) -> bool:
-    """Tell whether a folder is readable and its name is valid UTF-8, as the library requires."""
+    """Return whether a folder is readable and its name is valid UTF-8, as the library requires."""
     try:
         folder.encode()
     except UnicodeEncodeError:

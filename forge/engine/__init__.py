@@ -1,3 +1,3 @@
-"""What the steps of a build read, write and execute, and what follows for the next build."""
+"""Observation of build steps: what they read, write and execute, and the consequences."""
 
 __all__ = ["commands", "observation", "observer", "world"]

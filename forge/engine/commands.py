@@ -1,4 +1,4 @@
-"""What CMake and each command of the native tool read and wrote in a build folder, from run to run.
+"""Records of what CMake and each native command read and wrote in a build folder.
 
 The folders that matter are the package's sources, its build folder and the prefixes of the workspace. Of the
 rest of the machine, only what later builds compare is kept.
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 @frozen
 class Accesses:
-    """What a command asked of the file system, as absolute paths.
+    """File system accesses of a command, as absolute paths.
 
     `searched` is what it looked for in vain; of commands of the native tool, which share most of it, only the
     folders in which it did. All these lie in the folders that matter. `external` are other files that it read
@@ -70,13 +70,13 @@ class Accesses:
     blind: bool = False
 
     def __or__(self, after: Accesses) -> Accesses:
-        """Return what both did."""
+        """Return the combined accesses."""
         sets = {name: getattr(self, name) | getattr(after, name) for name in _SETS}
         return Accesses(**sets, outside=self.outside or after.outside, blind=self.blind or after.blind)
 
     @property
     def remaining(self) -> frozenset[str]:
-        """Return what need not be removed before the command runs again."""
+        """Return the outputs that need not be removed before the command runs again."""
         return self.kept if self.outputs_known and all(map(is_intact, self.ledgers)) else frozenset()
 
     @property
@@ -103,7 +103,7 @@ class ObservedCommands:
 
     @property
     def all(self) -> tuple[Accesses, ...]:
-        """What all commands and other processes did."""
+        """The accesses of all commands and other processes."""
         return (*self.edges.values(), *filter(None, (self.configure, self.rest)))
 
     def affected(
@@ -113,9 +113,9 @@ class ObservedCommands:
         known = accesses.read | accesses.found
         return (
             not accesses.read.isdisjoint(modified)
-            # It would write its own content again, as CMake does to a file among the sources.
+            # It would rewrite the file, as CMake does with a generated file in the sources.
             or not accesses.written.isdisjoint(modified)
-            # Of a folder, that is its mode, which is copied with it.
+            # For a folder, this is its mode, which is copied with it.
             or any(path[:-1] in known | accesses.listed for path in modified if path.endswith("/"))
             or any(path.rstrip("/") in known for path in removed)
             or (
@@ -125,7 +125,7 @@ class ObservedCommands:
         )
 
     def _in_vain(self, path: str) -> tuple[str, ...]:
-        """Return this path, or a folder of it, if it was looked for in vain, and where."""
+        """Return the missing path that is this one or a parent of it, and the folder that lacked it."""
         path = path.rstrip("/")
         while path not in self.missing:
             parent = os.path.dirname(path)
@@ -138,7 +138,7 @@ class ObservedCommands:
         """Return these accesses updated by those of a later build, of the commands with `outputs`."""
         edges = {name: each for name, each in {**self.edges, **after.edges}.items() if name in outputs}
         for name in self.edges.keys() & after.edges.keys() & edges.keys():
-            # What an earlier run wrote and a later one left alone is made from what the earlier one read.
+            # Outputs that only the earlier run wrote depend on the inputs of that run.
             left = self.edges[name].written - after.edges[name].written
             if any(not path.endswith("/") and os.path.lexists(path) for path in left):
                 edges[name] = self.edges[name] | after.edges[name]
@@ -160,7 +160,7 @@ def commands_of(
     outputs_of: Callable[[Process, frozenset[str]], tuple[str, ...]],
     folders: Folders,
 ) -> ObservedCommands:
-    """Return what a log says; `roots` has the kind of each step by its process.
+    """Return the commands in a log; `roots` has the kind of each step by its process.
 
     `outputs_of` returns the outputs of the edge that a process below ninja runs, whose written files are
     given; none if the edge is unknown.
@@ -177,7 +177,7 @@ def commands_of(
         return replace(seen, missing=seen.missing.union(folders.missing_modules(seen)))
 
     def as_read(seen: Observation, programs: Observation) -> Observation:
-        # Commands of packages may look how old a file is, as git does to see whether it has changed.
+        # Commands may check the time of a file, as git does to detect changes.
         return replace(seen, read=seen.read | programs.found)
 
     for process in step.processes:
@@ -185,7 +185,7 @@ def commands_of(
         if kind == "cmake":
             family = process.family()
             others.difference_update(family)
-            # CMake looks whether files exist.
+            # CMake itself only checks whether files exist.
             own = [each for each in family if each.programs and Path(each.programs[-1]).name == "cmake"]
             seen = as_read(look(family, step.blind), look(each for each in family if each not in own))
             accesses = folders.accesses(seen, family)
@@ -201,7 +201,7 @@ def commands_of(
         outputs = outputs_of(process, accesses.written)
         if outputs:
             others.difference_update(family)
-            # A server has written what the command itself did not.
+            # Outputs that the command itself did not write were written by a server.
             others_outputs = {*outputs} - {path.rstrip("/") for path in accesses.written}
             blind = accesses.blind or any(map(os.path.lexists, others_outputs))
             early = folders.paths(later.after(family)) - accesses.written
@@ -222,7 +222,7 @@ def commands_of(
 
 
 class _LaterWrites:
-    """What the commands of a step wrote, and when."""
+    """The files that the commands of a step wrote, and when."""
 
     def __init__(self, step: ObservedStep) -> None:
         self._first: dict[str, int] = {}
@@ -235,7 +235,7 @@ class _LaterWrites:
             self._names.setdefault(os.path.dirname(path), []).append(path)
 
     def after(self, processes: Iterable[Process]) -> Iterator[str]:
-        """Yield what was written after processes had looked for it in vain, or had listed its folder."""
+        """Yield paths written after processes had looked for them in vain or listed their folder."""
         for process in processes:
             for order, kind, path in process.records:
                 if kind == "N" and self._first.get(path, 0) > order:
@@ -285,7 +285,7 @@ class Folders:
         self._folders: dict[str, str] = {"": "", "/": "/"}
         self._modules = ModuleSearch()
         self._metadata: dict[str, tuple[str, ...]] = {}
-        # Commands of one package read and miss mostly the same: each path is looked at once.
+        # Commands of one package access mostly the same paths: each path is checked once.
         self.path = cache(self._look_for_path)
         """Returns a path below one of the folders as its name spells it, None if it is elsewhere."""
         self._is_read_file = cache(self._look_at_file)
@@ -323,7 +323,7 @@ class Folders:
         return (root, below + name) if root else ("", "")
 
     def _real(self, folder: str) -> str:
-        """Return the real path of a folder, with a look at each of its folders once."""
+        """Return the real path of a folder; each component is checked once."""
         if folder not in self._folders:
             parent, _, name = folder.rpartition("/")
             path = f"{self._real(parent)}/{name}"
@@ -331,7 +331,7 @@ class Folders:
         return self._folders[folder]
 
     def is_built(self, path: str) -> bool:
-        """Tell if a path is below the build folder."""
+        """Return whether a path is below the build folder."""
         return path.startswith(self._build)
 
     def paths(self, paths: Iterable[str]) -> frozenset[str]:
@@ -341,7 +341,7 @@ class Folders:
     def accesses(
         self, seen: Observation, processes: Iterable[Process] = (), copying: Collection[Process] = ()
     ) -> Accesses:
-        """Return what matters of an observation of some processes; some only copy what they read."""
+        """Return the relevant accesses of some processes; those `copying` only copy what they read."""
         processes = tuple(processes)
         kept = [path for path in seen.written if os.path.lexists(path) and not CACHED_BYTECODE.match(path)]
         kept += [
@@ -362,12 +362,12 @@ class Folders:
         used = (path.rpartition("/") for path in chain(seen.missing, seen.found, seen.executed, read))
         asked = {f"{PROGRAM}{name}" for folder, _, name in used if folder in self._path}
         asked.update(f"{LIBRARY}{os.path.basename(path)}" for path in seen.loaded)
-        # Of modules elsewhere, it is compared which of them Python finds.
+        # For modules elsewhere, the location in which Python finds them is compared.
         modules = {
             (tuple(entry for entry in entries if self._is_external(f"{entry}/")), name)
             for entries, name in seen.modules
         }
-        # What is installed is copied, whatever it says.
+        # Installed files are copied without regard to their content.
         compiling = [process for process in processes if process not in copying]
         named = frozenset[str]().union(*map(self._mentioned_by, compiling))
         by_ledger: dict[bool, set[str]] = {True: set(), False: set()}
@@ -412,7 +412,7 @@ class Folders:
         return not root or (root == self._source and self._is_no_source(below.rstrip("/")))
 
     def _look_beside(self, path: str) -> bool:
-        """Tell if a path below the sources belongs to no source, as those of git do not."""
+        """Return whether a path below the sources belongs to no source, as those of git do not."""
         parent, _, name = path.rpartition("/")
         if not name or (parent and self._is_no_source(parent)):
             return bool(name)
@@ -438,7 +438,7 @@ class Folders:
     def _scanned(self, process: Process) -> Iterator[str]:
         """Yield the metadata of Python's distributions that a process read of all of them alike.
 
-        It looks for plugins, which it then imports; whoever asks for one distribution reads only of that.
+        It searches for plugins, which it then imports; a request for one distribution reads only that.
         """
         read: dict[str, dict[str, set[str]]] = {}
         for _, kind, path in process.records:
@@ -467,13 +467,13 @@ class Folders:
         return not (os.access(path, os.X_OK) and os.path.realpath(path) in self.tools)
 
     def _look_for(self, path: str) -> bool:
-        """Tell if a path is still missing elsewhere; programs are looked for in all of PATH instead."""
+        """Return whether an external path is still missing; programs are looked up in PATH instead."""
         if not self._is_external(path) or os.path.dirname(path) in self._unwatched:
             return False
         return not (path.endswith(_NO_INPUT) or _is_metadata(path) or os.path.lexists(path))
 
     def _look_at_kind(self, path: str) -> bool:
-        """Tell if a path is there elsewhere, and its kind may matter; programs are asked for by name."""
+        """Return whether an external path exists and its kind may matter; programs are looked up by name."""
         if not self._is_external(path) or os.path.dirname(path) in self._path:
             return False
         if path.endswith(_NO_INPUT) or _is_metadata(path):
@@ -484,7 +484,7 @@ class Folders:
     def _listed(self, processes: Iterable[Process]) -> Iterator[str]:
         """Yield the folders elsewhere whose names were read, except by CMake in search of packages.
 
-        That of temporary files is none of them: gcc optimizes at link time by a makefile in it, and make
+        The temporary folder is excluded: gcc optimizes at link time by a makefile in it, and make
         lists the folders of makefiles.
         """
         for process in processes:
@@ -503,7 +503,7 @@ class Folders:
         """
         is_asked = any(
             is_for_this_processor(process.command)
-            # CMake reads it whenever it starts.
+            # CMake reads this file whenever it starts.
             or any(
                 kind == "R"
                 and (
@@ -532,7 +532,7 @@ class Folders:
         return frozenset[str]().union(*found)
 
     def _look_for_script(self, path: str) -> bool:
-        """Tell if a file is a package's own, and no module of an interpreter installed in the workspace."""
+        """Return whether a file belongs to a package, not to a Python environment in the workspace."""
         if self.path(path) is not None:
             return not path.endswith(_OF_CMAKE)
         folder = os.path.dirname(path)
@@ -554,7 +554,7 @@ def is_for_this_processor(text: str) -> bool:
 
 
 def _has_native_flag(text: str) -> bool:
-    """Tell if a script of others, such as a module of Python, has an option that names the processor."""
+    """Return whether a script of others, such as a module of Python, has an option that names the processor."""
     return _NATIVE_FLAG.search(text) is not None
 
 
@@ -573,13 +573,13 @@ _OF_CMAKE = ("/CMakeCache.txt", "Compiler.cmake", "/CMakeSystem.cmake")
 """Large files that CMake writes and reads in each build folder."""
 _METADATA = re.compile(r"(?P<folder>.*)/(?P<name>[^/-]+)(-[^/]*)?\.(dist|egg)-info(?P<file>/.*)?$")
 _SYSTEM_LIBRARIES = ("/lib", "/usr/lib")
-"""Where the dynamic linker finds libraries by itself; they are updated with the tools of the system."""
+"""System libraries, which the dynamic linker finds by itself; they change with the system's tools."""
 _NATIVE_WORDS = ("native", "-xHost", CPU_INFO)
 _NATIVE = re.compile(rf"\bnative\b|-xHost\b|{CPU_INFO}")
-"""How the options of all compilers name the processor at hand, and where scripts read what it is."""
+"""Compiler options for the host processor, and the file from which scripts read what it is."""
 _NATIVE_FLAG = re.compile(r"-m(?:arch|tune|cpu)=native|target-cpu=native|-xHost\b|/proc/cpuinfo")
 _VOLATILE = ("/proc/", "/sys/")
-"""What the kernel makes up."""
+"""Virtual files of the kernel."""
 CACHED_BYTECODE = re.compile(r"^(.*)/__pycache__/([^/.]+)\.[^/]*\.pyc$")
 _SETS = (
     *("read", "found", "listed", "searched", "written", "external", "asked", "kept", "ledgers"),
@@ -588,7 +588,7 @@ _SETS = (
 
 
 def encode_commands(commands: ObservedCommands) -> Mapping[str, object]:
-    """Return what is known of commands as JSON data, with each path once."""
+    """Return the records of commands as JSON data, with each path once."""
     numbers: dict[str, int] = {}
 
     def coded(accesses: Accesses) -> list[object]:
@@ -609,7 +609,7 @@ def encode_commands(commands: ObservedCommands) -> Mapping[str, object]:
 
 
 def decode_commands(data: Mapping[str, Any]) -> ObservedCommands:
-    """Return what `encode_commands` said; raises LookupError, TypeError or ValueError for anything else."""
+    """Decode the result of `encode_commands`; raises LookupError, TypeError or ValueError."""
     paths = data["paths"]
 
     def decoded(coded: list[list[int]]) -> Accesses:

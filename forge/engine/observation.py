@@ -37,7 +37,7 @@ _NINJA = frozenset({"ninja", "ninja-build", "samu"})
 
 @frozen
 class Observation:
-    """What some processes asked of the file system, as absolute paths.
+    """File system accesses of some processes, as absolute paths.
 
     `found` exist but were not opened; `missing` end with the first name that did not exist. What the
     processes wrote before they read it is no input and in `written` only; a renamed folder stands for all
@@ -73,7 +73,7 @@ class Process:
     parent: Process | None = None
     programs: list[str] = field(default_factory=list)
     command: str = ""
-    """What it runs, if its first program is a shell."""
+    """The command line, if the first program is a shell."""
     records: list[tuple[int, str, str]] = field(default_factory=list)
     children: list[Process] = field(default_factory=list)
     starts: list[int] = field(default_factory=list)
@@ -128,7 +128,7 @@ class ObservedStep:
 def begin_log(log: Path) -> None:
     """Create an empty log, which takes no space until records are written.
 
-    Where no file may be that long, nothing is observed.
+    If files cannot be that long, nothing is observed.
     """
     log.parent.mkdir(parents=True, exist_ok=True)
     # A server that a killed build has left may still map the former log: to truncate that would kill it.
@@ -157,7 +157,7 @@ _OF_PATHS = frozenset("RYTLNWDUEntl")
 def read_log(
     log: Path, roots: frozenset[int], more_roots: int = 0, *, kinds: str = ALL_KINDS
 ) -> ObservedStep:
-    """Return what a log says of all processes.
+    """Return all processes in a log.
 
     `roots` are the processes that forge started, and `more_roots` the number of those it does not know by
     number. Records of other `kinds` are left out.
@@ -187,7 +187,7 @@ def read_log(
                 process.programs.append(word)
                 process.starts.append(number)
                 if started and started.startswith("/") and os.path.realpath(started) != word:
-                    # The kernel has read the interpreter that a script names.
+                    # The kernel has read the interpreter of the script.
                     process.records.append((number, "R", word))
             case "O" if process.parent is None:
                 process.parent = running.get(int(word))
@@ -267,7 +267,7 @@ def _decoded(content: bytes) -> list[tuple[int, int, str, str]]:
 
 
 def observe(processes: Iterable[Process], blind: tuple[str, ...] = ()) -> Observation:
-    """Return what these processes asked for together."""
+    """Return the combined observations of these processes."""
     processes = tuple(processes)
     words: dict[str, set[str]] = defaultdict(set)
     unknown = dict.fromkeys(blind)
@@ -319,7 +319,7 @@ def _resolver() -> Callable[[str], str]:
         above = _ABOVE.match(path) if "/.." in path else None
         if above is None:
             return path
-        # What follows may be a link that leads elsewhere later.
+        # The remaining path may be a link whose target changes later.
         folder, rest = above[0], path[above.end() :]
         if folder not in folders:
             folders[folder] = os.path.realpath(folder)

@@ -1,4 +1,4 @@
-"""What an observed process tells the observer itself.
+"""Information that an observed process gives to the observer.
 
 A command that runs again begins without the files that it wrote before, as in an empty folder. A program that
 keeps a ledger does not need that: it names a file by which it recognizes its own files, those that changed
@@ -33,7 +33,8 @@ def observe_for(client: int) -> None:
 
 
 def keep(ledger: Path, content: bytes, files: Iterable[str | Path] = ()) -> None:
-    """Announce the ledger of this program, and the `files` that it wrote earlier, which stay its outputs."""
+    """Announce the ledger of this program, and the `files` that it wrote earlier, which remain its
+    outputs."""
     library = _library()
     if library:
         _say(library, "W", (*files, ledger))

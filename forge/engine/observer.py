@@ -51,7 +51,7 @@ def compile_library(folder: Path, variables: Mapping[str, str]) -> Path | None:
 
 
 def observed(variables: Mapping[str, str], library: Path | None, log: Path) -> dict[str, str]:
-    """Return an environment in which the library, if there is one, writes to a log."""
+    """Return the environment that makes the library, if there is one, write to a log."""
     found = {**variables, LOG_VARIABLE: str(log)}
     if library is not None:
         found["LD_PRELOAD"] = " ".join(filter(None, (variables.get("LD_PRELOAD"), str(library))))

@@ -1,7 +1,7 @@
 """The environment variables that are inputs of builds.
 
-It is observed which variables a build asks for, but not what shells, Python and others read from their
-copies of the whole environment. For these, `RELEVANT` lists what the tools of ROS builds document.
+The variables that a build requests are observed, but not those that shells, Python and others read from their
+copies of the environment. For these, `RELEVANT` lists what the tools of ROS builds document.
 """
 
 from __future__ import annotations
@@ -75,25 +75,25 @@ _OUTPUT_ONLY = frozenset(
 """Variables with a relevant prefix that do not affect the result: they control parallelism or output."""
 
 _UNTRACKED = _OUTPUT_ONLY | frozenset(
-    # What programs find through these counts instead.
+    # Files found through these are tracked instead.
     "HOME PATH TEMP TEMPDIR TMP TMPDIR "
-    # The interpreter of the workspace counts instead.
+    # The interpreter of the workspace is tracked instead.
     "CONDA_PREFIX VIRTUAL_ENV "
     # They differ from shell to shell.
     "OLDPWD PWD SHELL SHLVL _ "
     # They affect messages and their appearance.
     "CLICOLOR CLICOLOR_FORCE COLORTERM COLUMNS EMACS FORCE_COLOR LANG LANGUAGE LINES NINJA_STATUS NO_COLOR "
     "TERM TERMCAP TERMINFO VERBOSE "
-    # They share out processors.
+    # They distribute processors.
     "CTEST_PARALLEL_LEVEL MAKEFLAGS MAKELEVEL MAKE_TERMERR MAKE_TERMOUT MFLAGS "
     # forge sets them.
     "ASAN_OPTIONS COLCON LD_PRELOAD".split()
 )
 _UNTRACKED_BEGINNINGS = (
     *("FORGE_", "LC_", "XDG_"),
-    # Those that matter are relevant for every package; the others are for debugging.
+    # Relevant ones affect every package; the others are for debugging.
     "PYTHON",
-    # How git reaches repositories: credentials that last for an hour, and mirrors.
+    # Access of git to repositories: short-lived credentials, and mirrors.
     *("GIT_CONFIG_COUNT", "GIT_CONFIG_KEY_", "GIT_CONFIG_VALUE_"),
     # gcc sets it for the programs that it starts.
     "COLLECT_",
@@ -107,14 +107,14 @@ _NAMED_BEGINNINGS = ("LC_", "XDG_")
 def mentioned(text: str, program: str = "") -> frozenset[str]:
     """Return the variables named in a text that was read by a program that copies the whole environment.
 
-    What such a program asks for cannot be observed, only what it reads: scripts, and templates that it fills.
+    Requests of such a program cannot be observed, only files that it reads: scripts and templates.
     """
     naming = _NAMING_OF_CMAKE if _is_cmake(program) else _NAMING
     return frozenset(match[match.lastindex] for match in naming.finditer(text) if match.lastindex)
 
 
 def copies_environment(program: str) -> bool:
-    """Tell if a program, given as its path, copies the whole environment."""
+    """Return whether a program, given as its path, copies the whole environment."""
     return _is_cmake(program) or _COPIES_ENVIRONMENT.match(os.path.basename(program)) is not None
 
 

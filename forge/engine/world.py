@@ -1,4 +1,4 @@
-"""What a build asks of its surroundings by name: variables, programs, packages, modules, kinds of files.
+"""Questions of a build about its environment: variables, programs, packages, modules, kinds of files.
 
 Questions are texts, so that records can keep them with the answers: '$NAME', 'program NAME', 'library NAME',
 'package NAME', 'FORGE_PROCESSOR', 'modules FOLDER:FOLDER NAME,NAME' and 'kind PATH'.
@@ -29,7 +29,7 @@ VARIABLE, PROGRAM, LIBRARY, PACKAGE_FOUND, MODULES = "$", "program ", "library "
 KIND = "kind "
 """The beginnings of questions."""
 PROCESSOR = "FORGE_PROCESSOR"
-"""The question of builds that compile for the processor at hand, or read what it is."""
+"""The question of builds that compile for the host processor, or read what it is."""
 CPU_INFO = "/proc/cpuinfo"
 _TRAITS = frozenset(
     {
@@ -42,7 +42,7 @@ _TRAITS = frozenset(
 
 
 class World:
-    """The surroundings of one run of forge; what was looked up is remembered."""
+    """The environment of one run of forge; lookups are cached."""
 
     def __init__(self, variables: Mapping[str, str]) -> None:
         """`variables` is the environment of builds, below that of dependencies."""
@@ -130,7 +130,7 @@ class Scripts:
         return self._variables[state]
 
     def is_native(self, path: str, is_for_this_processor: Callable[[str], bool]) -> bool:
-        """Tell if a script has options for the processor at hand."""
+        """Return whether a script has options for the processor at hand."""
         state = (is_for_this_processor, *_state(path))
         if state not in self._native:
             self._native[state] = is_for_this_processor(_script(path))
@@ -145,7 +145,7 @@ def _state(path: str) -> tuple[object, ...]:
 
 
 def _script(path: str) -> str:
-    """Return the text of a file, nothing of other data, which may be large."""
+    """Return the content of a text file, or nothing for binary data, which may be large."""
     try:
         with open(path, "rb", opener=open_regular) as file:
             text = file.read(4096)
@@ -155,7 +155,7 @@ def _script(path: str) -> str:
 
 
 def _position(place: str, folders: list[str]) -> str:
-    """Return a folder as the number of the one of `folders` that it is or lies in, and its path there."""
+    """Return a folder as the number of the enclosing one of `folders`, and the path in that."""
     for number, folder in enumerate(folders):
         if folder and f"{place}/".startswith(f"{folder}/"):
             return f"{number}{place[len(folder) :]}"
@@ -169,7 +169,7 @@ def processor(cpu_info: str) -> str:
 
 
 class ModuleSearch:
-    """Looks for modules as Python does; what is in a folder is remembered."""
+    """Searches modules like Python; listings of folders are cached."""
 
     def __init__(self) -> None:
         """Begin without any folder."""
@@ -190,13 +190,13 @@ class ModuleSearch:
         return tuple(found)
 
     def more(self, folder: str) -> tuple[str, ...]:
-        """Return the names of the files in a folder that lead Python to other folders."""
+        """Return the names of the files in a folder that add folders to Python's search path."""
         return tuple(sorted(name for name in self._listed(folder) if name.endswith(".pth")))
 
     def _listed(self, folder: str) -> dict[str, bool]:
         """Return the modules in a folder, and whether they are code; other folders may be namespaces.
 
-        The names of files ending with '.pth' are no names of modules.
+        Names of files that end with '.pth' are included, but are not modules.
         """
         if folder not in self._names:
             names: dict[str, bool] = {}
@@ -214,7 +214,7 @@ class ModuleSearch:
 
 
 def _kind(path: str) -> str:
-    """Return what a look at a file tells without its times: the kind, the size, the target of a link."""
+    """Return kind, mode and size of a file, and the target of a link, without times."""
     target = ""
     try:
         if os.path.islink(path):

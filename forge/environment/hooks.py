@@ -11,7 +11,7 @@ from forge.base.frozen import Pairs
 
 _CONFIG = re.compile(r"(?P<folder>.*)/(?P<name>[^/]+?)(?P<end>Config|-config)\.cmake")
 _USUAL = re.compile(r".*/(?:share/(\w+)/cmake|lib/cmake/(\w+))")
-"""Folders in which find_package() finds a config file whatever else the prefix contains."""
+"""Folders in which find_package() always finds a config file, regardless of other files."""
 
 
 def package_hooks(name: str, files: Iterable[str], site_packages: str, *, ament: bool) -> dict[str, str]:
@@ -79,7 +79,7 @@ def _line(variable: str, value: str) -> str:
 def config_folders(files: Iterable[str]) -> Pairs:
     """Return the names and folders of the config files among a package's installed files.
 
-    The folder is '' if it is not for certain that CMake looks there for this name.
+    The folder is '' if CMake may not look there for this name.
     """
     configs = []
     for path in files:

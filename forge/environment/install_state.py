@@ -17,7 +17,7 @@ _SOURCED = re.compile(r'^ *COLCON_CURRENT_PREFIX="(/(?:[^"\\]|\\.)*)"$', re.MULT
 
 @frozen
 class InstallState:
-    """What is recorded; empty before the first build. The interpreter may have been removed."""
+    """The recorded state; empty before the first build. The interpreter may have been removed."""
 
     python: str | None = None
     underlays: tuple[Path, ...] = ()
@@ -30,12 +30,12 @@ def recorded_underlays(root: Path) -> tuple[Path, ...]:
 
 
 def recorded_overlays(root: Path) -> tuple[Path, ...]:
-    """Return the recorded underlays of an install tree that were built on it: each would source the other."""
+    """Return the recorded underlays of an install tree that were built on it, which would form a cycle."""
     return tuple(path for path in recorded_state(root).underlays if is_built_on(path, root))
 
 
 def is_built_on(overlay: Path, root: Path) -> bool:
-    """Tell whether an install tree is `root`, or has it among its underlays, directly or indirectly."""
+    """Return whether an install tree is `root`, or has it among its underlays, directly or indirectly."""
     waiting, seen = [os.path.realpath(overlay)], set[str]()
     while waiting:
         path = waiting.pop()

@@ -80,15 +80,15 @@ def find_package(
 
 
 def is_registered(name: str, variables: Mapping[str, str], install: Path | None) -> bool:
-    """Tell whether ament's index contains a package, sourced or in the enclosing workspace."""
+    """Return whether ament's index contains a package, sourced or in the enclosing workspace."""
     return is_package_name(name) and bool(ament_index.prefix_of(name, known_prefixes(variables, install)))
 
 
 def plain_prefix(name: str, install: Path | None, built: Mapping[str, str]) -> Path | None:
     """Return the prefix of a package that a workspace has built without ament, or None.
 
-    `built` has the build types of the packages in the workspace. A package with ament that its index does not
-    contain has a mistake.
+    `built` has the build types of the packages in the workspace. A missing index entry of an ament package is
+    an error.
     """
     without_ament = not built.get(name, _AMENT).startswith(_AMENT)
     return unregistered_prefix(name, install) if without_ament else None
@@ -134,7 +134,7 @@ def _require_prefixes(variables: Mapping[str, str], install: Path | None) -> Non
 
 
 def missing_executable_hint(package: str, name: str, prefix: Path, paths: Sequence[Path]) -> str:
-    """Return a hint how to make `name` available; `paths` are the package's executables."""
+    """Return a hint on how to make `name` available; `paths` are the package's executables."""
     folder = prefix / "lib" / package
     plain = next((path for path in folder.rglob("*") if path.name == name and path.is_file()), None)
     if plain is not None:

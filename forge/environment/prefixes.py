@@ -154,7 +154,7 @@ def _populated_prefixes(root: Path) -> list[Path]:
 
 
 def has_packages(root: Path) -> bool:
-    """Tell whether forge or colcon installed a package in an install tree; cheaper than all packages."""
+    """Return whether forge or colcon installed a package in an install tree; cheaper than all packages."""
     built = _layout(root) is not None
     return built and any((prefix / PACKAGES / name).is_file() for name, prefix in _candidates(root))
 

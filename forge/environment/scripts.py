@@ -41,7 +41,7 @@ class Shell:
         return self.special.sub(lambda match: "\\" + match.group(), text)
 
     def runs_in_sh(self, path: str) -> bool:
-        """Tell whether sh must run a script, whose changes this shell then imports."""
+        """Return whether sh must run a script, whose changes this shell then imports."""
         return self.family != "sh" and path.endswith(".sh")
 
 

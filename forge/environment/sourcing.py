@@ -63,7 +63,7 @@ def sourced_environment(install: Path, variables: Mapping[str, str]) -> dict[str
         script = root / "local_setup.sh"
         if (root / LAYOUT_MARKER).is_file():
             result = workspace_environment([root], result)
-        elif script.is_file():  # a distribution, whose script may do anything
+        elif script.is_file():  # setup scripts of distributions may do anything
             result = _source(script, root, result)
     return result
 
@@ -81,7 +81,7 @@ def packages_in_order(root: Path) -> tuple[PackageEdits, ...]:
 def package_edits(name: str, prefix: Path) -> tuple[Edit | Script, ...]:
     """Return the edits of an installed package; empty without dsv files."""
     try:
-        stamp = os.stat(f"{prefix}/share/{name}/package.dsv")  # for each dependency of each package
+        stamp = os.stat(f"{prefix}/share/{name}/package.dsv")  # called for each dependency of each package
     except (FileNotFoundError, NotADirectoryError):
         return ()
     return _read_edits(name, prefix, (stamp.st_ino, stamp.st_ctime_ns, stamp.st_size))

@@ -113,7 +113,7 @@ def python_versions(root: Path) -> frozenset[Version]:
 
 
 def lacks_modules(root: Path, variables: Mapping[str, str]) -> bool:
-    """Tell whether a prefix has Python modules, but none of its folders is on PYTHONPATH.
+    """Return whether a prefix has Python modules, but none of its folders is on PYTHONPATH.
 
     This is the case if only AMENT_PREFIX_PATH or CMAKE_PREFIX_PATH contain a distribution, as with `sudo -E`.
     """

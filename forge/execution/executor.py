@@ -28,7 +28,7 @@ class Executor(Protocol):
     """Runs the steps of tasks. forge decides which task is next, and installs what the steps have built."""
 
     slots: int
-    """The number of packages that are built at a time."""
+    """The number of packages that are built concurrently."""
 
     def run(
         self,
@@ -54,7 +54,7 @@ class Executor(Protocol):
 
 @frozen
 class ExecutorContext:
-    """What the executor of a plugin knows of a build."""
+    """Information about a build for the executor of a plugin."""
 
     options: ExecutorOptions
     jobs: JobOptions
@@ -98,7 +98,7 @@ _NAMES = _Names((*EXECUTORS, *installed(PLUGINS)))
 
 @frozen
 class ExecutorOptions:
-    """The options that choose where packages are built: here, or where a plugin builds them."""
+    """The options that select where packages are built: on this machine or by a plugin."""
 
     GROUP = "parallelism"
 

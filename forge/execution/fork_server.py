@@ -29,12 +29,12 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
 _CREDENTIALS = struct.Struct("3i")
-"""Process, user and group of the other end of a connection."""
+"""Process, user and group at the other end of a connection."""
 
 
 @frozen
 class Call:
-    """A command line with its absolute working directory and its whole environment, and who asks for it."""
+    """A command line with its absolute working directory, its environment and the client."""
 
     argv: list[str]
     cwd: str
@@ -95,7 +95,7 @@ def serve(
             with connection, contextlib.suppress(OSError, ValueError):
                 call, descriptors = _receive(connection)
                 if prepare(call):
-                    gc.freeze()  # or each child would copy what its garbage collector visits
+                    gc.freeze()  # otherwise each child would copy all objects when it collects garbage
                     if os.fork() == 0:
                         listener.close()
                         os._exit(_answer(connection, call, descriptors, run))
@@ -113,7 +113,7 @@ def _reap(_number: int, _frame: object) -> None:
 
 
 def _receive(connection: socket.socket) -> tuple[Call, list[int]]:
-    """Return what a client asks for: folder, number of arguments, arguments, variables; separated by NUL."""
+    """Return a request: folder, number of arguments, arguments and variables, separated by NUL."""
     size, descriptors, _, _ = socket.recv_fds(connection, 4, 2)
     request = receive_exactly(connection, int.from_bytes(size, "big"))
     cwd, count, *words = map(os.fsdecode, request.split(b"\0"))

@@ -224,7 +224,7 @@ class JobPool:
             if woken and not self._closed:
                 self._wake.clear()
                 time.sleep(_PAUSE_SECONDS)
-            # Not at every wake-up, since a check reads some twenty files.
+            # Not at each wake-up, since a check reads about twenty files.
             if time.monotonic() - checked >= _PERIOD_SECONDS:
                 overloaded, checked = self._is_overloaded(), time.monotonic()
             with self._changed:

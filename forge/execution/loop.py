@@ -99,7 +99,7 @@ def execute(
                         runner.executor.finish_steps()
                     yield message
         finally:
-            # Some tasks are still active only if the loop was left by an error of the caller.
+            # Tasks are still active only if an error of the caller ended the loop.
             if active:
                 runner.executor.interrupt(kill=False)
             while active:

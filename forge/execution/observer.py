@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class StepObserver(Protocol):
-    """Prepares the environment of steps so that what they do is logged."""
+    """Prepares the environment of steps so that their actions are logged."""
 
     def variables(self, task: Task, variables: Mapping[str, str], /) -> Mapping[str, str]:
         """Return the environment of a step with the variables added."""

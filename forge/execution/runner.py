@@ -55,7 +55,7 @@ _VALID_LATER = frozenset({"FORGE_COMMAND", BUILD_FOLDER_VARIABLE})
 
 
 class TaskLifecycle:
-    """What happens before and after the steps of a task: locally, wherever the steps run."""
+    """Actions before and after the steps of a task, always on this machine."""
 
     __slots__ = ()
 
@@ -68,11 +68,11 @@ class TaskLifecycle:
         raise NotImplementedError
 
     def staged(self, task: Task) -> Task:
-        """Return the task with its steps in a stage, if it can be built so; called before the first step."""
+        """Return the task with its steps in a stage, if possible; called before the first step."""
         return task
 
     def unstaged(self, _task: Task, _failed: Step | None, *, stopped: bool) -> Task | None:
-        """Remove the stage and return the task as it has to run again in place, or None and do nothing."""
+        """Remove the stage and return the task to rerun in place, or return None and do nothing."""
         return None
 
     def begin(self, task: Task, environment: Mapping[str, str]) -> None:
@@ -276,7 +276,7 @@ class LocalExecutor:
         put(StepStarted(task.name, step, changed_variables(variables)))
 
         def put_output(text: bytes, stderr: bool) -> None:
-            if step.stage:  # users know the prefix
+            if step.stage:  # show the prefix to users
                 text = text.replace(os.fsencode(step.stage), os.fsencode(task.prefix))
             put(Output(task.name, text, stderr=stderr))
 
@@ -311,7 +311,7 @@ class LocalExecutor:
                 if self._observer:
                     self._observer.note_process(variables, process.pid, step)
                 try:
-                    with process:  # which closes both pipes in the end
+                    with process:  # this eventually closes both pipes
                         _read_lines(process, put_output)
                     code = process.returncode
                 finally:
@@ -343,7 +343,7 @@ def _read_lines(process: subprocess.Popen[bytes], put: Callable[[bytes, bool], N
         for pipe, stderr in ((process.stdout, False), (process.stderr, True)):
             assert pipe is not None
             selector.register(pipe, selectors.EVENT_READ, stderr)
-        with contextlib.suppress(AttributeError, OSError):  # which an old kernel lacks
+        with contextlib.suppress(AttributeError, OSError):  # not available in old kernels
             end = os.pidfd_open(process.pid)
             stack.callback(os.close, end)
             selector.register(end, selectors.EVENT_READ)

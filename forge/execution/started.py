@@ -130,7 +130,7 @@ class StartedProcesses:
                 os.close(descriptor)
 
     def _read(self) -> _Recorded:
-        """Return what was recorded on this machine since it was booted."""
+        """Return the records of this machine since it was booted."""
         processes: dict[int, set[int]] = {}
         announced, started = set(), set()
         try:
@@ -171,7 +171,7 @@ def _read_process(number: int) -> Process | None:
 
 
 def is_running(number: int) -> bool:
-    """Tell whether a process with this id runs; a zombie does not."""
+    """Return whether a process with this id runs; a zombie does not."""
     process = _read_process(number)
     return process is not None and not process.ended
 

@@ -92,7 +92,7 @@ class TaskSetup(TaskLifecycle):
     seed: Seed | None = None
     """Lets new build folders skip CMake's compiler checks."""
     audit: Callable[[Task, ObservedSteps, NativeGraph], None] | None = None
-    """Compares what steps read with what is declared; then each package starts in an empty build folder."""
+    """Compares inputs of steps with declared ones; each package then starts in an empty build folder."""
     observes: bool = False
     """Steps run on this machine below the library of forge.engine, so that they can install into a stage."""
     kept: list[Problem] = field(default_factory=list)
@@ -104,7 +104,7 @@ class TaskSetup(TaskLifecycle):
     _earlier_steps: dict[str, ObservedSteps] = field(default_factory=dict)
     _observed: dict[str, ObservedCommands] = field(default_factory=dict)
     _detected: dict[str, frozenset[str]] = field(default_factory=dict)
-    """What the detection of compilers read whose results were copied into a build folder."""
+    """The inputs of the compiler detection whose results were copied into a build folder."""
 
     def environment(self, task: Task) -> Mapping[str, str]:
         below = ((need, self.layout.prefix(need)) for need in task.needs)
@@ -133,7 +133,7 @@ class TaskSetup(TaskLifecycle):
         self._back_up(task)
         if task.prepared:
             return
-        # What hooks of dependencies set, without path lists.
+        # Variables set by hooks of dependencies, except path lists.
         usual = _FROM_NEEDS | self._config_variables(task).keys()
         set_by_needs = tuple(
             (name, value)
@@ -146,7 +146,7 @@ class TaskSetup(TaskLifecycle):
         found, sources = fingerprint_tree(source, state.table, last=lambda: last.settled if last else {})
         stamp = found.stamp if found.digest == task.sources.digest else UNPLANNED
         pairs = map("=".join, (*inputs.tools, *inputs.environment, *set_by_needs))
-        # What another target has made, or files with other permissions, would stay in the folder.
+        # Outputs of other targets, or with other permissions, would remain in the folder.
         whole = (option for option in inputs.options if option.startswith((TARGET, UMASK)))
         needs = ((need, records.get(need)) for need in task.needs)
         record = FolderRecord(
@@ -169,7 +169,7 @@ class TaskSetup(TaskLifecycle):
         )
         self._begun[task.name] = last, record
         if reuse is Reuse.NOTHING:
-            # With the folder goes the knowledge of what the last install step has read.
+            # Without the folder, the inputs of the last install step are unknown.
             staging.forget_sources(task)
         # The package's own arguments and the hooks of its dependencies may select another compiler.
         package = task.package
@@ -193,7 +193,7 @@ class TaskSetup(TaskLifecycle):
         again = staging.in_place(task, self.layout, steps, failed)
         if again is not None:
             if again.prepared:
-                # The installation follows once more.
+                # The install step runs once more.
                 self._earlier_steps[task.name] = self._steps.pop(task.name).without(StepKind.INSTALL.value)
             else:
                 self._record_commands(task)
@@ -201,7 +201,7 @@ class TaskSetup(TaskLifecycle):
         return again
 
     def _read_steps(self, task: Task) -> ObservedSteps:
-        """Return what the steps of a package did; they have ended."""
+        """Return the observations of the steps of a package, which have ended."""
         if task.name not in self._steps:
             steps = read_steps(written_log(task.name, self.layout))
             earlier = self._earlier_steps.pop(task.name, None)
@@ -278,7 +278,7 @@ class TaskSetup(TaskLifecycle):
         if task.stage:
             self.kept.extend(staging.remove_other_stale(task, self.layout, installed))
         build = task.build_dir
-        if task.stage:  # what has not changed was not touched
+        if task.stage:  # unchanged files were not touched
             stats: Stats = {path: status for path in installed.files if (status := status_of(path))}
         else:
             stats = set_file_times(task, installed.files, self.layout, self.state.table)
@@ -290,7 +290,7 @@ class TaskSetup(TaskLifecycle):
         asked = [question for question, _ in observed.answers]
         # Plugins whose builds forge stages, such as cargo's, report their files themselves.
         every = () if build_type_of(task.package).staged else observed.all
-        # Options and variables may name the processor, or what is not known may ask for it.
+        # Options and variables may name the processor; unobserved processes may query it.
         asked_variables = {question.removeprefix(VARIABLE) for question in asked}
         values = map(self.state.world.value, {*dict(task.inputs.environment), *asked_variables})
         is_named = any(map(is_for_this_processor, (*task.inputs.options, *values)))
@@ -368,7 +368,7 @@ class TaskSetup(TaskLifecycle):
         )
 
     def _undeclared(self, task: Task, read: Iterable[str], declared: Iterable[Path]) -> Iterator[str]:
-        """Yield what a build read of packages of this workspace that it does not depend on."""
+        """Yield files that a build read from packages of this workspace that it does not depend on."""
         layout, records = self.layout, self.state.journal.records
         build, install = f"{layout.build}/", f"{layout.install}/"
         # In a merged prefix, only the lists of files tell packages apart.

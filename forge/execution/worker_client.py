@@ -14,7 +14,7 @@ WORKER_VARIABLE = "FORGE_WORKER"
 DECLINED = 255
 """The exit code of a command that the worker leaves to its client."""
 DECLINED_PREFIX = "forge: runs "
-"""The start of the line that says why."""
+"""The start of the line that gives the reason."""
 
 
 def main(argv: "list[str]") -> int:
@@ -37,7 +37,7 @@ def main(argv: "list[str]") -> int:
 
 
 def receive_exactly(connection: _socket.socket, size: int) -> bytes:
-    """Return `size` bytes; raises OSError if the connection closes before."""
+    """Return `size` bytes; raises OSError if the connection closes early."""
     received = b""
     while len(received) < size:
         chunk = connection.recv(size - len(received))

@@ -72,7 +72,7 @@ class Part:
         return f"{self.language} {self.subject}"
 
     def files(self) -> Iterator[File]:
-        """Yield the files, below a folder of the language's name."""
+        """Yield the files, in a folder named after the language."""
         for file in self.make():
             yield File(f"{self.language}/{file.path}", file.text)
 
@@ -309,7 +309,7 @@ def write(
         for name in obsolete:
             (out / name).unlink(missing_ok=True)
         for folder in sorted({f"{Path(name).parent}" for name in obsolete}, reverse=True):
-            with contextlib.suppress(OSError):  # other files are in it
+            with contextlib.suppress(OSError):  # the folder contains other files
                 os.removedirs(out / folder)
         content = _text_of(new).encode()
         if not (ledger.is_file() and ledger.read_bytes() == content):

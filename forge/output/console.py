@@ -167,7 +167,7 @@ class RepeatedWarnings:
         return b"".join(text for text in _texts(output) if self._is_new(package, text))
 
     def _is_new(self, package: str, text: bytes) -> bool:
-        # What differs among packages, such as line breaks that depend on names, does not count.
+        # Ignore differences between packages, such as line breaks that depend on names.
         text = _CALL_STACK.sub(b"", _LOCATION.sub(rb"\1", text)) if text.startswith(b"CMake ") else text
         if len(package) > _SHORT:
             name = re.escape(package.encode())
@@ -210,9 +210,9 @@ class ConsoleReporter:
         """
         self.screen = PLAIN
         self.surroundings: Mapping[str, Any] = {}
-        """What hints look at outside of a failed package: arguments of failure_context."""
+        """Context for hints about failed packages: arguments of failure_context."""
         self.collapsed: frozenset[str] = frozenset()
-        """Packages without lines of their own unless they fail; the summary counts them."""
+        """Packages that get no lines of their own unless they fail; the summary counts them."""
         self.launcher_summaries: tuple[LauncherSummary, ...] = ()
         self.test_counts: Counts | None = None
         """The numbers of tests, if the packages were tested."""
@@ -380,7 +380,7 @@ class ConsoleReporter:
         if self._on["console_cohesion"] and output.everything and not self._on["console_direct"]:
             self.screen.write(f"--- output: {task}\n".encode() + output.everything + b"---\n")
         elif self._on["console_stderr"] and task in self._names["stderr"] and not self._on["console_direct"]:
-            if self._on["summary"] and not failed:  # the summary names the packages that are left out
+            if self._on["summary"] and not failed:  # the summary names the omitted packages
                 errors = self._repeated.take(task, errors)
             text = errors.decode(errors="surrogateescape")
             if failed:
@@ -438,7 +438,7 @@ class ConsoleReporter:
         if self.logs:
             lines.append(f"  log: {self.displayed(self.logs / task / 'stdout_stderr.log')}")
         if repeat:
-            # A file contains the failed step: a shorter command.
+            # A file contains the failed step, so the command is shorter.
             file = self._tasks[task].build_dir / self._tasks[task].scratch_dir / LAST_COMMAND
             short = f"sh {shlex.quote(self.displayed(file))}" if file.is_file() else repeat
             lines.append(f"  repeat: {short}")

@@ -114,7 +114,7 @@ def failure_context(package: Package, packages: Mapping[str, Package], **surroun
 def hint_of(output: str, context: FailureContext) -> str | None:
     """Return a remedy derived from the output of a failed package, or None."""
     if context.package.embedded:
-        return None  # its files are forge's
+        return None  # the files of an embedded package are forge's
     plain = COLOUR.sub("", output)
     for pattern, remedy in _REMEDIES:
         for match in re.finditer(pattern.replace(" ", r"\s+"), plain):

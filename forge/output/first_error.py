@@ -21,7 +21,7 @@ _OTHER = re.compile(
 )
 _FAILED = "FAILED: "
 _NINJA = re.compile(rf"\[\d+/\d+\] |{_FAILED}|ninja: ")
-"""How Ninja goes on after a command."""
+"""Lines with which Ninja continues after a command."""
 _MAX_SAID = 8
 COLOUR = re.compile(r"\x1b\[[0-9;]*[A-Za-z]")
 
@@ -56,7 +56,7 @@ def first_error(output: Sequence[str], folder: str = "") -> FirstError | None:
     failed = next((index for index, line in enumerate(plain) if line.startswith(_FAILED)), None)
     if failed is None:
         return None
-    # Ninja prints the command, and then what that has printed.
+    # Ninja prints the command, followed by its output.
     printed = takewhile(lambda line: not _NINJA.match(line), plain[failed + 2 :])
     said = (line for line in printed if line.strip() and not line.startswith(DECLINED_PREFIX))
     return FirstError((*islice(said, _MAX_SAID),) or (plain[failed],))

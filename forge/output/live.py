@@ -44,7 +44,7 @@ Line = tuple[tuple[str, str], ...]
 
 
 def is_wanted(handlers: Mapping[str, bool]) -> bool:
-    """Tell whether stdout is a capable terminal and the status lines are enabled."""
+    """Return whether stdout is a capable terminal and the status lines are enabled."""
     prose = handlers["status"] and handlers["console_start_end"] and not handlers["console_direct"]
     dumb = os.environ.get("TERM", "") in {"", "dumb"}
     return prose and sys.stdout.isatty() and not dumb

@@ -156,7 +156,7 @@ class LogWriter:
 
     def _beat(self) -> None:
         while not self._closed.wait(_HEARTBEAT):
-            with contextlib.suppress(OSError):  # the next event reports it
+            with contextlib.suppress(OSError):  # the next event reports the error
                 self._note_event("-", "TimerEvent", "{}")
 
     def _stamp(self, name: str) -> bytes:

@@ -22,7 +22,7 @@ _Result = TypeVar("_Result")
 
 @frozen
 class Run:
-    """What reporters know of a run of `command`, which is 'build' or 'test'."""
+    """Information for reporters about a run of `command`, which is 'build' or 'test'."""
 
     command: str
     plan: BuildPlan

@@ -62,7 +62,7 @@ def collect(base: Path) -> Collection:
             if found.expected:
                 expected |= {found.path, found.tag}
     for fault in denied:
-        if isinstance(fault, PermissionError):  # others were removed meanwhile
+        if isinstance(fault, PermissionError):  # the others have been removed meanwhile
             reason = f"cannot read the folder: {fault.strerror}"
             problems.append(Problem(reason, Location(Path(fault.filename))))
             outcomes.append(unreadable(fault.filename, str(base), reason))
@@ -84,7 +84,7 @@ class _Candidate:
 
 
 def _candidates(base: Path, denied: list[OSError]) -> Iterator[_Candidate]:
-    """Yield what may be a result; append to `denied` why folders cannot be read."""
+    """Yield possible result files; append to `denied` why folders cannot be read."""
     homes: dict[str, str] = {}  # the nearest folder in which CTest ran
     waiting = [str(base)]
     while waiting:
@@ -149,7 +149,7 @@ _CTEST_RUN = re.compile(r"\d{8}-\d{4}")
 
 
 def result_folder_problems(names: Iterable[str], base: Path) -> Iterator[Problem]:
-    """Yield a problem for each folder for results with files of others where tests would write theirs.
+    """Yield a problem for each result folder in which tests would replace unowned files.
 
     colcon marks no such folder; its results are recognized by their contents.
     """
@@ -167,7 +167,7 @@ def result_folder_problems(names: Iterable[str], base: Path) -> Iterator[Problem
 
 
 def _is_of_colcon(path: Path, package: str) -> bool:
-    """Tell whether colcon left a result here: copies of CTest's, or JUnit files about this package."""
+    """Return whether colcon left a result here: copies of CTest's, or JUnit files about this package."""
     if path.is_symlink():
         return False
     if path.name == "Testing":
@@ -190,7 +190,7 @@ def _is_of_colcon(path: Path, package: str) -> bool:
 def removable_results(found: Collection, base: Path) -> tuple[str, ...]:
     """Return the result files to delete: all in marked folders, elsewhere those at the expected paths.
 
-    Files in sources stay, such as data of tests.
+    Files in sources, such as test data, are kept.
     """
 
     def is_removable(path: str) -> bool:

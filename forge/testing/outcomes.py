@@ -78,7 +78,7 @@ class NotAResultError(ValueError):
 
 
 class BrokenResultError(ValueError):
-    """A test result that does not say how many tests failed."""
+    """A test result without the number of failed tests."""
 
 
 def read_junit(root: Element, path: str, home: str) -> Outcome:

@@ -147,7 +147,7 @@ def changed_since_build(
         record, package = records.get(name), loaded.packages.get(name)
         if package is None or package.embedded or record is None:
             continue
-        if not record.complete and name in needs:  # it is not tested
+        if not record.complete and name in needs:  # packages that are not tested do not matter
             continue
         home = str(loaded.workspace.root / package.path)
         if not record.complete:
@@ -258,7 +258,7 @@ def make_test_plan(
 
 
 def has_no_tests(build: Path) -> bool:
-    """Tell whether the last build of a CMake package left out its tests, here or where the cache is from."""
+    """Return whether the last build of a CMake package left out its tests, here or where the cache is from."""
     deferred = read_deferred(build)
     return was_built_without_tests(build) if deferred is None or deferred.done else not deferred.steps
 
@@ -329,7 +329,7 @@ def not_runnable(
             elif not cached:
                 message = "its build folder is missing"
         if not message and name in records and not records[name].complete:
-            # What it installed and its test programs may be those of an earlier build.
+            # Its installed files and test programs may be from an earlier build.
             message, hint = "its last build failed or was stopped", f"forge build --packages-select {name}"
         if message:
             group = GroupedProblems(f"{{}} cannot be tested: {message}", name, hint and "forge build --force")

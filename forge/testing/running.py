@@ -128,7 +128,7 @@ class TestSetup(TaskLifecycle):
     def begin(self, task: Task, environment: Mapping[str, str]) -> None:
         if self.context.options.test_result_base is not None:
             mark_result_dir(self.context.results_of(task.name))
-        for path in task.clean:  # the names may be glob patterns
+        for path in task.clean:  # names may be glob patterns
             for found in path.parent.glob(path.name) if path.parent.is_dir() else ():
                 if found.is_dir() and not found.is_symlink():
                     delete_tree(found)
@@ -190,7 +190,7 @@ def write_results_of_untested(
         path = context.not_run(name)
         if name in untested:
             result = error_result(name, path.stem, untested[name].message)
-            # First the marker, without which the folder would not be forge's.
+            # Write the marker first; without it, the folder would not belong to forge.
             replace_file(context.layout.build_dir(name) / TEST_RESULT, b"1\n")
             mark_result_dir(context.results_of(name))
             replace_file(path, result.encode(errors="surrogateescape"))
@@ -226,7 +226,7 @@ def failures_of(task: Task, setup: TestSetup, displayed: Callable[[Path], str] =
             lines = first_lines(junit.cases) if junit and junit.cases else last_lines(case.text)
             argv = (task.steps[0].argv[0], "-V", "-R", f"^{re.escape(case.name)}$")
             yield _failure(task, case.name, lines, replace(task.steps[0], argv=argv, env=()), displayed)
-        # Failures that CTest does not know of: in files of tests that it took for successful.
+        # Failures unknown to CTest: in files of tests that it considers successful.
         failed = {case.name for outcome in runs for case in outcome.cases}
         for outcome in (one for one in others if one.test not in failed):
             for case in outcome.cases:

@@ -74,7 +74,7 @@ def unused_variables(output: bytes) -> frozenset[str]:
 
 
 def builds_tests(package: Package, cmake_args: Sequence[str], ament_cmake_args: Sequence[str]) -> bool | None:
-    """Tell whether CMake's arguments, for all packages and its own, turn the tests of a package on or off.
+    """Return whether CMake's arguments, for all packages and its own, turn the tests of a package on or off.
 
     Returns None if they do not set BUILD_TESTING. Packages that are not built by CMake follow the arguments
     for all packages.
@@ -89,7 +89,7 @@ def builds_tests(package: Package, cmake_args: Sequence[str], ament_cmake_args: 
 
 
 def was_built_without_tests(build_dir: Path) -> bool:
-    """Tell whether the last build of a CMake package left out its tests."""
+    """Return whether the last build of a CMake package left out its tests."""
     match = _CACHED.search(text_or_nothing(build_dir / "CMakeCache.txt"))
     return match is not None and _FALSE.fullmatch(match[1].strip()) is not None
 
@@ -125,5 +125,5 @@ class UnusedVariables:
     def names(self) -> tuple[str, ...]:
         """The variables that no package used, sorted; empty before a package was configured."""
         unused = self._shared - self._used if self._asked else ()
-        # The default of a policy concerns only projects that do not set the policy.
+        # The default of a policy affects only projects that do not set the policy.
         return tuple(sorted(name for name in unused if not name.startswith(_POLICY_DEFAULT)))

@@ -49,12 +49,12 @@ _OTHER_VERSION = {
     _CONDA: "run 'conda deactivate', or source an underlay for this environment",
     _OF_WORKSPACE: f"remove '{ENVIRONMENT_FOLDER}', and run 'forge fetch' with {{0}} on PATH",
 }
-"""What to do about an underlay for another version, by what chose the interpreter."""
+"""Remedies for an underlay of another version, by the origin of the interpreter."""
 
 
 @frozen
 class Interpreter:
-    """A Python program, its version, and what chose it."""
+    """A Python program, its version, and how it was chosen."""
 
     path: Path
     version: tuple[int, int]
@@ -71,12 +71,12 @@ class Interpreter:
 
     @property
     def chosen(self) -> bool:
-        """Tell whether the user has chosen it, by an option or by an active environment."""
+        """Return whether the user has chosen it, by an option or by an active environment."""
         return self.origin in _CHOSEN
 
 
 _Choice = tuple[Path, str]
-"""A program and what chose it."""
+"""A program and how it was chosen."""
 
 
 def own_path() -> Path:
@@ -149,7 +149,7 @@ def other_than_recorded(recorded: str | None, interpreter: Interpreter) -> tuple
     if recorded is None or Path(recorded) == interpreter.path:
         return ()
     message = f"the interpreter is now '{interpreter.path}' ({interpreter.origin}) instead of '{recorded}'"
-    hint = "packages that depend on it are rebuilt; to keep the former one, activate its environment or pass "
+    hint = "packages that depend on it are rebuilt; to keep the old one, activate its environment or pass "
     return (Problem(message, hint=f"{hint}--python {shlex.quote(recorded)}"),)
 
 
@@ -257,7 +257,7 @@ def _which(program: str, variables: Mapping[str, str]) -> Path | None:
 
 
 def _is_of_tool(python: Path) -> bool:
-    """Tell whether an interpreter is in the environment that uv or pipx made for forge."""
+    """Return whether an interpreter is in the environment that uv or pipx made for forge."""
     return python.parent.parent.resolve() == _own_tool()
 
 

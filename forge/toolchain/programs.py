@@ -132,7 +132,7 @@ def compiled_packages(packages: Iterable[Package]) -> list[Package]:
 
 
 def any_enables_cxx(packages: Iterable[Package]) -> bool:
-    """Tell whether one of the packages may enable C++ in any of its CMake files."""
+    """Return whether one of the packages may enable C++ in any of its CMake files."""
     for package in compiled_packages(packages):
         has_project = any(call.command in _ENABLING for call in calls(_project_text(package)))
         if not has_project or any(map(enables_cxx, map(text_or_nothing, cmake_files(package.path)))):
@@ -141,7 +141,7 @@ def any_enables_cxx(packages: Iterable[Package]) -> bool:
 
 
 def enables_cxx(text: str) -> bool:
-    """Tell whether a CMake file may enable C++, as project() does unless it lists other languages."""
+    """Return whether a CMake file may enable C++, as project() does unless it lists other languages."""
     for call in calls(text):
         words = [word for word in call.words if word != "LANGUAGES"]
         if call.command == "project":
@@ -282,7 +282,7 @@ def find_cmake(variables: Mapping[str, str]) -> Path | None:
 
 
 def calls_make(text: str) -> bool:
-    """Tell whether a CMakeLists.txt calls $(MAKE), which only makefiles support, as for external projects."""
+    """Return whether a CMakeLists.txt calls $(MAKE), as for external projects; only makefiles support it."""
     return "$(MAKE)" in text
 
 
@@ -291,13 +291,13 @@ def _project_text(package: Package) -> str:
 
 
 def _compiles(text: str) -> bool:
-    """Tell whether project() enables a language, which it does unless it specifies NONE."""
+    """Return whether project() enables a language, which it does unless it specifies NONE."""
     project = next((call for call in calls(text) if call.command == "project"), None)
     return bool(text) and (project is None or "NONE" not in project.words)
 
 
 def _certainly_compiles(text: str) -> bool:
-    """Tell whether project() enables C or C++, and no command before it may choose a compiler."""
+    """Return whether project() enables C or C++, and no command before it may choose a compiler."""
     for call in calls(text):
         if call.command == "project" and not call.conditions:
             following = call.words[1] if call.words[1:] else "VERSION"

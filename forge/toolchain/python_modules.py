@@ -37,7 +37,7 @@ _OTHER_NAMES = {
     "lark": {"apt": "lark", "dnf": "lark-parser"},
     "yaml": {"apt": "yaml", "dnf": "pyyaml"},
 }
-"""The packages of Debian and Fedora, and of systems like them, after 'python3-'."""
+"""Package names on Debian, Fedora and similar systems, without the prefix 'python3-'."""
 _SYSTEM = (Path("/usr/bin"), Path("/bin"))
 
 DEBIAN = frozenset({"debian", "ubuntu", "linuxmint", "pop", "raspbian", "zorin", "elementary"})

@@ -19,14 +19,14 @@ _UNITS = {"": 1, "K": 1 << 10, "M": 1 << 20, "G": 1 << 30, "T": 1 << 40}
 _LEAST_SHARE, _LEAST_BYTES = 0.1, 1 << 30
 
 CXX_LAUNCHER = "FORGE_CXX"
-"""What precedes the command lines of C++ compilers, in the environment of builds."""
+"""The variable with the prefix of C++ compiler command lines."""
 HEAP_VARIABLE = "FORGE_GCC_HEAP"
 """The heap size in kB."""
 LIBRARY_PATH_BELOW = "FORGE_LIBRARY_PATH_BELOW"
 """LD_LIBRARY_PATH without the packages of the workspace."""
 _GCC_DEFAULT_HEAP = 128 << 20
 _LARGEST_HEAP = 512 << 20
-"""With more than that, the compilers of rclcpp save no more time."""
+"""Larger heaps save no more time when compiling rclcpp."""
 _HEAP_SHARE = 8
 """Since GCC allocates twice the size, all jobs together use at most a quarter of the memory."""
 
@@ -105,7 +105,7 @@ def load(root: Path = ROOT) -> float:
 
 
 def is_overloaded(limit: MemoryLimit | None, load_limit: float | None) -> bool:
-    """Tell whether to start no new jobs because of memory use or load."""
+    """Return whether to start no new jobs because of memory use or load."""
     if load_limit is not None and load() >= load_limit:
         return True
     now = memory()

@@ -87,7 +87,7 @@ class CrossBuild:
 
 
 class Toolchain(Protocol):
-    """What the module of a toolchain provides."""
+    """The interface of a toolchain's module."""
 
     def prepare(
         self, target: str, layout: Layout, variables: Mapping[str, str], options: CrossOptions
@@ -98,7 +98,7 @@ class Toolchain(Protocol):
         """
 
     def has_emulator(self, layout: Layout) -> bool:
-        """Tell whether the last build knew how to run programs of the platform on this machine."""
+        """Return whether the last build knew how to run programs of the platform on this machine."""
 
 
 @frozen
@@ -120,7 +120,7 @@ class Target:
         return replace(build, prepare_compilers=partial(call, what, build.prepare_compilers))
 
     def has_emulator(self, layout: Layout) -> bool:
-        """Tell whether this machine can run what the last build made."""
+        """Return whether this machine can run the programs of the last build."""
         return call(f"the toolchain of '{self.name}'", self.toolchain.has_emulator, layout)
 
 

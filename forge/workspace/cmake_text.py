@@ -1,4 +1,4 @@
-"""Reads CMake files as text: the calls in them, and what these name.
+"""Reads CMake files as text: calls, and the names in their arguments.
 
 The tokenizer follows CMake's grammar for comments, strings and bracket arguments. Variables, loops and
 conditions are not evaluated: CMake may run each of the calls, or none.
@@ -136,7 +136,7 @@ def cmake_dependencies(texts: Iterable[str]) -> frozenset[str]:
         if not ("ind_package" in text or "pkg_" in text or "IND_PACKAGE" in text):
             continue  # reading all words of large files takes time
         for call in calls(text):
-            # Also wrappers such as catkin_find_package.
+            # Includes wrappers such as catkin_find_package.
             if call.command.endswith("find_package"):
                 found.update(filter(_LITERAL.fullmatch, call.words[:1]))
             elif call.command in _PKG_CONFIG:
@@ -208,4 +208,4 @@ def announced_downloads(packages: Iterable[Package]) -> Problem | None:
         return None
     shown = ", ".join(f"{url} ('{name}')" for name, url in list(urls)[:_URLS_SHOWN])
     rest = f" and {len(urls) - _URLS_SHOWN} more" if len(urls) > _URLS_SHOWN else ""
-    return Problem(f"this build may download {counted(len(urls), 'thing')}: {shown}{rest}")
+    return Problem(f"this build may download from {counted(len(urls), 'URL')}: {shown}{rest}")

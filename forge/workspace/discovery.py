@@ -79,7 +79,7 @@ def discover_embedded(rosdistro: str = OLDEST) -> Mapping[str, Package]:
 
 
 def special_files(root: Path, folder: Path) -> Iterator[Problem]:
-    """Yield the named pipes and devices of a package that are named as sources are; `folder` is below `root`.
+    """Yield the named pipes and devices of a package with names of sources; `folder` is below `root`.
 
     Build tools open these by themselves, and wait for a writer, or read without end.
     """
@@ -91,7 +91,7 @@ def special_files(root: Path, folder: Path) -> Iterator[Problem]:
             with os.scandir(at) as found:
                 entries = sorted(found, key=lambda entry: entry.name)
         except OSError:
-            continue  # reported when the sources are scanned
+            continue  # this is reported when the sources are scanned
         names = {entry.name for entry in entries}
         if at != top and is_environment(names.__contains__):
             continue

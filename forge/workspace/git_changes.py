@@ -50,7 +50,7 @@ class GitError(SelectionError):
 
 
 class Repository:
-    """A repository and its state; git is asked when needed, once."""
+    """A repository and its state; git is queried once, on demand."""
 
     def __init__(self, top: Path, revision: str, repositories: Mapping[Path, Repository]) -> None:
         """`repositories` returns the others."""
@@ -73,7 +73,7 @@ class Repository:
                 entry = other.tree.get(path)
             return other if entry and entry.mode == _SUBMODULE else None
         except GitError:
-            # A repository that has nothing to do with this one, for example of a home folder.
+            # An unrelated repository, for example of a home folder.
             return None
 
     @cached_property
@@ -210,7 +210,7 @@ class Repository:
         return GitError(Problem(message, Location(self.top), hint))
 
     def _git(self, *words: str) -> bytes:
-        # Variables may point to another repository, for example in a hook. An empty fsmonitor is none.
+        # Variables may point to another repository, for example in a hook. An empty fsmonitor disables it.
         variables = {
             name: value
             for name, value in os.environ.items()
@@ -237,7 +237,7 @@ class Repository:
 
 
 class Repositories(dict[Path, Repository]):
-    """All repositories by their top folders, created when asked for."""
+    """All repositories by their top folders, created on demand."""
 
     def __init__(self, revision: str) -> None:
         """`revision` is resolved in each repository that is not a submodule."""
@@ -254,7 +254,7 @@ def changed_packages(
 ) -> tuple[frozenset[str], tuple[Problem, ...]]:
     """Return the names of packages with files that differ from a git revision, and warnings.
 
-    Untracked files count unless ignored. A package that no repository knows counts as changed. Raises
+    Untracked files count unless ignored. A package outside all repositories counts as changed. Raises
     SelectionError for an unknown revision, and if there is no repository.
     """
     repositories = Repositories(revision)
@@ -293,8 +293,9 @@ def changed_packages(
         raise SelectionError(Problem(message, hint=hint))
     warnings = []
     if outside:
-        which = f"{listed(outside)} {'is' if len(outside) == 1 else 'are'}"
-        warnings.append(Problem(f"{which} in no git repository and always counted as changed"))
+        are, count = ("is", "counts") if len(outside) == 1 else ("are", "count")
+        text = f"{listed(outside)} {are} in no git repository and always {count} as changed"
+        warnings.append(Problem(text))
     warnings += (problem for _, other in sorted(repositories.items()) if (problem := other.incomplete))
     independent = [str(top) for top in sorted(used) if repositories[top].superproject is None]
     if len(independent) > 1 and revision != "HEAD":
@@ -304,7 +305,7 @@ def changed_packages(
 
 
 def is_repository(folder: Path) -> bool:
-    """Tell whether a folder is the top of a work tree."""
+    """Return whether a folder is the top of a work tree."""
     mark = folder / ".git"
     return mark.is_file() or os.path.lexists(mark / "HEAD")
 

@@ -1,4 +1,4 @@
-"""What identifies a folder as a package: its files, and the build types of plugins.
+"""Identification of a folder as a package: by its files and the build types of plugins.
 
 forge.build.build_types.BuildType is what a build type implements. Entry points of other distributions are
 searched only for types in colcon.pkg, *.meta files and forge.toml that forge does not know.
@@ -47,7 +47,7 @@ class Folder:
     name: str | None = None
 
     def has(self, *names: str) -> bool:
-        """Tell whether all these names exist."""
+        """Return whether all these names exist."""
         return all(name in self.entries and (self.absolute / name).is_file() for name in names)
 
     def content(self, name: str) -> bytes:
@@ -58,7 +58,7 @@ class Folder:
         return read_text(self.absolute / name)
 
     def may_be(self, type_: str) -> bool:
-        """Tell whether the user has not assigned another type."""
+        """Return whether the user has not assigned another type."""
         return self.type is None or self.type == type_
 
 

@@ -244,7 +244,7 @@ def clashes(workspace: Workspace, names: Collection[str]) -> Iterator[Problem]:
     for other in workspace.duplicates:
         if other.name in names:
             paths.setdefault(other.name, [workspace.packages[other.name].path]).append(other.path)
-    # What is not below 'src', or deeper, is probably the copy.
+    # The path outside 'src', or the deeper one, is probably the copy.
     kept = {
         name: min(found, key=lambda path: (path.parts[:1] != ("src",), len(path.parts), path))
         for name, found in paths.items()

@@ -232,7 +232,7 @@ class _Reader:
                 continue
             if not is_safe_name(name):
                 self.fault(
-                    child, f"invalid dependency name '{name}'", "names contain no blanks and no quotes"
+                    child, f"invalid dependency name '{name}'", "names cannot contain blanks or quotes"
                 )
                 continue
             versions = tuple(
@@ -318,7 +318,7 @@ class ConditionError(ValueError):
 
 
 def holds(condition: str, variables: Mapping[str, str]) -> bool:
-    """Tell whether a condition of format 3 holds, such as `$ROS_VERSION == 2 and $ROS_DISTRO != "foxy"`.
+    """Return whether a condition of format 3 holds, such as `$ROS_VERSION == 2 and $ROS_DISTRO != "foxy"`.
 
         expression  := conjunction ('or' conjunction)*
         conjunction := atom ('and' atom)*

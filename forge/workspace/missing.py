@@ -1,4 +1,4 @@
-"""Reports ROS packages that dependencies name and that exist nowhere, and where they may be.
+"""Reports missing ROS packages that dependencies name, and where they may come from.
 
 These are warnings: a manifest may declare more than the build needs.
 """
@@ -103,7 +103,7 @@ def missing_dependencies(
 
 
 def whereabouts(root: Path, layout: Layout, name: str) -> str | None:
-    """Return what to do about a package that is in no known prefix, or None if nothing is known of it."""
+    """Return a remedy for a package that is in no known prefix, or None if there is none."""
 
     def holds(install: Path) -> bool:
         # Unlike Path.is_dir, os.path.isdir returns False for inaccessible folders.

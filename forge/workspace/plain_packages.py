@@ -36,7 +36,7 @@ def identify_plain(folder: Folder) -> Identity | None:
         try:
             reason = not_regular_reason(folder.absolute / name, (folder.absolute / name).stat())
         except OSError:
-            continue  # a dangling link, as catkin creates above its packages
+            continue  # a dangling link, as created by catkin above its packages
         if reason:
             notes.append(Problem(f"ignored: {reason}", Location(folder.display_path / name)))
     return Identity(descend=True, notes=tuple(notes)) if notes else None

@@ -35,7 +35,7 @@ class PythonMetadata:
     dependencies: tuple[Dependency, ...] = ()
     maintainers: tuple[Person, ...] = ()
     requirements: tuple[str, ...] = ()
-    """What it requires to run, as written (PEP 508)."""
+    """Runtime requirements as written (PEP 508)."""
 
     def over(self, below: PythonMetadata) -> PythonMetadata:
         """Return this metadata with missing values taken from another."""

@@ -217,21 +217,21 @@ def unmet_versions(packages: Mapping[str, Package]) -> Iterator[Problem]:
 
 
 def is_ros_name(name: str) -> bool:
-    """Tell whether an unresolved dependency is certainly a ROS package."""
+    """Return whether an unresolved dependency is certainly a ROS package."""
     if "-" in name:
         return False
     return name in _ROS_NAMES or name.startswith(_ROS_BEGINNINGS) or name.endswith(_ROS_ENDINGS)
 
 
 def resembles_ros_name(name: str) -> bool:
-    """Tell whether a dependency is spelled like a ROS package; rosdep keys separate words by '-'."""
+    """Return whether a dependency is spelled like a ROS package; rosdep keys separate words by '-'."""
     return is_ros_name(name) or ("_" in name and "-" not in name)
 
 
 def similar_package(name: str, known: Iterable[str]) -> str | None:
     """Return the known package whose name an unknown one probably misspells, or None.
 
-    An ending such as '_msgs' that both have is not compared: 'std_msgs' is not a misspelt 'test_msgs'.
+    An ending such as '_msgs' that both have is not compared: 'std_msgs' is not a misspelled 'test_msgs'.
     """
     ending = next(filter(name.endswith, _ROS_ENDINGS), "")
     others = [other for other in known if other != name]

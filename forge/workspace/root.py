@@ -67,7 +67,7 @@ def is_root(folder: Path) -> bool:
 
 
 def rebase_paths(arguments: Iterable[tuple[str, bool]], origin: Path, root: Path) -> list[str]:
-    """Return a command line typed in `origin` with its paths changed to be relative to `root`.
+    """Return a command line typed in `origin` with its paths made relative to `root`.
 
     Each argument has the information whether it is passed on to another program.
     """
@@ -113,7 +113,7 @@ def _has_marker(folder: Path) -> bool:
 
 
 def _has_sources(folder: Path) -> bool:
-    """Tell whether a folder looks like a workspace that was never built; packages may contain 'src', too."""
+    """Return whether a folder looks like an unbuilt workspace; packages may contain 'src', too."""
     return (folder / "src").is_dir() and not (folder / "package.xml").exists()
 
 

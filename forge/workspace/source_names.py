@@ -26,7 +26,7 @@ _LITTER_OF_PROJECTS = frozenset(
 """Files of development tools next to the main file of a project; elsewhere they may be data."""
 
 _INSTALLED = frozenset({"site-packages", "dist-packages", "node_modules"})
-"""Folders into which package managers install the packages of others."""
+"""Folders into which package managers install third-party packages."""
 
 ENVIRONMENT_MARKS = ("pyvenv.cfg", "conda-meta")
 """Names in the top folder of a virtual environment or conda environment."""
@@ -46,9 +46,9 @@ _SUSPECT_ENDINGS = ("~", ".orig", ".rej", ".pyc", ".pyo", ".egg-info")
 
 
 def is_source(name: str, beside: Callable[[str], bool]) -> bool:
-    """Tell whether a file counts as a source; `beside` tells whether a name exists in the same folder.
+    """Return whether a file counts as a source; `beside` tells whether a name exists in the same folder.
 
-    In doubt a file counts, because packages may install it.
+    If in doubt, a file counts, because packages may install it.
     """
     if not (name.startswith(_SUSPECT_BEGINNINGS) or name.endswith(_SUSPECT_ENDINGS)):
         return True
@@ -63,12 +63,12 @@ def is_source_folder(name: str, beside: Callable[[str], bool]) -> bool:
 
 
 def is_environment(inside: Callable[[str], bool]) -> bool:
-    """Tell whether a folder is a Python environment; `inside` tells whether a name exists in it."""
+    """Return whether a folder is a Python environment; `inside` tells whether a name exists in it."""
     return any(map(inside, ENVIRONMENT_MARKS))
 
 
 def may_contain_packages(name: str) -> bool:
-    """Tell whether packages of a workspace may be below a folder, which is itself not a package."""
+    """Return whether packages of a workspace may be below a folder, which is itself not a package."""
     return not name.startswith(".") and name not in _INSTALLED
 
 
@@ -111,7 +111,7 @@ def _is_folder(entry: os.DirEntry[str]) -> bool:
 
 
 def _belongs_to_another(name: str, beside: Callable[[str], bool]) -> bool:
-    """Tell whether a name is derived from another file in the folder."""
+    """Return whether a name is derived from another file in the folder."""
     copy = _COPY.fullmatch(name)
     if copy is not None and beside(str(copy[copy.lastgroup or 0])):
         return True

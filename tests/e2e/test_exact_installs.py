@@ -609,5 +609,5 @@ def test_a_file_in_place_of_a_folder_is_named(forge: Forge, tree: Tree) -> None:
     )
     ran = forge("build", cwd=root)
     assert ran.code == 2
-    assert "a file lies where one of its folders belongs" in ran.err
+    assert "a file is in place of one of its folders" in ran.err
     assert "hint: move that file, or let its package install it elsewhere" in ran.err

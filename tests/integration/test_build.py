@@ -399,7 +399,7 @@ FetchContent_Declare(local URL file:///x)"""
     first = forge("build", cwd=root)
     assert first.code == 0, first.err
     addresses = "https://x.org/y.git ('vendor'), https://x.org/z.tar.gz ('vendor')"
-    assert f"note: this build may download 2 things: {addresses}\n" in first.err
+    assert f"note: this build may download from 2 URLs: {addresses}\n" in first.err
     with (root / "src/vendor/CMakeLists.txt").open("a") as lists:
         lists.write("# changed\n")
     assert "may download" not in forge("build", cwd=root).err

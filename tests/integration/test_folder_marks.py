@@ -199,7 +199,7 @@ def test_a_package_at_the_root_is_not_removed_with_its_results(forge: Forge, tre
 def test_a_shared_build_and_install_folder_is_rejected(forge: Forge, tree: Tree) -> None:
     root = tree(cmake_package("a"))
     assert "are the same" in forge("build", "--install-base", "build", cwd=root).err
-    assert "lies in the build folder of 'a'" in forge("build", "--install-base", "build/a/i", cwd=root).err
+    assert "is inside the build folder of 'a'" in forge("build", "--install-base", "build/a/i", cwd=root).err
 
 
 @pytest.mark.parametrize("options", [(), ("--merge-install",)], ids=["isolated", "merged"])
@@ -379,6 +379,6 @@ def test_a_log_folder_inside_a_package_folder_is_rejected(
     before = everything(root)
     ran = forge(command, "--log-base", base, cwd=root)
     assert ran.code == 2
-    assert "lies in the" in ran.err
+    assert "is inside the" in ran.err
     assert "--log-base" in ran.err
     assert everything(root) == before

@@ -95,8 +95,8 @@ def test_using_a_missing_plugin_names_the_install_command(
     root = tree({"ws/src/a/package.xml": manifest_text("a")}) / "ws"
     ran = run_forge(root, *words.split(), path=forge_without(plugin, tmp_path / "copy"))
     assert ran.returncode == 2
-    message = f"error: the {what} needs the plugin '{plugin}', which this forge lacks"
-    assert ran.stderr.startswith(f"{message}\nhint: install forge again{extra}; see file:///")
+    message = f"error: the {what} needs the plugin '{plugin}', which is not installed"
+    assert ran.stderr.startswith(f"{message}\nhint: reinstall forge{extra}; see file:///")
     assert ran.stderr.count("\n") == 2
     assert [path.name for path in root.iterdir()] == ["src"]
 
@@ -105,8 +105,8 @@ def test_a_target_of_a_missing_plugin_names_the_install_command(tree: Tree, tmp_
     copy = forge_without("cross", tmp_path / "copy")
     ran = run_forge(tree(WORKSPACE) / "ws", "build", "--target", "arm64", path=copy)
     assert ran.returncode == 2
-    message = "error: the toolchain 'cross' needs the plugin 'cross', which this forge lacks"
-    assert f"{message}\nhint: install forge again with the extra 'cross'; see file:///" in ran.stderr
+    message = "error: the toolchain 'cross' needs the plugin 'cross', which is not installed"
+    assert f"{message}\nhint: reinstall forge with the extra 'cross'; see file:///" in ran.stderr
     assert ran.stderr.count("error:") == 1
 
 
@@ -176,14 +176,14 @@ def test_packages_of_a_missing_build_type_plugin_are_skipped_with_a_hint(tree: T
     manifest = '[package]\nname = "b"\n'
     files = {"a/package.xml": manifest_text("a", build_type="ament_cargo"), "b/Cargo.toml": manifest}
     root = tree({f"ws/src/{name}": text for name, text in files.items()}) / "ws"
-    lacks = "needs the plugin 'cargo', which this forge lacks"
+    lacks = "needs the plugin 'cargo', which is not installed"
     ran = run_forge(root, "list", path=copy)
     assert (ran.returncode, ran.stdout) == (0, "a\tsrc/a\t(ros.ament_cargo)\n")
-    assert f"src/b/Cargo.toml: warning: the build type 'cargo' {lacks}\nhint: install forge" in ran.stderr
+    assert f"src/b/Cargo.toml: warning: the build type 'cargo' {lacks}\nhint: reinstall forge" in ran.stderr
     ran = run_forge(root, "build", path=copy)
     assert ran.returncode == 0
     assert "warning: skipping 'a': unknown build type 'ament_cargo'\n" in ran.stderr
-    assert f"hint: the build type 'ament_cargo' {lacks}; install forge again; see file:///" in ran.stderr
+    assert f"hint: the build type 'ament_cargo' {lacks}; reinstall forge; see file:///" in ran.stderr
     ran = run_forge(root, "build", "--packages-select", "a", path=copy)
     assert (ran.returncode, f"'ament_cargo' {lacks}" in ran.stderr) == (2, True)
 
@@ -197,8 +197,8 @@ def test_a_remote_cache_without_its_plugin_is_rejected_before_the_build(
     ran = run_forge(root, "build", "--remote-cache", url, path=copy)
     assert (ran.returncode, ran.stdout) == (2, "")
     assert re.fullmatch(
-        r"error: the remote cache backend '(http|fsspec)' needs the plugin 'remote_cache', which this forge "
-        r"lacks\nhint: install forge again with the extra 'remote'; see file:///.*\n",
+        r"error: the remote cache backend '(http|fsspec)' needs the plugin 'remote_cache', which is not "
+        r"installed\nhint: reinstall forge with the extra 'remote'; see file:///.*\n",
         ran.stderr,
     )
     assert not (root / "build/shapes").exists()
@@ -230,7 +230,7 @@ def test_a_verb_of_a_missing_plugin_names_the_install_command(tmp_path: Path) ->
     for words in (("interface", "docs", "-o", "out"), generate):
         ran = run_forge(tmp_path, *words, path=copy)
         assert (ran.returncode, ran.stdout) == (2, "")
-        assert "'docs' needs the plugin 'interface_pages', which this forge lacks\nhint: " in ran.stderr
+        assert "'docs' needs the plugin 'interface_pages', which is not installed\nhint: " in ran.stderr
 
 
 def test_a_third_party_verb_is_found(tree: Tree) -> None:

@@ -225,7 +225,7 @@ def test_a_file_overwritten_by_another_package_is_not_called_changed(forge: Forg
     assert forge("build", "--merge-install", "--executor", "sequential", cwd=root).code == 0
     (root / "src/one/new").touch()
     assert reasons(forge, root, "--merge-install")["two"] == (
-        "another package that is built overwrites one of its files"
+        "a package to be built overwrites one of its files"
     )
 
 

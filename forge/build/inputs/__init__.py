@@ -1,3 +1,3 @@
-"""What a build reads: sources, headers, programs and variables, as stats and digests that can be compared."""
+"""Inputs of a build: sources, headers, programs and variables, as comparable stats and digests."""
 
 __all__ = ["depfiles", "fingerprints", "native_graph"]

@@ -1,4 +1,4 @@
-"""What tools reported of a build besides what was observed: compilers by depfiles, cargo by a list.
+"""Inputs that tools report in addition to those observed: compilers in depfiles, cargo in a list.
 
 CMake's own modules are left out, since CMake is tracked as a tool.
 """
@@ -25,7 +25,7 @@ _CMAKE_ROOT = re.compile(r"^CMAKE_ROOT:INTERNAL=(.+)$", re.MULTILINE)
 
 
 def reported_inputs(build: Path, graph: NativeGraph, inside: Sequence[Path]) -> frozenset[str]:
-    """Return what the last build below `build` was reported to read outside of `inside`, and to ask.
+    """Return the files outside of `inside` that the last build reportedly read, and its questions.
 
     `graph` is what the native tool knows of it.
     """
@@ -49,7 +49,7 @@ def written_by_backend(build: Path) -> Iterator[str]:
 
 
 def _read_by_backend(build: Path, inside: Sequence[Path]) -> Iterator[str]:
-    """Yield what cargo read; of a folder, its files and names."""
+    """Yield the inputs of cargo; for a folder, its files and names."""
     for path in _listed(build, "read_by_backend"):
         if not os.path.isdir(path):
             yield path

@@ -130,7 +130,7 @@ def linked_parts(content: bytes | mmap) -> str:
 
 
 def _needed_versions(body: bytes, strings: bytes) -> Iterator[object]:
-    """Yield what a section of needed versions says."""
+    """Yield the contents of a section of needed versions."""
     at, following = 0, 1
     while following:
         version, count, file, first, following = _VERNEED.unpack_from(body, at)
@@ -211,7 +211,7 @@ def _symbols(library: _Library) -> Iterator[object]:
 
 
 def _variable(library: _Library, home: int, value: int, size: int) -> tuple[object, ...]:
-    """Return what a linker uses of the address of a variable; of one without a size, it makes no copy."""
+    """Return the properties of a variable's address that linkers use; without a size, nothing is copied."""
     section = library.sections[home]
     read_only = any(start <= value < end for start, end in library.relro)
     alignment = (section.alignment, value % max(section.alignment, 1)) if size else ()

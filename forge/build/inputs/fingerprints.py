@@ -112,7 +112,7 @@ class FileTable:
     def __init__(self, path: Path, answer: Callable[[str], str] = str) -> None:
         """Store the path of the table, which is read at the first access.
 
-        `answer` answers the questions of builds that are no absolute paths, see `forge.engine.world`.
+        `answer` answers questions of builds, which are not absolute paths; see `forge.engine.world`.
         """
         self.answer = answer
         self._path = path

@@ -1,4 +1,4 @@
-"""Read the build graph of a build folder from files of ninja, and what compilers reported.
+"""Read the build graph of a build folder from ninja's files, and the inputs that compilers reported.
 
 Compilers report the headers that they read in depfiles, which ninja moves into its binary log .ninja_deps
 (format versions 3 and 4).
@@ -55,7 +55,7 @@ class Edge:
 
     @property
     def links_dynamically(self) -> bool:
-        """Tell if the command links a program or a shared library, and runs nothing else."""
+        """Return whether the command links a program or a shared library, and runs nothing else."""
         runs_nothing = all(f"{hook} = :" in self.text for hook in ("POST_BUILD", "PRE_LINK"))
         return bool(_LINKS_DYNAMICALLY.match(self.rule)) and runs_nothing
 
@@ -109,9 +109,9 @@ class EdgeFinder:
 
 
 def read_native_graph(folder: Path, build: Path | None = None) -> NativeGraph:
-    """Return what the native tool knows of a build folder; an unreadable log counts as no reports.
+    """Return the native tool's graph of a build folder; an unreadable log counts as empty.
 
-    `build` is where the folder stood when it was configured, if it has been moved. One that was configured
+    `build` is the original path of a folder that has been moved. One that was configured
     for several configurations at once counts as unknown.
     """
     rules = _text(folder / "build.ninja")

@@ -129,7 +129,7 @@ class Recipe:
 
 @frozen
 class Addition:
-    """What an extension of recipes adds to the recipe of a package."""
+    """Additions of a recipe extension to the recipe of a package."""
 
     files: tuple[tuple[Path, str], ...] = ()
     """Files that forge writes before the first step, usually into `scratch_folder`.

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 @frozen
 class RecipeExtension:
-    """What forge asks an extension of recipes. Only `running` starts programs and writes files."""
+    """The interface of a recipe extension. Only `running` starts programs and writes files."""
 
     options: Callable[[Package, BuildContext], tuple[str, ...]]
     """Returns further inputs of a package, which is built again when one of them changes."""

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def main(staged: Path, prefix: Path, manifest: Path) -> None:
-    """Install all files below `staged`; links stay links, and replace what has their name."""
+    """Install all files below `staged`; links are kept as links, and replace existing files."""
     installed = []
     log = os.environ.get("FORGE_OBSERVER_LOG")
     for source in _files(staged):

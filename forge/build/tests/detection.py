@@ -22,7 +22,7 @@ _TESTS = re.compile(r"^\s*(add_test|include)\(", re.MULTILINE)
 
 
 def has_ctests(build: Path) -> bool:
-    """Tell whether CTest may find tests in a build folder, also in included files."""
+    """Return whether CTest may find tests in a build folder, also in included files."""
     waiting = [build]
     while waiting:
         folder = waiting.pop()

@@ -151,7 +151,7 @@ def run_setup_install(options: WheelInstall, scripts: str | None) -> tuple[tuple
         try:
             backend.run(argv, str(source))
         except subprocess.CalledProcessError as error:
-            # Nearly all interpreters have setuptools: to ask first, each package would start one more.
+            # Nearly all interpreters have setuptools; checking first would start another one per package.
             if wheels or error.returncode != setup_install.UNAVAILABLE:
                 raise
             backend.lend_setuptools(wheels=False)
@@ -166,18 +166,18 @@ def run_setup_install(options: WheelInstall, scripts: str | None) -> tuple[tuple
         # setuptools also lists folders: those of `data_files` without files.
         listed = _respelled(map(os.path.normpath, listed_paths(log)), options.prefix)
         installed = sorted(path for path in listed if _is_file(path))
-        # After a failure, too: what was installed is removed again.
+        # After a failure, too, so that installed files are removed.
         for path in installed:
             note_written(path)
     if source.is_relative_to(PACKAGE):
-        # The path from an embedded package to the build folder depends on where both are.
+        # The relative path from an embedded package to the build folder varies.
         for listing in filter(lambda path: path.name == "SOURCES.txt", map(Path, installed)):
             replace_file(listing, read_file(listing).replace(os.fsencode(f"{egg_base}/"), b""))
     return tuple(map(Path, installed)), backend.output
 
 
 def _is_file(path: str) -> bool:
-    """Tell whether a path is a file, or a link to anything."""
+    """Return whether a path is a file, or a link to anything."""
     return os.path.lexists(path) and (os.path.islink(path) or not os.path.isdir(path))  # noqa: PTH112, PTH114  (each installed file: no Path for each)
 
 
@@ -340,7 +340,7 @@ def _build_system(source: Path) -> dict[str, Any]:
 DISK_FULL = re.compile(
     r"\[Errno (?:28|122)\]|: (?:No space left on device|Disk quota exceeded)$", re.MULTILINE
 )
-"""In the output of a failed backend: where it was writing is of no interest."""
+"""Progress messages in the output of a failed backend, which are of no interest."""
 _FAILED_WRITE = re.compile(
     r"^(?:Traceback \(most recent call last\):\n(?:  .*\n)+"
     r"|Exception ignored in: .*\n|\w*[eE]rror: \[Errno .*\n)",
@@ -353,7 +353,7 @@ _PROGRESS = re.compile(
     r"|warning: \w+: byte-compiling is disabled, skipping\.\n?)\n",
     re.MULTILINE,
 )
-"""What setuptools prints before an error."""
+"""Text that setuptools prints before an error."""
 _CODE = r"(?:    .*\n)*"
 _OUTER_FRAMES = re.compile(
     r"^(Traceback \(most recent call last\):\n)"

@@ -52,7 +52,7 @@ if TYPE_CHECKING:
 
 MANIFEST = "install_manifest.txt"
 _LONGEST_FIRST_LINE = 127
-"""The kernel ignores what is behind it."""
+"""The kernel ignores everything beyond this length."""
 _STARTED_BY_SHELL = b"""#!/bin/sh
 '''exec' "%s" "$0" "$@"
 ' '''

@@ -139,11 +139,11 @@ def _same_version(site: Path) -> bool:
 
 
 ENTRY_POINTS = "entry_points.txt"
-"""The file of a wheel's metadata that lists them."""
+"""The metadata file of a wheel that lists them."""
 
 _SECTIONS = ("console_scripts", "gui_scripts")
 _VALID = re.compile(r"[^=]*[^\s=]\s*=\s*[\w.]+\s*:\s*[\w.]+\s*(?:\[.*\]\s*)?")
-"""What installers accept; a backend may accept more."""
+"""Entry points that installers accept; a backend may accept more."""
 _MEANT = re.compile(r"([^\s=:]+)[\s=]+([\w./]+?)(?:\s*:\s*([\w.]+)(?:\(\))?)?\s*")
 _OF_SCRIPTS = re.compile(r"_scripts|^\[project\.(?:gui-)?scripts\]", re.MULTILINE)
 _FILES = ("setup.py", "pyproject.toml", "setup.cfg")

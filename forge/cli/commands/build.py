@@ -83,12 +83,12 @@ def build(options: BuildOptions, mode: BuildMode) -> int:
                 return 0
             code = run_plan(plan, prepared, state)
             if code == 0 and not state.is_final:
-                # Only a build shows which files packages have in common; now their order is known.
+                # Only a build reveals which files packages have in common; now their order is known.
                 plan, _ = make_plan(prepared, state)
                 if not mode.quiet:
                     names = listed([*plan.tasks])
                     print(
-                        f"note: installing {names} again, in order: they install the same file",
+                        f"note: reinstalling {names} in order, because they install the same file",
                         file=sys.stderr,
                         flush=True,
                     )

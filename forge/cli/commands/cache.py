@@ -45,14 +45,14 @@ class _PruneOptions:
         metavar="SIZE",
     )
     unused_for: int | None = option(
-        "also remove what was not used for this many days", parse=_days, metavar="DAYS"
+        "also remove entries not used for this many days", parse=_days, metavar="DAYS"
     )
 
 
 def register(parser: Parser) -> None:
     verbs = parser.add_subparsers(metavar="VERB", required=True)
     add_verb(verbs, "stats", "print the size of the cache and its hit rate", _Options, _stats)
-    add_verb(verbs, "list", "list what forge keeps besides packages", NoOptions, _list)
+    add_verb(verbs, "list", "list cached data of forge other than packages", NoOptions, _list)
     add_verb(verbs, "prune", "remove the least recently used entries", _PruneOptions, _prune)
     summary = "verify the checksums of all entries and remove corrupt ones"
     add_verb(verbs, "verify", summary, _Options, _verify)
@@ -60,7 +60,7 @@ def register(parser: Parser) -> None:
 
 @contextmanager
 def _opened(options: _Options) -> Iterator[FolderStore]:
-    """Yield the store; raises ForgeError if the folder is no cache or cannot be accessed."""
+    """Yield the store; raises ForgeError if the folder is not a cache or cannot be accessed."""
     store = FolderStore(cache_folder(options.cache, os.environ))
     raise_if_any(foreign_store(store.folder), SelectionError)
     try:
@@ -136,7 +136,7 @@ def _verify(options: _Options) -> int:
 
 
 def _plugins(folder: str | None = None) -> Iterator[tuple[str, Any]]:
-    """Yield what else keeps things for all workspaces, unless a folder of packages is named."""
+    """Yield the caches of plugins, unless a folder of packages is named."""
     if folder is None:
         for name in sorted({*installed(CACHES), *entry_points(CACHES)}):
             yield name, find(CACHES, name, "cache", ("entries", "remove", "verify"))

@@ -64,7 +64,7 @@ def run(options: Options) -> int:
 
 
 def _contexts() -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield what can follow each command and verb, derived from the parsers."""
+    """Yield the words that can follow each command and verb, derived from the parsers."""
     yield "", _context("", main.parser_of([]))
     for word in main.COMMANDS:
         if word in OWN[PLUGINS] and not is_installed(PLUGINS, word):

@@ -94,7 +94,7 @@ def run(options: Options) -> int:
 
 
 def _wait_for(argv: Sequence[str], variables: Mapping[str, str]) -> int:
-    """Run a program with our stdin, stdout and working directory until it ends, forwarding signals."""
+    """Run a program with this process's streams and working directory; forward signals."""
     sys.stdout.flush()
     children: list[subprocess.Popen[bytes]] = []
 

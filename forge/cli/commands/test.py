@@ -200,9 +200,9 @@ def _record(event: Event, task: Task, setup: running.TestSetup, session: Session
     if isinstance(event, Finished):
         fault = f"exited with code {event.code}" if event.code else ""
         if task.name in session.report.failed_tests:
-            fault = "reported failed tests, but there is no result of one"
+            fault = "reported failed tests, but no result contains one"
         elif task.name in setup.failed and not any(one.counts.tests for one in setup.results_of(task)):
-            fault = "reported failed tests, and ran no test when it was repeated"
+            fault = "reported failed tests, but ran no test when repeated"
         if any(outcome.counts.bad for outcome in setup.results_of(task, fault)):
             session.report.note_test_failures(task.name)
     running.write_result_file(event, task, session.report.failed_tests)

@@ -91,7 +91,7 @@ def _delete(found: Collection, base: Path, options: Options) -> int:
     """Delete result files after confirmation; the end of input aborts."""
     files = removable_results(found, base)
     for path in sorted({*found.files} - {*files}):
-        message = f"kept '{shared.displayed(path, options.origin)}', where forge's tests write no results"
+        message = f"kept '{shared.displayed(path, options.origin)}', which is not a result of forge's tests"
         print_problem(Problem(message), "warning")
     if not files:
         print("No result files found to delete")

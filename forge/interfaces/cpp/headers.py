@@ -1,4 +1,4 @@
-"""Shared by the C and C++ targets: paths of headers, included headers, type support handles."""
+"""Code shared by the C and C++ targets: paths of headers, included headers, type support handles."""
 
 from __future__ import annotations
 

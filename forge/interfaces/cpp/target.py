@@ -399,7 +399,7 @@ class MembersViews:
     def _leaves(
         self, members: Iterable[Member], wholes: Mapping[Path, TypeName]
     ) -> Iterator[tuple[Path, int]]:
-        """Yield path and alignment of what is copied in one piece; lengths are serialized with their data."""
+        """Yield path and alignment of members copied in one piece; lengths belong to their data."""
         visited: set[Path] = set()
         for member in members:
             whole = _outermost(member.path, wholes)

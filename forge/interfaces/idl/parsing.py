@@ -55,7 +55,7 @@ _UNSUPPORTED = frozenset(
 """Keywords of OMG IDL 4.2 that ROS does not support."""
 
 _WITHOUT_EFFECT = frozenset("appendable external key must_understand mutable optional range".split())
-"""Annotations with which other tools for DDS serialize, limit or match values in another way."""
+"""Annotations that change how other DDS tools serialize, limit or match values."""
 
 _EXPLANATIONS: dict[str, tuple[str, str | None]] = {
     "#": ("the only supported preprocessor directive is #include", None),
@@ -162,7 +162,7 @@ class FileReader:
     problems: list[Problem] = field(default_factory=list)
     warnings: list[Problem] = field(default_factory=list)
     references: list[tuple[Token, Token, TypeName]] = field(default_factory=list)
-    """Each scoped name of a message: its first and last word, and the message."""
+    """The scoped names of messages: first and last word of each, and the message."""
     typedefs: list[Token] = field(default_factory=list)
     """The name of each typedef."""
     aliases: list[Token] = field(default_factory=list)
@@ -229,7 +229,7 @@ class FileReader:
             self._report("all structs of a file must be in one module", words[1])
 
     def has_interface(self) -> bool:
-        """Tell whether the number of structs is that of a message, a service or an action."""
+        """Return whether the number of structs is that of a message, a service or an action."""
         return 1 <= len(self._messages) <= len(_SECTIONS) + 1
 
     def interface(self) -> Interface:

@@ -492,7 +492,7 @@ _CDR_IMPORTS = (
     ("_pieces.", "from forge_cdr import pieces as _pieces"),
     ("_ndarray(", "import numpy as _numpy"),
 )
-"""What a generated module imports if its text contains a use of it."""
+"""Imports of a generated module, each added only if the text uses it."""
 
 _CDR_CONSTANTS = ("HEADER", "HEADER_BYTES", "LITTLE_ENDIAN")
 

@@ -90,7 +90,7 @@ def _names(message: Message) -> Iterator[Problem]:
         if constant.name in _CONSTANT_NAMES:
             text = f"avoid the constant name '{constant.name}': it is a macro of C or Windows"
             yield _problem(constant.place, text, "use a more specific name", at=constant.name)
-    # States with the number of another one; their names differ in the last word.
+    # States with the same number; their names differ in the last word.
     states: dict[tuple[str, str, object], str] = {}
     for constant in message.constants:
         family = constant.name.rpartition("_")[0]
@@ -98,8 +98,8 @@ def _names(message: Message) -> Iterator[Problem]:
             continue
         other = states.setdefault((family, constant.type.name, constant.value), constant.name)
         if other != constant.name:
-            text = f"'{constant.name}' has the value of '{other}', so that nobody can tell one from the other"
-            yield _problem(constant.place, text, "give it another value", at=constant.name)
+            text = f"'{constant.name}' and '{other}' have the same value"
+            yield _problem(constant.place, text, "use a different value", at=constant.name)
 
 
 def _lines(message: Message) -> Iterator[Problem]:
@@ -137,7 +137,7 @@ def _string(declared: Field | Constant, text: str, *, is_cut: bool) -> Iterator[
             yield _problem(place, "this quote is not closed and becomes part of the string", at=opened)
     in_array = isinstance(declared.type, Array | Sequence)
     if in_array and _SIDE_BY_SIDE.search(text):
-        yield _problem(place, "two strings without a comma between them are two elements", at=text)
+        yield _problem(place, "two strings without a comma between them become two elements", at=text)
     if "\t" in text:
         yield _problem(place, "a tab in a string becomes a space", "write '\\t'", at="\t")
     if in_array and not text.isascii():

@@ -142,9 +142,9 @@ def _text(text: str) -> str:
             text = text[1:-1]
             if stray := re.match(rf"(?:[^\\{quote}]|\\.)*{quote}", text):
                 raise ParseError(
-                    f"a quote inside a quoted text must be escaped: \\{quote}",
+                    f"a quote inside a quoted string must be escaped: \\{quote}",
                     offset=stray.end(),
-                    hint="or use the other kind of quotes around the text",
+                    hint="or use the other kind of quotes around the string",
                 )
             break
     plain = _ESCAPE.sub(escaped_character, text)
@@ -186,5 +186,5 @@ def _texts(inside: str) -> list[str]:
 def within_bound(text: str, type_: String) -> str:
     """Return the text; raises ParseError if it exceeds the bound of its type."""
     if type_.bound is not None and len(text) > type_.bound:
-        raise ParseError(f"a text of {len(text)} characters exceeds the bound {type_.bound}")
+        raise ParseError(f"a string of {len(text)} characters exceeds the bound {type_.bound}")
     return text

@@ -84,7 +84,7 @@ def parse(source: Source) -> Interface:
 
 
 def parse_leniently(source: Source) -> tuple[Interface, list[Problem]]:
-    """Return what is valid in a .msg, .srv or .action file, and all problems of the file, sorted by line."""
+    """Return the valid parts of a .msg, .srv or .action file, and all problems, sorted by line."""
     name = type_name(source)
     lines = lines_of(source)
     sections = list(split_sections(lines))

@@ -74,7 +74,7 @@ def _own(paths: Iterable[str]) -> Iterator[str]:
 
 
 def _key(relative: str) -> tuple[str, str]:
-    """Return kind and name of the interface in a file; the folder of another one does not matter."""
+    """Return kind and name of the interface in a file, regardless of the folder."""
     path = PurePosixPath(relative)
     return path.parent.name if path.suffix == ".idl" else path.suffix[1:], path.stem
 
@@ -168,7 +168,7 @@ class Library:
         folder = self.folder(name.package)
         if not folder:
             return None
-        # Where nearly all are; the whole list takes longer to read.
+        # Nearly all definitions are here; the whole list takes longer to read.
         usual = f"{name.kind}/{name.name}.{name.kind}"
         path = distributions.find_definition(folder, self.rosdistro, usual)
         if path:
@@ -224,7 +224,7 @@ class Library:
         )
 
     def declares(self, package: str) -> bool:
-        """Tell whether the manifest declares a package."""
+        """Return whether the manifest declares a package."""
         if self._declared is None:
             self._declared = frozenset()
             with suppress(OSError, ForgeError):

@@ -243,7 +243,7 @@ class DefinitionLookup(Protocol):
         """Return which other ROS distributions have the interface, None if there are none."""
 
     def declares(self, package: str) -> bool:
-        """Tell whether the manifest beside the definitions declares the package, for hints."""
+        """Return whether the manifest beside the definitions declares the package, for hints."""
 
 
 def undeclared_dependencies(

@@ -1,1 +1,1 @@
-"""What packages read without declaring it, for `forge build --audit`."""
+"""Undeclared inputs of packages, for `forge build --audit`."""

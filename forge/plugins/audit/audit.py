@@ -1,4 +1,4 @@
-"""The audit of a build: what its commands read that neither a build rule nor a manifest declares.
+"""The audit of a build: inputs of commands that neither a build rule nor a manifest declares.
 
 The steps are observed in any case; the audit compares what their processes read with the build graph and
 with the dependencies of the package.
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 _MAKE = frozenset({"make", "gmake"})
 _SYSTEM = ("bin", "dev", "etc", "lib", "lib32", "lib64", "libx32", "proc", "run", "sbin", "sys", "usr")
 _NO_INPUTS = re.compile(r"/(\.git|\.hg|\.svn|__pycache__|[^/]+\.(dist|egg)-info)(/|$)|\.pth$")
-"""The state of version control, bytecode, and what Python reads of every distribution that it can find."""
+"""Version control, bytecode, and metadata that Python reads of every distribution that it finds."""
 _OF_CMAKE = re.compile(
     r"(.*/)?CMakeFiles/|CMakeCache\.txt$|\.forge/|(.*/)?cmake_install\.cmake$|build\.ninja$"
 )
@@ -52,7 +52,7 @@ _MAX_LISTED = 3
 
 @frozen
 class Finding:
-    """A file that a package read though nothing declares it, by whom, and the line to add.
+    """A file that a package read without declaring it, the reader, and the line to add.
 
     In `what` and `hint`, `{path}` stands for the file.
     """
@@ -101,8 +101,8 @@ class Audit:
             if kind == StepKind.CONFIGURE.value:
                 package.compare(family, graph.read_by_cmake, "cmake", _CONFIGURES)
             elif kind and kind not in {StepKind.BUILD.value, StepKind.BUILD_TARGET.value}:
-                package.compare(family)  # install rules declare themselves, and so do Python packages
-            # Only ninja says what its rules declare.
+                package.compare(family)  # install rules and Python packages declare their inputs
+            # Only ninja reports the inputs that its rules declare.
             elif graph.tool and process.parent and _runs_rules(process.parent) and not _runs_rules(process):
                 written = frozenset(word for each in family for _, kind, word in each.records if kind == "W")
                 if edge := finder(process, written):
@@ -140,7 +140,7 @@ class Audit:
     def provider(self, path: str, owners: Mapping[str, str]) -> tuple[str, str]:
         """Return the package that a real path belongs to, and where: 'install', 'underlay', 'source' ...
 
-        The package is '' if the path belongs to none. The place is 'tool' for what is no input at all.
+        The package is '' if the path belongs to none. The place is 'tool' for files that are not inputs.
         """
         if path.startswith(f"{self._install}/"):
             name = owners.get(path, "")
@@ -211,7 +211,7 @@ class _Package:
                 self.found.setdefault(path, Finding(what, path, hint))
 
     def _inputs(self, edge: Edge) -> frozenset[str]:
-        """Return what makes an edge run again: its inputs and theirs; and its own outputs."""
+        """Return the direct and indirect inputs of an edge, and its outputs."""
         waiting = [*edge.outputs, *self._graph.inputs_of(edge)]
         found = set(waiting)
         while waiting:

@@ -47,7 +47,7 @@ def write_bundle(install: Path, output: Path, *, build_files: bool, name: str = 
         raise WorkspaceError(Problem(f"cannot write '{output}': '{output.parent}' {what}", hint=hint))
     if os.path.lexists(output) and not _is_bundle(output):
         hint = "move it away, or choose another file with '--output'"
-        raise WorkspaceError(Problem(f"'{output}' exists, and forge did not write it", hint=hint))
+        raise WorkspaceError(Problem(f"'{output}' exists, and was not written by forge", hint=hint))
     draft = output.with_name(f".{output.name}.{os.urandom(4).hex()}.forge-draft")
     try:
         with (
@@ -64,7 +64,7 @@ def write_bundle(install: Path, output: Path, *, build_files: bool, name: str = 
 
 
 def _is_bundle(path: Path) -> bool:
-    """Tell whether a file is an archive of an earlier run, with the mark of an install folder, or empty."""
+    """Return whether a file is an archive of an earlier run, with the mark of an install folder, or empty."""
     if path.is_symlink() or not path.is_file():
         return False
     try:
@@ -75,7 +75,7 @@ def _is_bundle(path: Path) -> bool:
 
 
 def for_building(path: str) -> bool:
-    """Tell whether a file, by its path below a prefix, is needed only by compilers and build tools."""
+    """Return whether a file, by its path below a prefix, is needed only by compilers and build tools."""
     parts = PurePosixPath(path).parts
     if parts[:1] == ("include",) or path.endswith((".a", ".la", ".pc")):
         return True
@@ -105,7 +105,7 @@ def _walk(root: Path, below: str, above: tuple[str, ...] = ()) -> Iterator[str]:
 
 
 def _inside(root: Path, path: str) -> bool:
-    """Tell whether the target of a link is inside the tree, so that the link can be kept."""
+    """Return whether the target of a link is inside the tree, so that the link can be kept."""
     return (root / path).resolve().is_relative_to(root.resolve())
 
 

@@ -1,6 +1,6 @@
 """The C target: C99 headers with the paths and names of rosidl_generator_c, which C++ can also include.
 
-Functions are inline, so there is no library to link. Unlike with rosidl, wstring constants are supported.
+Functions are inline, so there is no library to link. Unlike rosidl, it supports wstring constants.
 """
 
 from __future__ import annotations
@@ -183,7 +183,7 @@ def _description_views(
             services = (interface.send_goal.name, interface.get_result.name)
             kinds = {interface.name: "action", **dict.fromkeys(services, "service")}
     for name in dict(structures_of(interface)):
-        source = sources.get(name)  # None for derived types
+        source = sources.get(name)  # no source for derived types
         text = source.text if source else ""
         digits = hasher.hash(name).partition("_")[2]
         values = [f"0x{digits[at : at + 2]}" for at in range(0, len(digits), 2)]

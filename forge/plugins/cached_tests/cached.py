@@ -1,7 +1,7 @@
 """Replay the passes of tests whose inputs are unchanged: `forge test --cached`.
 
-The programs of the tests run below the observer of `forge.engine`. What they asked for, whatever it is, is
-an input of the pass: files, folders, programs, libraries, names that they looked for in vain. The declared
+The programs of the tests run below the observer of `forge.engine`. Everything that they accessed is an input
+of the pass: files, folders, programs, libraries, names that they looked for in vain. The declared
 inputs are added: commands, environment, installed packages, machine. A pass is recorded only if nothing else
 could have mattered, and replayed only if all of this, and the result files, are as they were.
 """
@@ -46,14 +46,14 @@ from forge.testing.outcomes import Outcome
 _VERSION = 1
 
 OF_SESSION = frozenset(
-    # Shells set them anew in each folder and for each command.
+    # Shells change them for each folder and command.
     "OLDPWD PWD SHLVL _ "
-    # Each login and each terminal has others.
+    # They differ for each login and terminal.
     "SSH_CLIENT SSH_CONNECTION SSH_TTY WINDOWID XDG_SESSION_ID "
     # Tests get an empty folder of their own.
     "TMPDIR".split()
 )
-"""The environment variables that are no inputs of tests. All others are: Python and shells copy all of them,
+"""The environment variables that are not inputs of tests. All others are: Python and shells copy all of them,
 so that it cannot be observed which ones a test asks for."""
 
 _OF_C_LIBRARY = (
@@ -62,13 +62,14 @@ _OF_C_LIBRARY = (
 )
 """Files that the C library reads by itself, where it cannot be observed."""
 _STATIC = frozenset({"'/sbin/ldconfig' cannot be observed"})
-"""Python's ctypes has this program print one of the files above."""
+"""Python's ctypes calls this program to print one of the files above."""
 _STATELESS = ("/dev/fd/", "/dev/pts/")
 _STATELESS_DEVICES = frozenset(
     f"/dev/{name}" for name in "full null ptmx random stderr stdin stdout tty urandom zero".split()
 )
 _RUNNER_STATE = (".pytest_cache", "Testing/Temporary")
-"""What pytest and CTest know of earlier runs. forge removes it, so that a pass does not depend on them."""
+"""State of earlier runs that pytest and CTest keep. forge removes it, so that a pass does not depend on
+them."""
 _OWN_NAMES = frozenset({".pytest_cache", "Testing", "pytest.xml", "unittest.xml", TEST_SCRATCH_DIR})
 
 
@@ -150,7 +151,7 @@ class CachedTests:
             if record.declared.get(name) != declared.get(name):
                 yield f"{name} has changed"
         for known in (record.inputs, record.outputs):
-            # First what is cheap to look at.
+            # Check first what is cheap to check.
             for path, content in known.items():
                 if content == "missing" and os.path.lexists(path):
                     yield f"'{path}' has appeared"
@@ -194,7 +195,7 @@ class CachedTests:
         temporary = tempfile.mkdtemp(prefix="forge-")
         libraries = tuple(filter(None, environment.get("LD_LIBRARY_PATH", "").split(os.pathsep)))
         declared = self._declared(task, environment)
-        # So that what was written until now is not taken for changed meanwhile.
+        # Wait, so that files written until now do not count as changed meanwhile.
         time.sleep(RACY_NANOSECONDS / 1e9)
         self._running[task.name] = _Run(time.time_ns(), temporary, declared, libraries)
 
@@ -271,7 +272,7 @@ class CachedTests:
 
 
 class _ObservedRun:
-    """What the tests of a package did in a run, as far as it matters for the next one."""
+    """Accesses of a package's tests in a run that are relevant for the next one."""
 
     def __init__(self, task: Task, run: _Run, steps: ObservedStep, results: Path) -> None:
         self._task, self._run = task, run
@@ -288,12 +289,12 @@ class _ObservedRun:
         self._asked: dict[str, set[str]] = {kind: set() for kind in KINDS_FOR_TESTS}
         self._asked["B"].update(steps.blind)
         self._first: dict[str, str] = {}
-        """What was done first with each path."""
+        """The first access to each path."""
         self._changed: set[str] = set()
         self._created: set[str] = set()
-        """What was missing before the tests wrote it; nothing in it is an input."""
+        """Paths that were missing before the tests wrote them; nothing in them is an input."""
         for _, kind, path in merge(*(process.records for process in steps.processes)):
-            kind = kind.upper()  # whether a call failed for it, a file was there or not
+            kind = kind.upper()  # calls that failed, whether or not the file existed
             if kind in "WDU" and "/__pycache__" not in path and not path.startswith(self._temporary):
                 self._changed.add(path)
             if kind in "BIJKMV" or not (self._is_reset(path) or _is_in(self._created, path)):
@@ -306,7 +307,7 @@ class _ObservedRun:
         self._asked["R"] |= {step.argv[0] for step in task.steps}
 
     def _is_reset(self, path: str) -> bool:
-        """Tell if a path is as forge has left it before each run: no input, and free to be changed."""
+        """Return whether forge resets a path before each run: it is not an input and may change."""
         if f"{path}/".startswith(self._temporary) or path in self._files:
             return True
         if f"{path}/".startswith(self._results) and (path.endswith(".xml") or os.path.isdir(path)):
@@ -318,7 +319,7 @@ class _ObservedRun:
         """Yield the paths of all inputs; those of folders end with '/', those of their names with '/.'."""
         yield from _OF_C_LIBRARY
         for path in set[str]().union(*(self._asked[kind] for kind in "RTNY")):
-            # Python's caches stand for their sources.
+            # Python's bytecode counts as its source.
             path = CACHED_BYTECODE.sub(r"\1/\2.py", path)
             is_created = path in self._created and os.path.lexists(path)
             if not path.endswith("/__pycache__") and not is_created and self._first.get(path) != "W":
@@ -328,7 +329,7 @@ class _ObservedRun:
                 yield f"{path}{DIR_LISTING_SUFFIX}"
 
     def outputs(self) -> Iterator[str]:
-        """Yield the files in the build folder that the tests have written and that are still there."""
+        """Yield the files in the build folder that the tests wrote and that still exist."""
         for path in self._changed:
             is_file = os.path.isfile(path) or os.path.islink(path)
             if is_file and path.startswith(self._own) and not _is_in(self._state, path):
@@ -342,10 +343,10 @@ class _ObservedRun:
                 yield f"{path}/" if os.path.isdir(path) and not os.path.islink(path) else path
 
     def obstacles(self, inputs: Mapping[str, str]) -> Iterator[str]:
-        """Yield why another run could end in another way although nothing seems to have changed."""
+        """Yield reasons why a rerun could have a different result although no input has changed."""
         yield from (text for text in self._asked["B"] if text not in _STATIC)
         if self._asked["J"]:
-            yield "they keep files for their next run"
+            yield "they keep files for the next run"
         allowed = (*_STATELESS, *self._own, *self._temporary)
         for channel in sorted(self._asked["K"]):
             if channel not in _STATELESS_DEVICES and not channel.startswith(allowed):
@@ -354,7 +355,7 @@ class _ObservedRun:
             if not path.startswith(self._own):
                 yield f"they change '{path}', outside of the build folder"
             elif stat.S_IFMT(_mode(path)) in {stat.S_IFIFO, stat.S_IFSOCK}:
-                yield f"they leave '{path}', which is no file"
+                yield f"they leave '{path}', which is not a file"
             elif not self._is_reset(path) and not _is_in(self._created, path):
                 if self._first[path] != "W":
                     yield f"they change '{path}', which was there before"
@@ -374,7 +375,7 @@ class _ObservedRun:
                     if any(is_written_since(self._run.began, each) for each in (status, os.lstat(path))):
                         yield f"'{plain}' was changed meanwhile"
                     if plain in self._asked["R"] and not is_listing and not stat.S_ISREG(status.st_mode):
-                        yield f"they read '{plain}', which is no regular file"
+                        yield f"they read '{plain}', which is not a regular file"
 
 
 def _is_in(paths: set[str], path: str) -> bool:
@@ -402,7 +403,7 @@ def _log_file(task: Task) -> Path:
 
 
 def _mark(path: Path) -> bool:
-    """Mark a JUnit file as cached, unless it is; tell if it was written."""
+    """Mark a JUnit file as cached, unless it is; return whether it was written."""
     try:
         content = read_file(path)
         root = parse_xml(content, path) if as_utf8(content, path) == content else None

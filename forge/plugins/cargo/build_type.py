@@ -28,7 +28,7 @@ tests_build = True
 
 _PROGRAM = (sys.executable, "-S", "-E", str(Path(__file__).with_name("run.py")))
 _KEPT = ("target", "Cargo.lock")
-"""What stays in a build folder: cargo knows what it made from what, the compiler included."""
+"""Files kept in a build folder: cargo tracks their inputs, including the compiler."""
 _VARIABLES = ("CARGO_BUILD_", "CARGO_PROFILE_", "CARGO_TARGET_", "CARGO_ENCODED_", "RUSTC", "RUSTFLAGS")
 _NAMES = frozenset({"CARGO_HOME", "RUSTUP_HOME", "RUSTUP_TOOLCHAIN"})
 _JOBS = "CARGO_BUILD_JOBS"

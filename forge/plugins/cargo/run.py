@@ -34,7 +34,7 @@ _LOCAL = "forge_local_crates"
 _DEPENDENCY = re.compile(r"(?:\\ |[^\s\\]|\\[^ ])+")
 _CARGO_WORKSPACE = re.compile(r"^\s*\[\s*workspace\s*[\].]", re.MULTILINE)
 _CARGO_ROOT = re.compile(r"""^\s*workspace\s*=\s*["']([^"']+)["']""", re.MULTILINE)
-"""The line of a member's manifest that names the folder of the workspace."""
+"""The line in a member's manifest that names the folder of the workspace."""
 _STATUS = re.compile(r"(?=.{12} ) *[A-Z][a-z-]+ ")
 """A line that says what cargo does: a verb, right-aligned to 12 columns."""
 _TEST = re.compile(r"^test (\S.*?) \.\.\. (ok|FAILED|ignored)\b", re.MULTILINE)
@@ -74,7 +74,7 @@ def build(name: str, source: Path, folder: Path, workspace: Path, command: list[
             (staged / INDEX / name).touch()
         read = {*_read_by_rustc(artifacts), *_manifests(artifacts), *_configurations(source, workspace)}
         if locked in {None, _content(lock)}:
-            # Members with other patches would change it in turns: each would be built for the other's change.
+            # Members with different patches would keep changing it, and rebuild each other.
             read.add(str(lock))
         read = {path for path in read if not path.startswith(f"{source}/")}
         _write_list(folder / ".forge/read_by_backend", read)
@@ -118,7 +118,7 @@ def _cargo(command: list[str], source: Path, name: str, stderr: int | None = Non
 
 
 def _forward(cargo: subprocess.Popen[str]) -> str:
-    """Print what cargo prints, with its status lines on stdout, where they are no warnings; return stdout."""
+    """Print cargo's output, with status lines on stdout, since they are not warnings; return stdout."""
     assert cargo.stdout is not None
     assert cargo.stderr is not None
 
@@ -137,9 +137,9 @@ def _forward(cargo: subprocess.Popen[str]) -> str:
 
 
 def _forget_local_crates(target: Path) -> None:
-    """Let cargo look at all crates of the last build again that come from folders.
+    """Make cargo check all crates of the last build that come from folders.
 
-    It compares the times of files, so that it would miss a file that an older one replaced.
+    cargo compares file times, and would miss a file that was replaced by an older one.
     """
     listed = target / _LOCAL
     for crate in listed.read_text(encoding="utf-8").split() if listed.is_file() else ():

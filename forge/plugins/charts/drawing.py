@@ -69,7 +69,7 @@ def drawn(
         "kinds": [(kind, word) for kind, word in KINDS.items() if kind in kinds.values()],
         "width": _number(layout.width + 2 * _MARGIN),
         "height": _number(layout.height + 2 * _MARGIN + _LEGEND),
-        # The vertical position of the legend, where the page has no other.
+        # The vertical position of the legend, if the page has no other legend.
         "legend": _number(layout.height + 2 * _MARGIN + _LEGEND / 2),
         "timed": bool(times),
     }

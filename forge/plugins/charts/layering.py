@@ -2,7 +2,7 @@
 
 Sugiyama's method: assign layers by longest path, add dummy vertices where edges pass layers, order the
 vertices in each layer to reduce crossings, assign coordinates. Edges from the same node share their dummy
-vertices, so that a package with fifty dependents has one edge through the picture. The result is
+vertices, so that a package with fifty dependents has a single edge across the picture. The result is
 deterministic.
 """
 

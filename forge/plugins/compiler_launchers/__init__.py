@@ -1,1 +1,1 @@
-"""What ccache, sccache and distcc need and tell, for `forge build --compiler-launcher`."""
+"""Support for ccache, sccache and distcc, for `forge build --compiler-launcher`."""

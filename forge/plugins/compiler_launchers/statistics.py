@@ -1,4 +1,4 @@
-"""What compiler launchers need in a build, and how many compilations they saved or distributed."""
+"""Settings of compiler launchers for a build, and the numbers of saved or distributed compilations."""
 
 from __future__ import annotations
 

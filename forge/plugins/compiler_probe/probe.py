@@ -64,7 +64,7 @@ _OWN_VARIABLE = re.compile(r"(?!CMAKE_|ENV\b)\w+", re.IGNORECASE)
 
 @frozen
 class Surroundings:
-    """What the reference project is observed with, and compared with later."""
+    """The observer of the reference project, and the environment to compare with later."""
 
     world: World
     table: FileTable
@@ -102,7 +102,7 @@ class Toolchain:
         self._asked = False
 
     def seed(self, source: Path, build: Path, variables: Mapping[str, str]) -> frozenset[str]:
-        """Copy the results into a new build folder; return what they were observed to depend on."""
+        """Copy the results into a new build folder; return their observed inputs."""
         project = None if (build / "CMakeCache.txt").exists() else usual_project(source)
         if project is None:
             return frozenset()

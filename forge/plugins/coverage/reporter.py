@@ -92,7 +92,7 @@ class Coverage(Reporter):
         )
 
     def _write_report(self, task: Task) -> CoveredLines | Problem:
-        """Write the report of a package; return the numbers in it, or why there is none."""
+        """Write the report of a package; return its numbers, or the reason why it is missing."""
         build, source = task.build_dir, self._run.root / task.package.path
         pages = build / _PAGES / "index.html"
         pages.parent.mkdir(parents=True, exist_ok=True)
@@ -101,7 +101,7 @@ class Coverage(Reporter):
         for command in self._commands(task, source, pages):
             ran = subprocess.run(command, cwd=source, env=env, capture_output=True, text=True, check=False)
             said += ran.stdout + ran.stderr
-        # The exit codes also tell of thresholds in the configuration of gcovr.
+        # The exit codes also reflect thresholds in the configuration of gcovr.
         root = _ROOT.search(text_or_nothing(build / _XML))
         numbers = dict(re.findall(r'(lines-\w+)="(\d+)"', root[0] if root else ""))
         if not numbers.keys() >= {"lines-valid", "lines-covered"} or not pages.is_file():
@@ -121,7 +121,7 @@ class Coverage(Reporter):
             return
         program = (str(self._run.python), "-m", "coverage")
         if any(build.glob(f"{DATA_FILE}.*")):
-            # The configuration of coverage.py asks for a data file of each process.
+            # The configuration of coverage.py requests a data file per process.
             yield (*program, "combine")
         # The configuration of the package must not fail the report.
         options = ("--fail-under=0", f"--omit={','.join(OMITTED)}")

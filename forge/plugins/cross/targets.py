@@ -34,7 +34,7 @@ class Target:
 
     @property
     def is_known(self) -> bool:
-        """Tell whether forge knows compilers for it."""
+        """Return whether forge knows compilers for it."""
         return self.triple in TRIPLES.values()
 
     @property
@@ -52,7 +52,7 @@ class Target:
 
     @property
     def is_host(self) -> bool:
-        """Tell whether this machine runs its programs without an emulator."""
+        """Return whether this machine runs its programs without an emulator."""
         return self.cpu == _PROCESSORS.get(os.uname().machine, os.uname().machine)
 
 

@@ -103,7 +103,7 @@ def emulator(target: Target, sysroot: Path | None, variables: Mapping[str, str])
 
 
 def has_emulator(layout: Layout) -> bool:
-    """Tell whether the last build for a target knew an emulator, or uses files that may name one."""
+    """Return whether the last build for a target knew an emulator, or uses files that may name one."""
     own = text_or_nothing(layout.build / TOOLCHAIN_DIR / _FILE)
     named = _INCLUDE.search(own)
     text = text_or_nothing(named[1].replace(_HERE, str(layout.build / TOOLCHAIN_DIR))) if named else ""
@@ -124,7 +124,7 @@ def _problems(target: Target, toolchain_file: Path | None, sysroot: Path | None)
         yield Problem(f"--toolchain-file: '{toolchain_file}' does not exist")
     if sysroot and not toolchain_file:
         message = "--sysroot needs --toolchain-file: the C++ libraries of a distribution do not fit zig's"
-        hint = "name a GCC for the target in it, for example that of Debian's package g++-aarch64-linux-gnu"
+        hint = "name a GCC for the target in it, for example from Debian's package g++-aarch64-linux-gnu"
         yield Problem(message, hint=hint)
     if sysroot and not sysroot.is_dir():
         yield Problem(f"--sysroot: '{sysroot}' is not a folder")

@@ -83,7 +83,7 @@ class Zig:
         return self.cache / "forge" / hashlib.sha256(key.encode()).hexdigest()[:16] / "libc++.a"
 
     def glibc_warnings(self) -> tuple[Problem, ...]:
-        """Return what zig says about a version of glibc that it does not have; build tools hide it."""
+        """Return zig's message about an unsupported version of glibc, which build tools hide."""
         if self.target.with_glibc == self.target.triple:
             return ()
         argv = (str(self.program), "cc", *self.flags, "-x", "c", "-", "-o", os.devnull)

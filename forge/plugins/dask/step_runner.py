@@ -41,7 +41,7 @@ def main(argv: list[str]) -> int:
     # Unbuffered: the lock of a buffer would block the exit while a thread still reads.
     source = os.fdopen(os.dup(0), "rb", buffering=0)
     target = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what the task prints must not get between the messages
+    os.dup2(2, 1)  # output of the task must not mix with the messages
     run_task(argv, source, target)
     return 0
 

@@ -162,7 +162,7 @@ def _lacking_features(folder: Path) -> Iterator[Problem]:
 
 
 def _is_foreign(path: Path) -> bool:
-    """Tell whether a file of another user is not writable."""
+    """Return whether a file of another user is not writable."""
     try:
         return path.lstat().st_uid != os.geteuid() and not os.access(path, os.W_OK)
     except OSError:

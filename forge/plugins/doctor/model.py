@@ -1,4 +1,4 @@
-"""What checks examine, a workspace as a build sees it with files and environment, and what they return."""
+"""The subject of checks, a workspace with its files and environment, and their results."""
 
 from __future__ import annotations
 

@@ -59,7 +59,7 @@ def _setup(subject: CheckContext, package: Package) -> Iterator[Problem]:
     try:
         facts = read_setup_py(text)
     except (SyntaxError, ValueError, RecursionError):
-        return  # a build reports it with the position
+        return  # a build reports this with the position
     if facts and facts.name and facts.name.replace("-", "_") != package.name.replace("-", "_"):
         message = f"the name is '{package.name}' in package.xml, but '{facts.name}' in setup.py"
         yield Problem(message, Location(package.path / "setup.py"), "use the same name in both")
@@ -67,7 +67,7 @@ def _setup(subject: CheckContext, package: Package) -> Iterator[Problem]:
     try:
         parser.read_string(subject.text(package, "setup.cfg"))
     except configparser.Error:
-        return  # setuptools reports it
+        return  # setuptools reports this
     for key in ("install_scripts", "install-scripts"):
         scripts = scripts or parser.get("install", key, fallback="")
     if "console_scripts" in text and not scripts.rstrip("/").endswith(f"lib/{package.name}"):
@@ -85,6 +85,6 @@ def _setup(subject: CheckContext, package: Package) -> Iterator[Problem]:
 
 
 def _may_register_package(text: str) -> bool:
-    """Tell whether ament_package() is called, or may be called by another file or a macro."""
+    """Return whether ament_package() is called, or may be called by another file or a macro."""
     commands = {call.command for call in calls(text)} - {"find_package", "ament_python_install_package"}
     return not commands.isdisjoint(_OPAQUE) or any("package" in name for name in commands)

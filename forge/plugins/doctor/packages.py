@@ -60,7 +60,7 @@ def declarations(subject: CheckContext) -> CheckResult:
     notes: list[Problem] = []
     for package in subject.packages.values():
         if not package.ros:
-            continue  # its dependencies are derived from these files
+            continue  # whose dependencies are derived from these files
         text = subject.text(package, "CMakeLists.txt")
         if package.build_type in {"ament_cmake", "cmake"} and text:
             found += undeclared_in_cmake(package, text, package.path / "CMakeLists.txt", around)
@@ -153,7 +153,7 @@ class KnownPackages:
     needs: Mapping[str, frozenset[str]]
 
     def knows(self, name: str) -> bool:
-        """Tell whether a name is a package in reach or certainly a ROS package."""
+        """Return whether a name is a package in reach or certainly a ROS package."""
         return name in self.known or is_ros_name(name)
 
     def owner(self, module: str) -> str | None:

@@ -127,7 +127,7 @@ def python(subject: CheckContext) -> CheckResult:
     packages, prefixes = subject.packages.values(), subject.underlays.prefixes
 
     def is_installed(name: str) -> bool:
-        # An embedded package that stands in for it has no manifest of this name.
+        # An embedded replacement has no manifest with this name.
         return any((prefix / "share" / name / "package.xml").is_file() for prefix in prefixes)
 
     wanted = ["numpy"] if any(INTERFACE_GROUP in package.manifest.groups for package in packages) else []

@@ -2,8 +2,8 @@
 
 EmPy interprets a template token by token and compiles each expression again whenever it is reached. Here a
 template becomes one code object, which is executed with the same two dictionaries as EmPy's expressions, so
-that names behave the same. Templates with rarer markups remain EmPy's business, and so does every template
-of an interpreter that has hooks or another prefix.
+that names behave the same. Templates with rarer markups are left to EmPy, and so are those of interpreters
+with hooks or another prefix.
 
 Runs in the workspace's interpreter with its EmPy, version 3 or 4.
 """
@@ -31,7 +31,7 @@ _PSEUDOMODULE = "empy"
 """The name by which templates reach their interpreter and could change where output goes."""
 
 _FORMAT = 1
-"""To be increased whenever compiled templates change."""
+"""Increase this whenever compiled templates change."""
 
 
 class UncompilableError(Exception):
@@ -105,7 +105,7 @@ def _is_version_3(em: ModuleType) -> bool:
 
 
 def _is_plain(interpreter: Any, config: Any) -> bool:
-    """Tell whether an interpreter has no hooks, EmPy's own prefix, and one unfiltered output.
+    """Return whether an interpreter has no hooks, EmPy's own prefix, and one unfiltered output.
 
     EmPy 4 has an object of its own for the configuration.
     """
@@ -143,7 +143,7 @@ def compile_template(em: ModuleType, text: str) -> CodeType:
         return compile(ast.fix_missing_locations(module), "<template>", "exec")
     except UncompilableError:
         raise
-    except Exception as error:  # (whatever EmPy finds wrong, it reports itself when it runs the template)
+    except Exception as error:  # (EmPy reports its own errors when it runs the template)
         raise UncompilableError(str(error)) from error
 
 
@@ -160,10 +160,10 @@ def _tokens(em: ModuleType, text: str) -> list[Any]:
             return True
 
         def shutdown(self) -> None:
-            """Leave the output alone."""
+            """Do not change the output."""
 
     version_3 = _is_version_3(em)
-    recorder = Recorder.__new__(Recorder)  # without an output, for which it would replace sys.stdout
+    recorder = Recorder.__new__(Recorder)  # without an output, which would make it replace sys.stdout
     if version_3:
         recorder.prefix = "@"
         scanner = em.Scanner("@", text)
@@ -244,7 +244,7 @@ class _Compiler:
         statements = ast.parse(code if "\n" in code else code.strip()).body
         first = statements[:1]
         if first and isinstance(first[0], ast.Expr) and isinstance(first[0].value, ast.Constant):
-            raise UncompilableError("docstring")  # which would be assigned to __doc__
+            raise UncompilableError("docstring")  # it would be assigned to __doc__
         # On its own, as EmPy executes it: 'continue' means nothing here, even within a loop of the template.
         compile(ast.Module(statements, []), "<statements>", "exec")
         return statements
@@ -293,7 +293,7 @@ class _Compiler:
     def _while(self, token: Any) -> list[ast.stmt]:
         (head, body), *others = self._chains(token, "else")
         if others:
-            raise UncompilableError("while with else")  # which EmPy 3 understands differently from Python
+            raise UncompilableError("while with else")  # which EmPy 3 interprets differently from Python
         return [ast.While(self._evaluated(head.rest), body, [])]
 
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from lark import Lark
 
 _ARGUMENTS_OPTION = "--generator-arguments-file"
-"""What every generator of rosidl is called with, followed by a JSON file."""
+"""The arguments of every rosidl generator, followed by a JSON file."""
 _SETUP = ["setup.py", "egg_info"]
 """The program by which ament_cmake_python describes a package."""
 SCRIPTS = {"package_xml_2_cmake.py": "catkin_pkg.package", "templates_2_cmake.py": "ament_package.templates"}
@@ -32,7 +32,7 @@ SCRIPTS = {"package_xml_2_cmake.py": "catkin_pkg.package", "templates_2_cmake.py
 
 _LIBRARIES = ("em", "lark", "rosidl_parser.definition", "rosidl_parser.parser")
 _HELPERS = ("rosidl_pycommon", "rosidl_cmake")
-"""What generators import; the second helper is the older one, and deprecated where both exist."""
+"""Imports of generators; the second helper is the older one, deprecated where both exist."""
 
 _GRAMMAR = Path(__file__).with_name("rosidl.lark")
 _PROBES = Path(__file__).with_name("probes")
@@ -52,7 +52,7 @@ def fast_parser() -> Lark:
 
 
 class Generators:
-    """What the generators of all packages share, and the parsed .idl files of one package."""
+    """State shared by the generators of all packages, and the parsed .idl files of one package."""
 
     def __init__(self, cache: Path | None) -> None:
         """Store the folder for what can be kept across builds."""
@@ -67,8 +67,8 @@ class Generators:
     def prepare(self, argv: list[str], environment: dict[str, str]) -> bool:
         """Before the fork: import what is shared, and parse the .idl files of a generator's arguments.
 
-        Return False for other programs, which gain nothing here. Whatever fails is left to the fork, where it
-        fails again.
+        Return False for other programs, which gain nothing here. Errors are left to the fork, where they
+        occur again.
         """
         if not (_ARGUMENTS_OPTION in argv[:-1] or _library_of_script(argv)):
             return False
@@ -110,7 +110,7 @@ class Generators:
             top, _, _ = name.partition(".")
             found = importlib.machinery.PathFinder.find_spec(top)
             if found is None or found.origin != sys.modules[top].__spec__.origin:  # type: ignore[union-attr]
-                raise DeclinedError(f"it imports another {top} than {module.__file__}")
+                raise DeclinedError(f"it imports a different {top} than {module.__file__}")
         sys.argv[:] = argv[1:]
         try:
             runpy.run_path(program, run_name="__main__")
@@ -134,7 +134,7 @@ class Generators:
             slow = parser.get_ast_from_idl_string
 
             def get_ast_from_idl_string(text: str) -> Any:
-                """Return the tree of a file; what the fast parser does not support goes to the slow one."""
+                """Return the tree of a file; fall back to the slow parser for unsupported constructs."""
                 try:
                     return fast.parse(text)
                 except LarkError:
@@ -144,7 +144,7 @@ class Generators:
         parse = parser.parse_idl_file
 
         def parse_idl_file(locator: Any, png_file: str | None = None) -> Any:
-            # Whoever asks a second time gets another object, as always: the first may have been changed.
+            # Return a new object for each call, as always: the first one may have been changed.
             path = str(locator.get_absolute_path())
             signature, content = self._contents.pop(path, (None, None))
             if png_file is None and signature is not None and signature == _signature(path):
@@ -172,7 +172,7 @@ class Generators:
         return [entry for entry in environment.get("PYTHONPATH", "").split(os.pathsep) if entry]
 
     def _is_same_parser(self, fast: Lark, parser: Any) -> bool:
-        """Tell whether the fast parser gives the results of this rosidl_parser, for all probes."""
+        """Return whether the fast parser gives the results of this rosidl_parser, for all probes."""
         names = ("parse_idl_string", "get_ast_from_idl_string", "extract_content_from_ast", "grammar_file")
         if not all(hasattr(parser, name) for name in names):
             return False
@@ -195,7 +195,7 @@ class Generators:
 
 
 def _library_of_script(argv: list[str]) -> str | None:
-    """Return the module for which a script spends its time, None for generators."""
+    """Return the module in which a script spends its time, None for generators."""
     if argv[1:] == _SETUP:
         return "setuptools"
     return SCRIPTS.get(Path("".join(argv[1:2])).name)

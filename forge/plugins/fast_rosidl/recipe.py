@@ -1,4 +1,4 @@
-"""Files, launchers and a worker by which a distribution's rosidl, ament and rclcpp_components run faster.
+"""Files, launchers and a worker that speed up a distribution's rosidl, ament and rclcpp_components.
 
 - The generators of interface packages run in a worker, and generated sources are compiled in units.
 - ament_cmake starts Python twice while it configures a package, to read package.xml and to find the templates
@@ -47,7 +47,7 @@ code=$?
 echo "forge: the generated sources do not compile together; compiling them one by one" >&2
 "$1" "$3" && exec "$@"
 """
-"""Builds, and builds again without units if one could not be compiled. $0 is the marker of that."""
+"""Builds, and rebuilds without units if one could not be compiled. $0 is the marker for that."""
 
 _LAUNCHER = (
     *(sys.executable, "-S", "-E", str(PACKAGE / "execution/worker_client.py")),
@@ -61,7 +61,7 @@ def options(package: Package, context: BuildContext) -> tuple[str, ...]:
 
 
 def addition(package: Package, context: BuildContext) -> Addition:
-    """Return the files that CMake and its rules use, and what builds again without units if they fail."""
+    """Return the files that CMake and its rules use, and the script that rebuilds without units."""
     from forge.base.templating import render
 
     if package.build_type != "ament_cmake":
@@ -137,7 +137,7 @@ def rosidl_worker(python: Path, cache: Path, variables: Mapping[str, str]) -> It
 
 
 def _has_interfaces(package: Package, context: BuildContext) -> bool:
-    """Tell whether a package generates interfaces with rosidl."""
+    """Return whether a package generates interfaces with rosidl."""
     return (
         package.build_type == "ament_cmake"
         and GENERATORS not in context.embedded
@@ -146,7 +146,7 @@ def _has_interfaces(package: Package, context: BuildContext) -> bool:
 
 
 def _has_nodes(package: Package, context: BuildContext) -> bool:
-    """Tell whether a package may register component nodes."""
+    """Return whether a package may register component nodes."""
     return (
         package.build_type == "ament_cmake"
         and GENERATORS not in context.embedded
@@ -155,7 +155,7 @@ def _has_nodes(package: Package, context: BuildContext) -> bool:
 
 
 def _configures_several(packages: Sequence[Package], context: BuildContext) -> bool:
-    """Tell whether several packages run scripts of ament: starting a worker costs as much as one."""
+    """Return whether several packages run scripts of ament: starting a worker costs as much as one."""
     if "ament_cmake" in context.embedded:
         return False
     new = (
@@ -215,7 +215,7 @@ def prepare_precompiled_headers(build: Path, tools: Pairs) -> dict[str, str]:
 
 
 def _is_current(folder: Path, header: str, text: str) -> bool:
-    """Tell whether a folder has a precompiled header, and nothing that it includes has changed since.
+    """Return whether a folder has a precompiled header, and nothing that it includes has changed since.
 
     By the change times: an installed package keeps the modification times of its files.
     """

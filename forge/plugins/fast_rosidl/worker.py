@@ -1,7 +1,7 @@
 """A warm process for rosidl's generators and scripts of ament: `python worker.py DESCRIPTOR GRAMMAR [CACHE]`.
 
-The workspace's interpreter runs this file, which may not have forge. A command that does not succeed here is
-left to the client, which runs it as it stands in a process of its own.
+The workspace's interpreter runs this file, which may not have forge. A command that fails here is left to the
+client, which runs it unchanged in a separate process.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import IO
 _PACKAGE = Path(__file__).resolve().parents[2]
 
 if __name__ == "__main__":
-    # Only forge itself is found there, nothing that is installed beside it.
+    # Only forge itself is found there, not packages installed beside it.
     sys.path.pop(0)
     spec = spec_from_file_location(
         "forge", _PACKAGE / "__init__.py", submodule_search_locations=[str(_PACKAGE)]
@@ -35,7 +35,7 @@ _PREFIXES = ("PYTHON", "LC_", "LANG")
 """Variables that an interpreter reads when it starts."""
 
 _OTHER_SETTINGS = frozenset({"PYTHONPATH", "PYTHONDONTWRITEBYTECODE", "PYTHONUNBUFFERED"})
-"""Those among them whose value is honoured here, or makes no difference."""
+"""Those of them that are respected here or make no difference."""
 
 
 def main(descriptor: str, cache: str = "") -> int:
@@ -46,11 +46,11 @@ def main(descriptor: str, cache: str = "") -> int:
     def run(call: Call) -> int:
         try:
             if Path(call.argv[0]) != Path(sys.executable) or _settings(call.environment) != settings:
-                raise DeclinedError("it has an interpreter or a locale of its own")
+                raise DeclinedError("it has a different interpreter or locale")
             _run_quietly(generators, call)
         except DeclinedError as reason:
             name = Path(call.argv[1]).name
-            if name not in SCRIPTS:  # CMake starts these two in every package, and little time is lost
+            if name not in SCRIPTS:  # CMake starts these two in every package; not worth a message
                 sys.stderr.write(f"{DECLINED_PREFIX}{name} in a process of its own: {reason}\n")
             return DECLINED
         return 0
@@ -66,7 +66,7 @@ def _temporary_file() -> IO[bytes]:
 
 
 def _run_quietly(generators: Generators, call: Call) -> None:
-    """Run a command and pass on what it printed, except if it is declined: then it runs again."""
+    """Run a command and forward its output, unless it is declined: then it runs again."""
     with _temporary_file() as output, _temporary_file() as errors:
         clients = [os.dup(1), os.dup(2)]
         os.dup2(output.fileno(), 1)

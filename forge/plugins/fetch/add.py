@@ -23,7 +23,7 @@ from forge.workspace.selection import Query
 
 _BEFORE_EXPORT = re.compile(r"^[ \t]*(?:<export\b|</package>)", re.MULTILINE)
 _OLD_DEPEND = ("build_depend", "run_depend")
-"""What <depend> is in format 1."""
+"""The equivalent of <depend> in format 1."""
 
 
 @frozen
@@ -43,12 +43,12 @@ class Options:
 
 
 def run(options: Options) -> int:
-    """Change package.xml, and print what else the package has to say; returns 0."""
+    """Change package.xml, and print further lines that the package needs; returns 0."""
     loaded = load_workspace(Path.cwd(), options.query, os.environ)
     package = _package(options, loaded)
     raise_if_any(
         (
-            Problem(f"invalid dependency name '{name}'", hint="names contain no blanks and no quotes")
+            Problem(f"invalid dependency name '{name}'", hint="names cannot contain blanks or quotes")
             for name in options.names
             if not is_safe_name(name)
         ),
@@ -76,7 +76,7 @@ def run(options: Options) -> int:
 def with_dependencies(
     content: bytes, path: Path, names: Iterable[str], tag: str
 ) -> tuple[str, tuple[str, ...]]:
-    """Return a manifest with an element for each name that it lacks, and these names.
+    """Return a manifest with elements for the missing names, and these names.
 
     The elements follow the last one of the same tag, else the last dependency, in its indentation. Raises
     WorkspaceError if the manifest is not well-formed.

@@ -1,4 +1,4 @@
-"""What `forge fetch` and the builds of its locks keep in the user's cache, for `forge cache`.
+"""Cached data of `forge fetch` and of builds with its locks, for `forge cache`.
 
 An entry carries forge's mark: a source its record, a clone its description, an underlay its settings. Nothing
 else is listed or removed.
@@ -44,7 +44,7 @@ def entries(variables: Mapping[str, str]) -> Iterator[CacheEntry]:
 
 
 def remove(entry: CacheEntry) -> bool:
-    """Remove an entry; an underlay that is being built stays, and so does a source of an underlay."""
+    """Remove an entry, except an underlay that is being built and sources of an underlay."""
     if entry.kind == _UNDERLAY:
         locks = [lock_path(entry.path), entry.path / "build" / LOCK_FILE]
         with ExitStack() as held:
@@ -54,7 +54,7 @@ def remove(entry: CacheEntry) -> bool:
                     fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
                 return False
-            # A build that looks for it now finds nothing rather than a half.
+            # A build that looks for it now finds nothing instead of a part.
             (entry.path / BUILT).unlink(missing_ok=True)
             delete_tree(entry.path)
         return True
@@ -69,7 +69,7 @@ def remove(entry: CacheEntry) -> bool:
 
 
 def verify(variables: Mapping[str, str]) -> Iterator[tuple[Path, str]]:
-    """Yield what differs from what was downloaded, and why; nothing is removed, since it may be an edit."""
+    """Yield entries that differ from the download, with reasons; they are kept, since they may be edits."""
     cache = _cache(variables)
     for folder in _sources(cache):
         if changed := changed_files(folder):
@@ -114,7 +114,7 @@ def _clones(cache: Path) -> list[Path]:
 
 
 def _size(folder: Path) -> int:
-    """Return the bytes of the files in a folder, without what links lead to."""
+    """Return the size of the files in a folder, without following links."""
     return sum(
         os.lstat(os.path.join(place, name)).st_size  # noqa: PTH118  (each file of an underlay)
         for place, _, names in os.walk(folder)

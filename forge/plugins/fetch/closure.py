@@ -1,4 +1,4 @@
-"""Which packages of a distribution a workspace needs, over build and run dependencies."""
+"""Computes the packages of a distribution that a workspace needs for building and running."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from forge.plugins.fetch.index import Snapshot
 from forge.workspace.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS, DependencyKind, Manifest
 
 MIDDLEWARES = {"cyclonedds": "rmw_cyclonedds_cpp", "fastrtps": "rmw_fastrtps_cpp", "zenoh": "rmw_zenoh_cpp"}
-"""What `--rmw` accepts besides names of packages."""
+"""Values of `--rmw` besides names of packages."""
 
 _MIDDLEWARE_GROUP = "rmw_implementation_packages"
 _MIDDLEWARE_USER = "rmw_implementation"
 
 _ICEORYX = ("iceoryx_binding_c", "iceoryx_hoofs", "iceoryx_posh")
 _OPTIONAL = {"cyclonedds": _ICEORYX, "rmw_cyclonedds_cpp": _ICEORYX}
-"""Dependencies that a package declares and builds without: the shared memory transport of Cyclone DDS."""
+"""Declared dependencies that are optional: the shared memory transport of Cyclone DDS."""
 
 _FOR_TESTS = {
     "ament_cmake_gmock": ("google-mock",),
@@ -33,14 +33,14 @@ _FOR_TESTS = {
 
 @frozen
 class Needs:
-    """What `resolve` found: packages of the distribution, and what the system or Python must have.
+    """The result of `resolve`: packages of the distribution, and dependencies on the system or Python.
 
     Both map a name to the packages that need it, the workspace's own included; sorted.
     """
 
     packages: Mapping[str, tuple[str, ...]]
     keys: Mapping[str, tuple[str, ...]]
-    """Names of rosdep."""
+    """Keys of rosdep."""
 
 
 def middleware_package(name: str, snapshot: Snapshot) -> str:
@@ -71,7 +71,7 @@ def resolve(
     *,
     tests: bool = False,
 ) -> Needs:
-    """Return what `wanted` needs, recursively, except for what `is_present`.
+    """Return the recursive dependencies of `wanted`, except those for which `is_present` is true.
 
     Only the dependencies of released packages are followed: a name that the distribution has not released is
     a key of rosdep. Of the middlewares, only the chosen one is included, and those that `wanted` names:

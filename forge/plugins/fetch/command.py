@@ -92,10 +92,10 @@ class Options:
     )
     test: bool = flag("include the dependencies of tests")
     update: tuple[str, ...] | None = option(
-        "move these packages, or all, to the versions of the index", nargs="*", metavar="PKG"
+        "update these packages, or all, to the versions in the index", nargs="*", metavar="PKG"
     )
     locked: bool = flag(f"exit with code 2 if {LOCK_FILE} would change")
-    offline: bool = flag("use what was downloaded before, and no network")
+    offline: bool = flag("use earlier downloads only, without network access")
     vendor: str | None = option("copy the sources to this folder of the workspace", metavar="DIR")
     export: str | None = option("write the repositories and tags for vcs to this file", metavar="FILE.repos")
     imported: str | None = option(
@@ -114,7 +114,7 @@ class Options:
 
 @frozen
 class _Surroundings:
-    """What the workspace has besides its own packages; without what forge itself has built for locks."""
+    """External packages of the workspace, except those that forge built for locks."""
 
     variables: Mapping[str, str]
     underlays: Underlays
@@ -125,7 +125,7 @@ class _Surroundings:
 
 
 def run(options: Options) -> int:
-    """Lock what the workspace needs, download it, and say what else it needs; returns 0."""
+    """Lock and download the packages that the workspace needs, and print other dependencies; returns 0."""
     cache = cache_folder(os.environ)
     with only_download(cache):
         return _fetch(options, Path.cwd(), cache)
@@ -172,7 +172,7 @@ def _fetch(options: Options, root: Path, cache: Path) -> int:
     lock = replace(lock, python=python)
     if options.locked and (before is None or replace(lock, snapshot=before.snapshot) != before):
         hint = f"run 'forge fetch', and commit {LOCK_FILE}"
-        raise WorkspaceError(Problem(f"'{LOCK_FILE}' does not fit the workspace", hint=hint))
+        raise WorkspaceError(Problem(f"'{LOCK_FILE}' is out of date", hint=hint))
     if packages or problems:
         lock = _download(options, lock, cache, problems)
     sources = list(_sources(source_folder(cache, each) for each in packages))
@@ -180,7 +180,7 @@ def _fetch(options: Options, root: Path, cache: Path) -> int:
         lock = replace(lock, pip=_pip_names([*sources, *projects], lock))
         ros, python = _requirements(needs, lock, declared, around)
     if not (packages or python):
-        print("nothing to fetch: the workspace has all that it needs")
+        print("nothing to fetch: all dependencies of the workspace are available")
         if before:
             write_lock(root, replace(lock, python=(), modules=()))
         return 0
@@ -200,7 +200,7 @@ def _fetch(options: Options, root: Path, cache: Path) -> int:
         print(f"wrote {options.export}")
     if options.vendor:
         copy_sources(packages, cache, root / options.vendor)
-        print(f"copied the packages to '{options.vendor}': the workspace builds them as its own")
+        print(f"copied the packages to '{options.vendor}': they are now part of the workspace")
         lock = replace(lock, packages=(), clones=())
     written = not options.locked and bool(lock.packages or lock.modules) and write_lock(root, lock)
     if written and lock.packages:
@@ -229,7 +229,7 @@ def _snapshot(options: Options, distribution: str, lock: Lock | None) -> Snapsho
 
 
 def _imports(options: Options, snapshot: Snapshot, lock: Lock | None, cache: Path) -> Imports:
-    """Return the packages that are imported, now or when they were locked, and are not those of the index."""
+    """Return the packages imported now or when they were locked, which differ from those of the index."""
     kept = {
         each.name: each
         for each in (lock.packages if lock and options.update != () else ())
@@ -261,7 +261,7 @@ def _imports(options: Options, snapshot: Snapshot, lock: Lock | None, cache: Pat
 def _choices(
     options: Options, snapshot: Snapshot, lock: Lock | None, loaded: LoadedWorkspace, imports: Imports
 ) -> tuple[str, tuple[str, ...]]:
-    """Return the package of the middleware, and the packages that the user has asked for by name.
+    """Return the package of the middleware, and the packages that the user requested by name.
 
     Both are remembered in the lock. Without any package, those are meant that are imported, and the others
     need no further mention. Raises SelectionError for names that the distribution does not have.
@@ -293,7 +293,7 @@ def _choices(
 
 
 def _wanted(options: Options, snapshot: Snapshot, loaded: LoadedWorkspace) -> dict[str, tuple[str, ...]]:
-    """Return what the workspace's packages need from outside, with those packages.
+    """Return the external dependencies of the workspace, with the packages that need them.
 
     If forge's embedded packages are enough for all of them, that is nothing.
     """
@@ -328,7 +328,7 @@ def _surroundings(layout: Layout, cache: Path, distribution: str) -> _Surroundin
 def _requirements(
     needs: Needs, lock: Lock, declared: Iterable[str], around: _Surroundings
 ) -> tuple[set[str], tuple[str, ...]]:
-    """Return what locked packages require of PyPI, and that with what the workspace's own require.
+    """Return the PyPI requirements of locked packages, and those including the workspace's own.
 
     Beside a ROS that somebody has installed, the modules of its keys are the system's.
     """
@@ -363,7 +363,7 @@ def _deps(packages: Sequence[Package], lock: Lock, *words: str) -> str:
         "--base-paths",
         *(str(Path.cwd() / each.path) for each in packages),
     )
-    with tempfile.TemporaryDirectory() as folder:  # which has no forge.toml
+    with tempfile.TemporaryDirectory() as folder:  # a folder without forge.toml
         return subprocess.run(argv, cwd=folder, capture_output=True, text=True, check=False).stdout
 
 
@@ -427,13 +427,13 @@ def _download(options: Options, lock: Lock, cache: Path, problems: list[Problem]
         return lock
     progress = _Progress(len(absent))
     problems += download_packages(absent, cache, progress.count)
-    clones, warnings = lock.clones, list[Problem]()
+    clones = lock.clones
     if not (options.locked or problems):
-        found, warnings = lock_clones(lock.packages, cache, tests=options.test)
+        found, more = lock_clones(lock.packages, cache, tests=options.test)
         clones = tuple(found)
+        problems += more
     problems += download_clones(clones, cache, progress.count)
     progress.end()
-    print_warnings(warnings)
     raise_if_any(problems, HostError)
     return replace(lock, clones=clones)
 
@@ -445,7 +445,7 @@ def _sources(folders: Iterable[Path]) -> Iterator[Package]:
 
 
 def _system_packages(sources: Sequence[Package], lock: Lock) -> Iterator[str]:
-    """Yield what `forge deps` says about the sources: what to install, and names that it does not know.
+    """Yield the output of `forge deps` for the sources: packages to install, and unknown names.
 
     Python modules come from PyPI.
     """

@@ -1,4 +1,4 @@
-"""What packages download by URL while they are built, and which library of the system they take instead.
+"""Finds URLs that packages download during builds, and system libraries that they accept instead.
 
 That is read in the package's own CMakeLists.txt: a library serves only if each way to the download asks for
 it before. Vendor packages that download in any case are not satisfied by a library that is installed.
@@ -21,7 +21,7 @@ _DOWNLOADING = frozenset({"ament_vendor", "externalproject_add", "fetchcontent_d
 _URL = re.compile(r"(?:https?|ftp)://\S+")
 _VERSION_LESS = re.compile(r'"?\$\{(.+)_VERSION\}"? VERSION_LESS "?([\d.]+)"?')
 _FORCED = "FORCE_BUILD_VENDOR_PKG"
-"""The option of vendor packages that is off unless somebody sets it."""
+"""The option of vendor packages that is off by default."""
 
 
 @frozen
@@ -30,7 +30,7 @@ class Download:
     library: str = ""
     """The package of CMake that prevents the download, '' if none does."""
     version: str = ""
-    """The oldest version of that, '' for any."""
+    """Its oldest accepted version, '' for any."""
 
 
 def downloads(text: str) -> Iterator[Download]:
@@ -43,7 +43,7 @@ def downloads(text: str) -> Iterator[Download]:
     }
     for call in found:
         words = call.words
-        # Repositories are locked: they are no downloads of the build.
+        # Repositories are locked: they do not count as downloads of the build.
         is_git = "GIT_REPOSITORY" in words or ("VCS_URL" in words and is_repository(words))
         is_file = call.command == "file" and words[:1] == ("DOWNLOAD",)
         is_download = is_file or (call.command in _DOWNLOADING and not is_git)
@@ -52,13 +52,13 @@ def downloads(text: str) -> Iterator[Download]:
 
 
 def is_repository(words: Sequence[str]) -> bool:
-    """Tell whether the VCS_URL of an ament_vendor() is a repository of git, and not an archive."""
+    """Return whether the VCS_URL of an ament_vendor() is a repository of git, and not an archive."""
     values = dict(pairwise(words))
     return values.get("VCS_TYPE", "git") == "git"
 
 
 def _replacement(call: Call, found: Collection[Call], optional: dict[str, str]) -> tuple[str, str]:
-    """Return the library without which alone a call is made, and its version; ('', '') if there is none."""
+    """Return the library whose absence alone triggers a call, and its version; ('', '') without one."""
     if "SATISFIED" in call.words:
         name = call.words[call.words.index("SATISFIED") + 1].removeprefix("${").removesuffix("_FOUND}")
         return (name, optional[name]) if name in optional else ("", "")
@@ -88,7 +88,7 @@ def _needed(conditions: Collection[str], optional: dict[str, str]) -> tuple[str,
 
 
 def announced(packages: Iterable[Package], keys: Collection[str]) -> Iterator[Problem]:
-    """Yield what each package downloads; `keys` are the names of rosdep for libraries."""
+    """Yield the downloads of each package; `keys` are the rosdep keys of libraries."""
     for package in packages:
         found = {each for path in cmake_files(package.path) for each in downloads(text_or_nothing(path))}
         libraries = sorted(set(keys) & set(package.manifest.names(frozenset({DependencyKind.BUILD}))))
@@ -97,5 +97,5 @@ def announced(packages: Iterable[Package], keys: Collection[str]) -> Iterator[Pr
             if each.library:
                 version = f" {each.version} or newer" if each.version else ""
                 message += f", unless CMake finds '{each.library}'{version}"
-                hint = f"rosdep's name for it is {listed(libraries)}" if libraries else None
+                hint = f"its rosdep key is {listed(libraries)}" if libraries else None
             yield Problem(message, hint=hint)

@@ -1,4 +1,4 @@
-"""What git is asked for: the commits of tags, the tree of a commit, and a repository with one commit.
+"""Queries with git: commits of tags, the tree of a commit, and a repository with a single commit.
 
 The user's configuration applies, for credentials, proxies and mirrors (`url.<base>.insteadOf`).
 """
@@ -10,7 +10,7 @@ import re
 import signal
 import subprocess
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
@@ -33,7 +33,7 @@ _REFS = (("tags", "^{}"), ("tags", ""), ("heads", ""))
 
 
 MARK = "Fetched by forge: "
-"""How the description of a repository in the cache begins."""
+"""The start of the description of a cached repository."""
 
 
 _PAUSES = (1, 3)
@@ -56,7 +56,7 @@ class NetworkError(GitError):
 
 
 def commits_of(url: str, tags: Iterable[str], *, branches: bool = True) -> dict[str, str]:
-    """Return the commits of those tags, or branches, that a remote repository has; raises GitError.
+    """Return the commits of the tags or branches that exist in a remote repository; raises GitError.
 
     HEAD is the branch that is checked out by default.
     """
@@ -79,7 +79,7 @@ def commits_of(url: str, tags: Iterable[str], *, branches: bool = True) -> dict[
 def check_out(url: str, ref: str, commit: str, folder: Path) -> int:
     """Write the tree of a commit to a new folder; return how many bytes were received.
 
-    `ref` is the tag to ask for, since not every server sends single commits. Raises GitError, also if the tag
+    `ref` is the tag to request, since not every server sends single commits. Raises GitError, also if the tag
     names another commit.
     """
     repository = folder / ".git"
@@ -101,17 +101,8 @@ def mirror(url: str, ref: str, commit: str, folder: Path) -> int:
     return received
 
 
-def combine(mirrors: Mapping[str, Path], folder: Path) -> None:
-    """Make a bare repository of several mirrors of one repository, which are given by their tags."""
-    _git("init", "--quiet", "--bare", "--initial-branch=main", "--template=", os.fspath(folder))
-    for tag, path in mirrors.items():
-        refs = (f"refs/tags/{tag}:refs/tags/{tag}", "+refs/heads/main:refs/heads/main")
-        words = (*_PLAIN, "fetch", "--quiet", "--depth=1", "--no-tags", "--", path.as_uri())
-        _git(f"--git-dir={folder}", *words, *refs)
-
-
 def fault(folder: Path, commit: str) -> str:
-    """Return what is wrong with a repository that `mirror` has made, '' if nothing is."""
+    """Return the fault of a repository that `mirror` has made, '' if there is none."""
     repository = f"--git-dir={folder}"
     try:
         if _git(repository, "rev-parse", "refs/heads/main").strip() != commit:
@@ -124,7 +115,7 @@ def fault(folder: Path, commit: str) -> str:
 
 def _receive(url: str, ref: str, commit: str, repository: Path) -> int:
     _git("init", "--quiet", "--bare", "--initial-branch=main", "--template=", os.fspath(repository))
-    # What was received stays one file, whose size is that of the download.
+    # Keep the received data in one file, whose size is that of the download.
     words = (f"--git-dir={repository}", *_PLAIN, "fetch", "--quiet", "--depth=1", "--no-tags", "--", url)
     if ref == commit:
         _ask(*words, commit)
@@ -138,9 +129,9 @@ def _receive(url: str, ref: str, commit: str, repository: Path) -> int:
     received = _git(f"--git-dir={repository}", "rev-parse", "--verify", "FETCH_HEAD^{commit}").strip()
     if received != commit:
         message = f"the tag '{ref}' of '{without_passwords(url)}' is {received}, not {commit} as in the lock"
-        hint = "the tag was moved, or the lock was edited; to take what the tag is now: forge fetch --update"
+        hint = "the tag was moved, or the lock was edited; to use the current commit: forge fetch --update"
         raise GitError(Problem(message, hint=hint))
-    # Nothing was unpacked: the file has the size of the download.
+    # The data was not unpacked, so the file has the size of the download.
     return sum(path.stat().st_size for path in repository.glob("objects/pack/*.pack"))
 
 

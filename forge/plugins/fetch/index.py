@@ -25,7 +25,7 @@ from forge.workspace.manifest import parse_manifest
 from forge.workspace.model import Manifest
 
 _FORMAT = 1
-"""Of the file in the user's cache; another one is read from the index again."""
+"""The format of the cached file; files of other formats are read from the index again."""
 
 
 @frozen
@@ -95,13 +95,13 @@ def _download(distribution: str, url: str | None) -> dict[str, Any]:
             message = f"the index '{without_passwords(index_url)}' has no ROS 2 distribution '{distribution}'"
             raise SelectionError(Problem(message, hint=hint))
         text = rosdistro.get_distribution_cache_string(index, distribution)
-        # The library's own loader is written in Python, and takes a minute for the 10 MB of a distribution.
+        # The library's own loader is pure Python, and takes a minute for the 10 MB of a distribution.
         loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
         cache = rosdistro.DistributionCache(distribution, yaml.load(text, Loader=loader))  # noqa: S506
         python_version = str(index.distributions[distribution].get("python_version", 3))
     except SelectionError:
         raise
-    except Exception as error:  # the library raises what the parts of Python that it uses raise
+    except Exception as error:  # the library lets exceptions of the standard library through
         reason = " ".join(str(error).split()) or type(error).__name__
         message = f"cannot read the index of ROS distributions '{without_passwords(index_url)}': {reason}"
         hint = "check the network, name a mirror with ROSDISTRO_INDEX_URL, or use the last answer: --offline"

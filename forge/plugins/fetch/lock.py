@@ -1,4 +1,4 @@
-"""`forge.lock`: which packages of a ROS distribution a workspace is built on, to the commit."""
+"""`forge.lock`: the packages of a ROS distribution that a workspace uses, pinned to commits."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ class LockedPackage:
     version: str
     repository: str
     tag: str
-    """What is asked for: of an imported branch, the commit."""
+    """The reference to fetch; for an imported branch, the commit."""
     commit: str
     path: str = ""
-    """The folder of the package in the tree of the commit, '' for all of it."""
+    """The folder of the package in the repository, '' for the root."""
 
 
 @frozen
@@ -71,9 +71,9 @@ class Lock:
     packages: tuple[LockedPackage, ...]
     clones: tuple[Clone, ...] = ()
     keys: tuple[str, ...] = ()
-    """Names of rosdep of what the packages need from the system or from Python."""
+    """Keys of rosdep for system and Python dependencies of the packages."""
     pip: tuple[tuple[str, str], ...] = ()
-    """Those of the names for which rosdep has a distribution of PyPI, and this."""
+    """The rosdep keys that stand for PyPI distributions, with these."""
     python: tuple[str, ...] = ()
     """All requirements of Python modules, which `modules` fulfil."""
     modules: tuple[Module, ...] = ()
@@ -102,9 +102,9 @@ def read_lock(root: Path) -> Lock | None:
         raise WorkspaceError(*(replace(each, hint=hint) for each in error.problems)) from None
     if (written := fields.get("format")) != _FORMAT:
         if isinstance(written, int) and written > _FORMAT:
-            message = f"the lock has format {written}, written by a newer forge; this one knows {_FORMAT}"
+            message = f"the lock has format {written}, written by a newer forge; this one supports {_FORMAT}"
             raise WorkspaceError(Problem(message, Location(path), "upgrade forge"))
-        raise WorkspaceError(Problem("this is no lock of forge: 'format' is missing", Location(path), hint))
+        raise WorkspaceError(Problem("not a lock file of forge: 'format' is missing", Location(path), hint))
     try:
         lock = Lock(
             fields["distribution"],
@@ -128,7 +128,7 @@ def read_lock(root: Path) -> Lock | None:
         raise WorkspaceError(Problem(message, Location(path), hint)) from None
     for commit in (*(each.commit for each in lock.packages), *(each.commit for each in lock.clones)):
         if not _COMMIT.fullmatch(commit):
-            message = f"malformed lock: '{commit}' is no commit"
+            message = f"malformed lock: '{commit}' is not a commit"
             raise WorkspaceError(Problem(message, Location(path), hint))
     for module in lock.modules:
         # Lines of a requirements.txt, which also has options.
@@ -148,7 +148,7 @@ def read_lock(root: Path) -> Lock | None:
 
 
 def write_lock(root: Path, lock: Lock) -> bool:
-    """Write the lock if it differs; tell whether it did."""
+    """Write the lock if it differs; return whether it was written."""
     text = lock_text(lock)
     path = root / LOCK_FILE
     if path.exists() and read_file(path) == text.encode():
@@ -158,7 +158,7 @@ def write_lock(root: Path, lock: Lock) -> bool:
 
 
 def lock_text(lock: Lock) -> str:
-    """Return the file: one line for each fact, sorted, so that a difference is easy to review."""
+    """Return the text of the file: one sorted line per fact, so that differences are easy to review."""
     head = {
         "format": _FORMAT,
         "distribution": lock.distribution,

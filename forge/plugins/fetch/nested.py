@@ -21,7 +21,7 @@ from forge.base.text import duration
 
 
 class Report:
-    """What the events of the build in a folder say; with `status`, a terminal shows its progress.
+    """Collects the events of a nested build; with `status`, a terminal shows its progress.
 
     `head` is printed when the first package starts.
     """
@@ -34,7 +34,7 @@ class Report:
         self.failed: list[str] = []
         self.built = 0
         self.text: list[str] = []
-        """What is no event: errors that prevent the build, and warnings."""
+        """Lines that are not events: errors that prevent the build, and warnings."""
         self._total = 0
         self._started = False
         self._running: list[str] = []
@@ -42,7 +42,7 @@ class Report:
         self._status = status and sys.stderr.isatty() and not dumb
 
     def take(self, line: str) -> str:
-        """Note a line of the output, and return the kind of its event, '' if it is none."""
+        """Process a line of output, and return the kind of its event, '' for other lines."""
         try:
             event = json.loads(line) if line.startswith('{"event"') else None
         except ValueError:
@@ -107,7 +107,7 @@ def run(
         errors="replace",
         # The nested build joins the jobserver of a parent make by its descriptors.
         close_fds=False,
-        # A terminal sends Ctrl-C to the outer build alone, which passes it on: a second signal would kill.
+        # A terminal sends Ctrl-C only to the outer build, which forwards it: a second signal would kill.
         start_new_session=True,
     ) as process:
         try:
@@ -130,7 +130,7 @@ def run(
 
 
 def _failure(event: Mapping[str, Any], folder: Path) -> Iterator[str]:
-    """Yield what forge prints for a failed package, with absolute paths."""
+    """Yield the lines that forge prints for a failed package, with absolute paths."""
     command = folder / "build" / event["package"] / SCRATCH_DIR / LAST_COMMAND
     seconds = duration(event["seconds"])
     yield f"Failed   <<< {event['package']} [{seconds}, exited with code {event['code']}]"

@@ -49,13 +49,13 @@ REQUIREMENTS = {
     "python3-rosdistro-modules": "rosdistro",
     "python3-setuptools": "setuptools<80",  # Humble's packages do not support setuptools 80
     "python3-typeguard": "typeguard",
-    "python3-vcstool": "vcs2l",  # the same program, still maintained
+    "python3-vcstool": "vcs2l",  # the maintained fork
     "python3-yaml": "PyYAML",
 }
 """The distributions on PyPI of rosdep's keys."""
 
 _STAMP = "forge-modules.txt"
-"""The file in an environment that says which modules forge has installed, or what it is doing."""
+"""The file in an environment that records the installed modules, or the current operation."""
 _CREATING = "# forge makes this environment\n"
 _MADE = "# forge made this environment\n"
 _INSTALLING = "# forge installs modules\n"
@@ -82,12 +82,12 @@ for name in sys.argv[1:]:
 
 
 def is_system_module(key: str) -> bool:
-    """Tell whether a key of rosdep names Python modules that only the system's package manager has."""
+    """Return whether a key of rosdep names Python modules that only the system's package manager has."""
     return key.startswith(("python3-", "python-")) and key not in REQUIREMENTS
 
 
 def declared_requirements(packages: Iterable[Package], provided: Collection[str]) -> tuple[str, ...]:
-    """Return what the Python projects of packages require of PyPI, without the names that are `provided`.
+    """Return the PyPI requirements of Python projects, except for names that are `provided`.
 
     setup.py is not run: only literals count. 'setuptools' by itself, which every template names, is needed
     only to build, where forge has it.
@@ -102,7 +102,7 @@ def declared_requirements(packages: Iterable[Package], provided: Collection[str]
             continue  # the build reports it
         requirement = Requirement(text)
         if requirement.url:
-            message = f"'{package.name}' requires '{text}': forge pins no addresses"
+            message = f"'{package.name}' requires '{text}': forge cannot pin URLs"
             hint = f"install it in '{ENVIRONMENT_FOLDER}'"
             print_warnings([Problem(message, Location(package.path), hint)])
         elif canonicalize_name(requirement.name) not in others and str(requirement) != "setuptools":
@@ -111,7 +111,7 @@ def declared_requirements(packages: Iterable[Package], provided: Collection[str]
 
 
 def is_requirement(text: str) -> bool:
-    """Tell whether a text is a requirement of a Python project (PEP 508)."""
+    """Return whether a text is a requirement of a Python project (PEP 508)."""
     from packaging.requirements import InvalidRequirement, Requirement
 
     try:
@@ -156,7 +156,7 @@ def lock_modules(
 
 
 def sees_system(lock: Lock, underlays: Sequence[Path]) -> bool:
-    """Tell whether modules of the system must be visible: those of a ROS that somebody has installed, or of
+    """Return whether modules of the system must be visible: those of a ROS that somebody has installed, or of
     keys that PyPI does not serve."""
     served = dict(lock.pip)
     return bool(underlays) or any(is_system_module(key) and key not in served for key in lock.keys)
@@ -216,10 +216,10 @@ def make_environment(folder: Path, python: Path, *, system: bool) -> None:
         return
     python = python.resolve() if python.is_relative_to(folder) else python
     if os.path.lexists(folder) and not stamp.exists() and (folder.is_file() or any(folder.iterdir())):
-        message = f"'{folder}' is no environment of Python that works, and forge did not make it"
+        message = f"'{folder}' is not a working Python environment, and was not created by forge"
         raise HostError(Problem(message, hint="move it away, or activate another environment"))
     if folder.exists():
-        delete_tree(folder)  # its interpreter is gone, or forge was killed here
+        delete_tree(folder)  # its interpreter was removed, or forge was killed here
     folder.mkdir(parents=True, exist_ok=True)
     replace_file(stamp, _CREATING.encode())
     if uv := shutil.which("uv"):
@@ -228,7 +228,7 @@ def make_environment(folder: Path, python: Path, *, system: bool) -> None:
         command = [str(python), "-m", "venv"]
     hint = "install uv, or the module venv of Python, for example with `apt install python3-venv`"
     _run([*command, *(["--system-site-packages"] if system else []), str(folder)], "make", folder, hint)
-    # The command that made it differs for each workspace, and would keep the package cache from being used.
+    # The command that made it differs for each workspace, which would prevent package cache hits.
     lines = text_or_nothing(folder / "pyvenv.cfg").splitlines(keepends=True)
     kept = "".join(line for line in lines if not line.startswith("command ="))
     replace_file(folder / "pyvenv.cfg", kept.encode())
@@ -263,7 +263,7 @@ def _stamp(folder: Path, modules: Sequence[Module]) -> str:
 def add_modules(
     interpreter: Interpreter, modules: Sequence[Module], cache: Path, *, offline: bool
 ) -> Iterator[Problem]:
-    """Install the modules that an environment of the user's lacks; yield what does not fit the lock.
+    """Install the modules missing from an environment of the user; yield mismatches with the lock.
 
     Modules that it has keep their versions, and an interpreter outside of an environment gets none.
     """
@@ -277,7 +277,7 @@ def add_modules(
         _Installer(interpreter.path, cache, offline=offline).install(requirements_text(missing))
         missing = []
     if missing:
-        hint = "install them, or use a virtual environment, where 'forge fetch' does it"
+        hint = "install them, or use a virtual environment, where 'forge fetch' installs them"
         words = " ".join(f"{each.name}=={each.version}" for each in missing)
         yield Problem(f"'{interpreter.path}' lacks {words}", hint=hint)
     for each in modules:
@@ -321,9 +321,9 @@ class _Installer:
             return resolve(wanted, constraints, ())
 
     def install(self, text: str, *, again: bool = False) -> None:
-        """Install what a requirements.txt says: without network if possible, for `forge build`.
+        """Install a requirements.txt, for `forge build` without network if possible.
 
-        `again` replaces what a killed forge has left.
+        `again` replaces the remains of a killed forge.
         """
         with tempfile.NamedTemporaryFile("w", suffix=".txt") as file:
             file.write(text)
@@ -382,13 +382,13 @@ class _Installer:
                 hashes = set(known.get((name, version), ()))
                 if hashes and own not in hashes:
                     hint = f"if that is right: forge fetch --update {name}"
-                    raise WorkspaceError(Problem(f"'{path.name}' is not the file of the lock", hint=hint))
+                    raise WorkspaceError(Problem(f"'{path.name}' does not match the lock", hint=hint))
                 found[name] = version, tuple(sorted(hashes or {own, *_published(index, name, version)}))
                 path.replace(self._files / path.name)
         return found
 
     def _index(self) -> str:
-        """Return the URL of the index that pip uses, '' if it uses none."""
+        """Return the URL of the index that pip uses, '' if there is none."""
         output = _run([self._python, "-m", "pip", "config", "list"], "ask", self._python, None)
         settings = dict(_INDEX_SETTING.findall(output))
         if settings.get("no-index", "").lower() in {"1", "true", "yes", "on"}:
@@ -431,7 +431,7 @@ def _run(command: Sequence[str], purpose: str, place: str | Path, hint: str | No
     )
     if done.returncode:
         lines = [line for line in (done.stderr or done.stdout).splitlines() if line.strip()]
-        errors = [line for line in lines if line.startswith("ERROR: ")]  # pip says at the end what failed
+        errors = [line for line in lines if line.startswith("ERROR: ")]  # pip reports the reason at the end
         reason = errors[-1] if errors else " ".join(line.strip(_DRAWN) for line in lines)
         if "No module named pip" in reason:
             hint = "install uv, or pip for this interpreter"

@@ -1,6 +1,6 @@
 """The digests of the files of each downloaded package, in a file beside its folder.
 
-It is also the mark of what forge may remove from the cache.
+It also marks folders that forge may remove from the cache.
 """
 
 from __future__ import annotations

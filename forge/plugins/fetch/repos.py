@@ -82,7 +82,7 @@ def import_packages(path: Path, snapshot: Snapshot, cache: Path) -> Imports:
 
 
 def repos_text(packages: Iterable[LockedPackage]) -> str:
-    """Return a file of repositories, each once; importing it gives the same packages."""
+    """Return the text of a repositories file that lists each repository once, for import."""
     entries: dict[tuple[str, str], str] = {}
     for each in packages:
         name = each.name if not each.path else each.repository.rpartition("/")[2].removesuffix(".git")
@@ -93,12 +93,12 @@ def repos_text(packages: Iterable[LockedPackage]) -> str:
 
 def _repositories(path: Path) -> list[_Repository]:
     if not path.is_file():
-        raise WorkspaceError(Problem(f"--import: '{path}' is no file"))
+        raise WorkspaceError(Problem(f"--import: '{path}' is not a file"))
     content = read_yaml(read_file(path), path)
     entries = content.get("repositories") if isinstance(content, dict) else None
     if not isinstance(entries, dict):
         hint = "it needs the key 'repositories', as in 'forge fetch --export FILE'"
-        raise WorkspaceError(Problem("this is no list of repositories", Location(path), hint))
+        raise WorkspaceError(Problem("not a list of repositories", Location(path), hint))
     found: dict[_Repository, None] = {}
     problems = []
     for name, entry in entries.items():
@@ -116,7 +116,7 @@ def _repositories(path: Path) -> list[_Repository]:
 
 
 def _commit(repository: _Repository) -> tuple[str, str]:
-    """Return the tag and its commit; for a branch, which moves, and for a commit, the latter twice."""
+    """Return a tag and its commit; for a branch or a commit, return the commit twice."""
     url, version = repository.url, repository.version
     if _COMMIT.fullmatch(version):
         return version, version
@@ -143,7 +143,7 @@ def _packages(
         for name, package in sorted(workspace.packages.items()):
             manifest = tree / package.path / "package.xml"
             if not manifest.is_file():
-                continue  # nobody can depend on it
+                continue  # no package can depend on it
             path = package.path.as_posix()
             locked = LockedPackage(
                 name, package.manifest.version, url, tag, commit, "" if path == "." else path

@@ -11,7 +11,7 @@ import os
 import shutil
 import sys
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import replace
@@ -21,7 +21,7 @@ from typing import TypeVar
 from forge.base.env_vars import without_passwords
 from forge.base.errors import ForgeError, Problem, SelectionError, raise_if_any
 from forge.base.files import delete_tree, text_or_nothing
-from forge.base.text import digest, listed
+from forge.base.text import listed
 from forge.plugins.fetch import git
 from forge.plugins.fetch.downloads import is_repository
 from forge.plugins.fetch.git import NetworkError
@@ -45,13 +45,13 @@ def clone_folder(cache: Path, clone: Clone) -> Path:
 
 @contextmanager
 def only_download(cache: Path) -> Iterator[None]:
-    """Wait until no other forge downloads, and remove what a killed one has left half-written."""
+    """Wait for downloads of other processes, and remove partial files of killed ones."""
     cache.mkdir(parents=True, exist_ok=True)
     with (cache / ".download.lock").open("w") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            print("waiting for another forge that downloads packages", file=sys.stderr, flush=True)
+            print("waiting for another process that is downloading packages", file=sys.stderr, flush=True)
             fcntl.flock(file, fcntl.LOCK_EX)
         for pattern in ("sources/.*", "sources/*/.*", "clones/.*", "modules/.*"):
             for draft in cache.glob(pattern):
@@ -93,7 +93,7 @@ def lock_packages(names: Iterable[str], snapshot: Snapshot) -> tuple[list[Locked
 def _network_problem(failed: Sequence[tuple[str, NetworkError]]) -> Iterator[Problem]:
     """Yield one problem for all downloads that failed because of the network, if any did."""
     if failed:
-        hint = "check the network, and run 'forge fetch' again: what was downloaded stays"
+        hint = "check the network, and run 'forge fetch' again: finished downloads are kept"
         reason = failed[0][1].problems[0].message
         yield Problem(f"cannot download {listed([name for name, _ in failed])}: {reason}", hint=hint)
 
@@ -101,7 +101,7 @@ def _network_problem(failed: Sequence[tuple[str, NetworkError]]) -> Iterator[Pro
 def download_packages(
     packages: Iterable[LockedPackage], cache: Path, done: Callable[[str, int], object]
 ) -> list[Problem]:
-    """Download what the cache lacks; return a problem for each that failed.
+    """Download the packages missing from the cache; return a problem for each failure.
 
     `done` is called for each with its name and the bytes that were received, also in other threads.
     """
@@ -141,7 +141,7 @@ def place_package(tree: Path, package: LockedPackage, cache: Path) -> None:
 def lock_clones(
     packages: Iterable[LockedPackage], cache: Path, *, tests: bool
 ) -> tuple[list[Clone], list[Problem]]:
-    """Return the repositories that the packages clone by literal addresses, and warnings of those not found.
+    """Return the repositories that the packages clone by literal addresses, and problems with them.
 
     Calls below `if(BUILD_TESTING)` count with `tests`. CMake decides whether a call is made at all.
     """
@@ -166,22 +166,21 @@ def lock_clones(
         url, tag = clone
         return tag if len(tag) == 40 else git.commits_of(url, [tag]).get(tag, "")
 
-    clones, warnings = [], []
+    clones, problems = [], []
     for (url, tag), commit in in_parallel(look_up, users):
         names = tuple(sorted(users[url, tag]))
         if isinstance(commit, str) and commit:
             clones.append(Clone(url, tag, commit, names))
         else:
             reason = commit.problems[0].message if isinstance(commit, ForgeError) else f"no tag '{tag}'"
-            hint = "if the build does clone it, that is not locked, and needs the network"
-            warnings.append(Problem(f"'{names[0]}' may clone '{url}': {reason}", hint=hint))
-    return clones, warnings
+            problems.append(Problem(f"'{names[0]}' clones '{url}' while it is built: {reason}"))
+    return clones, problems
 
 
 def download_clones(
     clones: Iterable[Clone], cache: Path, done: Callable[[str, int], object]
 ) -> list[Problem]:
-    """Download the repositories that the cache lacks, as `download_packages` does packages."""
+    """Download the repositories missing from the cache, like `download_packages`."""
 
     def download(clone: Clone) -> None:
         with _new_folder(clone_folder(cache, clone)) as draft:
@@ -195,17 +194,6 @@ def download_clones(
         if isinstance(result, ForgeError)
         for problem in result.problems
     ]
-
-
-def combined_clone(mirrors: Mapping[str, Path], folder: Path) -> Path:
-    """Return a repository that has these tags of one repository, each of which has a mirror in the cache."""
-    if len(mirrors) == 1:
-        return next(iter(mirrors.values()))
-    combined = folder / f"{digest(*map(str, sorted(mirrors.values())))}.git"
-    if not combined.is_dir():
-        with _new_folder(combined) as draft:
-            git.combine(mirrors, draft)
-    return combined
 
 
 def in_parallel(
@@ -239,7 +227,7 @@ class _new_folder:
 
     def __exit__(self, kind: object, *_: object) -> None:
         if kind is None:
-            with suppress(OSError):  # another forge was faster
+            with suppress(OSError):  # another process was faster
                 self._draft.rename(self._path)
         if self._draft.exists():
             delete_tree(self._draft)

@@ -31,7 +31,6 @@ from forge.plugins.fetch.lock import LOCK_FILE, Lock, cache_folder, read_lock
 from forge.plugins.fetch.python import compiled_against, prepare_interpreter, prepare_workspace
 from forge.plugins.fetch.sources import (
     clone_folder,
-    combined_clone,
     download_clones,
     download_packages,
     only_download,
@@ -47,25 +46,25 @@ SETTINGS = """\
 merge-install = true
 cmake-args = ["-DBUILD_TESTING=OFF", "-DTRACETOOLS_DISABLED=ON"]
 """
-_CLONES = "mirrors.json"
-"""The repositories that the packages of all locks clone while they are built: a mirror for each tag."""
+_CLONES = "clones.json"
+"""The repositories that the packages of all locks clone while they are built, and their folders."""
 BUILT = "built.json"
 """The sources of the packages that are built, by name, and the state of the system in which they were.
 
-It is absent while a build has not looked at them yet. Its time is that of the last use.
+It is absent until a build has checked them. Its time is that of the last use.
 """
 _SYSTEM = (
     *("/var/lib/dpkg/status", "/var/lib/rpm/rpmdb.sqlite", "/usr/lib/sysimage/rpm/rpmdb.sqlite"),
     *("/var/lib/pacman/local", "/lib/apk/db/installed"),
 )
-"""What package managers write when they install or remove something."""
+"""Files that package managers write when they install or remove something."""
 _NEEDS = "needs.json"
-"""What the packages of the latest locks declare and do not contain, by a digest of the packages."""
+"""Declared dependencies missing from the latest locks, by a digest of the packages."""
 _MAX_STORED_NEEDS = 20
 
 
 def is_underlay(path: Path, cache: Path) -> bool:
-    """Tell whether a prefix lies in an underlay that forge built for a lock."""
+    """Return whether a prefix is in an underlay that forge built for a lock."""
     return path.is_relative_to(cache / "underlays")
 
 
@@ -89,7 +88,7 @@ def build(
     if foreign:
         others = _outer_needs(lock, cache, variables)
         for path in [each for each in foreign if others.isdisjoint(_names_in(each))]:
-            # Another workspace in this shell, which the packages do not need, makes no other underlay.
+            # An unrelated workspace sourced in this shell must not lead to a different underlay.
             foreign.remove(path)
             variables = without_own(variables, Layout(path, path, None))
     names = (variables.get("CC") or "cc", variables.get("CXX") or "c++")
@@ -97,7 +96,7 @@ def build(
     programs = [os.path.realpath(path) for path in (*programs, str(interpreter.path))]
     key = digest(
         os.uname().machine,
-        str(cache),  # the package cache compares results of folders with different names
+        str(cache),  # folder names differ, because the package cache compares results at different paths
         *map(str, foreign),
         *programs,
         *compiled_against(lock),
@@ -123,7 +122,7 @@ def build(
 
 
 def _state(paths: Iterable[str]) -> str:
-    """Return a digest that changes with the files and with forge; then a build looks at all packages."""
+    """Return a digest of the files and of forge; if it has changed, a build checks all packages."""
     found = [__version__]
     for path in paths:
         with suppress(OSError):
@@ -158,7 +157,7 @@ def _is_built(folder: Path, wanted: Mapping[str, str], state: str) -> bool:
 
 
 def lock_path(folder: Path) -> Path:
-    """Return the lock of an underlay; it lies beside the folder, which may be removed."""
+    """Return the lock of an underlay; it is beside the folder, which may be removed."""
     return folder.parent / f".{folder.name}.lock"
 
 
@@ -170,8 +169,8 @@ def locked(folder: Path, *, wait: bool) -> Iterator[None]:
         except BlockingIOError:
             if not wait:
                 hint = "try again later, or omit '--no-wait'"
-                raise HostError(Problem(f"another forge builds in '{folder}'", hint=hint)) from None
-            print(f"waiting for another forge that builds in '{folder}'", file=sys.stderr, flush=True)
+                raise HostError(Problem(f"another process is building in '{folder}'", hint=hint)) from None
+            print(f"waiting for another process that is building in '{folder}'", file=sys.stderr, flush=True)
             fcntl.flock(file, fcntl.LOCK_EX)
         folder.mkdir(exist_ok=True)
         yield
@@ -186,7 +185,7 @@ def _declared(manifests: Iterable[Path], variables: Mapping[str, str]) -> set[st
 def _outer_needs(lock: Lock, cache: Path, variables: Mapping[str, str]) -> set[str]:
     """Return the names that the locked packages declare and the lock does not have.
 
-    They are stored for the next build, which would read each manifest to find the same.
+    They are stored for the next build, which would otherwise read each manifest again.
     """
     names = {each.name for each in lock.packages}
     key = digest(lock.distribution, *(f"{each.name} {each.commit}" for each in lock.packages))
@@ -242,16 +241,16 @@ def _run_build(
     state: str,
 ) -> None:
     began = time.monotonic()
-    # Users set it for their nodes; packages of ROS that ask for it would be built anew whenever it changes.
+    # Users set it for their nodes; ROS packages that read it would be rebuilt whenever it changes.
     own = {name: value for name, value in variables.items() if name != "RMW_IMPLEMENTATION"}
-    own["PWD"] = str(folder)  # which programs look at
+    own["PWD"] = str(folder)  # programs check these
     own |= _clone_settings(folder, lock, cache, own)
     # For programs that the system lacks, such as the vcs of packages that clone.
     own["PATH"] = os.pathsep.join([*filter(None, [own.get("PATH")]), str(Path(python).parent)])
     if options.cache.remote_cache:
         own["FORGE_REMOTE_CACHE"] = options.cache.remote_cache  # as an option, all users could see a password
     sources = linked_sources(folder)
-    # What packages declare and no lock has is optional: other middlewares, for example.
+    # Declared packages that are not locked are optional, such as other middlewares.
     optional = _declared((folder / "src" / name / "package.xml" for name in sources), own)
     words = ["--rosdistro", lock.distribution, "--python", python, "--json", *_passed_on(options)]
     words += ["--skip-keys", *sorted(optional)]
@@ -265,7 +264,7 @@ def _run_build(
     head = f"building {what} in '{folder}', once for all workspaces"
     shows = handlers["console_start_end"]
     report = nested.Report(folder, head if shows else "", status=shows and handlers["status"])
-    # Until the build has looked at all packages, none counts as built, also if this forge is killed.
+    # Until the build has checked all packages, none counts as built, even if this process is killed.
     (folder / BUILT).unlink(missing_ok=True)
     code = nested.run(own_command("build", *words), own, report, record)
     if report.failed:
@@ -286,16 +285,12 @@ def _clone_settings(folder: Path, lock: Lock, cache: Path, variables: Mapping[st
     Other locks may have pinned what packages clone that are built again with these. Settings that the
     variables already contain are kept.
     """
-    pinned: dict[str, dict[str, str]] = {}
+    folders: dict[str, str] = {}
     with suppress(ValueError):
-        pinned = json.loads(text_or_nothing(folder / _CLONES) or "{}")
-    for each in lock.clones:
-        pinned.setdefault(each.repository, {})[each.tag] = str(clone_folder(cache, each))
-    replace_file(folder / _CLONES, json.dumps(pinned, indent=1, sort_keys=True).encode())
-    present = {}
-    for url, by_tag in sorted(pinned.items()):
-        if mirrors := {tag: Path(path) for tag, path in sorted(by_tag.items()) if Path(path).is_dir()}:
-            present[url] = combined_clone(mirrors, folder / "clones")
+        folders = json.loads(text_or_nothing(folder / _CLONES) or "{}")
+    folders |= {each.repository: str(clone_folder(cache, each)) for each in lock.clones}
+    replace_file(folder / _CLONES, json.dumps(folders, indent=1, sort_keys=True).encode())
+    present = {url: Path(path) for url, path in sorted(folders.items()) if Path(path).is_dir()}
     count = variables.get("GIT_CONFIG_COUNT", "")
     first = int(count) if count.isdecimal() else 0
     settings = {"GIT_CONFIG_COUNT": str(first + len(present))}
@@ -306,7 +301,7 @@ def _clone_settings(folder: Path, lock: Lock, cache: Path, variables: Mapping[st
 
 
 def _passed_on(options: BuildOptions) -> Iterator[str]:
-    """Yield the options of the outer build that hold for the packages of ROS as well: jobs and caches."""
+    """Yield the options of the outer build that also apply to ROS packages: jobs and caches."""
     jobs, cache, limit = options.jobs, options.cache, options.jobs.memory_limit
     values = {
         "--jobs": jobs.jobs,

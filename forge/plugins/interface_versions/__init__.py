@@ -1,1 +1,2 @@
-"""Versions of interface definitions: `forge interface diff` compares two, `fix` makes valid ones of ROS 1."""
+"""Versions of interface definitions: `forge interface diff` compares two, `fix` corrects invalid ones, as of
+ROS 1."""

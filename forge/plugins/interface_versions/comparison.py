@@ -60,7 +60,7 @@ class Version:
 
 @frozen
 class Change:
-    """A difference of an interface in words. It may break the API; what else it breaks is seen as a whole."""
+    """A difference of an interface in words. Other breakage than that of the API is determined as a whole."""
 
     text: str
     api: bool = False
@@ -177,7 +177,7 @@ def _field_changes(where: str, old: Message, new: Message) -> Iterator[Change]:
 def _changes_of(old: Field, new: Field, where: str, package: str) -> Iterator[Change]:
     if old.type != new.type:
         texts = " -> ".join(_type(each.type, package) for each in (old, new))
-        # The code for a text does not depend on its greatest length.
+        # The code for a string does not depend on its maximum length.
         api = _without_bound(old.type) != _without_bound(new.type)
         yield Change(f"field '{old.name}'{where}: {texts}", api=api)
     if old.default != new.default:
@@ -205,7 +205,7 @@ def _type(type_: Type, package: str) -> str:
 
 
 def _encoding(type_: Type, messages: Mapping[TypeName, Message], known: dict[TypeName, str]) -> str:
-    """Return what decides about the bytes of a value and about which values there are, without any name.
+    """Return everything that determines the bytes and the range of values, without names.
 
     XCDR1 aligns primitives only, so that the members of a nested message could as well be its owner's.
     """
@@ -218,7 +218,7 @@ def _encoding(type_: Type, messages: Mapping[TypeName, Message], known: dict[Typ
             if name not in known:
                 members = messages[name].members
                 text = " ".join(_encoding(member.type, messages, known) for member in members)
-                # Messages in messages in messages could have millions of members.
+                # Deeply nested messages could have millions of members.
                 known[name] = text if len(text) <= _LONGEST else digest(text, size=32)
             return known[name]
         case Primitive(name):

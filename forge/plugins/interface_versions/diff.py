@@ -1,4 +1,4 @@
-"""compare two versions of interfaces: what keeps the serialized bytes, the hash, the API"""
+"""compare two versions of interfaces: serialized bytes, hash and API"""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Options:
 
 
 def run(options: Options) -> int:
-    """Print what differs; returns 1 if something broke that must not."""
+    """Print the differences; returns 1 if something broke that must not."""
     library = known_library(options.others.rosdistro, options.others.folders)
     with ExitStack() as stack:
         versions = [

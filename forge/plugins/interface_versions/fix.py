@@ -1,4 +1,4 @@
-"""turn definitions of ROS 1, or with invalid names, into valid ones"""
+"""correct definitions of ROS 1, and definitions with invalid names"""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Options:
 
 @frozen
 class Fix:
-    """A definition and what becomes of it."""
+    """A definition and its corrected version."""
 
     source: Source
     relative: str
@@ -47,9 +47,9 @@ class Fix:
 
 
 def run(options: Options) -> int:
-    """Print what has to change, or change it; returns 1 if something would change.
+    """Print or apply the changes; returns 1 if something would change.
 
-    Raises InterfaceError for what stays invalid, after all else was printed or changed.
+    Raises InterfaceError for remaining errors, after printing or applying everything else.
     """
     fixes: list[Fix] = []
     packages = [each for folder in options.folders for each in packages_in(Path(folder), _name_of(folder))]
@@ -113,7 +113,7 @@ def _write(fixes: Iterable[Fix]) -> None:
 
 
 def _what_follows(package: str, home: Path, fixes: Iterable[Fix]) -> Iterator[str]:
-    """Yield what else has to follow in the package: its manifest, its CMake code, its programs."""
+    """Yield further changes that the package needs: in its manifest, CMake code and programs."""
     fixes = tuple(fixes)
     text = "".join(fix.text for fix in fixes)
     manifest = home / "package.xml"
@@ -132,11 +132,11 @@ def _what_follows(package: str, home: Path, fixes: Iterable[Fix]) -> Iterator[st
     for fix in fixes:
         if fix.names:
             pairs = ", ".join(f"{each.old} -> {each.new}" for each in fix.names)
-            yield f"{package}: code that uses {PurePosixPath(fix.relative).stem} has to follow: {pairs}"
+            yield f"{package}: update code that uses {PurePosixPath(fix.relative).stem}: {pairs}"
 
 
 def _left(fixes: Iterable[Fix], *, written: bool) -> Iterator[Problem]:
-    """Yield the problems that definitions still have."""
+    """Yield the remaining problems of definitions."""
     for fix in fixes:
         path = fix.target if written else fix.source.path
         _, problems = parse_leniently(Source(fix.source.package, fix.relative, path, fix.text))

@@ -1,4 +1,4 @@
-"""Rewrite definitions of ROS 1, and names that ROS 2 refuses, into valid definitions of ROS 2; pure."""
+"""Rewrite definitions of ROS 1, and names that ROS 2 rejects, into valid ROS 2 definitions; pure."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Renamed:
 
 
 def type_name(stem: str) -> str:
-    """Return the name of an interface as ROS 2 wants it; unchanged if it cannot be made one."""
+    """Return a valid ROS 2 name of an interface; unchanged if there is none."""
     if TYPE_NAME.fullmatch(stem):
         return stem
     name = "".join(part[:1].upper() + part[1:] for part in re.split(r"[\W_]+", stem))
@@ -48,7 +48,7 @@ def rewritten(
     """Return the text of a definition with valid types and names, and the names that have changed.
 
     `own` are the interfaces of the package, `types` those that get other names. Comments, values and blanks
-    stay; what cannot be made valid stays, too.
+    stay, and so do errors that cannot be corrected.
     """
     renamed: list[Renamed] = []
     lines: list[str] = []
@@ -79,7 +79,7 @@ def rewritten(
 
 
 def _valid_names(lines: Iterable[str]) -> Iterator[str]:
-    """Yield the names of a section that stay as they are; it ends with a separator."""
+    """Yield the unchanged names of a section, which ends with a separator."""
     for line in takewhile(lambda line: not _SEPARATOR.fullmatch(line), lines):
         declaration = _DECLARATION.fullmatch(line.partition("#")[0])
         if declaration and _better_name(declaration) == declaration["name"]:
@@ -87,7 +87,7 @@ def _valid_names(lines: Iterable[str]) -> Iterator[str]:
 
 
 def _better_name(declaration: re.Match[str]) -> str:
-    """Return a valid name for a declaration; its own if that is one, or cannot be made one."""
+    """Return a valid name for a declaration, or its own if that is valid or cannot be corrected."""
     name, kind = declaration["name"], "constant" if declaration["constant"] else "field"
     better = valid_name(name, kind) or name
     if kind == "field":

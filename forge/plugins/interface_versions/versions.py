@@ -25,7 +25,7 @@ from forge.plugins.interface_versions.packages import IGNORED, definitions_in, p
 
 @contextmanager
 def opened(text: str) -> Iterator[tuple[Path, str]]:
-    """Yield the folder that a version is in, and its name; a revision is extracted for as long as it is read.
+    """Yield the folder and the name of a version; a revision is extracted temporarily.
 
     A version is a folder, or REVISION or REVISION:FOLDER as in git, without FOLDER that of the working
     directory. Raises SelectionError if there is neither, and names files of a revision as git does.
@@ -37,8 +37,8 @@ def opened(text: str) -> Iterator[tuple[Path, str]]:
     listed = _git("ls-tree", "-r", "-z", *(("--full-tree",) if ":" in text else ()), "--end-of-options", text)
     if listed.returncode:
         reason = listed.stderr.decode(errors="replace").strip().removeprefix("fatal: ")
-        hint = "revisions are those of the repository around this folder, as in HEAD~1 or v1.2.0:src/my_msgs"
-        raise SelectionError(Problem(f"'{text}' is no folder and no revision of git: {reason}", hint=hint))
+        hint = "revisions refer to the repository of the current folder, as in HEAD~1 or v1.2.0:src/my_msgs"
+        raise SelectionError(Problem(f"'{text}' is neither a folder nor a git revision: {reason}", hint=hint))
     with tempfile.TemporaryDirectory(prefix="forge-") as folder:
         _extract(listed.stdout, Path(folder), text)
         try:

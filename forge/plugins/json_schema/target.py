@@ -101,7 +101,7 @@ def _element(type_: Element) -> dict[str, Any]:
             return {"type": "number"}
         case Primitive("char" | "wchar"):
             return {"type": "string", "minLength": 1, "maxLength": 1}
-        case Primitive("octet"):  # a character for rosidl_runtime_py, a number for others
+        case Primitive("octet"):  # rosidl_runtime_py uses a character, others a number
             limits = {"minimum": 0, "maximum": 255, "minLength": 1, "maxLength": 1}
             return {"type": ["integer", "string"], **limits}
         case Primitive(name):

@@ -51,6 +51,6 @@ def _open(folder: Path, rosdistro: str | None) -> Index:
     )
     index = Index(root, library, os.environ)
     index.scan()
-    # The index stays: garbage collection between answers need not go through all of it.
+    # The index is permanent: garbage collection between responses can skip it.
     gc.freeze()
     return index

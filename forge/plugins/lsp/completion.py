@@ -80,7 +80,7 @@ def complete(index: Index, path: Path, line: int, column: int) -> Proposals:
 
 
 def _in_declaration(index: Index, reading: Reading, line: int, before: str) -> tuple[str, Iterable[Proposal]]:
-    """Return what was typed in a line of a .msg, .srv or .action file, and what may stand there."""
+    """Return the typed text in a line of a .msg, .srv or .action file, and the proposals for it."""
     if _TYPE.fullmatch(before):
         return before, _types(index, reading, before)
     value = _VALUE.fullmatch(before)
@@ -105,7 +105,7 @@ def _types(index: Index, reading: Reading, typed: str) -> Iterator[Proposal]:
         yield from (Proposal(f"{name}/", "package") for name in near_first)
     word = typed.lower()
     for name in messages if typed else ():
-        # Of thousands of messages few are proposed; a package matches the typed text in front of '/'.
+        # Propose only a few of thousands of messages; a package matches the text before '/'.
         likely = (
             own == name.package
             if own
@@ -134,7 +134,7 @@ def _values(reading: Reading, line: int, written: str) -> Iterator[Proposal]:
 
 
 def _in_idl(index: Index, before: str) -> tuple[str, Iterable[Proposal]]:
-    """Return what was typed in a line of an .idl file, and what may stand there."""
+    """Return the typed text in a line of an .idl file, and the proposals for it."""
     if include := _INCLUDE.match(before):
         typed = include[1] or ""
         return typed, _idl_files(index, typed) if include[1] is not None else ()
@@ -167,7 +167,7 @@ def _idl_types(index: Index, typed: str) -> Iterator[Proposal]:
 
 
 def _in_manifest(index: Index, before: str) -> tuple[str, Iterable[Proposal]]:
-    """Return what was typed in a package.xml, and what may stand there."""
+    """Return the typed text in a package.xml, and the proposals for it."""
     if opened := _TAG.search(before):
         return opened[1], (Proposal(name, "keyword") for name in tags_of(3))
     content = _CONTENT.search(before)

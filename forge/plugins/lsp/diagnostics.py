@@ -103,7 +103,7 @@ def _doubtful(index: Index, reading: Reading) -> Iterator[Problem]:
 
 
 class _NearbyTypes:
-    """The types that a file refers to, and those that contain it; all others are as good as empty.
+    """The types that a file refers to, and those that contain it; all others are treated as empty.
 
     Only a message that contains the file's own can be part of a cycle with it.
     """
@@ -150,6 +150,6 @@ class _NearbyTypes:
         return self._index.distribution_hint(name)
 
     def declares(self, package: str) -> bool:
-        """Tell whether the manifest of the file's package declares a package."""
+        """Return whether the manifest of the file's package declares a package."""
         manifest = self._index.manifest_of(self._reading.source.path)
         return manifest is not None and package in manifest.dependencies

@@ -95,7 +95,7 @@ def _bytes(smallest: int, largest: int | None) -> str:
 
 
 def _declared(member: Field | Constant) -> str:
-    """Return a declaration as written in a .msg file."""
+    """Return a declaration in the notation of .msg files."""
     text = type_text(member.type, "")
     written = f"{text.word}{text.suffix} {member.name}"
     if isinstance(member, Field):

@@ -204,7 +204,7 @@ def _output(name: TypeName) -> tuple[str, str, str]:
 
 
 def is_known(path: Path) -> bool:
-    """Tell whether a file is of a kind that the language server understands."""
+    """Return whether a file is of a kind that the language server understands."""
     return path.suffix in _SUFFIXES or path.name == MANIFEST
 
 

@@ -1,4 +1,4 @@
-"""What is under a cursor, where it is declared, and where it is used."""
+"""Finds the name under a cursor, its declaration and its uses."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from forge.plugins.lsp.occurrences import NameKind, Occurrence, Reading
 from forge.plugins.lsp.text import Place, Span
 
 IN_FILE = frozenset({NameKind.FIELD, NameKind.CONSTANT, NameKind.TYPEDEF, NameKind.ALIAS})
-"""The kinds of names that mean nothing outside of their file."""
+"""The kinds of names that are local to their file."""
 
 _START = Span(0, 0, 0)
 

@@ -24,7 +24,7 @@ _CONSTANTS = "_Constants"
 
 
 class NameKind(Enum):
-    """What an occurrence is."""
+    """The kind of an occurrence."""
 
     REFERENCE = "reference"
     """A message as the type of a field."""
@@ -103,7 +103,7 @@ def _in_lines(source: Source) -> Iterator[Occurrence]:
             code = line.text.partition("#")[0].rstrip()
             try:
                 declaration = read_declaration(code, owner.package)
-            except ParseError:  # blank lines as well
+            except ParseError:  # including blank lines
                 continue
             number, start = line.number - 1, declaration.name_offset
             element = element_of(declaration.type)

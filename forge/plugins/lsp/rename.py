@@ -24,12 +24,12 @@ _OWN_FOLDER = r"\$\{(?:CMAKE_CURRENT_SOURCE|CMAKE_CURRENT_LIST|PROJECT_SOURCE)_D
 
 @frozen
 class Renaming:
-    """The edits of files, and the files that get another name after them."""
+    """The edits of files, and the files to rename afterwards."""
 
     edits: tuple[Edit, ...]
     moves: tuple[tuple[Path, Path], ...] = ()
     remark: str = ""
-    """What the user may have to change by hand."""
+    """Places that the user may have to change by hand."""
 
 
 @frozen
@@ -149,7 +149,7 @@ def _in_cmake(index: Index, reading: Reading, old: str, new: str) -> Iterator[Ed
 
 
 def _remark(index: Index, path: Path, edits: Sequence[Edit]) -> str:
-    """Return where CMake files of the package seem to name a file in another way than the edits change."""
+    """Return where CMake files of the package seem to refer to a file in other ways."""
     manifest = index.manifest_of(path)
     if manifest is None:
         return ""

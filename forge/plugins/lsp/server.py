@@ -46,11 +46,11 @@ _KINDS = {
 }
 _WATCHED = "**/{package.xml,*.msg,*.srv,*.action,*.idl}"
 _PLAIN = re.compile(r"[\w./-]*", re.ASCII)
-"""A path that is the same in an address: matching is faster than quoting."""
+"""A path that needs no quoting in a URL: matching is faster than quoting."""
 
 
 class _RefusedError(JsonRpcException):
-    """The answer to a request that cannot be met."""
+    """The response to a request that cannot be fulfilled."""
 
     CODE = lsp.LSPErrorCodes.RequestFailed.value
 
@@ -148,7 +148,7 @@ class InterfaceServer(LanguageServer):
             self._publish()
 
     def _did_save(self, params: lsp.DidSaveTextDocumentParams) -> None:
-        del params  # its text is known
+        del params  # the editor has sent its text
         self._look_for_changes()
         self._publish()
 
@@ -235,7 +235,7 @@ class InterfaceServer(LanguageServer):
         return lsp.WorkspaceEdit(document_changes=changes)
 
     def _require_moves(self, *, moves: bool) -> None:
-        """Refuse a renaming with moves of files if the editor cannot move them."""
+        """Reject a renaming that moves files if the editor cannot move them."""
         capabilities = self.client_capabilities.workspace
         editing = capabilities.workspace_edit if capabilities else None
         operations = (editing and editing.resource_operations) or ()
@@ -279,7 +279,7 @@ class InterfaceServer(LanguageServer):
 
 def serve(open_index: Callable[[Path], Index]) -> None:
     """Answer an editor on standard input and output until it ends the session."""
-    # The server closes its stream at the end; and whatever is printed must not get between its answers.
+    # The server closes its stream at the end, and printed text must not mix with its responses.
     with os.fdopen(os.dup(sys.stdout.fileno()), "wb") as answers, redirect_stdout(sys.stderr):
         InterfaceServer(open_index).start_io(stdout=answers)
 
@@ -291,7 +291,7 @@ def _range(line: int, start: int, end: int) -> lsp.Range:
 
 
 def _is_worth_logging(record: logging.LogRecord) -> bool:
-    """Tell whether a message of pygls is about more than a request that the server refused."""
+    """Return whether a message of pygls is about something other than a rejected request."""
     return not (record.exc_info and isinstance(record.exc_info[1], _RefusedError))
 
 

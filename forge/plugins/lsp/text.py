@@ -21,7 +21,7 @@ class Span:
     end: int
 
     def contains(self, line: int, column: int) -> bool:
-        """Tell whether a cursor is in this part, or directly after it."""
+        """Return whether a cursor is in this part, or directly after it."""
         return line == self.line and self.start <= column <= self.end
 
 

@@ -62,7 +62,7 @@ class _ListOptions(_UpdateOptions):
 @frozen
 class _ShowOptions:
     of: str | None = option(
-        "only mixins of this command, or so named", positional=True, nargs="?", metavar="COMMAND"
+        "only mixins of this command, or with this name", positional=True, nargs="?", metavar="COMMAND"
     )
     name: str | None = option("only this mixin", positional=True, nargs="?", metavar="MIXIN")
     mixin_files: tuple[str, ...] = _files()
@@ -86,7 +86,7 @@ def _add(options: _AddOptions) -> None:
 
 
 def _update(options: _UpdateOptions) -> None:
-    """Fetch all repositories in spite of problems, then raise these."""
+    """Fetch all repositories despite problems, then raise these."""
     repositories = MixinRepositories(home(os.environ))
     problems: list[Problem] = []
     for name in repositories.selected(options.name):
@@ -186,7 +186,7 @@ _EXAMPLE = "https://raw.githubusercontent.com/colcon/colcon-mixin-repository/mas
 
 @frozen
 class Change:
-    """What an update did to a file: '+' added, '*' changed, '.' unchanged, '-' renamed to *.obsolete."""
+    """The change of a file by an update: '+' added, '*' changed, '.' unchanged, '-' renamed to *.obsolete."""
 
     sign: str
     path: Path
@@ -274,16 +274,16 @@ def _index_url(text: str) -> str:
         path = expand_home(text).absolute()
         if not path.is_file():
             hint = f"give the path or URL of an index, such as {_EXAMPLE}"
-            raise SelectionError(Problem(f"there is no file '{text}'", hint=hint))
+            raise SelectionError(Problem(f"file '{text}' not found", hint=hint))
         return path.as_uri()
     if scheme not in _SCHEMES:
         hint = f"use {', '.join(_SCHEMES[:-1])} or {_SCHEMES[-1]}"
-        raise SelectionError(Problem(f"cannot fetch mixins by '{scheme}'", hint=hint))
+        raise SelectionError(Problem(f"cannot fetch mixins over '{scheme}'", hint=hint))
     return text
 
 
 def _attempt(index: str, entry: str, folder: Path) -> Change | tuple[Problem, ...]:
-    """Return what a file of an index changed, or why it cannot be used."""
+    """Return the change by a file of an index, or the reason why it cannot be used."""
     try:
         return _fetch(index, entry, folder)
     except (SelectionError, WorkspaceError) as error:
@@ -301,13 +301,13 @@ def _fetch(index: str, entry: str, folder: Path) -> Change:
         url = urljoin(index, quote(entry, safe=_LEGAL))
         parts = urlsplit(url)
     except ValueError:
-        raise SelectionError(Problem(f"the index names '{entry}', which is no URL")) from None
+        raise SelectionError(Problem(f"the index names '{entry}', which is not a URL")) from None
     if parts.scheme not in _SCHEMES or (parts.scheme == "file" and urlsplit(index).scheme != "file"):
         raise SelectionError(Problem(f"the index names '{entry}', which is not on a server"))
     shown = without_passwords(url)
     name = unquote(PurePosixPath(parts.path).name)
     if not _FILE.fullmatch(name):
-        raise SelectionError(Problem(f"the index names '{shown}', which is no '*.mixin'"))
+        raise SelectionError(Problem(f"the index names '{shown}', which is not a '*.mixin' file"))
     content = _content(url)
     list(parse_mixins(content, Path(shown)))
     path, before = folder / name, None
@@ -320,7 +320,7 @@ def _fetch(index: str, entry: str, folder: Path) -> Change:
 
 
 def _content(url: str) -> bytes:
-    """Return what a URL names; raises SelectionError."""
+    """Return the content of a URL; raises SelectionError."""
     from http.client import HTTPException
     from urllib.error import HTTPError, URLError
     from urllib.request import urlopen

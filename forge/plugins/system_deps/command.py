@@ -184,7 +184,7 @@ def _script(
 
 
 def _ros_remedy(names: PackageNames, system: System, rosdistro: str) -> str:
-    """Return what to do about a ROS package that no package manager provides."""
+    """Return a remedy for a ROS package that no package manager provides."""
     source = "source an installation that contains it"
     if not rosdistro:
         return f"ROS package; {source}, or choose a distribution with --rosdistro"

@@ -69,7 +69,7 @@ class PackageNames:
 
 
 def has_rosdep() -> bool:
-    """Tell whether rosdep is installed beside forge, which is the extra 'rosdep'."""
+    """Return whether rosdep is installed beside forge, which is the extra 'rosdep'."""
     return find_spec("rosdep2") is not None
 
 
@@ -129,7 +129,7 @@ def resolver(databases: Sequence[Database], system: System) -> Callable[[str], R
             managers = context.get_os_installer_keys(system.name)
             default = context.get_default_os_installer_key(system.name)
             manager, rule = definition.get_rule_for_platform(system.name, system.version, managers, default)
-            # What has to be compiled is not downloaded to find out more about it.
+            # Packages that must be compiled are not downloaded just to inspect them.
             names = () if manager == "source" else context.get_installer(manager).resolve(rule)
             found = tuple(str(name) for name in names if name)
         # KeyError: a system that rosdep does not know. TypeError: malformed rules.
@@ -141,7 +141,7 @@ def resolver(databases: Sequence[Database], system: System) -> Callable[[str], R
 
 
 def _cached_databases(system: System, rosdistro: str) -> list[Database]:
-    """Return what the last `rosdep update` stored for a system and a ROS distribution."""
+    """Return the data of the last `rosdep update` for a system and a ROS distribution."""
     from rosdep2.sources_list import DataSourceMatcher, SourcesListLoader
 
     tags = [tag for tag in (rosdistro, system.name, system.version) if tag]
@@ -184,5 +184,5 @@ def needs_of(
 
 
 def is_installed(need: DependencyStatus, have: frozenset[tuple[str, str]]) -> bool:
-    """Tell whether all packages of a dependency are in `have`, which contains (package manager, name)."""
+    """Return whether all packages of a dependency are in `have`, which contains (package manager, name)."""
     return need.manager is not None and all((need.manager, name) in have for name in need.names)

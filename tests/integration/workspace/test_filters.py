@@ -90,7 +90,7 @@ def test_packages_outside_any_repository_are_named(forge: Forge, root: Path) -> 
     git(root / "src/a", "commit", "-m", "one")
     ran = forge("list", "-n", "--packages-select-changed", cwd=root)
     assert (ran.code, ran.out) == (0, "b\nc\nd\n")
-    warning = "'b', 'c', 'd' are in no git repository and always counted as changed"
+    warning = "'b', 'c', 'd' are in no git repository and always count as changed"
     assert ran.err == f"warning: {warning}\n"
 
 
@@ -250,7 +250,7 @@ def test_packages_that_git_ignores_are_in_no_repository(forge: Forge, root: Path
     commit(root, {".gitignore": "/src/b\n"})
     ran = forge("list", "-n", "--packages-select-changed", cwd=root)
     assert (ran.code, ran.out) == (0, "b\n")
-    assert ran.err == "warning: 'b' is in no git repository and always counted as changed\n"
+    assert ran.err == "warning: 'b' is in no git repository and always counts as changed\n"
 
 
 @pytest.mark.needs("git")

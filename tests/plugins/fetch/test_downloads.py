@@ -78,4 +78,4 @@ def test_the_announcement_names_the_library_and_its_rosdep_key(tmp_path: Path) -
     package = Package(tmp_path, parse_manifest(text.encode(), path, {}))
     (problem,) = announced([package], ["git", "liblib-dev"])
     message = f"'lib_vendor' downloads {URL} while it is built, unless CMake finds 'lib' 1.0 or newer"
-    assert (problem.message, problem.hint) == (message, "rosdep's name for it is 'liblib-dev'")
+    assert (problem.message, problem.hint) == (message, "its rosdep key is 'liblib-dev'")

@@ -126,7 +126,7 @@ def test_a_second_fetch_waits_for_the_first(ros: Ros, server: GitServer, tmp_pat
     server.stalled = ""
     second = start("fetch", cwd=new_workspace(tmp_path / "two"), env=env)
     assert second.stderr is not None
-    assert second.stderr.readline() == "waiting for another forge that downloads packages\n"
+    assert second.stderr.readline() == "waiting for another process that is downloading packages\n"
     threading.Timer(0.5, os.killpg, (first.pid, signal.SIGKILL)).start()
     _, err = second.communicate(timeout=60)
     first.communicate()

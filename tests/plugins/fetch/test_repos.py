@@ -106,9 +106,9 @@ def test_a_repository_of_several_packages_is_exported_once(ros: Ros, forge: Forg
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (None, "--import: 'my.repos' is no file"),
+        (None, "--import: 'my.repos' is not a file"),
         ("repositories: [", "my.repos:1:"),
-        ("a: 1", "my.repos: error: this is no list of repositories"),
+        ("a: 1", "my.repos: error: not a list of repositories"),
         (
             "repositories: {a: {type: svn, url: x}}",
             "'a' is of type 'svn': forge imports only git",

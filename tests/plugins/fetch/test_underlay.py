@@ -277,7 +277,7 @@ def test_no_wait_does_not_wait_for_a_build_of_the_underlay(ros: Ros, forge: Forg
         fcntl.flock(lock, fcntl.LOCK_EX)
         ran = forge("build", "--no-wait", cwd=workspace, env=env)
     assert ran.code == 2
-    assert f"error: another forge builds in '{underlay(tmp_path)}'" in ran.err
+    assert f"error: another process is building in '{underlay(tmp_path)}'" in ran.err
 
 
 def test_the_underlay_build_joins_a_parent_jobserver(ros: Ros, forge: Forge, tmp_path: Path) -> None:

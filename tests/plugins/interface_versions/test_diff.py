@@ -217,7 +217,7 @@ def test_the_exit_code_depends_on_the_required_compatibility(
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("old", "nowhere"), "'nowhere' is no folder and no revision of git: "),
+        (("old", "nowhere"), "'nowhere' is neither a folder nor a git revision: "),
         (("old", "empty"), "found no package 'p' with interfaces in 'empty'"),
         (("old", "wrong"), "wrong/msg/A.msg:1:1: error: unknown type 'q/Z'"),
         (("--upload-pack=x", "old"), "error: "),

@@ -95,7 +95,7 @@ def test_changes_are_shown_and_then_made(forge: Forge, tree: Tree) -> None:
     assert ran.out == (
         "p: declare what the definitions use now: forge add std_msgs\n"
         "p: in CMakeLists.txt, write MyPoint.msg instead of my_point.msg\n"
-        "p: code that uses MyPoint has to follow: X -> x\n"
+        "p: update code that uses MyPoint: X -> x\n"
         "changed 2 files of 2\n"
     )
     assert sorted(path.name for path in (root / "src/p/msg").iterdir()) == ["MyPoint.msg", "Track.msg"]

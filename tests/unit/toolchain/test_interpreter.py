@@ -248,6 +248,6 @@ def test_a_changed_interpreter_is_reported_with_the_option_that_restores_it() ->
     assert problem.render("warning") == (
         "warning: the interpreter is now '/usr/bin/python3' ('python3' on PATH) instead of "
         "'/a b/bin/python3'\n"
-        "hint: packages that depend on it are rebuilt; to keep the former one, activate its environment or "
+        "hint: packages that depend on it are rebuilt; to keep the old one, activate its environment or "
         "pass --python '/a b/bin/python3'"
     )

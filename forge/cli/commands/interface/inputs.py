@@ -78,7 +78,7 @@ def library_of(options: IncludeOptions, recorded: Mapping[str, Path] | None = No
 
 
 def known_library(rosdistro: str | None, includes: Mapping[str, Path] | None = None) -> Library:
-    """Return the definitions that can be asked about: in addition those of the enclosing workspace."""
+    """Return the definitions that can be queried, including those of the enclosing workspace."""
     install = find_install(Path.cwd(), Path.home())
     return Library(
         includes=includes or {},
@@ -98,7 +98,7 @@ def require_built(package: str, library: Library) -> None:
 def distribution_of(rosdistro: str | None, folder: Path | None = None) -> str:
     """Return the distribution of embedded definitions: chosen here, or by the workspace around `folder`.
 
-    The default is the working directory. The workspace is only looked for if neither --rosdistro nor
+    The default is the working directory. The workspace is searched only if neither --rosdistro nor
     ROS_DISTRO is set: in builds it always is, and the files that a search looks at would be inputs of the
     package.
     """

@@ -322,7 +322,7 @@ def test_a_single_placeholder_member_is_not_a_field() -> None:
         ("@default(value=2) boolean a;", "'2' is not a boolean"),
         ("@default(value=x) double a;", "'x' is not a number"),
         ("@default(value=3) string a;", "expected a string in double quotes"),
-        ('@default(value="abc") string<2> a;', "a text of 3 characters exceeds the bound 2"),
+        ('@default(value="abc") string<2> a;', "a string of 3 characters exceeds the bound 2"),
         ("@default(value='c') char a;", "character literals are not supported"),
         ('@default(value="cc") char a;', "'cc' is not a single char"),
         ("@default(value=128) char a;", "'128' is not a single char"),

@@ -33,7 +33,7 @@ def messages_of(text: str, relative: str = "msg/A.msg") -> list[str]:
         ("float64 NAN=0", "1:9 avoid the constant name 'NAN': it is a macro of C or Windows"),
         (
             "int8 S_GO=1\nint8 S_OFF=0\nint8 S_STOP=1",
-            "3:6 'S_STOP' has the value of 'S_GO', so that nobody can tell one from the other",
+            "3:6 'S_STOP' and 'S_GO' have the same value",
         ),
         ('string a "a#b"', "1:12 the string ends at '#', which starts a comment"),
         ("string A='a#b'", "1:12 the string ends at '#', which starts a comment"),
@@ -42,7 +42,7 @@ def messages_of(text: str, relative: str = "msg/A.msg") -> list[str]:
         (r'string a "a\nb"', r"1:12 rosidl interprets the escape '\n' differently, or fails"),
         (r'string a "a\\b"', r"1:12 rosidl interprets the escape '\\' differently, or fails"),
         (r"string A=C:\Users", r"1:12 rosidl interprets the escape '\U' differently, or fails"),
-        ("string[] a ['a' 'b']", "1:12 two strings without a comma between them are two elements"),
+        ("string[] a ['a' 'b']", "1:12 two strings without a comma between them become two elements"),
         ("string[] a ['é']", "1:12 rosidl fails on non-ASCII characters in string arrays"),
         ("int8 a 017", "1:8 '017' is decimal, though it looks octal"),
         ("int8[] a [1, -010]", "1:14 '-010' is decimal, though it looks octal"),
