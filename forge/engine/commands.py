@@ -554,7 +554,7 @@ def is_for_this_processor(text: str) -> bool:
 
 
 def _has_native_flag(text: str) -> bool:
-    """Return whether a script of others, such as a module of Python, has an option that names the processor."""
+    """Return whether an external script, such as a Python module, has an option that names the processor."""
     return _NATIVE_FLAG.search(text) is not None
 
 

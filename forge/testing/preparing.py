@@ -258,7 +258,7 @@ def make_test_plan(
 
 
 def has_no_tests(build: Path) -> bool:
-    """Return whether the last build of a CMake package left out its tests, here or where the cache is from."""
+    """Return whether the last build of a CMake package excluded its tests, here or at the cache's origin."""
     deferred = read_deferred(build)
     return was_built_without_tests(build) if deferred is None or deferred.done else not deferred.steps
 

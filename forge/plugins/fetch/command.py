@@ -427,13 +427,13 @@ def _download(options: Options, lock: Lock, cache: Path, problems: list[Problem]
         return lock
     progress = _Progress(len(absent))
     problems += download_packages(absent, cache, progress.count)
-    clones = lock.clones
+    clones, warnings = lock.clones, list[Problem]()
     if not (options.locked or problems):
-        found, more = lock_clones(lock.packages, cache, tests=options.test)
+        found, warnings = lock_clones(lock.packages, cache, tests=options.test)
         clones = tuple(found)
-        problems += more
     problems += download_clones(clones, cache, progress.count)
     progress.end()
+    print_warnings(warnings)
     raise_if_any(problems, HostError)
     return replace(lock, clones=clones)
 

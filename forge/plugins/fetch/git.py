@@ -10,7 +10,7 @@ import re
 import signal
 import subprocess
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
 
@@ -99,6 +99,15 @@ def mirror(url: str, ref: str, commit: str, folder: Path) -> int:
         _git(f"--git-dir={folder}", "update-ref", name, commit)
     (folder / "description").write_text(f"{MARK}{without_passwords(url)}\n", encoding="utf-8")
     return received
+
+
+def combine(mirrors: Mapping[str, Path], folder: Path) -> None:
+    """Make a bare repository of several mirrors of one repository, which are given by their tags."""
+    _git("init", "--quiet", "--bare", "--initial-branch=main", "--template=", os.fspath(folder))
+    for tag, path in mirrors.items():
+        refs = (f"refs/tags/{tag}:refs/tags/{tag}", "+refs/heads/main:refs/heads/main")
+        words = (*_PLAIN, "fetch", "--quiet", "--depth=1", "--no-tags", "--", path.as_uri())
+        _git(f"--git-dir={folder}", *words, *refs)
 
 
 def fault(folder: Path, commit: str) -> str:

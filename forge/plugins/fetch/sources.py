@@ -11,7 +11,7 @@ import os
 import shutil
 import sys
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import replace
@@ -21,7 +21,7 @@ from typing import TypeVar
 from forge.base.env_vars import without_passwords
 from forge.base.errors import ForgeError, Problem, SelectionError, raise_if_any
 from forge.base.files import delete_tree, text_or_nothing
-from forge.base.text import listed
+from forge.base.text import digest, listed
 from forge.plugins.fetch import git
 from forge.plugins.fetch.downloads import is_repository
 from forge.plugins.fetch.git import NetworkError
@@ -141,7 +141,7 @@ def place_package(tree: Path, package: LockedPackage, cache: Path) -> None:
 def lock_clones(
     packages: Iterable[LockedPackage], cache: Path, *, tests: bool
 ) -> tuple[list[Clone], list[Problem]]:
-    """Return the repositories that the packages clone by literal addresses, and problems with them.
+    """Return the repositories that the packages clone by literal addresses, and warnings of those not found.
 
     Calls below `if(BUILD_TESTING)` count with `tests`. CMake decides whether a call is made at all.
     """
@@ -166,15 +166,16 @@ def lock_clones(
         url, tag = clone
         return tag if len(tag) == 40 else git.commits_of(url, [tag]).get(tag, "")
 
-    clones, problems = [], []
+    clones, warnings = [], []
     for (url, tag), commit in in_parallel(look_up, users):
         names = tuple(sorted(users[url, tag]))
         if isinstance(commit, str) and commit:
             clones.append(Clone(url, tag, commit, names))
         else:
             reason = commit.problems[0].message if isinstance(commit, ForgeError) else f"no tag '{tag}'"
-            problems.append(Problem(f"'{names[0]}' clones '{url}' while it is built: {reason}"))
-    return clones, problems
+            hint = "if the build does clone it, that is not locked, and needs the network"
+            warnings.append(Problem(f"'{names[0]}' may clone '{url}': {reason}", hint=hint))
+    return clones, warnings
 
 
 def download_clones(
@@ -194,6 +195,17 @@ def download_clones(
         if isinstance(result, ForgeError)
         for problem in result.problems
     ]
+
+
+def combined_clone(mirrors: Mapping[str, Path], folder: Path) -> Path:
+    """Return a repository that has these tags of one repository, each of which has a mirror in the cache."""
+    if len(mirrors) == 1:
+        return next(iter(mirrors.values()))
+    combined = folder / f"{digest(*map(str, sorted(mirrors.values())))}.git"
+    if not combined.is_dir():
+        with _new_folder(combined) as draft:
+            git.combine(mirrors, draft)
+    return combined
 
 
 def in_parallel(

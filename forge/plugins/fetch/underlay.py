@@ -31,6 +31,7 @@ from forge.plugins.fetch.lock import LOCK_FILE, Lock, cache_folder, read_lock
 from forge.plugins.fetch.python import compiled_against, prepare_interpreter, prepare_workspace
 from forge.plugins.fetch.sources import (
     clone_folder,
+    combined_clone,
     download_clones,
     download_packages,
     only_download,
@@ -46,8 +47,8 @@ SETTINGS = """\
 merge-install = true
 cmake-args = ["-DBUILD_TESTING=OFF", "-DTRACETOOLS_DISABLED=ON"]
 """
-_CLONES = "clones.json"
-"""The repositories that the packages of all locks clone while they are built, and their folders."""
+_CLONES = "mirrors.json"
+"""The repositories that the packages of all locks clone while they are built: a mirror for each tag."""
 BUILT = "built.json"
 """The sources of the packages that are built, by name, and the state of the system in which they were.
 
@@ -285,12 +286,16 @@ def _clone_settings(folder: Path, lock: Lock, cache: Path, variables: Mapping[st
     Other locks may have pinned what packages clone that are built again with these. Settings that the
     variables already contain are kept.
     """
-    folders: dict[str, str] = {}
+    pinned: dict[str, dict[str, str]] = {}
     with suppress(ValueError):
-        folders = json.loads(text_or_nothing(folder / _CLONES) or "{}")
-    folders |= {each.repository: str(clone_folder(cache, each)) for each in lock.clones}
-    replace_file(folder / _CLONES, json.dumps(folders, indent=1, sort_keys=True).encode())
-    present = {url: Path(path) for url, path in sorted(folders.items()) if Path(path).is_dir()}
+        pinned = json.loads(text_or_nothing(folder / _CLONES) or "{}")
+    for each in lock.clones:
+        pinned.setdefault(each.repository, {})[each.tag] = str(clone_folder(cache, each))
+    replace_file(folder / _CLONES, json.dumps(pinned, indent=1, sort_keys=True).encode())
+    present = {}
+    for url, by_tag in sorted(pinned.items()):
+        if mirrors := {tag: Path(path) for tag, path in sorted(by_tag.items()) if Path(path).is_dir()}:
+            present[url] = combined_clone(mirrors, folder / "clones")
     count = variables.get("GIT_CONFIG_COUNT", "")
     first = int(count) if count.isdecimal() else 0
     settings = {"GIT_CONFIG_COUNT": str(first + len(present))}

@@ -95,6 +95,46 @@ FetchContent_Populate(more)"""
     assert (underlay / "install/share/lib_vendor/lib.txt").is_file()
 
 
+CLONE = """\
+include(FetchContent)
+FetchContent_Declare({0} GIT_REPOSITORY {1} GIT_TAG {2})
+FetchContent_Populate({0})
+file(READ ${{{0}_SOURCE_DIR}}/lib.txt text)
+file(WRITE ${{CMAKE_CURRENT_BINARY_DIR}}/text.txt "${{text}}")
+install(FILES ${{CMAKE_CURRENT_BINARY_DIR}}/text.txt DESTINATION share/{3})"""
+
+
+def test_packages_may_clone_different_tags_of_one_repository(ros: Ros, forge: Forge, tmp_path: Path) -> None:
+    ros.commit("lib", {"lib.txt": "the new library\n"}, "v2")
+    for name, tag in (("old_vendor", "v1.2"), ("new_vendor", "v2")):
+        ros.release(name, cmake=CLONE.format("lib", f"{SERVER}lib.git", tag, name))
+    workspace, env = tmp_path / "ws", ros.variables()
+    workspace.mkdir()
+    assert forge("fetch", "old_vendor", "new_vendor", cwd=workspace, env=env).code == 0
+    shutil.rmtree(tmp_path / "ros/repositories")
+    ran = forge("build", cwd=workspace, env=env)
+    assert ran.code == 0, ran.err
+    (underlay,) = (tmp_path / "ros/user cache/forge/ros/underlays").glob("humble-*")
+    texts = {
+        name: (underlay / "install/share" / name / "text.txt").read_text()
+        for name in ("old_vendor", "new_vendor")
+    }
+    assert texts == {"old_vendor": "the library\n", "new_vendor": "the new library\n"}
+
+
+def test_a_repository_that_may_be_cloned_and_is_gone_is_a_warning(
+    ros: Ros, forge: Forge, tmp_path: Path
+) -> None:
+    clone = CLONE.format("gone", f"{SERVER}gone.git", "v1", "careful_vendor")
+    ros.release("careful_vendor", cmake=f"if(FALSE)\n{clone}\nendif()")
+    workspace, env = tmp_path / "ws", ros.variables()
+    workspace.mkdir()
+    ran = forge("fetch", "careful_vendor", cwd=workspace, env=env)
+    assert ran.code == 0
+    assert f"warning: 'careful_vendor' may clone '{SERVER}gone.git': " in ran.err
+    assert forge("build", cwd=workspace, env=env).code == 0
+
+
 def test_named_packages_are_added_and_remembered(ros: Ros, forge: Forge, tmp_path: Path) -> None:
     workspace, env = new_workspace(tmp_path / "ws"), ros.variables()
     assert forge("fetch", "turtle", cwd=workspace, env=env).code == 0
