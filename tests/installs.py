@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from forge.base.layout import Layout
-from forge.build.folder_marks import create_output_folders
+from forge.build.folder_marks import create_output_folders, mark_layout
 from forge.build.installation import finish_workspace, install_package, uninstall_markers
 from forge.toolchain.interpreter import Interpreter
 from tests.packages import manifest_text, package
@@ -36,6 +36,7 @@ def make_install(
     """Install the packages into BASE/install, in their order, and write its scripts."""
     layout = Layout(base / "build", base / "install", None, merged)
     create_output_folders(layout)
+    mark_layout(layout)
     for made in packages:
         prefix = layout.prefix(made.name)
         paths = [prefix / name for name in made.texts]
