@@ -48,7 +48,7 @@ class MergedPrefix:
             self._ended.add(event.task)
 
     def _common_files(self, names: Collection[str]) -> Mapping[str, list[str]]:
-        """Return, by path, the packages that install a file, several, and one of `names` among them."""
+        """Return, by path, the packages that install the same file, if one of `names` is among them."""
         if not self._layout.merged or not names:
             return {}
         records = self._journal.records
@@ -64,7 +64,7 @@ class MergedPrefix:
         }
 
     def conflicting_files(self, names: Collection[str]) -> Mapping[str, list[str]]:
-        """Return, by path, the packages that install a file differently, one of `names` among them."""
+        """Return, by path, the packages that install different contents, if one of `names` is among them."""
         records, shared = self._journal.records, self._common_files(names)
         contents = {
             name: self._states.contents(name, records[name].installed.digest) or {}

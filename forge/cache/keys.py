@@ -210,7 +210,7 @@ _MAP = re.compile(r"-f\w+-prefix-map=\S+")
 
 
 def scripts_digest(build: Path, source: Path, tree: Tree, relocator: Relocator) -> str:
-    """Return a digest of all that a build read but the code that compilers take and the files that it copied.
+    """Return a digest of all inputs of a build, except compiled sources and copied files.
 
     It is '' if that is unknown, or if compilers could see a path of the workspace: in a definition, or in a
     file that is no source of the package. Then other code may depend on it, even if only on its length.

@@ -168,7 +168,7 @@ def _workers(
 ) -> Iterator[dict[str, str]]:
     """Yield the variables for the workers that run short commands of packages."""
     if build.options.audit:
-        # Reads of a worker would belong to no step.
+        # Reads in a worker could not be attributed to a step.
         yield {}
         return
     context = build.context

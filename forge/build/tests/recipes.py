@@ -64,7 +64,7 @@ class TestContext:
         return (self.options.test_result_base or self.layout.build) / name
 
     def not_run(self, name: str) -> Path:
-        """Return the result file that says why the tests of a package did not run, or not to the end."""
+        """Return the result file with the reason why the tests of a package did not run or complete."""
         return self.results_of(name) / "test_results" / name / "not_run.xml"
 
 

@@ -224,7 +224,7 @@ def _read_comments(lines: Iterable[str]) -> tuple[tuple[str, ...], str | None]:
     brackets = [bracket for bracket in _BRACKET.finditer(block_text) if bracket[1] and bracket[2] == "]"]
     if len(brackets) == 1:
         unit = brackets[0][1]
-        # If the blanks before the bracket span several lines, no line contains all of it: the text is kept.
+        # A bracket after blanks that span several lines is in no single line: the text is kept.
         written = block_text[len(block_text[: brackets[0].start()].rstrip()) : brackets[0].end()]
         texts = [text.replace(written, "").rstrip() for text in texts]
     if len(texts) == 1:

@@ -55,7 +55,7 @@ class Generators:
     """State shared by the generators of all packages, and the parsed .idl files of one package."""
 
     def __init__(self, cache: Path | None) -> None:
-        """Store the folder for what can be kept across builds."""
+        """Store the folder for data that can be kept across builds."""
         self._cache = cache
         self._path = list(sys.path)
         self._modules: dict[str, ModuleType] = {}

@@ -461,7 +461,7 @@ def _system_packages(sources: Sequence[Package], lock: Lock) -> Iterator[str]:
 class _Progress:
     """Counts downloads, on a terminal in one line.
 
-    Servers of git do not tell how large something is before they send it: the sizes are those received.
+    Git servers do not announce sizes, so the sizes are those received.
     """
 
     def __init__(self, total: int) -> None:

@@ -249,7 +249,7 @@ def _run_build(
     # For programs that the system lacks, such as the vcs of packages that clone.
     own["PATH"] = os.pathsep.join([*filter(None, [own.get("PATH")]), str(Path(python).parent)])
     if options.cache.remote_cache:
-        own["FORGE_REMOTE_CACHE"] = options.cache.remote_cache  # as an option, all users could see a password
+        own["FORGE_REMOTE_CACHE"] = options.cache.remote_cache  # hides passwords from other users
     sources = linked_sources(folder)
     # Declared packages that are not locked are optional, such as other middlewares.
     optional = _declared((folder / "src" / name / "package.xml" for name in sources), own)

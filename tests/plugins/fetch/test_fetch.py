@@ -122,7 +122,7 @@ def test_packages_may_clone_different_tags_of_one_repository(ros: Ros, forge: Fo
     assert texts == {"old_vendor": "the library\n", "new_vendor": "the new library\n"}
 
 
-def test_a_repository_that_may_be_cloned_and_is_gone_is_a_warning(
+def test_a_missing_repository_that_may_be_cloned_gives_a_warning(
     ros: Ros, forge: Forge, tmp_path: Path
 ) -> None:
     clone = CLONE.format("gone", f"{SERVER}gone.git", "v1", "careful_vendor")
