@@ -11,6 +11,7 @@ from forge.base.frozen import frozen
 from forge.base.templating import render
 from forge.interfaces.cpp.headers import detail_path, guard, handles, main_path, needed
 from forge.interfaces.cpp.text import comment, literal, qualified, spell
+from forge.interfaces.enumerations import enumerations
 from forge.interfaces.model import (
     Action,
     Array,
@@ -132,7 +133,7 @@ def _headers(interface: Interface, wire: MembersViews) -> Iterator[File]:
         numeric_limits=any(
             "std::numeric_limits" in literal(value, type_) for value, type_ in values if value is not None
         ),
-        macros=sorted({constant.name for constant in constants} & _LIKELY_MACROS),
+        macros=sorted(_LIKELY_MACROS & {*(c.name for c in constants), *_enumerators(messages)}),
         messages=list(map(_struct, messages)),
         services=[service.name.name for service in services],
         has_events=any(service.has_events for service in services),
@@ -156,7 +157,7 @@ def _headers(interface: Interface, wire: MembersViews) -> Iterator[File]:
     yield header(
         "traits",
         headers=[own_struct, *sorted([*(detail_path(other, "traits", "hpp") for other in others), *runtime])],
-        messages=[(message.name.name, list(map(_yaml_statement, message.fields))) for message in messages],
+        messages=[(message.name.name, _yaml_statements(message)) for message in messages],
         types=list(_type_traits(interface)),
     )
     type_handles = handles(interface)
@@ -203,8 +204,29 @@ def _struct(message: Message) -> SimpleNamespace:
         allocating_initializers=",\n    ".join(allocated),
         allocating_statements=used if allocated else ["(void)_alloc;", *used],
         blocks=blocks,
+        enumerations=_enumerations(message),
         comparison=" &&\n           ".join(f"{f.name} == _other.{f.name}" for f in members),
     )
+
+
+def _enumerators(messages: Iterable[Message]) -> Iterator[str]:
+    for each in (each for message in messages for each in enumerations(message).values()):
+        yield from (name for name, _ in each.members)
+
+
+def _enumerations(message: Message) -> list[SimpleNamespace]:
+    found = enumerations(message)
+    return [
+        SimpleNamespace(
+            alias=each.name,
+            name=f"{message.name.name}_{each.name}",
+            type=spell(each.type),
+            members=[(name, literal(value, each.type)) for name, value in each.members],
+            distinct=[name for name, _ in each.distinct],
+            fields=" and ".join(f"'{field}'" for field, other in found.items() if other == each),
+        )
+        for each in dict.fromkeys(found.values())
+    ]
 
 
 def _initializations(members: Iterable[Field]) -> list[tuple[str, list[str]]]:
@@ -248,7 +270,16 @@ def _builder_steps(message: Message) -> Iterator[SimpleNamespace]:
         result, returned = f"{name}<Message>", f"{name}<Message>(std::move(_message))"
 
 
-def _yaml_statement(field: Field) -> str:
+def _yaml_statements(message: Message) -> list[str]:
+    found = enumerations(message)
+    names = {
+        field: f"::{message.name.package}::{message.name.kind}::{message.name.name}_{each.name}"
+        for field, each in found.items()
+    }
+    return [_yaml_statement(field, names.get(field.name)) for field in message.fields]
+
+
+def _yaml_statement(field: Field, enumeration: str | None) -> str:
     many = "s" if isinstance(field.type, Array | Sequence) else ""
     match element_of(field.type):
         case Named():
@@ -257,7 +288,8 @@ def _yaml_statement(field: Field) -> str:
             kind = "octet"
         case _:
             kind = "scalar"
-    return f'_out.{kind}{many}("{field.name}", _message.{field.name});'
+    named = f", to_string({enumeration}{{_message.{field.name}}})" if enumeration and not many else ""
+    return f'_out.{kind}{many}("{field.name}", _message.{field.name}{named});'
 
 
 def _type_traits(interface: Interface) -> Iterator[SimpleNamespace]:

@@ -18,6 +18,7 @@ from forge.base.errors import InterfaceError, Problem, raise_if_any
 from forge.base.frozen import frozen
 from forge.base.names import python_attribute, snake_case
 from forge.base.templating import render
+from forge.interfaces.enumerations import Enumeration, enumerations
 from forge.interfaces.model import (
     Action,
     Array,
@@ -153,6 +154,7 @@ def _imports(views: list[SimpleNamespace], *, shadows_property: bool) -> list[st
     lines = ["from array import array as _array"] if "array" in needs else []
     if shadows_property:
         lines.append("from builtins import property as _property")
+    lines += ["from enum import IntEnum as _IntEnum"] * any(view.enumerations for view in views)
     if lines:
         lines.append("")
     lines += ["import numpy as _numpy"] * ("numpy" in needs)
@@ -179,7 +181,19 @@ def _message(message: Message, classes: Mapping[TypeName, str]) -> SimpleNamespa
         fresh=[field.default_name for field in fields if field.name in changeable],
         fields=fields,
         own=own,
+        **_enumerations(message),
     )
+
+
+def _enumerations(message: Message) -> dict[str, Mapping[str, object]]:
+    """Return the variables of the templates about enumerations: the classes, and those of single fields."""
+    found = enumerations(message)
+    classes: dict[str, Enumeration] = {each.name: each for each in found.values()}
+    single = {field.name for field in message.fields if isinstance(field.type, Primitive)}
+    return {
+        "enumerations": {name: each.members for name, each in classes.items()},
+        "enumerated": {field: each.name for field, each in found.items() if field in single},
+    }
 
 
 STUB_BUILTINS: Final = frozenset(
@@ -262,6 +276,7 @@ def view_stub(message: Message, names: StubNames) -> SimpleNamespace:
         # The type of the constructor's argument of this name, unless a field has it.
         # Not bool: an unpacked dict[str, float] could not be passed then.
         check_fields=None if "check_fields" in fields else names.builtin("object"),
+        **_enumerations(message),
     )
 
 
@@ -273,6 +288,7 @@ def stub_imports(messages: Collection[Message], shadowed: Iterable[str], *, alia
     fields = [field for message in messages for field in message.fields]
     types = [field.type for field in fields]
     lines = [f"from builtins import {name} as _{name}" for name in sorted(shadowed)]
+    lines += ["from enum import IntEnum as _IntEnum"] * any(map(enumerations, messages))
     if any(isinstance(type_, Sequence) and numeric(type_) for type_ in types):
         lines.insert(0, "from array import array as _array")
     if any(isinstance(type_, Array | Sequence) for type_ in types):

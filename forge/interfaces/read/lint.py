@@ -12,6 +12,7 @@ from math import inf
 
 from forge.base.errors import Location, Problem
 from forge.base.names import CPP20_KEYWORDS, python_attribute
+from forge.interfaces.enumerations import unused_annotations
 from forge.interfaces.model import (
     HIDDEN_MEMBER,
     Array,
@@ -66,6 +67,7 @@ def lint(parsed: Iterable[Parsed]) -> list[Problem]:
             problems = list(_comments(each.source))
         for message in sections_of(each.interface):
             problems += _names(message) if is_idl else (*_lines(message), *_names(message))
+            problems += unused_annotations(message)
         problems += python_keywords([each.interface])
         all_problems += sorted(problems, key=lambda problem: problem.position)
     return all_problems

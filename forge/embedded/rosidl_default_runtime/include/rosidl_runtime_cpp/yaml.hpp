@@ -37,11 +37,16 @@ public:
     _empty = outer_empty;
   }
 
+  /// Write a number or a text; a name of the number becomes a comment in block style.
   template<typename Value>
-  void scalar(const char * name, const Value & value)
+  void scalar(const char * name, const Value & value, const char * value_name = nullptr)
   {
     begin_member(name, " ");
     append(value);
+    if (value_name && !_flow) {
+      _text += "  # ";
+      _text += value_name;
+    }
     end_line();
   }
 

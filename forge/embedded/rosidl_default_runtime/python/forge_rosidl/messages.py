@@ -8,9 +8,13 @@ from __future__ import annotations
 
 import sys
 from array import array
+from contextlib import suppress
 from copy import copy
 from types import FunctionType
-from typing import Any, ClassVar, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+
+if TYPE_CHECKING:
+    from enum import IntEnum
 
 _M = TypeVar("_M")
 _NOT_CONSTANT = (property, FunctionType, classmethod, type, tuple)
@@ -109,6 +113,7 @@ class Message:
     __slots__: tuple[str, ...] = ()
     _fields_and_field_types: ClassVar[dict[str, str]] = {}
     SLOT_TYPES: ClassVar[tuple[Any, ...]] = ()
+    _enumerations: ClassVar[dict[str, type[IntEnum]]] = {}
 
     @classmethod
     def get_fields_and_field_types(cls) -> dict[str, str]:
@@ -133,8 +138,16 @@ class Message:
     def __repr__(self) -> str:
         """Return the message as a constructor call, with arrays as lists."""
         names = [*self.__class__.__module__.split(".")[-3:-1], self.__class__.__name__]
-        values = ", ".join(f"{slot[1:]}={_shown(getattr(self, slot))}" for slot in self.__slots__)
+        values = ", ".join(f"{slot[1:]}={self._shown(slot[1:])}" for slot in self.__slots__)
         return f"{'.'.join(names)}({values})"
+
+    def _shown(self, name: str) -> str:
+        """Return the text of a field; values of an enumeration have their names."""
+        value = getattr(self, f"_{name}")
+        if name in self._enumerations:
+            with suppress(ValueError):
+                return repr(self._enumerations[name](value))
+        return _shown(value)
 
 
 class Service:

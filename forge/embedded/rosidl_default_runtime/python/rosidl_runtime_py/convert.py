@@ -6,6 +6,7 @@ import sys
 from array import array
 from collections import OrderedDict
 from dataclasses import dataclass
+from enum import IntEnum
 from itertools import dropwhile
 from typing import TYPE_CHECKING, Any
 
@@ -123,7 +124,7 @@ class _Abridgement:
         if isinstance(value, str):
             return self._string(value)
         if isinstance(value, bool | int | float):
-            return value
+            return int(value) if isinstance(value, IntEnum) else value
         if isinstance(value, list | tuple | array):
             return self._collection(value, type_)
         if isinstance(value, dict):  # keys are not truncated: two could become equal

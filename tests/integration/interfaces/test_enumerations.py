@@ -1,0 +1,134 @@
+"""Enumerations: the integers of a message with names, in Python and C++, and the same bytes without them."""
+
+import subprocess
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+from forge.base.files import write_if_changed
+from forge.interfaces.cpp import target as cpp
+from forge.interfaces.enumerations import enumerations
+from forge.interfaces.hashing import hashes
+from forge.interfaces.model import Message
+from forge.interfaces.read.sources import Library
+from forge.interfaces.resolve.resolution import dependency_catalogs
+from tests.conftest import Forge, Tree
+from tests.generated import RUNTIME, catalog_of, generate, importable
+
+BATTERY = """\
+uint8 STATUS_UNKNOWN=0
+uint8 STATUS_CHARGING=1
+uint8 STATUS_ERROR=2
+uint8 STATUS_FAULT=2
+int8 TYPE_LIPO=-1
+int8 TYPE_18650=1
+uint8 status  # enum: STATUS_*
+# What it was before.
+# enum: STATUS_*
+uint8 former
+int8[] types  # enum: TYPE_*
+"""
+PROGRAM = """\
+#include <cassert>
+#include <string>
+#include "cells/msg/battery.hpp"
+
+using cells::msg::Battery;
+
+int main()
+{
+  Battery battery;
+  battery.status = to_value(Battery::Status::CHARGING);
+  battery.types = {to_value(Battery::TypeEnum::LIPO)};
+  static_assert(sizeof(Battery::Status) == 1);
+  static_assert(Battery::Status::FAULT == Battery::Status::ERROR);
+  static_assert(Battery::Status{Battery::STATUS_CHARGING} == Battery::Status::CHARGING);
+  assert(to_string(Battery::Status{battery.status}) == std::string("CHARGING"));
+  assert(to_string(Battery::TypeEnum::TYPE_18650) == std::string("TYPE_18650"));
+  assert(to_string(Battery::Status{77}) == nullptr);
+  battery.former = 77;
+  const auto block = cells::msg::to_yaml(battery);
+  assert(block == "status: 1  # CHARGING\\nformer: 77\\ntypes:\\n- -1\\n");
+  assert(cells::msg::to_yaml(battery, true) == "{status: 1, former: 77, types: [-1]}");
+}
+"""
+
+
+def test_classes_of_python_have_the_constants_as_members(tmp_path: Path) -> None:
+    generate(tmp_path, catalog_of("cells", {"msg/Battery.msg": BATTERY}))
+    with importable(tmp_path):
+        battery = import_module("cells.msg").Battery
+        assert [(each.name, each.value) for each in battery.Status] == [
+            ("UNKNOWN", 0),
+            ("CHARGING", 1),
+            ("ERROR", 2),
+        ]
+        assert battery.Status.FAULT is battery.Status.ERROR
+        assert battery.TypeEnum.TYPE_18650 == battery.TYPE_18650
+        message = battery(status=battery.Status.CHARGING, former=77, types=[-1])
+        assert (message.status, message) == (1, battery(status=1, former=77, types=[-1]))
+        assert repr(message) == ("cells.msg.Battery(status=<Status.CHARGING: 1>, former=77, types=[-1])")
+        convert = import_module("rosidl_runtime_py.convert")
+        assert convert.message_to_yaml(message) == "status: 1\nformer: 77\ntypes:\n- -1\n"
+        cdr = import_module("forge_cdr")
+        assert cdr.serialize(message) == cdr.serialize(battery(status=1, former=77, types=[-1]))
+
+
+@pytest.mark.needs("g++")
+def test_cpp_converts_values_names_and_numbers(tmp_path: Path) -> None:
+    catalog = catalog_of("cells", {"msg/Battery.msg": BATTERY})
+    for each in (catalog, *dependency_catalogs(catalog, Library())):
+        for file in cpp.files(each):
+            write_if_changed(tmp_path / file.path, file.text)
+    runtime = RUNTIME.parent / "include"
+    argv = [
+        "g++",
+        "-std=c++17",
+        "-Wall",
+        "-Wextra",
+        "-Wswitch-enum",
+        "-Werror",
+        "-DERROR=1",
+        "-x",
+        "c++",
+        "-",
+    ]
+    argv += ["-I", str(tmp_path), "-I", str(runtime), "-o", str(tmp_path / "program")]
+    made = subprocess.run(
+        argv, input=PROGRAM.replace("::ERROR", "::FAULT"), capture_output=True, text=True, check=False
+    )
+    assert made.returncode == 0, made.stderr
+    assert subprocess.run([tmp_path / "program"], check=False).returncode == 0
+
+
+def test_type_hashes_do_not_depend_on_enumerations() -> None:
+    annotated, plain = (
+        catalog_of("cells", {"msg/Battery.msg": text}) for text in (BATTERY, BATTERY.replace("enum:", ""))
+    )
+    counts = [
+        len(enumerations(each))
+        for catalog in (annotated, plain)
+        for each in catalog.interfaces.values()
+        if isinstance(each, Message)
+    ]
+    assert counts == [3, 0]
+    assert hashes(annotated) == hashes(plain)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "float32 level # enum: LEVEL_*\nuint8 LEVEL_LOW=0",
+        "uint8 level # enum: LEVEL_*",
+        "int8 level # enum: LEVEL_*\nuint8 LEVEL_HIGH=200",
+        "uint8 level # enum: LEVEL_*\nuint8 LEVEL_LOW=0\nstring LEVEL_NAME=low",
+    ],
+)
+def test_annotations_without_fitting_constants_are_error_prone(text: str, tree: Tree, forge: Forge) -> None:
+    root = tree({"msg/Tank.msg": text})
+    words = ("interface", "generate", str(root), "--package", "tanks", "--output", str(root / "out"))
+    assert forge(*words).code == 0
+    ran = forge(*words, "--strict")
+    assert ran.code == 2
+    assert "error: 'enum: LEVEL_*' makes no enumeration of 'level'" in ran.err
