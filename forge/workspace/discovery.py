@@ -127,16 +127,16 @@ class _Walk:
         """Identify a folder and, unless it is a package, the folders below it."""
         top, denied = os.path.join(self.root, base), list[PermissionError]()
         for folder, entries in folders_to_search(top, self.visited, denied):
-            path = Path(base, folder[len(top) :].lstrip("/"))
             identity = NOT_A_PACKAGE
             if self.has_overrides or not MARKER_FILES.isdisjoint(entries):
+                path = Path(base, folder[len(top) :].lstrip("/"))
                 identity = identify(self.root, path, entries.keys(), self.variables, self.overrides)
-            if identity.problems:
-                self.broken.append(BrokenPackage(identity.name, path, identity.problems))
-            self.notes += identity.notes
-            package = identity.package
-            if package is not None and self.packages.setdefault(package.name, package) is not package:
-                self.duplicates.append(package)
+                if identity.problems:
+                    self.broken.append(BrokenPackage(identity.name, path, identity.problems))
+                self.notes += identity.notes
+                package = identity.package
+                if package is not None and self.packages.setdefault(package.name, package) is not package:
+                    self.duplicates.append(package)
             if not (below and identity.descend):
                 entries.clear()
         for error in denied:
