@@ -111,6 +111,7 @@ def test_users_can_link_any_documented_target(rosidl: Ament, motion: Project) ->
         "add_executable(by_ament main.cpp)\nament_target_dependencies(by_ament motion)\n"
         "add_executable(by_target main.cpp)\n"
         "target_link_libraries(by_target motion::motion__rosidl_typesupport_cpp)\n"
+        "add_executable(by_name main.cpp)\ntarget_link_libraries(by_name motion::motion)\n"
         "add_executable(by_list main.cpp)\ntarget_link_libraries(by_list ${motion_TARGETS})\n"
         "add_executable(classic main.cpp)\n"
         "target_include_directories(classic PRIVATE ${motion_INCLUDE_DIRS})\n"
@@ -126,6 +127,39 @@ def test_users_can_link_any_documented_target(rosidl: Ament, motion: Project) ->
     assert outcome.said("idl") == "msg/HTTPStatus.idl;srv/Move.idl;action/Walk.idl"
     assert outcome.said("interfaces") == "msg/HTTPStatus.msg;srv/Move.srv;action/Walk.action"
     assert outcome.said("kind") == "motion::motion__rosidl_generator_cpp"
+    user.make()
+
+
+@cxx
+def test_the_target_of_all_interfaces_is_known_in_their_project_too(rosidl: Ament) -> None:
+    demo = rosidl(
+        f"{GENERATORS}rosidl_generate_interfaces(demo msg/One.msg)\n"
+        "add_executable(one one.cpp)\ntarget_link_libraries(one demo::demo)\nament_package()",
+        manifest=MEMBER,
+        files={
+            "msg/One.msg": "uint8 a\n",
+            "one.cpp": "#include <demo/msg/one.hpp>\nint main() { return demo::msg::One().a; }\n",
+        },
+    )
+    demo.install()
+
+
+@cxx
+def test_a_library_may_have_the_name_of_a_project_with_interfaces(rosidl: Ament) -> None:
+    demo = rosidl(
+        f"{GENERATORS}rosidl_generate_interfaces(demo_interfaces msg/One.msg)\n"
+        "add_library(demo one.cpp)\ninstall(TARGETS demo EXPORT export_demo)\n"
+        "ament_export_targets(export_demo)\nament_package()",
+        manifest=MEMBER,
+        files={"msg/One.msg": "uint8 a\n", "one.cpp": "int one() { return 1; }\n"},
+    )
+    demo.install()
+    user = rosidl(
+        "find_package(demo REQUIRED)\nadd_executable(main main.cpp)\ntarget_link_libraries(main demo::demo)",
+        name="user",
+        files={"main.cpp": "int one();\nint main() { return one() - 1; }\n"},
+    )
+    assert user.configure().code == 0
     user.make()
 
 

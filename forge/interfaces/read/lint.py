@@ -34,7 +34,7 @@ _AVOIDED = {
     "it is a macro in common headers": """
         assert errno linux major makedev minor signals slots stderr stdin stdout unix
     """,
-    "it shadows a method of the Python class": "get_fields_and_field_types",
+    "it shadows a method of the Python class": "get_constants get_fields_and_field_types",
 }
 _NAMES = {
     **dict.fromkeys(CPP20_KEYWORDS, "it is a keyword of C++20"),

@@ -61,6 +61,12 @@ def test_constants_can_be_read_on_class_and_instance(msg: ModuleType) -> None:
         assert (owner.WORD, owner.WIDE) == ("it's", "日本")
 
 
+def test_constants_are_listed_without_defaults(msg: ModuleType) -> None:
+    assert {"YES": True, "LOW": -128, "WORD": "it's"}.items() <= msg.Constants.get_constants().items()
+    assert any(name.endswith("__DEFAULT") for name in dir(msg.Defaults))
+    assert msg.Defaults().get_constants() == {}
+
+
 def test_constants_cannot_be_changed(msg: ModuleType) -> None:
     for owner in (msg.Constants, msg.Constants()):
         with pytest.raises(AttributeError, match="LOW"):

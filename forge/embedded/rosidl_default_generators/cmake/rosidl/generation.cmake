@@ -128,6 +128,12 @@ function(_rosidl_add_targets target packages)
     endif()
     set_property(GLOBAL APPEND PROPERTY rosidl_libraries_of_${target} ${library})
   endforeach()
+  # All of them at once, unless the project may have a library of its own name.
+  if(target STREQUAL PROJECT_NAME)
+    get_property(libraries GLOBAL PROPERTY rosidl_libraries_of_${target})
+    add_library(${PROJECT_NAME}::${PROJECT_NAME} INTERFACE IMPORTED GLOBAL)
+    set_property(TARGET ${PROJECT_NAME}::${PROJECT_NAME} PROPERTY INTERFACE_LINK_LIBRARIES ${libraries})
+  endif()
 endfunction()
 
 # _rosidl_forge_command(<variable>): the command of forge.

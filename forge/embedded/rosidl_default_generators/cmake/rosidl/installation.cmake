@@ -94,6 +94,15 @@ function(_rosidl_write_extras target idl_files interface_files)
     string(REGEX REPLACE "^.*__(rosidl_.*)$" "\\1" kind "${library}")
     string(APPEND lines "list(APPEND ${PROJECT_NAME}_TARGETS__${kind} ${PROJECT_NAME}::${library})\n")
   endforeach()
+  if(target STREQUAL PROJECT_NAME)
+    list(TRANSFORM libraries PREPEND "${PROJECT_NAME}::")
+    string(APPEND lines
+      "if(NOT TARGET ${PROJECT_NAME}::${PROJECT_NAME})\n"
+      "  add_library(${PROJECT_NAME}::${PROJECT_NAME} INTERFACE IMPORTED)\n"
+      "  set_property(TARGET ${PROJECT_NAME}::${PROJECT_NAME} PROPERTY INTERFACE_LINK_LIBRARIES\n"
+      "    \"${libraries}\")\n"
+      "endif()\n")
+  endif()
   string(REPLACE ";" "\n  " idl_files "${idl_files}")
   string(REPLACE ";" "\n  " interface_files "${interface_files}")
   set(more "@rosidl_typesupport_EXPORTS@")  # from rosidl_export_typesupport_*(), called later

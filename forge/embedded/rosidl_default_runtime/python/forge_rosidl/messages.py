@@ -120,6 +120,12 @@ class Message:
         """Return the name of each field with its type as text, in the order of declaration."""
         return dict(cls._fields_and_field_types)
 
+    @classmethod
+    def get_constants(cls) -> dict[str, Any]:
+        """Return the constants of the definition by their names, without the defaults of fields."""
+        found = type(cls)._CONSTANTS
+        return {name: value for name, value in found.items() if not name.endswith("__DEFAULT")}
+
     def __eq__(self, other: object) -> bool:
         """Return True if the other is a message of this class with equal fields."""
         if not isinstance(other, self.__class__):
