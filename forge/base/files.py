@@ -187,27 +187,35 @@ def replace_file(path: Path, content: bytes, *, mode: int | None = None) -> None
         raise
 
 
-def tree_below(root: str) -> tuple[list[tuple[str, os.stat_result]], list[str]]:
+def tree_below(root: str, device: int | None = None) -> tuple[list[tuple[str, os.stat_result]], list[str]]:
     """Return the files and links below a folder with their stats, and the empty folders.
 
-    Bytecode caches of Python are left out. A missing folder has no files.
+    Bytecode caches of Python are left out. A missing folder has no files. With a `device`, a mount counts as
+    an empty folder, and so does what is on another device.
     """
     files: list[tuple[str, os.stat_result]] = []
     empty: list[str] = []
     waiting = [root]
     while waiting:
         folder = waiting.pop()
-        count = len(files) + len(waiting)
+        count = len(files) + len(waiting) + len(empty)
         try:
             with os.scandir(folder) as entries:
                 for entry in entries:
                     if not entry.is_dir(follow_symlinks=False):
                         files.append((entry.path, entry.stat(follow_symlinks=False)))
+                    elif device is not None and (
+                        entry.stat(follow_symlinks=False).st_dev != device or os.path.ismount(entry.path)
+                    ):
+                        empty.append(entry.path)
                     elif entry.name != BYTECODE:
                         waiting.append(entry.path)
         except (FileNotFoundError, NotADirectoryError):
             continue
-        if len(files) + len(waiting) == count and folder != root:
+        except OSError:
+            if device is None:
+                raise
+        if len(files) + len(waiting) + len(empty) == count and folder != root:
             empty.append(folder)
     return files, empty
 

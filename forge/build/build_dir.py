@@ -7,7 +7,6 @@ the new one. If that fails, the next build starts from the renamed folder again.
 from __future__ import annotations
 
 import contextlib
-import filecmp
 import os
 import re
 import time
@@ -31,8 +30,7 @@ from forge.base.layout import (
     own_folders,
 )
 from forge.base.xml import mentions
-from forge.build.copies import status_of
-from forge.build.inputs.depfiles import cmake_root, written_by_backend
+from forge.build.copies import is_same_file, status_of
 from forge.build.inputs.fingerprints import (
     Changes,
     compare,
@@ -41,7 +39,13 @@ from forge.build.inputs.fingerprints import (
     digest_strings,
     tree_stats,
 )
-from forge.build.inputs.native_graph import EdgeFinder, cmake_edge, read_native_graph
+from forge.build.inputs.native_graph import (
+    EdgeFinder,
+    cmake_edge,
+    cmake_root,
+    read_native_graph,
+    written_by_backend,
+)
 from forge.build.records import begin_record, read_record
 from forge.build.reuse import (
     Decision,
@@ -188,10 +192,9 @@ def _restore(build: Path, before: Path) -> None:
     made = {path for edge in then.edges for path in edge.outputs}
     for path in (path for path in then.known() - made if path.startswith(f"{build}/")):
         earlier = path.replace(str(build), str(before), 1)
-        with contextlib.suppress(OSError):
-            if filecmp.cmp(path, earlier, shallow=False):
-                status = os.stat(earlier)
-                os.utime(path, ns=(status.st_atime_ns, status.st_mtime_ns))
+        if is_same_file(path, Path(earlier)) and not os.path.islink(path):
+            status = os.stat(earlier)
+            os.utime(path, ns=(status.st_atime_ns, status.st_mtime_ns))
     for name in (".ninja_deps", ".ninja_log"):
         _move(str(build / name), str(before / name))
     _trash(build).parent.mkdir(exist_ok=True)
@@ -442,15 +445,9 @@ def _test_results(build: Path) -> Iterator[str]:
     for folder, folders, files in os.walk(build):
         folders[:] = [name for name in folders if not name.startswith(".")]
         for path in (f"{folder}/{name}" for name in files if name.endswith(".xml")):
-            if mentions(_content(path), "<testsuite"):
-                yield os.path.relpath(path, build)
-
-
-def _content(path: str) -> bytes:
-    try:
-        return Path(path).read_bytes() if os.path.isfile(path) else b""
-    except OSError:
-        return b""
+            with contextlib.suppress(OSError):
+                if os.path.isfile(path) and mentions(Path(path).read_bytes(), "<testsuite"):
+                    yield os.path.relpath(path, build)
 
 
 def _touch_build_ninja(build: Path) -> None:
@@ -500,16 +497,9 @@ def _generated_changes(build: Path, before: Path, graph: NativeGraph, seen: Obse
                 added.add(path)
             case True, False:
                 removed.add(path)
-            case True, True if not _same(path, earlier):
+            case True, True if not is_same_file(path, Path(earlier)):
                 modified.add(path)
     return Changes(frozenset(added), frozenset(removed), frozenset(modified))
-
-
-def _same(path: str, other: str) -> bool:
-    try:
-        return filecmp.cmp(path, other, shallow=False)
-    except OSError:
-        return False
 
 
 def _trash(build: Path) -> Path:

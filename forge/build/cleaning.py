@@ -176,7 +176,12 @@ def workspace_removables(
                     yield replace(removable, label=f"{removable.label}, for '{target.target}'")
             yield from _own_files(base, chosen, (chosen / name for name in files if not of_others))
     if "log" in bases and layout.logs is not None and is_own_log_base(layout.logs):
-        runs = tuple(filter(_is_run, _folders(layout.logs)))
+        runs = tuple(
+            folder
+            for folder in _folders(layout.logs)
+            if not folder.is_symlink() and is_run_name(folder.name)
+            if not any(folder.iterdir()) or any((folder / name).is_file() for name in _RUN_FILES)
+        )
         if runs:
             yield Removable(f"logs of {counted(len(runs), 'run')}", layout.logs, runs)
         links = tuple(filter(is_own_log_link, layout.logs.glob("latest*")))
@@ -269,13 +274,6 @@ def _targets(layout: Layout) -> Iterator[Layout]:
         if not is_own_build_dir(build) and not has_package_marks(install):
             merged = recorded_layout(install) == "merged"
             yield replace(layout, build=build, install=install, target=name, merged=merged)
-
-
-def _is_run(folder: Path) -> bool:
-    """Return whether a subfolder of a log folder contains the log of one run."""
-    if folder.is_symlink() or not is_run_name(folder.name):
-        return False
-    return not any(folder.iterdir()) or any((folder / name).is_file() for name in _RUN_FILES)
 
 
 def _of_prefix(name: str, layout: Layout, records: Mapping[str, BuildRecord]) -> Iterator[Removable]:

@@ -30,18 +30,15 @@ def merge_compile_commands(build: Path, *, force: bool = False) -> bool:
         target.unlink(missing_ok=True)
         return False
     if not force and target.is_file():
-        made = target.stat().st_mtime_ns
-        if all(_configured(part) <= made for part in sources):
+        # A configure run may change only the units of a package.
+        read = (
+            path for part in sources for path in (part, part.with_name("CMakeCache.txt")) if path.exists()
+        )
+        if max(path.stat().st_mtime_ns for path in read) <= target.stat().st_mtime_ns:
             return False
     bodies = (_body(part.read_text(encoding="utf-8", errors="surrogateescape")) for part in sources)
     text = "[\n" + ",\n".join(filter(None, bodies)) + "\n]\n"
     return write_if_changed(target, text)
-
-
-def _configured(part: Path) -> int:
-    """Return the time, in ns, of a package's last configure run, which may change only its units."""
-    cache = part.with_name("CMakeCache.txt")
-    return max(path.stat().st_mtime_ns for path in (part, cache) if path.exists())
 
 
 def _body(text: str) -> str:

@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.base.files import BYTECODE, remove_tree, replace_file
+from forge.base.files import remove_tree, replace_file, tree_below
 from forge.base.frozen import frozen
 
 if TYPE_CHECKING:
@@ -64,37 +64,21 @@ class Copies:
 
 
 def foreign_entries(root: str) -> tuple[list[str], list[str]]:
-    """Return the files and the empty folders below a folder, without looking into other file systems.
-
-    A mount counts as an empty folder. Bytecode caches of Python are left out.
-    """
-    files: list[str] = []
-    empty: list[str] = []
-    try:
-        device = os.stat(root).st_dev
-    except OSError:
-        return files, empty
-    waiting = [root]
-    while waiting:
-        folder = waiting.pop()
-        count = len(files) + len(waiting) + len(empty)
-        with contextlib.suppress(OSError), os.scandir(folder) as entries:
-            for entry in entries:
-                if not entry.is_dir(follow_symlinks=False):
-                    files.append(entry.path)
-                elif entry.stat(follow_symlinks=False).st_dev != device or os.path.ismount(entry.path):
-                    empty.append(entry.path)
-                elif entry.name != BYTECODE:
-                    waiting.append(entry.path)
-        if len(files) + len(waiting) + len(empty) == count and folder != root:
-            empty.append(folder)
-    return sorted(files), sorted(empty)
+    """Return the files and the empty folders below a folder, without looking into other file systems."""
+    status = status_of(f"{root}/")
+    files, empty = tree_below(root, status.st_dev) if status else ([], [])
+    return sorted(path for path, _ in files), sorted(empty)
 
 
 def remove_empty_tree(path: str) -> None:
     """Remove a folder with folders only; raises OSError if it contains a file."""
     for folder, _, _ in os.walk(path, topdown=False):
         os.rmdir(folder)
+
+
+def is_folder(path: str) -> bool:
+    """Tell whether there is a folder, not a link to one."""
+    return os.path.isdir(path) and not os.path.islink(path)
 
 
 def status_of(path: str) -> os.stat_result | None:

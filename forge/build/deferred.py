@@ -50,14 +50,7 @@ def write_deferred(build: Path, deferred: DeferredBuild) -> None:
     """Write the record in a build folder."""
     value = {
         "steps": [
-            {
-                "kind": step.kind.name,
-                "argv": step.argv,
-                "cwd": str(step.cwd),
-                "env": step.env,
-                "record": step.record and [str(step.record[0]), step.record[1]],
-                "target": step.target,
-            }
+            (step.kind.name, step.argv, str(step.cwd), step.env, [*map(str, step.record or ())], step.target)
             for step in deferred.steps
         ],
         "files": [[str(path), text] for path, text in deferred.files],
@@ -76,14 +69,14 @@ def read_deferred(build: Path) -> DeferredBuild | None:
         return DeferredBuild(
             tuple(
                 Step(
-                    StepKind[step["kind"]],
-                    tuple(step["argv"]),
-                    Path(step["cwd"]),
-                    tuple((name, text) for name, text in step["env"]),
-                    (Path(step["record"][0]), step["record"][1]) if step["record"] else None,
-                    target=step["target"],
+                    StepKind[kind],
+                    tuple(argv),
+                    Path(cwd),
+                    tuple((name, text) for name, text in env),
+                    (Path(record[0]), record[1]) if record else None,
+                    target=target,
                 )
-                for step in value["steps"]
+                for kind, argv, cwd, env, record, target in value["steps"]
             ),
             tuple((Path(path), text) for path, text in value["files"]),
             tuple((name, text) for name, text in value["variables"]),

@@ -141,7 +141,7 @@ class MergedPrefix:
         overwritten -= deprived
         for name in sorted(overwritten):
             record = records[name]
-            stamp = fingerprint_files((*record.files, *record.folders), table).stamp
+            stamp = fingerprint_files((*record.files, *record.folders), table)[0].stamp
             if stamp != record.installed.stamp:
                 self._journal.set_record(
                     name, replace(record, installed=replace(record.installed, stamp=stamp))

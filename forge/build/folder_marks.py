@@ -195,18 +195,7 @@ class SourceFolders:
         """Resolve the absolute folders of packages, `sources`."""
         self._top = os.path.realpath(root)
         self._home = os.path.realpath(home) if home else ""
-        self._sources: dict[str, str] = {}
-        folders: dict[str, str] = {}
-        for path in map(str, sources):
-            parent, _, name = path.rpartition("/")
-            if name in {"", ".", ".."} or os.path.islink(path):
-                real = os.path.realpath(path)
-            else:
-                # Hundreds of packages share few parent folders.
-                above = folders[parent] if parent in folders else os.path.realpath(parent or "/")
-                folders[parent] = above
-                real = f"{above.rstrip('/')}/{name}"
-            self._sources[real] = path
+        self._sources = {os.path.realpath(path): str(path) for path in sources}
 
     def conflict(self, folder: Path) -> str:
         """Return what is wrong with an output folder, as the end of a sentence; '' if nothing is."""

@@ -1,10 +1,12 @@
-"""Write the generated files of prefixes: package hooks and indexes, and the workspace's scripts."""
+"""What builds install: the files of packages, their hooks and indexes, and the workspace's scripts."""
 
 from __future__ import annotations
 
 import contextlib
 import json
 import os
+import stat
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.ament_index import INDEX
@@ -21,8 +23,11 @@ from forge.base.files import (
 from forge.base.frozen import frozen
 from forge.base.layout import INSTALL_STATE_FILE
 from forge.build.build_types import build_type_of
+from forge.build.copies import is_folder
+from forge.build.file_conflicts import owned_by_others
+from forge.build.inputs.fingerprints import content_digest
 from forge.build.installed_lists import listed_files, package_markers
-from forge.build.prefix import PrefixExchange
+from forge.build.prefix import PrefixExchange, remove_empty_folders
 from forge.environment import scripts
 from forge.environment.dsv import PackageEdits
 from forge.environment.hooks import package_hooks
@@ -33,10 +38,12 @@ from forge.environment.sourcing import own_edits, package_edits, packages_in_ord
 from forge.toolchain.programs import CMAKE_TYPES
 
 if TYPE_CHECKING:
-    from collections.abc import Collection
-    from pathlib import Path
+    from collections.abc import Collection, Mapping
 
     from forge.base.layout import Layout
+    from forge.build.inputs.fingerprints import FileTable
+    from forge.build.model import BuildRecord
+    from forge.build.tasks import Task
     from forge.toolchain.interpreter import Interpreter
     from forge.workspace.model import Package
 
@@ -122,32 +129,25 @@ def installed_files(package: Package, layout: Layout, earlier: Collection[str] =
     raise_if_any(exchange.overwritten(listed), WorkspaceError)
     # A listed file may be missing: the package's own code can remove files that CMake installed.
     others, writes = exchange.others(), exchange.writes()
-    if layout.merged:
-        observed, made_folders = {*filter(os.path.lexists, listed)}, set[str]()
-        for path in writes.files | writes.folders:
-            hidden = BYTECODE in path or path.startswith(f"{below}.forge")
-            if hidden or not path.startswith(below) or not os.path.lexists(path):
-                continue
-            if os.path.islink(path) or not os.path.isdir(path):
-                observed.add(path)
-            elif path not in others and not os.listdir(path):
-                made_folders.add(f"{path}/")
-        raise_if_any(exchange.overwritten(observed), WorkspaceError)
-        return InstalledFiles(tuple(sorted(observed)), tuple(sorted(made_folders)))
-    knows_all = writes.complete or build_type_of(package).staged
-    earlier = {*earlier, *exchange.unclaimed()}
-    claimed, unclaimed = [path for path in listed if not path.startswith(below) and os.path.lexists(path)], []
-    files, folders = tree_below(str(prefix))
-    for path, _ in files:
-        if path in listed or path in writes.files:
-            claimed.append(path)
-        elif not knows_all and (path not in others or path in earlier):
-            unclaimed.append(path)
-    raise_if_any(exchange.overwritten(claimed), WorkspaceError)
-    empty = [
-        f"{path}/" for path in folders if path not in others and (path in writes.folders or not knows_all)
-    ]
-    return InstalledFiles(tuple(sorted((*claimed, *unclaimed))), tuple(sorted(empty)), frozenset(unclaimed))
+    installed = {path for path in listed if os.path.lexists(path) and not is_folder(path)}
+    folders = set[str]()
+    for path in writes.files | writes.folders:
+        hidden = BYTECODE in path or path.startswith(f"{below}.forge")
+        if hidden or not path.startswith(below) or not os.path.lexists(path):
+            continue
+        if not is_folder(path):
+            installed.add(path)
+        elif path not in others and not os.listdir(path):
+            folders.add(f"{path}/")
+    raise_if_any(exchange.overwritten(installed), WorkspaceError)
+    unclaimed = frozenset[str]()
+    if not (layout.merged or writes.complete or build_type_of(package).staged):
+        earlier = {*earlier, *exchange.unclaimed()}
+        found, empty = tree_below(str(prefix))
+        rest = {path for path, _ in found} - installed
+        unclaimed = frozenset(path for path in rest if path not in others or path in earlier)
+        folders.update(f"{path}/" for path in empty if path not in others)
+    return InstalledFiles(tuple(sorted(installed | unclaimed)), tuple(sorted(folders)), unclaimed)
 
 
 def uninstall_markers(name: str, layout: Layout) -> None:
@@ -216,3 +216,48 @@ def _write_implicit(package: Package, prefix: Path, installed: Collection[str], 
         draft.replace(path)
     elif path.is_symlink() or not path.is_file() or read_file(path) != read_file(source):
         replace_file(path, read_file(source))
+
+
+def set_file_times(
+    task: Task, files: tuple[str, ...], layout: Layout, table: FileTable, *, restored: bool = False
+) -> None:
+    """Restore the times of unchanged installed files, and set a new time on changed ones.
+
+    Build tools only compare times: users of an unchanged header must not be recompiled. CMake truncates
+    copied times to seconds, so a header that changed soon after a compilation would look older than the
+    object. Files that were `restored` from the cache have new times.
+    The package's own script gets its time last: later files were not installed by a build.
+    """
+    before = PrefixExchange(task.name, layout).moved_files()
+    marker = package_markers(task.name, layout)[0]
+    dated = () if restored and not before else files
+    for path in (*(path for path in dated if path != marker), marker):
+        with contextlib.suppress(FileNotFoundError):  # listed, but removed by the package's own code
+            status = os.lstat(path)
+            if stat.S_ISREG(status.st_mode):
+                digest = table.digest(path, status)
+                kept, then = before.get(path, ("", status))
+                is_alike = kept and (status.st_size, status.st_mode) == (then.st_size, then.st_mode)
+                if is_alike and content_digest(kept) == digest:
+                    os.utime(path, ns=(status.st_atime_ns, then.st_mtime_ns))
+                elif not restored or path == marker:
+                    os.utime(path)
+                table.learn(path, os.lstat(path), digest)
+
+
+def remove_stale(
+    task: Task, files: tuple[str, ...], layout: Layout, records: Mapping[str, BuildRecord]
+) -> None:
+    """Remove files that a package no longer installs, unless another package does.
+
+    Those in its own prefix were moved aside before the build: whatever is there now was written by another
+    package or by somebody else.
+    """
+    stale = PrefixExchange(task.name, layout).copied_files().intersection(task.earlier).difference(files)
+    left = frozenset(path for path in stale if os.path.islink(path) or os.path.isfile(path))
+    if not left:
+        return
+    for path in sorted(left - owned_by_others(task.name, left, records), reverse=True):
+        if Path(path).is_relative_to(layout.install):
+            os.unlink(path)
+            remove_empty_folders(path, str(layout.install))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import os
-from dataclasses import field, replace
+from dataclasses import field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -24,7 +24,7 @@ NOTES = ".notes"
 """The suffix of the file beside a log:
 
 P pid kind   forge has started a step; P alone: forge's worker has started a program of one
-W path   a file that forge has written, D path: a folder
+W path   a file that forge has written
 """
 
 
@@ -56,36 +56,14 @@ class ObservedWrites:
 @frozen
 class ObservedSteps:
     """What a log and the notes beside it say of the steps of a package; `kinds` has the kind of each by its
-    process, `files` and `folders` are what forge itself has written.
+    process, `files` are what forge itself has written.
     """
 
     observed: ObservedStep
     kinds: Mapping[int, str] = field(default_factory=dict)
     files: frozenset[str] = frozenset()
-    folders: frozenset[str] = frozenset()
     started: bool = False
     complete: bool = False
-
-    def without(self, kind: str) -> ObservedSteps:
-        processes, blind = self.observed.processes, self.observed.blind
-        left_out = {
-            id(each) for root in processes if self.kinds.get(root.pid) == kind for each in root.family()
-        }
-        kept = tuple(process for process in processes if id(process) not in left_out)
-        kinds = {pid: each for pid, each in self.kinds.items() if each != kind}
-        return replace(self, observed=ObservedStep(kept, blind), kinds=kinds)
-
-    def followed_by(self, other: ObservedSteps) -> ObservedSteps:
-        """Return the steps of both logs; no process of the first has a number of one in the other."""
-        first, second = self.observed, other.observed
-        last = max((order for each in first.processes for order, _, _ in each.records), default=0)
-        for process in first.processes:
-            process.pid = -process.pid
-        for process in second.processes:
-            process.records = [(order + last + 1, kind, path) for order, kind, path in process.records]
-        observed = ObservedStep((*first.processes, *second.processes), (*first.blind, *second.blind))
-        kinds = {**{-pid: kind for pid, kind in self.kinds.items()}, **other.kinds}
-        return replace(other, observed=observed, kinds=kinds, complete=self.complete and other.complete)
 
 
 def read_steps(log: Path, kinds: str = ALL_KINDS) -> ObservedSteps:
@@ -98,11 +76,11 @@ def read_steps(log: Path, kinds: str = ALL_KINDS) -> ObservedSteps:
     starts = [word for kind, word in words if kind == b"P"]
     roots = {int(pid): kind for pid, _, kind in (word.partition(" ") for word in starts) if pid}
     observed = read_log(log, frozenset(roots), starts.count(""), kinds=kinds)
-    files, folders = (frozenset(word for kind, word in words if kind == each) for each in (b"W", b"D"))
+    files = frozenset(word for kind, word in words if kind == b"W")
     is_noted = notes[-1] == b"" and bool(starts)
     unseen = any(kind == "B" for process in observed.processes for _, kind, _ in process.records)
     complete = is_noted and not observed.blind and not unseen
-    return ObservedSteps(observed, roots, files, folders, bool(starts), complete)
+    return ObservedSteps(observed, roots, files, bool(starts), complete)
 
 
 def read_writes(log: Path, prefix: Path) -> ObservedWrites:
@@ -120,7 +98,7 @@ def read_writes(log: Path, prefix: Path) -> ObservedWrites:
 
     return ObservedWrites(
         files=below(seen.written | steps.files),
-        folders=below(seen.folders | steps.folders),
+        folders=below(seen.folders),
         removed=below(seen.removed),
         refused=below(seen.refused),
         started=steps.started,

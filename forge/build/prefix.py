@@ -32,6 +32,7 @@ from forge.build.copies import (
     begins_with,
     foreign_entries,
     give_back,
+    is_folder,
     keep_beside,
     remove_empty_tree,
     stats_of,
@@ -125,10 +126,12 @@ class PrefixExchange:
         earlier = self.moved_files() if self._moved.is_dir() else earlier
         # Before its first build, a package owns no files.
         markers = self._markers if known or earlier or self._is_installed() else ()
-        scripts = _scripts(self._layout.prefix(self._name) / "share" / self._name)
-        files = dict.fromkeys(
-            (*listed.files, *earlier, *(scripts if markers and not known else ()), *markers)
-        )
+        files = dict.fromkeys((*listed.files, *earlier, *markers))
+        if markers and not known:
+            # colcon and earlier versions of forge wrote scripts without listing them.
+            share = self._layout.prefix(self._name) / "share" / self._name
+            scripts = (*share.glob("package.*"), *(share / "hook").glob("*"))
+            files.update(dict.fromkeys(str(path) for path in scripts if path.suffix in _SCRIPTS))
         for path in listed.unclaimed:
             files.pop(path, None)
         folders = listed.folders
@@ -213,7 +216,7 @@ class PrefixExchange:
             if path in others and path not in unclaimed and stats_of(path) != others[path]:
                 give_back(path, others[path], copies[path])
                 yield self._problem(path, path)
-            elif os.path.isdir(path) and not os.path.islink(path):
+            elif is_folder(path):
                 below = next((other for other in sorted(others) if other.startswith(f"{path}/")), None)
                 if below:
                     yield self._problem(path, below)
@@ -274,7 +277,7 @@ class PrefixExchange:
         for path, mode in self._noted("folders").items():
             if not os.path.lexists(path):
                 os.makedirs(path, exist_ok=True)
-            if os.path.isdir(path) and not os.path.islink(path):
+            if is_folder(path):
                 os.chmod(path, mode)
         self._copies.restore()
         if self._list.is_file():
@@ -435,7 +438,7 @@ class PrefixExchange:
                 if os.path.lexists(parent) and not os.path.isdir(parent) and parent not in others:
                     os.unlink(parent)
             os.makedirs(os.path.dirname(destination), exist_ok=True)
-            if os.path.isdir(destination) and not os.path.islink(destination):
+            if is_folder(destination):
                 remove_empty_tree(destination)
             _rename(path, destination)
         remove_tree(str(source))
@@ -507,12 +510,6 @@ def _others_of_merged(layout: Layout) -> Copies:
     return Copies(layout.install / BACKUP_DIR / ".others")
 
 
-def _scripts(share: Path) -> Iterator[str]:
-    """Yield the files that colcon and earlier versions of forge wrote for a package without listing them."""
-    files = (*share.glob("package.*"), *(share / "hook").glob("*"))
-    return (str(path) for path in files if path.suffix in _SCRIPTS)
-
-
 @lru_cache(maxsize=1024)  # an exchange needs all of them
 def _folder(name: str, layout: Layout, kind: str = "") -> Path:
     """Return an entry of a package in the backup folder; package names contain no dots."""
@@ -574,7 +571,7 @@ def blocking_paths(task: Task, layout: Layout) -> Iterator[Problem]:
     folders = {os.path.dirname(path) for path in files}
     parents = {parent for folder in folders for parent in folders_above(f"{folder}/", str(task.prefix))}
     for path in () if task.intact else sorted(files - parents):
-        if os.path.isdir(path) and not os.path.islink(path):
+        if is_folder(path):
             hint = "move or remove it"
             yield Problem(f"'{path}', installed as a file by '{name}', is now a folder", hint=hint)
     links = dict(listed.links) if listed else {}

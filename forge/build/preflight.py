@@ -1,4 +1,4 @@
-"""Checks before a build: paths that tools cannot handle, variables that are too long; pure.
+"""Checks and messages before a build: paths, lengths of variables, stale packages, reasons to rebuild.
 
 Linux limits each environment variable to 128 KiB. In the isolated layout, each package adds its prefix to
 several variables, so large workspaces reach the limit; in the merged layout, all packages share one entry.
@@ -6,16 +6,21 @@ several variables, so large workspaces reach the limit; in the merged layout, al
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem
+from forge.base.layout import IGNORE_MARK
+from forge.base.text import listed
+from forge.build.up_to_date import InputKind
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
-    from pathlib import Path
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from forge.base.layout import Layout
+    from forge.build.model import BuildRecord, Snapshot
     from forge.build.tasks import BuildPlan
+    from forge.build.up_to_date import InputChange
     from forge.workspace.model import Package
 
 _SEPARATORS = {
@@ -110,3 +115,86 @@ def _size(text: str) -> int:
 
 def _size_text(size: int) -> str:
     return f"{size / 1024:.0f} KiB, more than the limit of Linux, {LIMIT // 1024} KiB"
+
+
+def stale_package_warnings(
+    records: Mapping[str, BuildRecord], packages: Mapping[str, Package], layout: Layout, root: Path
+) -> Iterator[Problem]:
+    """Yield a problem for packages removed from the workspace whose installed files may still be found.
+
+    `packages` are the discovered ones. A package that was merely not discovered, for example because of
+    '--base-paths', is not removed: its folder exists, is not ignored, and contains no other package.
+    """
+    missing = {
+        name: record
+        for name, record in records.items()
+        if name not in packages and record.complete and record.source
+    }
+    taken = {str(root / package.path) for package in packages.values()} if missing else set()
+    gone = sorted(
+        name
+        for name, record in missing.items()
+        if record.source in taken or is_removed_package(Path(record.source))
+    )
+    if gone:
+        verb, possessive = ("is", "its") if len(gone) == 1 else ("are", "their")
+        message = f"{listed(gone)} {verb} no longer in the workspace, but {possessive} files are still in"
+        hint = "remove them: forge clean stale"
+        yield Problem(f"{message} '{layout.install}', where other packages may find them", hint=hint)
+
+
+def is_removed_package(source: Path) -> bool:
+    """Return True if a folder no longer contains a package, or is ignored."""
+    if not (source / "package.xml").is_file():
+        return not (source / "CMakeLists.txt").is_file() and not (source / "setup.py").is_file()
+    return any(
+        (folder / marker).exists()
+        for folder in (source, *source.parents)
+        for marker in (IGNORE_MARK, "AMENT_IGNORE")
+    )
+
+
+_SHOWN = 5
+"""The maximum number of lines."""
+
+
+def announcements(plan: BuildPlan, snapshot: Snapshot) -> Iterator[str]:
+    """Yield a line for each changed option, variable, tool or external file with the number of packages.
+
+    Embedded packages are not counted, nor those that are only rebuilt if a dependency changes.
+    """
+    groups: dict[object, list[InputChange]] = {}
+    for task in plan.tasks.values():
+        record, change = snapshot.records.get(task.name), task.change
+        if task.embedded or record is None or record.inputs.sources != task.inputs.sources:
+            continue
+        if change is not None and change.kind is not InputKind.OWN:
+            is_option = change.kind is InputKind.OPTION
+            groups.setdefault(is_option or change.names or change.text, []).append(change)
+    most_first = sorted(groups.values(), key=len, reverse=True)
+    for changes in most_first[:_SHOWN]:
+        yield _announcement(changes)
+    if rest := sum(map(len, most_first[_SHOWN:])):
+        yield f"{_rebuilt(rest)} for other reasons, which '--explain' shows"
+
+
+def _announcement(changes: Sequence[InputChange]) -> str:
+    """Return the line for packages that are rebuilt for the same reason."""
+    first, names = changes[0], dict.fromkeys(name for change in changes for name in change.names)
+    text = first.text
+    if first.kind is InputKind.OPTION:
+        listed = f": {', '.join(names)}" if names else ""
+        text = f"options changed since the last build{listed}"
+    elif first.kind is InputKind.VARIABLE and len(names) > 1:
+        text = f"the environment variables {', '.join(map(repr, names))} changed"
+    line = f"{text}; {_rebuilt(len(changes))}"
+    # Variables that sourcing sets cannot simply be unset.
+    if first.kind is not InputKind.VARIABLE or any(name.endswith("PATH") for name in names):
+        return line
+    it = "it" if len(names) == 1 else "them"
+    remedy = f"unset {it}" if first.added >= names.keys() else f"set {it} as before"
+    return f"{line}; {remedy} to keep {'it' if len(changes) == 1 else 'them'}"
+
+
+def _rebuilt(count: int) -> str:
+    return "1 package is rebuilt" if count == 1 else f"{count} packages are rebuilt"

@@ -28,12 +28,8 @@ if TYPE_CHECKING:
 
     from forge.engine.commands import ObservedCommands
 
-_VERSION = 3
+_VERSION = 4
 _INVALID = (ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError)
-
-
-UNPLANNED = "unplanned"
-"""The stamp of sources that have changed between the plan and the start of the package."""
 
 
 @frozen
@@ -42,18 +38,19 @@ class FolderRecord:
 
     `base` is a digest of inputs that no native build tool tracks: forge, tools, variables. `shape` is a
     digest of inputs that take effect at configure time: options, packages in underlays. `needs` are the
-    digests of the dependencies' installed files, `sources` the package's own files at the start, `stamp` that
-    of their fingerprint. `began` is the time in nanoseconds.
+    digests of the dependencies' installed files, `sources` the package's own files at the start. `began` is
+    the time in nanoseconds.
     """
 
     base: str
     shape: str
     needs: Mapping[str, str]
     sources: Manifest
-    stamp: str = ""
     began: int = 0
     from_empty: bool = False
     """The build started in an empty folder."""
+    unplanned: bool = False
+    """The sources have changed between the plan and the start of the package."""
     dropped: frozenset[str] = frozenset()
     """Products in the folder that was set aside which are not restored after CMake has run."""
     commands: ObservedCommands = NOT_OBSERVED
@@ -71,11 +68,6 @@ class FolderRecord:
     products: Mapping[str, str] = field(default_factory=dict)
     """Kind, size and time of what the commands of the native tool wrote, after the build."""
 
-    @property
-    def settled(self) -> Manifest:
-        """The sources if none of them may have been written again without a change of its times."""
-        return self.sources if self.stamp not in {"", UNPLANNED} else {}
-
 
 def begin_record(build: Path, record: FolderRecord) -> None:
     """Write the record of a build whose first step is about to start."""
@@ -87,7 +79,7 @@ def begin_record(build: Path, record: FolderRecord) -> None:
     replace_file(build / SCRATCH_DIR / RECORD_FILE, json.dumps(data).encode() + b"\n")
 
 
-_AT_BEGIN = ("base", "shape", "needs", "sources", "stamp", "began", "externals")
+_AT_BEGIN = ("base", "shape", "needs", "sources", "began", "externals")
 
 
 def add_commands(build: Path, commands: ObservedCommands) -> None:

@@ -111,7 +111,13 @@ def with_all_written(graph: NativeGraph, dropped: frozenset[str], seen: Observed
     known = [(edge, seen.edges[edge.outputs[0]]) for edge in graph.edges if is_known(edge, seen)]
     users = graph.users() if known and dropped else {}
     # For example in the sources: the native tool checks such files before the commands run.
-    beside = _written_beside(graph, seen) if dropped else frozenset[str]()
+    unknown = (edge for edge in graph.edges if dropped and not is_known(edge, seen))
+    beside = frozenset(
+        path
+        for edge in unknown
+        if edge.outputs[0] in seen.edges
+        for path in seen.edges[edge.outputs[0]].written.difference(edge.outputs)
+    )
     dirty: set[str] = set()
     more = set(dropped)
     while more - dirty:
@@ -144,14 +150,6 @@ def with_all_written(graph: NativeGraph, dropped: frozenset[str], seen: Observed
             if not early.isdisjoint((*edge.outputs, *each.written)):
                 more.update(each.written, edge.outputs)
     return frozenset(more)
-
-
-def _written_beside(graph: NativeGraph, seen: ObservedCommands) -> frozenset[str]:
-    """Return the side outputs of commands that rerun after any change."""
-    unknown = (edge for edge in graph.edges if not is_known(edge, seen) and edge.outputs[0] in seen.edges)
-    return frozenset(
-        path for edge in unknown for path in seen.edges[edge.outputs[0]].written.difference(edge.outputs)
-    )
 
 
 def would_only_link(graph: NativeGraph, needed: Changes, seen: ObservedCommands) -> bool:

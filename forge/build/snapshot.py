@@ -7,7 +7,7 @@ build folders, since the file table only knows what changed since the last run o
 from __future__ import annotations
 
 import os
-from functools import cache, partial
+from functools import cache
 from typing import TYPE_CHECKING
 
 from forge.build.inputs.fingerprints import (
@@ -67,20 +67,17 @@ def take_snapshot(
         """Return the record of the build folder, None if the package came from the cache."""
         return read_record(layout.build_dir(name)) if records[name].began else None
 
-    def settled_sources(name: str) -> Manifest:
-        last = last_record(name) if name in records else None
-        return last.settled if last else {}
-
     for package in packages:
         name = package.name
         record = records.get(name)
         home = str(root / package.path)
         known = record.sources if record else None
-        sources[name], manifest = fingerprint_tree(home, table, known, partial(settled_sources, name))
+        sources[name], manifest = fingerprint_tree(home, table, known)
         if record:
             if sources[name].digest != record.sources.digest:
                 source_changes[name] = changed_sources(home, manifest, last_record(name), table)
-            installed[name] = fingerprint_files((*record.files, *record.folders), table, record.installed)
+            paths = (*record.files, *record.folders)
+            installed[name], _ = fingerprint_files(paths, table, record.installed)
             if installed[name].digest != record.installed.digest:
                 then = states.contents(name, record.installed.digest)
                 of_sources = source_changes.get(name, "")

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 from forge.base.files import BYTECODE, capabilities, listed_paths, remove_tree, replace_file, tree_below
 from forge.base.layout import INSTALLED_STATES_DIR, SCRATCH_DIR
 from forge.base.text import digest
-from forge.build.copies import status_of
+from forge.build.copies import is_folder, status_of
 from forge.build.install_scripts import folder_modes, installed_entries, read_install_scripts
 from forge.build.installation import InstalledFiles
 from forge.build.installed_lists import (
@@ -173,12 +173,12 @@ def _fits(task: Task, layout: Layout, *, has_code: bool) -> bool:
     files, folders = tree_below(stage)
     for path in listed_files(task.build_dir):
         # If the target is a folder, CMake installs the file into it.
-        if not path.startswith((f"{task.prefix}/", f"{stage}/")) or _is_folder(path):
+        if not path.startswith((f"{task.prefix}/", f"{stage}/")) or is_folder(path):
             return False
     for path, status in files:
         target = _target(task, path)
         is_foreign = os.path.lexists(target) and (listed is None or target not in listed.files)
-        if is_foreign or (os.path.isdir(target) and not os.path.islink(target)):
+        if is_foreign or (is_folder(target)):
             return False
         is_new = stat.S_ISREG(status.st_mode) and not _is_same(path, target)
         if is_new and os.fsencode(stage) in Path(path).read_bytes():
@@ -193,7 +193,7 @@ def _fits(task: Task, layout: Layout, *, has_code: bool) -> bool:
                 is_inside and os.path.lexists(f"{stage}{leads_to[len(str(task.prefix)) :]}")
             ):
                 return False
-    return all(_is_folder(target) or not os.path.lexists(target) for target in _folders(task, files, folders))
+    return all(is_folder(target) or not os.path.lexists(target) for target in _folders(task, files, folders))
 
 
 # The install step
@@ -253,7 +253,7 @@ def _calls_for(changed: Iterable[str], entries: Mapping[str, tuple[InstallRule, 
         folder, _, name = path.rpartition("/")
         renamed = f' RENAME "{name}"' if rule.name else ""
         where = f'"${{CMAKE_INSTALL_PREFIX}}/{folder}"'
-        kind = "DIRECTORY" if os.path.isdir(source) and not os.path.islink(source) else "FILE"
+        kind = "DIRECTORY" if is_folder(source) else "FILE"
         yield f'file(INSTALL DESTINATION {where} TYPE {kind}{renamed} FILES "{source}")\n'
     yield from blocks
 
@@ -399,10 +399,6 @@ def _folders(task: Task, files: Iterable[tuple[str, os.stat_result]], empty: Ite
         while (path := os.path.dirname(path)) not in found:
             found.add(path)
     return sorted(_target(task, f"{path}/").rstrip("/") for path in found)
-
-
-def _is_folder(path: str) -> bool:
-    return os.path.isdir(path) and not os.path.islink(path)
 
 
 def _is_same(path: str, other: str) -> bool:

@@ -37,7 +37,7 @@ class DependencyHashes:
         self._needs = needs
         self._installed = dict(installed)
         self._pending: set[str] = set()
-        self._hashes: dict[str, str | None] = {}
+        self._hashes: dict[str, str] = {}
 
     def expect(self, name: str) -> None:
         """Mark the package as pending: it will or may be built in this run."""
@@ -56,19 +56,13 @@ class DependencyHashes:
         `below` are all its transitive dependencies in topological order.
         """
         for other in below:
-            if self._hashes.get(other) is None:
-                self._hashes[other] = self._combined_hash(other)
+            if self._hashes.get(other) is None and other not in self._pending:
+                parts = [self._hashes.get(need) for need in sorted(self._needs[other])]
+                if None not in parts:
+                    text = "\0".join((self._installed.get(other, UNKNOWN), *filter(None, parts)))
+                    self._hashes[other] = hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
         hashes = [(need, self._hashes.get(need)) for need in sorted(self._needs[name])]
         return None if any(hash_ is None for _, hash_ in hashes) else tuple((n, h or "") for n, h in hashes)
-
-    def _combined_hash(self, name: str) -> str | None:
-        if name in self._pending:
-            return None
-        below = [self._hashes.get(need) for need in sorted(self._needs[name])]
-        if None in below:
-            return None
-        parts = (self._installed.get(name, UNKNOWN), *(digest or "" for digest in below))
-        return hashlib.blake2b("\0".join(parts).encode(), digest_size=16).hexdigest()
 
 
 UNKNOWN_SOURCES = "its sources changed"

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from forge.base.layout import Layout
-    from forge.build.inputs.fingerprints import FileTable, Stats
+    from forge.build.inputs.fingerprints import FileTable
     from forge.build.journal import Journal
 
 _HOOKS = (".dsv", ".sh", ".bash", ".zsh", ".fish")
@@ -35,11 +35,11 @@ class WorkspaceScripts:
 
     def begin(self, name: str, files: tuple[str, ...]) -> None:
         """Note the contribution of a package, of which `files` are installed, before it is built."""
-        self._changing[name] = self._digest(name, files, {})
+        self._changing[name] = self._digest(name, files)
 
-    def end(self, name: str, files: tuple[str, ...], stats: Stats) -> None:
+    def end(self, name: str, files: tuple[str, ...]) -> None:
         """Compare the contribution of a package after its build."""
-        if self._changing[name] == self._digest(name, files, stats):
+        if self._changing[name] == self._digest(name, files):
             del self._changing[name]
 
     def remove(self, name: str) -> None:
@@ -66,7 +66,7 @@ class WorkspaceScripts:
         self._journal.end(ended=True)
         self._journal.note_scripts(stamp_files(scripts))
 
-    def _digest(self, name: str, files: tuple[str, ...], stats: Stats) -> str:
+    def _digest(self, name: str, files: tuple[str, ...]) -> str:
         """Return a digest of a package's contribution to the workspace's scripts; '' without any files.
 
         The digested package.* scripts already reflect all hooks and existing folders.
@@ -76,4 +76,4 @@ class WorkspaceScripts:
         listed = [
             path for path in files if path == index or (path.startswith(share) and path.endswith(_HOOKS))
         ]
-        return digest_of(listed, contents_of(listed, self._table, stats)) if listed else ""
+        return digest_of(listed, contents_of(listed, self._table)) if listed else ""

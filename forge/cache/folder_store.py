@@ -7,7 +7,6 @@ the time of its last use; pruning removes the least recently used results first.
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import hashlib
 import os
 import re
@@ -27,10 +26,6 @@ if TYPE_CHECKING:
     from forge.cache.model import ActionResult
 
 _CHUNK = 1 << 20
-_CLONE = 0x40049409
-"""The Linux ioctl FICLONE: a new file shares the blocks of another if the file system supports it."""
-
-
 DRAFT = re.compile(r"\..*\.forge-draft")
 _MARK = ".forge_cache"
 _TEXT = b"This folder contains a package cache of forge, which removes files in 'ac' and 'cas'.\n"
@@ -214,9 +209,6 @@ def sha256_of(descriptor: int) -> str:
 
 def copy_bytes(source: int, target: int, size: int) -> None:
     """Copy a file between descriptors, sharing blocks if the file system supports it."""
-    with contextlib.suppress(OSError):
-        fcntl.ioctl(target, _CLONE, source)
-        return
     offset = 0
     while offset < size:
         try:

@@ -11,7 +11,6 @@ does not depend on it either.
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import json
 import os
@@ -32,7 +31,7 @@ from forge.toolchain.programs import program_of
 from forge.toolchain.python_modules import os_release
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from forge.base.frozen import Pairs
     from forge.build.inputs.fingerprints import FileTable
@@ -64,13 +63,13 @@ class Origin:
         return len(self.root) != len(root) and len(here.parts) != len(there.parts) and here.name != there.name
 
 
-def shared_inputs(tools: Pairs, external: ExternalInputs) -> tuple[str, ...]:
+def shared_inputs(tools: Pairs, table: FileTable) -> tuple[str, ...]:
     """Return the inputs shared by all packages: forge's files, the programs and the system."""
     own = [path for folder in own_folders() for path in source_files(str(folder), NO_CODE)]
-    data = external.programs(own)
+    data = contents_of(own, table)
     own_digests = [f"{os.path.relpath(path, PACKAGE.parent)} {data[path]}" for path in own]
     programs = {name: os.path.realpath(program_of(identity)) for name, identity in tools}
-    found, release = external.programs([*programs.values()]), os_release()
+    found, release = contents_of(programs.values(), table), os_release()
     forge_digest = hashlib.sha256("\n".join(own_digests).encode(errors="surrogateescape")).hexdigest()
     return (
         f"{__version__} {forge_digest}",
@@ -158,12 +157,9 @@ class ExternalInputs:
     the first step that runs, it is checked each time, since a step may write anywhere.
     """
 
-    def __init__(self, relocator: Relocator, table: FileTable, programs: FileTable) -> None:
-        """Look up contents in `table`, those of programs in `programs`, which outlives build folders."""
+    def __init__(self, relocator: Relocator, table: FileTable) -> None:
         self._relocator = relocator
         self._table = table
-        self._programs = programs
-        self._read_programs: set[str] = set()
         self._known: dict[str, tuple[str, str]] = {}
         self._caching = True
 
@@ -178,31 +174,13 @@ class ExternalInputs:
         found = {}
         for word in words:
             if word not in known:
-                known[word] = self._look(word)
+                path = self._relocator.absolutize_input(word)
+                known[word] = path, contents_of((path,), self._table)[path]
             found[word] = known[word]
         return found
 
     def contents(self, words: Iterable[str]) -> dict[str, str]:
         return {word: content for word, (_, content) in self.look(words).items()}
-
-    def programs(self, paths: Collection[str]) -> dict[str, str]:
-        """Return the contents of programs: clean builds should not read them again."""
-        self._read_programs.update(paths)
-        return contents_of(paths, self._programs)
-
-    def _look(self, word: str) -> tuple[str, str]:
-        path = self._relocator.absolutize_input(word)
-        if not os.access(path, os.X_OK) or os.path.isdir(path):  # noqa: PTH112
-            return path, contents_of((path,), self._table)[path]
-        # Compilers and CMake have tens of megabytes.
-        return path, self.programs((path,))[path]
-
-    def save(self) -> None:
-        """Save the table of programs, restricted to those of this build."""
-        if self._read_programs:
-            self._programs.forget_others(self._read_programs)
-            with contextlib.suppress(OSError):  # a read-only home folder
-                self._programs.save()
 
 
 _OPTIONS = re.compile(r"^  (?:DEFINES|FLAGS) = (.*)$", re.MULTILINE)

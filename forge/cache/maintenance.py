@@ -70,7 +70,9 @@ def prune(store: FolderStore, size: int, since: float = 0.0) -> tuple[int, int]:
     left, kept, referenced = size, set[str](), set[str]()
     removed = []
     for result in contents.results:
-        blobs = _blobs(result)
+        blobs = set[str]()  # none if the result cannot be read
+        with contextlib.suppress(OSError, ValueError):
+            blobs = {file.digest.hash for file in decode_result(result.path.read_bytes()).files}
         needed = result.size + sum(
             contents.blobs[name].size for name in blobs - kept if name in contents.blobs
         )
@@ -110,13 +112,6 @@ def prune_entries(
     return removed
 
 
-def _blobs(result: StoredFile) -> set[str]:
-    """Return the blobs of a result; none if it cannot be read."""
-    with contextlib.suppress(OSError, ValueError):
-        return {file.digest.hash for file in decode_result(result.path.read_bytes()).files}
-    return set()
-
-
 def _files(folder: Path) -> Iterator[StoredFile]:
     """Yield the files with names of a store; other files in the folder belong to the user."""
     for folder_path, _, names in os.walk(folder):
@@ -149,21 +144,16 @@ def verify(store: FolderStore) -> VerifyResult:
             if not DRAFT.fullmatch(name) and sha256_of(stream.fileno()) != name:
                 corrupt.append((file.path, "its content does not match its SHA-256"))
     blobs = contents.blobs.keys() - {path.name for path, _ in corrupt}
-    faults = ((file.path, _fault_of_result(file.path, blobs)) for file in contents.results)
-    corrupt += [(path, why) for path, why in faults if why]
+    for path in (file.path for file in contents.results):
+        with contextlib.suppress(FileNotFoundError):
+            try:
+                if not {file.digest.hash for file in decode_result(path.read_bytes()).files} <= blobs:
+                    corrupt.append((path, "one of its blobs is missing"))
+            except ValueError as error:
+                corrupt.append((path, f"it cannot be read: {error}"))
     for path, _ in corrupt:
         path.unlink(missing_ok=True)
     return VerifyResult(len(contents.results) + len(contents.blobs), contents.size, tuple(corrupt))
-
-
-def _fault_of_result(path: Path, blobs: set[str]) -> str:
-    try:
-        result = decode_result(path.read_bytes())
-    except FileNotFoundError:
-        return ""
-    except ValueError as error:
-        return f"it cannot be read: {error}"
-    return "" if {file.digest.hash for file in result.files} <= blobs else "one of its blobs is missing"
 
 
 _FILE = "counts.json"

@@ -55,12 +55,11 @@ INDEX, PACK = "index", "pack"
 
 @frozen
 class CacheContext:
-    """The shared state of one build: folders, dependencies, programs, records, file tables.
+    """The shared state of one build: folders, dependencies, programs, records, the file table.
 
-    `programs` is the file table for forge, its tools and other programs that builds read. `needs` are the
-    direct dependencies of each package; `records` change during the build. `forced` are packages to build
-    even if the cache has them. `values` are those of variables that affect all packages. Builds that are
-    not `observed` do not know all of their inputs: only such builds use their results.
+    `needs` are the direct dependencies of each package; `records` change during the build. `forced` are
+    packages to build even if the cache has them. `values` are those of variables that affect all packages.
+    Builds that are not `observed` do not know all of their inputs: only such builds use their results.
     """
 
     layout: Layout
@@ -69,7 +68,6 @@ class CacheContext:
     tools: Pairs
     records: Mapping[str, BuildRecord]
     table: FileTable
-    programs: FileTable
     forced: Collection[str] = frozenset()
     values: Mapping[str, str] = field(default_factory=dict)
     observed: bool = True
@@ -103,7 +101,7 @@ class PackageCache:
         self._local = local
         self._remote = remote
         self._warn = warn
-        self._external_inputs = keys.ExternalInputs(context.relocator, context.table, context.programs)
+        self._external_inputs = keys.ExternalInputs(context.relocator, context.table)
         self._lock = threading.Lock()
         self._shared_inputs: tuple[str, ...] | None = None
         self._keys: dict[str, str] = {}
@@ -136,23 +134,15 @@ class PackageCache:
             self._external_inputs.stop_caching()
         return found
 
-    def restore(
-        self, task: Task, found: CachedTree
-    ) -> tuple[dict[str, os.stat_result | None], tuple[str, ...]]:
-        """Write a cached tree into the task's prefix.
-
-        Return the sorted absolute paths of the files, each with its stat if it is small and was just written,
-        and those of empty folders.
-        """
+    def restore(self, task: Task, found: CachedTree) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Write a cached tree into the task's prefix; return the paths of the files and empty folders."""
         writer = TreeWriter(task.prefix, self._context.relocator)
         writer.write_tree(found)
-        stats = {}
         for path, status, digest in writer.written:
             self._context.table.learn(path, status, digest)
-            stats[path] = status
-        paths = sorted(f"{task.prefix}/{leaf.path}" for leaf in found.tree.leaves)
+        paths = tuple(sorted(f"{task.prefix}/{leaf.path}" for leaf in found.tree.leaves))
         empty = tuple(f"{task.prefix}/{path}/" for path in found.tree.empty_folders)
-        return {path: stats.get(path) for path in paths}, empty
+        return paths, empty
 
     def keep(self, task: Task, record: BuildRecord) -> BuildRecord:
         """Store the installed files of a task; return its record with the digest of its tree."""
@@ -198,7 +188,6 @@ class PackageCache:
                     f"not cached: '{unrecorded}' appeared during the build without being listed"
                 )
         self._pending.clear()
-        self._external_inputs.save()
 
     def remark(self, name: str) -> str:
         """Return the remarks of the cache about a package, or ''."""
@@ -215,7 +204,7 @@ class PackageCache:
         context = self._context
         with self._lock:  # several packages start at the same time
             if self._shared_inputs is None:
-                self._shared_inputs = keys.shared_inputs(context.tools, self._external_inputs)
+                self._shared_inputs = keys.shared_inputs(context.tools, context.table)
         needs = self._dependencies(task)
         shared = (*self._shared_inputs, *self._package_programs(task))
         shared += () if context.observed else ("not observed",)

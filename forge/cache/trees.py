@@ -174,12 +174,14 @@ def decode_index(index: bytes) -> Tree:
         tree = Tree(
             leaves=tuple(_leaf_of(entry) for entry in value["leaves"]),
             folders=tuple((_safe(path), _number(mode) & 0o777) for path, mode in value["folders"]),
-            seconds=_duration(value["seconds"]),
+            seconds=float(value["seconds"]),
             pack=Digest(_hash(pack["hash"]), _number(pack["size"])),
             has_tests=bool(value["has_tests"]),
         )
     except (ArithmeticError, LookupError, TypeError, AttributeError, RecursionError) as error:
         raise ValueError("invalid index of a tree") from error
+    if not 0 <= tree.seconds < float("inf"):
+        raise ValueError("expected a duration")
     _check_paths(tree)
     assert tree.pack is not None
     if any(leaf.offset + leaf.size > tree.pack.size for leaf in tree.leaves if leaf.offset >= 0):
@@ -298,13 +300,6 @@ def _text(value: object) -> str:
     if not isinstance(value, str):
         raise TypeError("expected a string")
     return value
-
-
-def _duration(value: object) -> float:
-    seconds = float(value) if isinstance(value, int | float) else -1.0
-    if not 0 <= seconds < float("inf"):
-        raise ValueError("expected a duration")
-    return seconds
 
 
 def _number(value: object) -> int:

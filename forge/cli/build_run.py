@@ -217,7 +217,6 @@ def _package_cache(
     options, loaded, layout = build.options, build.loaded, build.context.layout
     if not options.cache.wanted:
         return nullcontext(None)
-    from forge.build.inputs.fingerprints import FileTable
     from forge.cache.opening import open_cache
     from forge.cache.package_cache import CacheContext
     from forge.cache.relocation import Relocator
@@ -229,7 +228,6 @@ def _package_cache(
         tools=build.context.tools,
         records=state.journal.records,
         table=state.table,
-        programs=FileTable(own / "programs.json"),
         forced=frozenset(loaded.selection.names) if options.forced_by else frozenset(),
         values=dict(relevant_environment(build.variables)),
         observed=observed,

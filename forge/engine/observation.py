@@ -42,10 +42,10 @@ class Observation:
     `found` exist but were not opened; `missing` end with the first name that did not exist. What the
     processes wrote before they read it is no input and in `written` only; a renamed folder stands for all
     that is in it. `folders` were created, `removed` were removed or renamed, `loaded` are shared
-    libraries, `refused` are changes that were not allowed. `variables` were asked for by name. `channels` are
-    devices and sockets that were used. `ledgers` are the digest and the path of each, see
-    `forge.engine.observed`. `modules` are names that Python looked for, each with its folders. `blind` says
-    what was not observed; if it is empty, nothing else was read or written.
+    libraries, `refused` are changes that were not allowed. `variables` were asked for by name. `ledgers`
+    are the digest and the path of each, see `forge.engine.observed`. `modules` are names that Python
+    looked for, each with its folders. `blind` says what was not observed; if it is empty, nothing else
+    was read or written.
     """
 
     read: frozenset[str] = frozenset()
@@ -60,7 +60,6 @@ class Observation:
     refused: frozenset[str] = frozenset()
     variables: frozenset[str] = frozenset()
     ledgers: frozenset[str] = frozenset()
-    channels: frozenset[str] = frozenset()
     modules: frozenset[tuple[tuple[str, ...], str]] = frozenset()
     blind: tuple[str, ...] = ()
 
@@ -272,6 +271,14 @@ def observe(processes: Iterable[Process], blind: tuple[str, ...] = ()) -> Observ
     words: dict[str, set[str]] = defaultdict(set)
     unknown = dict.fromkeys(blind)
     ledgers: dict[str, str] = {}
+    modules: set[tuple[tuple[str, ...], str]] = set()
+    for process in processes:
+        folders: tuple[str, ...] = ()
+        for _, kind, word in process.records:
+            if kind == "I":
+                folders = tuple(word.split("\n")[:-1])
+            elif kind == "M":
+                modules.add((folders, word))
     for _, kind, word in sorted(chain.from_iterable(process.records for process in processes)):
         if kind == "B":
             unknown[word] = None
@@ -292,20 +299,9 @@ def observe(processes: Iterable[Process], blind: tuple[str, ...] = ()) -> Observ
         refused=frozenset(words["E"]),
         variables=frozenset(words["V"]),
         ledgers=frozenset(ledgers.values()),
-        channels=frozenset(words["K"]),
-        modules=frozenset(module for process in processes for module in _modules(process)),
+        modules=frozenset(modules),
         blind=tuple(unknown),
     )
-
-
-def _modules(process: Process) -> Iterator[tuple[tuple[str, ...], str]]:
-    """Yield the modules that a process of Python has looked for, each with the folders in which it did."""
-    folders: tuple[str, ...] = ()
-    for _, kind, word in process.records:
-        if kind == "I":
-            folders = tuple(word.split("\n")[:-1])
-        elif kind == "M":
-            yield folders, word
 
 
 _ABOVE = re.compile(r".*/\.\.(?=/|$)")

@@ -10,6 +10,7 @@ import contextlib
 import os
 import re
 import stat
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 from forge.base.files import open_regular, text_or_nothing
@@ -54,7 +55,6 @@ class World:
         underlays = filter(None, os.pathsep.join(paths).split(os.pathsep))
         self._prefixes = tuple(dict.fromkeys((*underlays, *prefixes_of_path(self._lookup.folders), *_SYSTEM)))
         self._answers: dict[str, str] = {}
-        self._libraries: dict[str, str] | None = None
         folders = self._lookup.folders
         self.path = frozenset((*folders, *map(os.path.realpath, folders)))
         """The folders of PATH."""
@@ -103,16 +103,15 @@ class World:
         name = question.removeprefix(PACKAGE_FOUND)
         return next(filter(None, (self._configs.folder(prefix, name) for prefix in self._prefixes)), "")
 
-    @property
+    @cached_property
     def _library_folders(self) -> Mapping[str, str]:
         """The folder of LD_LIBRARY_PATH in which the dynamic linker finds each name first."""
-        if self._libraries is None:
-            self._libraries = {}
-            for folder in filter(None, self.value("LD_LIBRARY_PATH").split(os.pathsep)):
-                with contextlib.suppress(OSError):
-                    for name in os.listdir(folder):
-                        self._libraries.setdefault(name, folder)
-        return self._libraries
+        found: dict[str, str] = {}
+        for folder in filter(None, self.value("LD_LIBRARY_PATH").split(os.pathsep)):
+            with contextlib.suppress(OSError):
+                for name in os.listdir(folder):
+                    found.setdefault(name, folder)
+        return found
 
 
 class Scripts:

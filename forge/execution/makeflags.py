@@ -59,7 +59,10 @@ def read_make_flags(text: str) -> MakeFlags:
     rest = [word for flag in rest if (word := _without_pretence(flag))]
     if separator:
         rest += ["--", *variables.split()]
-    return MakeFlags(_whole(values.get("j")), _number(values.get("l")), values.get("auth"), tuple(rest))
+    count, load = values.get("j", ""), values.get("l")
+    # '-j' alone means unlimited.
+    jobs = int(count) or None if _WHOLE.fullmatch(count) else None
+    return MakeFlags(jobs, float(load) if load else None, values.get("auth"), tuple(rest))
 
 
 def _jobs_or_load(flag: str, *, first: bool) -> tuple[str, str, str] | None:
@@ -86,12 +89,3 @@ def _without_pretence(flag: str) -> str:
 
 def _next_number(flags: list[str]) -> str:
     return flags.pop(0) if flags and _NUMBER.fullmatch(flags[0]) else ""
-
-
-def _whole(text: str | None) -> int | None:
-    """Return the number of jobs, or None for '-j' alone, which means unlimited."""
-    return int(text) if text and _WHOLE.fullmatch(text) and int(text) else None
-
-
-def _number(text: str | None) -> float | None:
-    return float(text) if text else None

@@ -22,9 +22,7 @@ from forge.build.build_dir import (
     saved_during_build,
 )
 from forge.build.build_types import build_type_of
-from forge.build.copies import status_of
 from forge.build.deferred import defer_build, tests_need_build
-from forge.build.inputs.depfiles import reported_inputs
 from forge.build.inputs.fingerprints import (
     contents_of,
     digest_of,
@@ -32,16 +30,14 @@ from forge.build.inputs.fingerprints import (
     fingerprint_files,
     fingerprint_tree,
 )
-from forge.build.inputs.native_graph import read_native_graph
-from forge.build.installation import InstalledFiles
-from forge.build.installed_files import remove_stale, set_file_times
+from forge.build.inputs.native_graph import read_native_graph, reported_inputs
+from forge.build.installation import InstalledFiles, remove_stale, set_file_times
 from forge.build.installed_lists import package_markers, write_installed_list
 from forge.build.model import BuildRecord
 from forge.build.observed_writes import read_steps
 from forge.build.prefix import PrefixExchange, written_log
-from forge.build.records import UNPLANNED, FolderRecord, add_commands, complete_record
+from forge.build.records import FolderRecord, add_commands, complete_record
 from forge.build.reuse import Reuse
-from forge.build.tasks import StepKind
 from forge.build.up_to_date import TARGET, UMASK, UNKNOWN
 from forge.engine.commands import NOT_OBSERVED, is_for_this_processor
 from forge.engine.variables import FOR_COMPILERS
@@ -61,7 +57,6 @@ if TYPE_CHECKING:
     from forge.base.errors import Problem
     from forge.base.frozen import Pairs
     from forge.base.layout import Layout
-    from forge.build.inputs.fingerprints import Stats
     from forge.build.inputs.native_graph import NativeGraph
     from forge.build.model import BuildRecord
     from forge.build.observed_writes import ObservedSteps
@@ -101,7 +96,6 @@ class TaskSetup(TaskLifecycle):
     _begun: dict[str, tuple[FolderRecord | None, FolderRecord]] = field(default_factory=dict)
     """The last record of each build folder that is being built in, and that of this build."""
     _steps: dict[str, ObservedSteps] = field(default_factory=dict)
-    _earlier_steps: dict[str, ObservedSteps] = field(default_factory=dict)
     _observed: dict[str, ObservedCommands] = field(default_factory=dict)
     _detected: dict[str, frozenset[str]] = field(default_factory=dict)
     """The inputs of the compiler detection whose results were copied into a build folder."""
@@ -143,8 +137,7 @@ class TaskSetup(TaskLifecycle):
         state, build, inputs = self.state, task.build_dir, task.inputs
         source, records = str(state.source(task)), state.journal.records
         last = last_record(build)
-        found, sources = fingerprint_tree(source, state.table, last=lambda: last.settled if last else {})
-        stamp = found.stamp if found.digest == task.sources.digest else UNPLANNED
+        found, sources = fingerprint_tree(source, state.table)
         pairs = map("=".join, (*inputs.tools, *inputs.environment, *set_by_needs))
         # Outputs of other targets, or with other permissions, would remain in the folder.
         whole = (option for option in inputs.options if option.startswith((TARGET, UMASK)))
@@ -154,7 +147,7 @@ class TaskSetup(TaskLifecycle):
             shape=digest_strings(*inputs.options, inputs.underlays),
             needs={need: each.installed.digest if each else UNKNOWN for need, each in needs},
             sources=sources,
-            stamp=stamp,
+            unplanned=found.digest != task.sources.digest,
         )
         from_empty = task.from_empty or self.audit is not None
         reuse, record = prepare_build_dir(
@@ -192,20 +185,18 @@ class TaskSetup(TaskLifecycle):
         steps = self._read_steps(task)
         again = staging.in_place(task, self.layout, steps, failed)
         if again is not None:
+            self._record_commands(task)
             if again.prepared:
-                # The install step runs once more.
-                self._earlier_steps[task.name] = self._steps.pop(task.name).without(StepKind.INSTALL.value)
-            else:
-                self._record_commands(task)
+                # Only the install step runs once more.
+                last, begun = self._begun[task.name]
+                self._begun[task.name] = last, replace(begun, commands=self._observed[task.name])
             staging.end(task, self.layout)
         return again
 
     def _read_steps(self, task: Task) -> ObservedSteps:
         """Return the observations of the steps of a package, which have ended."""
         if task.name not in self._steps:
-            steps = read_steps(written_log(task.name, self.layout))
-            earlier = self._earlier_steps.pop(task.name, None)
-            self._steps[task.name] = earlier.followed_by(steps) if earlier else steps
+            self._steps[task.name] = read_steps(written_log(task.name, self.layout))
         return self._steps[task.name]
 
     def _back_up(self, task: Task) -> None:
@@ -232,12 +223,11 @@ class TaskSetup(TaskLifecycle):
             exchange.announce(paths)
             files, empty = self.cache.restore(task, found)
             staging.forget_sources(task)
-            known = {path: status for path, status in files.items() if status is not None}
-            stats = set_file_times(task, tuple(files), self.layout, self.state.table, known)
-            installed = InstalledFiles(tuple(files), empty)
+            set_file_times(task, files, self.layout, self.state.table, restored=True)
+            installed = InstalledFiles(files, empty)
             # The build folder does not belong to the record: the next build starts from empty.
             record = replace(
-                self._record(task, installed, stats, found.externals, found.external),
+                self._record(task, installed, found.externals, found.external),
                 seconds=found.tree.seconds,
                 tree=found.tree.digest,
             )
@@ -278,10 +268,8 @@ class TaskSetup(TaskLifecycle):
         if task.stage:
             self.kept.extend(staging.remove_other_stale(task, self.layout, installed))
         build = task.build_dir
-        if task.stage:  # unchanged files were not touched
-            stats: Stats = {path: status for path in installed.files if (status := status_of(path))}
-        else:
-            stats = set_file_times(task, installed.files, self.layout, self.state.table)
+        if not task.stage:  # in a stage, unchanged files were not touched
+            set_file_times(task, installed.files, self.layout, self.state.table)
         prefixes = map(self.layout.prefix, (task.name, *task.needs))
         declared = (self.state.source(task), build, self.layout.build / TOOLCHAIN_DIR, *prefixes)
         graph = read_native_graph(build)
@@ -307,10 +295,10 @@ class TaskSetup(TaskLifecycle):
         complete_record(build, externals, saved, generated_digest(build), products_of(build, observed))
         names = (path.removeprefix(f"{source}/") for path in sorted(saved))
         record = replace(
-            self._record(task, installed, stats, tuple(externals), digest_of(externals, externals)),
+            self._record(task, installed, tuple(externals), digest_of(externals, externals)),
             began=begun.began / 1e9,
             # The cache key has the sources as planned.
-            saved=(*names, *((str(task.package.path),) if begun.stamp == UNPLANNED else ())),
+            saved=(*names, *((str(task.package.path),) if begun.unplanned else ())),
             from_empty=begun.from_empty,
             read_from=self._owners_of(task, externals),
         )
@@ -338,20 +326,14 @@ class TaskSetup(TaskLifecycle):
             add_commands(build, commands)
 
     def _record(
-        self,
-        task: Task,
-        installed: InstalledFiles,
-        stats: Stats,
-        externals: tuple[str, ...],
-        external: str,
+        self, task: Task, installed: InstalledFiles, externals: tuple[str, ...], external: str
     ) -> BuildRecord:
-        """Remove stale files and return the record; `stats` are those of some files."""
+        """Remove stale files and return the record."""
         files, paths = installed.files, (*installed.files, *installed.folders)
         state = self.state
         remove_stale(task, files, self.layout, state.journal.records)
-        state.scripts.end(task.name, files, stats)
-        contents = contents_of(paths, state.table, stats)
-        found = fingerprint_files(paths, state.table, stats=stats, contents=contents)
+        state.scripts.end(task.name, files)
+        found, contents = fingerprint_files(paths, state.table)
         state.installed_states.keep(task.name, found.digest, contents)
         own = {path: contents[path] for path in files}
         unclaimed, root = installed.unclaimed, str(state.root)

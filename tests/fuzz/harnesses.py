@@ -19,9 +19,8 @@ from forge.base.files import write_if_changed
 from forge.base.layout import Layout
 from forge.build.build_dir import last_record, prepare_build_dir
 from forge.build.compile_commands import merge_compile_commands
-from forge.build.inputs.depfiles import reported_inputs
 from forge.build.inputs.fingerprints import FileTable
-from forge.build.inputs.native_graph import read_native_graph
+from forge.build.inputs.native_graph import read_native_graph, reported_inputs
 from forge.build.installed_lists import listed_files
 from forge.build.installed_states import InstalledStates
 from forge.build.journal import Journal

@@ -32,9 +32,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
-    Stats = Mapping[str, os.stat_result]
-    """Stats of files by path."""
-
 VERSION = 2
 RACY_NANOSECONDS = 20_000_000
 """Two ticks of the slowest kernel clock, the resolution of file times."""
@@ -46,9 +43,6 @@ DIR_LISTING_SUFFIX = "/."
 
 _BLOCK = 1 << 20
 """Bytes to read at a time; a file may be larger than the memory."""
-
-_NO_STATS: Stats = {}
-_NO_CONTENTS: Mapping[str, str] = {}
 
 _RESULTS = frozenset({".built_by", LAYOUT_MARKER, "latest_build"})
 """Beside COLCON_IGNORE, these mark build, install and log folders, which may lie within a package."""
@@ -146,18 +140,6 @@ class FileTable:
         self._own_files.add(path)
         self._changed = True
 
-    def known(self, path: str, status: os.stat_result) -> str:
-        """Return the recorded content digest of a file with this stat, or ''."""
-        stat_text, digest = self._load().get(path, ("", ""))
-        return digest if stat_text == _stat_text(status) else ""
-
-    def forget_others(self, paths: Collection[str]) -> None:
-        """Remove all entries except `paths`, so that a table shared by many builds does not grow."""
-        known = self._load()
-        for path in known.keys() - paths:
-            del known[path]
-            self._changed = True
-
     def save(self) -> None:
         """Write the table if it has changed."""
         if self._changed and self._known is not None:
@@ -178,15 +160,11 @@ class FileTable:
 
 
 def fingerprint_tree(
-    root: str,
-    table: FileTable,
-    known: Fingerprint | None = None,
-    last: Callable[[], Manifest] = dict,
+    root: str, table: FileTable, known: Fingerprint | None = None
 ) -> tuple[Fingerprint, Manifest]:
     """Return the fingerprint of the source tree at `root`, and the state of each source.
 
-    If the stamp is the `known` one, no contents are read, and no states are returned. `last` returns earlier
-    states, whose contents are known if their stats are the same.
+    If the stamp is the `known` one, no contents are read, and no states are returned.
     """
     started, cut = time.time_ns(), len(root) + 1
     entries = [(path, status, _stats(path, status)) for path, status, _ in _walk(root)]
@@ -202,34 +180,25 @@ def fingerprint_tree(
     stamp = _digest(lines.encode(errors="surrogateescape")) if is_stable else ""
     if known is not None and stamp and known.stamp == stamp:
         return known, {}
-    then, manifest = last(), {}
-    for path, status, stats in entries:
-        state = then.get(path)
-        same = state is not None and state.stats == stats
-        manifest[path] = state if state and same else FileState(stats, _content(path, status, table))
+    manifest = {path: FileState(stats, _content(path, status, table)) for path, status, stats in entries}
     lines = "".join(f"{path[cut:]}\0{state.content}\n" for path, state in manifest.items())
     return Fingerprint(stamp, _digest(lines.encode(errors="surrogateescape"))), manifest
 
 
 def fingerprint_files(
-    paths: Sequence[str],
-    table: FileTable,
-    known: Fingerprint | None = None,
-    stats: Stats = _NO_STATS,
-    contents: Mapping[str, str] = _NO_CONTENTS,
-) -> Fingerprint:
-    """Return the fingerprint of `paths` in this order; missing files are part of it.
+    paths: Sequence[str], table: FileTable, known: Fingerprint | None = None
+) -> tuple[Fingerprint, dict[str, str]]:
+    """Return the fingerprint of `paths` in this order, and their contents; missing files are part of it.
 
-    `stats` may provide stats of some files that were just taken, and `contents` what `contents_of` has just
-    returned for all.
+    If the stamp is the `known` one, no contents are read and returned.
     """
-    entries = [(path, stats.get(path) or _status(path)) for path in paths]
+    entries = [(path, _status(path)) for path in paths]
     lines = "".join(f"{path}\0{_stats(path, status)}\n" for path, status in entries)
     stamp = _digest(lines.encode(errors="surrogateescape"))
     if known is not None and known.stamp == stamp:
-        return known
-    found = contents or {path: _content(path, status, table) for path, status in entries}
-    return Fingerprint(stamp, digest_of(paths, found))
+        return known, {}
+    contents = {path: _content(path, status, table) for path, status in entries}
+    return Fingerprint(stamp, digest_of(paths, contents)), contents
 
 
 def tree_stats(root: str) -> dict[str, str]:
@@ -268,12 +237,9 @@ def stamp_inputs(inputs: Iterable[str], table: FileTable) -> str:
     return digest_strings(stamp_files(each for each in inputs if each.startswith("/")), *answers)
 
 
-def contents_of(paths: Iterable[str], table: FileTable, stats: Stats = _NO_STATS) -> dict[str, str]:
-    """Return mode and content digest of each file as text, and the answer to each question.
-
-    `stats` may provide stats that were just taken.
-    """
-    return {path: _content(path, stats.get(path) or _status(path), table) for path in paths}
+def contents_of(paths: Iterable[str], table: FileTable) -> dict[str, str]:
+    """Return mode and content digest of each file as text, and the answer to each question."""
+    return {path: _content(path, _status(path), table) for path in paths}
 
 
 def digest_of(paths: Iterable[str], contents: Mapping[str, str]) -> str:

@@ -13,10 +13,6 @@ _RUNNERS = "test runners"
 _TIMES: dict[str, Any] = {"default": 0, "parse": int, "metavar": "N", "conflicts": "retest"}
 
 
-def _absolute(path: str) -> Path:
-    return Path(path).absolute()
-
-
 @frozen
 class TestOptions:
     GROUP = "test options"
@@ -24,7 +20,9 @@ class TestOptions:
     __test__ = False  # pytest collects classes with this prefix
 
     test_result_base: Path | None = option(
-        "folder for result files (default: the build folder)", parse=_absolute, metavar="DIR"
+        "folder for result files (default: the build folder)",
+        parse=lambda path: Path(path).absolute(),
+        metavar="DIR",
     )
     retest_until_fail: int = option("repeat passing tests up to N times, until they fail", **_TIMES)
     retest_until_pass: int = option("repeat failing tests up to N times, until they pass", **_TIMES)

@@ -30,6 +30,7 @@ from forge.base.formats import read_toml
 from forge.base.frozen import frozen
 from forge.base.layout import PACKAGE, SCRATCH_DIR
 from forge.base.options import flag, option
+from forge.build.copies import is_folder
 from forge.build.inputs.fingerprints import source_files
 from forge.build.observed_writes import note_start, note_written
 from forge.build.wheels import setup_install
@@ -37,7 +38,7 @@ from forge.build.wheels.pitfalls import invalid_scripts_of_setup
 from forge.toolchain.python_modules import install_command, setuptools_path
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
 _SETUPTOOLS: dict[str, Any] = {"build-backend": "setuptools.build_meta:__legacy__", "requires": []}
 _BACKENDS_OF_SETUPTOOLS = frozenset({"setuptools.build_meta", "setuptools.build_meta:__legacy__"})
@@ -164,8 +165,12 @@ def run_setup_install(options: WheelInstall, scripts: str | None) -> tuple[tuple
     finally:
         delete_tree(backend.folder)
         # setuptools also lists folders: those of `data_files` without files.
-        listed = _respelled(map(os.path.normpath, listed_paths(log)), options.prefix)
-        installed = sorted(path for path in listed if _is_file(path))
+        paths, prefix = {*map(os.path.normpath, listed_paths(log))}, str(options.prefix)
+        # A package may have resolved links.
+        real = f"{os.path.realpath(prefix)}/"
+        paths = {path.replace(real, f"{prefix}/", 1) if path.startswith(real) else path for path in paths}
+        inside = (path for path in paths if path.startswith(f"{prefix}/"))
+        installed = sorted(path for path in inside if os.path.lexists(path) and not is_folder(path))
         # After a failure, too, so that installed files are removed.
         for path in installed:
             note_written(path)
@@ -174,11 +179,6 @@ def run_setup_install(options: WheelInstall, scripts: str | None) -> tuple[tuple
         for listing in filter(lambda path: path.name == "SOURCES.txt", map(Path, installed)):
             replace_file(listing, read_file(listing).replace(os.fsencode(f"{egg_base}/"), b""))
     return tuple(map(Path, installed)), backend.output
-
-
-def _is_file(path: str) -> bool:
-    """Return whether a path is a file, or a link to anything."""
-    return os.path.lexists(path) and (os.path.islink(path) or not os.path.isdir(path))  # noqa: PTH112, PTH114  (each installed file: no Path for each)
 
 
 def _setup_fault(code: int, outside: str, options: WheelInstall) -> HostError | WorkspaceError:
@@ -302,14 +302,6 @@ class _Backend:
         print(progress, end="", flush=True)
         print(failure, end="", file=sys.stderr)
         done.check_returncode()
-
-
-def _respelled(paths: Iterable[str], folder: Path) -> set[str]:
-    """Return the paths below a folder, which may lead there through links, in the spelling of the folder."""
-    homes = {f"{folder}{os.sep}", f"{os.path.realpath(folder)}{os.sep}"}
-    return {
-        f"{folder}{os.sep}{path[len(home) :]}" for home in homes for path in paths if path.startswith(home)
-    }
 
 
 def _non_utf8_names(source: Path) -> Iterator[Problem]:

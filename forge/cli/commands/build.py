@@ -18,7 +18,7 @@ from forge.base.templating import keep_compiled
 from forge.base.text import counted, listed
 from forge.build.folder_marks import create_output_folders, mark_layout
 from forge.build.model import Snapshot
-from forge.build.stale_packages import stale_package_warnings
+from forge.build.preflight import stale_package_warnings
 from forge.build.state import BuildState
 from forge.build.tasks import BuildPlan, step_line
 from forge.cli.build_options import BuildOptions
@@ -105,7 +105,7 @@ def _print_plan(plan: BuildPlan, snapshot: Snapshot, build: PreparedBuild) -> No
     """
     options, mode, packages = build.options, build.mode, build.loaded.packages
     if plan.tasks and not mode.quiet:
-        from forge.build.announcing import announcements
+        from forge.build.preflight import announcements
 
         for line in announcements(plan, snapshot):
             print(line, file=sys.stderr, flush=True)

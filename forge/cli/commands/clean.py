@@ -21,7 +21,7 @@ from forge.build.compile_commands import merge_compile_commands
 from forge.build.folder_marks import bases_of, is_own_build_base, is_own_install_base, recorded_layout
 from forge.build.installation import finish_workspace
 from forge.build.journal import Journal, open_journal
-from forge.build.stale_packages import is_removed_package
+from forge.build.preflight import is_removed_package
 from forge.cli import options as shared
 from forge.cli.options import FolderOptions, OptionSources
 from forge.cli.preparation import build_variables, check_bases

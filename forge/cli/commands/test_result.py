@@ -118,7 +118,7 @@ def _sum(outcomes: Sequence[Outcome]) -> Counts:
 def _gone(base: Path) -> frozenset[str]:
     """Return the packages built below `base` that are no longer in the workspace."""
     from forge.build.journal import open_journal
-    from forge.build.stale_packages import is_removed_package
+    from forge.build.preflight import is_removed_package
     from forge.workspace.discovery import discover
 
     lost = {

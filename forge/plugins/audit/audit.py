@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING
 from forge.base.frozen import frozen
 from forge.base.layout import BACKUP_DIR, PACKAGE, own_folders
 from forge.base.text import counted
-from forge.build.inputs.depfiles import cmake_root
-from forge.build.inputs.native_graph import Edge, EdgeFinder
+from forge.build.inputs.native_graph import Edge, EdgeFinder, cmake_root
 from forge.build.tasks import StepKind
 from forge.engine.commands import CACHED_BYTECODE
 from forge.environment.prefixes import find_underlays
