@@ -178,19 +178,21 @@ class Library:
     def definitions(self, package: str) -> dict[tuple[str, str], tuple[Path, str]]:
         """Return folder and path of each definition of a package, by kind and name.
 
-        A package of the workspace has those of its sources, and those generated ones that were installed.
+        A package of the workspace has those that its last build was given, before it those of its sources.
         """
         if package not in self._definitions:
-            places: dict[tuple[str, str], tuple[Path, str]] = {}
-            for folder in filter(None, (self.folder(package), self.built.get(package))):
-                for relative, base in definition_files(folder, self.rosdistro).items():
-                    places.setdefault(_key(relative), (base, relative))
+            folder, built = self.folder(package), self.built.get(package)
+            found = definition_files(folder, self.rosdistro) if folder else {}
+            places = {_key(relative): (base, relative) for relative, base in found.items()}
+            if built and (listed := _listed(built)):
+                # Errors are shown in the sources.
+                places = {key: places.get(key, (built, path)) for path in listed for key in (_key(path),)}
             self._definitions[package] = places
         return self._definitions[package]
 
     def folder(self, package: str) -> Path | None:
         """Return the folder with the msg, srv and action folders of a package."""
-        folders = [self.includes[package]] if package in self.includes else []
+        folders = [each[package] for each in (self.includes, self.built) if package in each]
         folders += [prefix / "share" / package for prefix in self.prefixes]
         folders += [self.embedded / package] if self.embedded else []
         return next((each for each in folders if _has_interfaces(each, self.rosdistro)), None)

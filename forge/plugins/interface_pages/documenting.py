@@ -51,6 +51,8 @@ def make_site(options: Options, default: Path) -> int:
     root = find_root(Path.cwd(), Path.home())
     found = discover(root, ["."], os.environ)
     print_warnings(found.problems)
+    install = find_install(root, Path.home())
+    built = _installed(install, found.packages)
     packages = {
         name: package
         for name, package in found.packages.items()
@@ -58,7 +60,7 @@ def make_site(options: Options, default: Path) -> int:
             INTERFACE_GROUP in package.manifest.groups
             or any(each.name == GENERATORS for each in package.manifest.dependencies)
         )
-        and definition_files(found.root / package.path)
+        and (name in built or definition_files(found.root / package.path))
     }
     folders = {name: root / package.path for name, package in packages.items()}
     folders |= {name: Path(folder) for name, folder in options.others.includes}
@@ -73,14 +75,13 @@ def make_site(options: Options, default: Path) -> int:
     if any((root / each.path).resolve().is_relative_to(out.resolve()) for each in found.packages.values()):
         message = "the output folder contains packages, which discovery would then ignore"
         raise ForgeError(Problem(message, Location(out), "choose a separate folder with --output"))
-    install = find_install(root, Path.home())
     underlays = underlay_prefixes(install) if install else ()
     sourced = (*prefixes(os.environ), *underlays)
     library = Library(
         includes=folders,
         prefixes=sourced,
         rosdistro=distribution_of(options.others.rosdistro),
-        built=_installed(install, packages),
+        built=built,
     )
     whole = _wanted(options, folders, library)
     results = [_attempt(name, library) for name in whole]
