@@ -12,7 +12,6 @@ forge.build.prefix, as they are without the library.
 from __future__ import annotations
 
 import contextlib
-import filecmp
 import json
 import os
 import stat
@@ -23,7 +22,8 @@ from typing import TYPE_CHECKING, Any
 from forge.base.files import BYTECODE, capabilities, listed_paths, remove_tree, replace_file, tree_below
 from forge.base.layout import INSTALLED_STATES_DIR, SCRATCH_DIR
 from forge.base.text import digest
-from forge.build.copies import is_folder, status_of
+from forge.build.copies import is_folder, is_same_file, status_of
+from forge.build.inputs.fingerprints import file_state
 from forge.build.install_scripts import folder_modes, installed_entries, read_install_scripts
 from forge.build.installation import InstalledFiles
 from forge.build.installed_lists import (
@@ -212,7 +212,7 @@ def next_install(step: Step, task: Task) -> Step:
     now: dict[str, Any] = {"scripts": digest(scripts.digest if scripts else "", *map("=".join, step.env))}
     now["code"] = not step.prefix and (scripts is None or scripts.rules is None)
     if entries is not None and scripts and scripts.rules is not None:
-        now["sources"] = {path: _state(source) for path, (_, source) in entries.items()}
+        now["sources"] = {path: file_state(source) for path, (_, source) in entries.items()}
         now["modes"] = folder_modes(scripts.rules)
     changed = _changed(read_json(notes), now) if step.stage else None
     following.parent.mkdir(parents=True, exist_ok=True)
@@ -256,15 +256,6 @@ def _calls_for(changed: Iterable[str], entries: Mapping[str, tuple[InstallRule, 
         kind = "DIRECTORY" if is_folder(source) else "FILE"
         yield f'file(INSTALL DESTINATION {where} TYPE {kind}{renamed} FILES "{source}")\n'
     yield from blocks
-
-
-def _state(path: str) -> list[int]:
-    status = status_of(path)
-    if status is None:  # somebody else's temporary file
-        return []
-    if stat.S_ISDIR(status.st_mode):
-        return [status.st_mode]
-    return [status.st_mode, status.st_size, status.st_mtime_ns, status.st_ctime_ns, status.st_ino]
 
 
 # After the steps
@@ -406,7 +397,5 @@ def _is_same(path: str, other: str) -> bool:
     one, two = os.lstat(path), status_of(other)
     if two is None or (one.st_mode, one.st_uid, one.st_gid) != (two.st_mode, two.st_uid, two.st_gid):
         return False
-    if stat.S_ISLNK(one.st_mode):
-        return os.readlink(path) == os.readlink(other)
-    is_same = stat.S_ISREG(one.st_mode) and filecmp.cmp(path, other, shallow=False)
-    return is_same and capabilities(path) == capabilities(other)
+    is_link = stat.S_ISLNK(one.st_mode)
+    return is_same_file(path, Path(other)) and (is_link or capabilities(path) == capabilities(other))

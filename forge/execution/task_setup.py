@@ -96,7 +96,6 @@ class TaskSetup(TaskLifecycle):
     _begun: dict[str, tuple[FolderRecord | None, FolderRecord]] = field(default_factory=dict)
     """The last record of each build folder that is being built in, and that of this build."""
     _steps: dict[str, ObservedSteps] = field(default_factory=dict)
-    _observed: dict[str, ObservedCommands] = field(default_factory=dict)
     _detected: dict[str, frozenset[str]] = field(default_factory=dict)
     """The inputs of the compiler detection whose results were copied into a build folder."""
 
@@ -185,11 +184,11 @@ class TaskSetup(TaskLifecycle):
         steps = self._read_steps(task)
         again = staging.in_place(task, self.layout, steps, failed)
         if again is not None:
-            self._record_commands(task)
+            commands = self._record_commands(task)
             if again.prepared:
                 # Only the install step runs once more.
                 last, begun = self._begun[task.name]
-                self._begun[task.name] = last, replace(begun, commands=self._observed[task.name])
+                self._begun[task.name] = last, replace(begun, commands=commands)
             staging.end(task, self.layout)
         return again
 
@@ -253,7 +252,7 @@ class TaskSetup(TaskLifecycle):
         packages = self.resolution.packages
         needs |= {need for need in self.resolution.needs[task.name] if packages[need].embedded}
         is_observed = self._read_steps(task).complete
-        self._record_commands(task)
+        observed = self._record_commands(task)
         if task.stage:
             installed, kept = staging.commit(task, self.layout)
             self.kept.extend(kept)
@@ -274,7 +273,6 @@ class TaskSetup(TaskLifecycle):
         declared = (self.state.source(task), build, self.layout.build / TOOLCHAIN_DIR, *prefixes)
         graph = read_native_graph(build)
         reported = reported_inputs(build, graph, declared)
-        observed = self._observed.pop(task.name, NOT_OBSERVED)
         asked = [question for question, _ in observed.answers]
         # Plugins whose builds forge stages, such as cargo's, report their files themselves.
         every = () if build_type_of(task.package).staged else observed.all
@@ -307,12 +305,12 @@ class TaskSetup(TaskLifecycle):
         self._commit(task)
         return self.cache.keep(task, record) if self.cache else record
 
-    def _record_commands(self, task: Task) -> None:
+    def _record_commands(self, task: Task) -> ObservedCommands:
         """Record what the steps of a package have read and written, successful or not."""
         build, begun = task.build_dir, self._begun.get(task.name)
         steps = self._read_steps(task)
         del self._steps[task.name]
-        commands = self._observed[task.name] = observed_commands(
+        commands = observed_commands(
             steps,
             build,
             self.state.source(task),
@@ -324,6 +322,7 @@ class TaskSetup(TaskLifecycle):
         )
         if begun and commands is not NOT_OBSERVED:
             add_commands(build, commands)
+        return commands
 
     def _record(
         self, task: Task, installed: InstalledFiles, externals: tuple[str, ...], external: str
