@@ -13,6 +13,7 @@ import time
 from collections import Counter
 from contextlib import nullcontext
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -117,11 +118,11 @@ class TaskRunner:
                 record = lifecycle.restore(task)
                 if record is None:
                     task = lifecycle.staged(task)
-                    failure = self._run_steps(task, self._open(task), put)
+                    failure = self.executor.run(task, self._open(task), put, partial(self._restart, task))
                     failed_step = failure.step if isinstance(failure, Finished) else None
                     if again := lifecycle.unstaged(task, failed_step, stopped=isinstance(failure, Aborted)):
                         task = again
-                        failure = self._run_steps(task, self._open(task), put)
+                        failure = self.executor.run(task, self._open(task), put, partial(self._restart, task))
                     if failure is not None:
                         failure = replace(failure, seconds=time.monotonic() - started)
                         lifecycle.check(task)
@@ -138,11 +139,6 @@ class TaskRunner:
                 lifecycle.undo(task)
             put(error)
             put(Aborted(task.name, 0.0))
-
-    def _run_steps(
-        self, task: Task, environment: Mapping[str, str], put: Callable[[Event], None]
-    ) -> Finished | Aborted | None:
-        return self.executor.run(task, environment, put, lambda: self._restart(task))
 
     def _open(self, task: Task) -> Mapping[str, str]:
         """Prepare the first step; return the environment of the steps."""
