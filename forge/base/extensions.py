@@ -48,6 +48,7 @@ OWN: Mapping[str, Mapping[str, str]] = {
         "c": "forge.plugins.c_target.target",
         "docs": "forge.plugins.interface_pages.markdown",
         "jsonschema": "forge.plugins.json_schema.target",
+        "typescript": "forge.plugins.typescript.target",
     },
     VERBS: {
         "diff": "forge.plugins.interface_versions.diff",

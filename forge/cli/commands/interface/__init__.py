@@ -131,7 +131,7 @@ def register(parser: Parser) -> None:
     add_verb(verbs, "hash", summary, _HashOptions, _hash)
     summary = "print a definition with all definitions it refers to, as stored in MCAP and rosbag2 files"
     add_verb(verbs, "schema", summary, _SchemaOptions, _schema)
-    summary = "compile definitions to Python, C++, C, IDL, JSON, JSON Schema or Markdown"
+    summary = "compile definitions to Python, C++, C, IDL, JSON, JSON Schema, TypeScript or Markdown"
     add_verb(verbs, "generate", summary, _GenerateOptions, _generate, fromfile_prefix_chars="@")
     asked = next((word for word in parser.words if not word.startswith("-")), None)
     # Builds wait for 'generate': it imports no plugins.
@@ -289,7 +289,7 @@ class _GenerateOptions:
         metavar="DIR",
     )
     languages: tuple[str, ...] | None = option(
-        "output to generate: python, cpp, c, idl, json, jsonschema or docs; repeatable (default: "
+        "output to generate: python, cpp, c, idl, json, jsonschema, typescript or docs; repeatable (default: "
         f"{' and '.join(_DEFAULT_LANGUAGES)})",
         flag="--lang",
         repeats=True,
