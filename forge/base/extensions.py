@@ -48,6 +48,7 @@ OWN: Mapping[str, Mapping[str, str]] = {
         "c": "forge.plugins.c_target.target",
         "docs": "forge.plugins.interface_pages.markdown",
         "jsonschema": "forge.plugins.json_schema.target",
+        "protobuf": "forge.plugins.protobuf.target",
         "typescript": "forge.plugins.typescript.target",
     },
     VERBS: {
@@ -90,6 +91,7 @@ _EXTRAS = {
     "dask": "dask",
     "fetch": "fetch",
     "lsp": "lsp",
+    "protobuf": "protobuf",
     "remote_cache": "remote",
     "system_deps": "rosdep",
 }

@@ -289,8 +289,8 @@ class _GenerateOptions:
         metavar="DIR",
     )
     languages: tuple[str, ...] | None = option(
-        "output to generate: python, cpp, c, idl, json, jsonschema, typescript or docs; repeatable (default: "
-        f"{' and '.join(_DEFAULT_LANGUAGES)})",
+        "output to generate: python, cpp, c, idl, json, jsonschema, protobuf, typescript or docs; "
+        f"repeatable (default: {' and '.join(_DEFAULT_LANGUAGES)})",
         flag="--lang",
         repeats=True,
         metavar="LANG",
