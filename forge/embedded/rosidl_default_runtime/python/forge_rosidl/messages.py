@@ -11,7 +11,7 @@ from array import array
 from contextlib import suppress
 from copy import copy
 from types import FunctionType
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, cast
 
 if TYPE_CHECKING:
     from enum import IntEnum
@@ -123,8 +123,9 @@ class Message:
     @classmethod
     def get_constants(cls) -> dict[str, Any]:
         """Return the constants of the definition by their names, without the defaults of fields."""
-        found = type(cls)._CONSTANTS
-        return {name: value for name, value in found.items() if not name.endswith("__DEFAULT")}
+        metaclass = cast("type[MessageType]", type(cls))
+        constants = metaclass._CONSTANTS.items()
+        return {name: value for name, value in constants if not name.endswith("__DEFAULT")}
 
     def __eq__(self, other: object) -> bool:
         """Return True if the other is a message of this class with equal fields."""
