@@ -85,7 +85,7 @@ def read_steps(log: Path, kinds: str = ALL_KINDS) -> ObservedSteps:
 
 def read_writes(log: Path, prefix: Path) -> ObservedWrites:
     """Return the writes below a prefix in a log; empty and incomplete without a log."""
-    steps = read_steps(log, kinds="WDUEB")
+    steps = read_steps(log)
     seen = observe(steps.observed.processes, steps.observed.blind)
     real = os.path.realpath(prefix)
 

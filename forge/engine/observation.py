@@ -161,6 +161,21 @@ def read_log(
     `roots` are the processes that forge started, and `more_roots` the number of those it does not know by
     number. Records of other `kinds` are left out.
     """
+    try:
+        with log.open("rb") as file:
+            header = file.read(_HEADER.size)
+            status = os.fstat(file.fileno())
+            state = (status.st_ino, status.st_size, header, roots, more_roots, kinds)
+            if (last := _last_read.get(log)) and last[0] == state:
+                return last[1]
+            end, count, lost, _ = _HEADER.unpack(header)
+            file.seek(_HEADER_BYTES)
+            records = _decoded(file.read(max(0, min(end, LOG_BYTES) - _HEADER_BYTES)))
+    except (OSError, struct.error):
+        return ObservedStep((), ("there is no log",))
+    is_whole = len(records) == count and not lost and end <= LOG_BYTES
+    blind = [] if is_whole else ["the log is incomplete"]
+    wanted = f"POCXFS{kinds}"
     processes: list[Process] = []
     running: dict[int, Process] = {}
     pending = dict.fromkeys(roots, "the step")
@@ -168,8 +183,9 @@ def read_log(
     spawned: dict[int, Process] = {}
     resolve = _resolver()
     last_kind: dict[int, str] = {}
-    records, blind = _records(log, f"POCXFS{kinds}")
     for number, pid, kind, word in records:
+        if kind not in wanted:
+            continue
         process = running.get(pid)
         if process and kind in _OF_PATHS:
             process.records.append((number, kind, resolve(word) if "/.." in word else word))
@@ -214,31 +230,13 @@ def read_log(
             blind.append(what)
         else:
             each.records.append((len(records), "B", what))
-    return ObservedStep(tuple(processes), tuple(blind))
+    step = ObservedStep(tuple(processes), tuple(blind))
+    _last_read[log] = state, step
+    return step
 
 
-def _records(log: Path, kinds: str) -> tuple[list[tuple[int, int, str, str]], list[str]]:
-    """Return the records of some kinds in order, each with its number and its process; and what is lost."""
-    try:
-        with log.open("rb") as file:
-            header = file.read(_HEADER.size)
-            end, count, lost, _ = _HEADER.unpack(header)
-            status = os.fstat(file.fileno())
-            state = (status.st_ino, status.st_size, header)
-            known = _last_read.get(log)
-            if known is None or known[0] != state:
-                file.seek(_HEADER_BYTES)
-                content = file.read(max(0, min(end, LOG_BYTES) - _HEADER_BYTES))
-                known = _last_read[log] = (state, _decoded(content))
-    except (OSError, struct.error):
-        return [], ["there is no log"]
-    records = known[1]
-    is_whole = len(records) == count and not lost and end <= LOG_BYTES
-    return [record for record in records if record[2] in kinds], [] if is_whole else ["the log is incomplete"]
-
-
-_last_read: dict[Path, tuple[tuple[int, int, bytes], list[tuple[int, int, str, str]]]] = {}
-"""The records of logs that still exist, with inode and header: several steps of a build read the same log."""
+_last_read: dict[Path, tuple[tuple[object, ...], ObservedStep]] = {}
+"""What logs that still exist say, with what it was read from: a build asks several times."""
 
 
 def _decoded(content: bytes) -> list[tuple[int, int, str, str]]:

@@ -301,7 +301,7 @@ class TaskSetup(TaskLifecycle):
             read_from=self._owners_of(task, externals),
         )
         if self.audit is not None:
-            self.audit(task, read_steps(written_log(task.name, self.layout), kinds="RWB"), graph)
+            self.audit(task, read_steps(written_log(task.name, self.layout)), graph)
         self._commit(task)
         return self.cache.keep(task, record) if self.cache else record
 
