@@ -5,6 +5,7 @@ import subprocess
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +13,9 @@ import pytest
 
 from forge.base.distributions import EMBEDDED
 from forge.base.files import write_if_changed
-from forge.interfaces.model import Catalog, File, Message, Source
+from forge.interfaces.model import Catalog, File, Message, Source, sections_of
 from forge.interfaces.python import target
+from forge.interfaces.python.types import module_name
 from forge.interfaces.read.parsing import parse_all
 from forge.interfaces.read.sources import Library, read_folder
 from forge.interfaces.resolve.resolution import dependency_catalogs, resolve
@@ -97,6 +99,15 @@ def classes_of(message: Message) -> dict[str, Any]:
     names: dict[str, Any] = {"__name__": str(message.name).replace("/", ".")}
     exec(compile(text, str(message.name), "exec"), names)
     return names
+
+
+def section_classes(catalog: Catalog) -> list[Any]:
+    """Import the classes of all messages, and of the parts of services and actions, of a catalog."""
+    return [
+        getattr(import_module(module_name(interface.name)), part.name.name)
+        for interface in catalog.interfaces.values()
+        for part in sections_of(interface)
+    ]
 
 
 def refused(words: str) -> pytest.RaisesExc[AssertionError]:

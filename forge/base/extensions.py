@@ -45,6 +45,7 @@ OWN: Mapping[str, Mapping[str, str]] = {
         "mixin": "forge.plugins.mixins.command",
     },
     TARGETS: {
+        "arrow": "forge.plugins.arrow.target",
         "c": "forge.plugins.c_target.target",
         "docs": "forge.plugins.interface_pages.markdown",
         "jsonschema": "forge.plugins.json_schema.target",
@@ -87,6 +88,7 @@ PACKAGE_FILES: Mapping[str, str] = {"Cargo.toml": "cargo"}
 """Files that make a folder a package without package.xml, and the build types of plugins that read them."""
 
 _EXTRAS = {
+    "arrow": "arrow",
     "cross": "cross",
     "dask": "dask",
     "fetch": "fetch",

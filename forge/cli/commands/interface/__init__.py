@@ -289,7 +289,7 @@ class _GenerateOptions:
         metavar="DIR",
     )
     languages: tuple[str, ...] | None = option(
-        "output to generate: python, cpp, c, idl, json, jsonschema, protobuf, typescript or docs; "
+        "output to generate: python, cpp, c, idl, json, jsonschema, arrow, protobuf, typescript or docs; "
         f"repeatable (default: {' and '.join(_DEFAULT_LANGUAGES)})",
         flag="--lang",
         repeats=True,
