@@ -97,7 +97,7 @@ def test_fields_have_different_names_in_json(awkward: dict[str, Any]) -> None:
 
 def test_definitions_contain_comments_and_the_original_types() -> None:
     text = (
-        "# About it.\n\nuint8 OK=1  # fine\n# How\nfloat32 v 1.5  # fast [m/s]\n"
+        "# About it.\n\nuint8 OK=1  # fine\nuint8 BAD=2\n# How\nfloat32 v 1.5  # fast [m/s]\n"
         "uint8[<=3] raw\ngeometry_msgs/Point[2] points\n"
     )
     catalog = catalog_of("p", {"msg/M.msg": text})
@@ -117,6 +117,7 @@ import "geometry_msgs/msg/Point.proto";
 message M {
   // fine
   // uint8 OK=1
+  // uint8 BAD=2
 
   // How
   // fast [m/s]
