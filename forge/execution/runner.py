@@ -27,7 +27,7 @@ from forge.execution.jobserver import without_jobserver_notices
 from forge.execution.started import BUILD_FOLDER_VARIABLE, START_VARIABLE
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Iterator, Mapping
 
     from forge.build.events import Event
     from forge.build.tasks import Step, Task
@@ -193,8 +193,14 @@ class LocalExecutor:
                 continue
             if self._stopping.is_set():
                 return Aborted(task.name, 0.0)
-            run = self._install if step.kind is StepKind.INSTALL else self._run_step
-            code = run(task, step, environment, put)
+            # In a merged prefix, an install step that failed beside another one is repeated: CMake makes a
+            # folder, and replaces a file of another package, in several calls.
+            installs = step.kind is StepKind.INSTALL
+            for _ in range(_INSTALLATIONS if installs else 1):
+                with self._installation(task.prefix) if installs else nullcontext(bool) as disturbed:
+                    code = self._run_step(task, step, environment, put)
+                    if not code or self._stopping.is_set() or not disturbed():
+                        break
             if code and self._stopping.is_set() and code < 0:
                 return Aborted(task.name, 0.0)
             if code and step.meaning(code) is None:
@@ -203,27 +209,22 @@ class LocalExecutor:
             tests = StepCondition.TESTS_FAILED if failed else StepCondition.TESTS_PASSED
         return None
 
-    def _install(
-        self, task: Task, step: Step, environment: Mapping[str, str], put: Callable[[Event], None]
-    ) -> int:
-        """Run an install step, again if it failed while another package changed the same merged prefix.
-
-        CMake makes a folder, and replaces a file of another package, in several calls.
-        """
-        for _ in range(_INSTALLATIONS):
-            removed = removed_folders(task.prefix)
+    @contextlib.contextmanager
+    def _installation(self, prefix: Path) -> Iterator[Callable[[], bool]]:
+        """Count an install step; yield a function that tells whether another one has disturbed it."""
+        removed = removed_folders(prefix)
+        with self._lock:
+            others = self._installing[prefix]
+            self._installing[prefix] += 1
+            self._installations[prefix] += 1
+            number = self._installations[prefix]
+        try:
+            yield lambda: bool(
+                others or self._installations[prefix] > number or removed != removed_folders(prefix)
+            )
+        finally:
             with self._lock:
-                others = self._installing[task.prefix]
-                self._installing[task.prefix] += 1
-                self._installations[task.prefix] += 1
-                number = self._installations[task.prefix]
-            code = self._run_step(task, step, environment, put)
-            with self._lock:
-                self._installing[task.prefix] -= 1
-                others += self._installations[task.prefix] - number
-            if not code or self._stopping.is_set() or not (others or removed != removed_folders(task.prefix)):
-                break
-        return code
+                self._installing[prefix] -= 1
 
     def finish_steps(self) -> None:
         self._stopping.set()
