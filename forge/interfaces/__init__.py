@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Types",
     "cpp",
+    "enumerations",
     "hashing",
     "idl",
     "load",

@@ -14,8 +14,15 @@ from forge.interfaces.model import Field, Message, Primitive, element_of
 from forge.interfaces.read.literals import INTEGER_RANGES
 
 _ANNOTATION = re.compile(r"(?:.*\s)?enum: (?P<prefix>[A-Z][A-Z0-9_]*_)\*\s*")
-_TAKEN = frozenset({"Type", "Ptr", "RawPtr", "SharedPtr", "UniquePtr", "WeakPtr"})
-"""What structures in C++ call other things."""
+_TAKEN = frozenset(
+    {
+        *("False", "None", "True"),
+        *("ContainerAllocator", "Type", "UniquePtrWithDeleter", "ConstUniquePtrWithDeleter"),
+        *(f"{const}{kind}Ptr" for const in ("", "Const") for kind in ("", "Raw", "Shared", "Unique", "Weak")),
+    }
+)
+"""Keywords of Python, and what the structures of C++ call other things."""
+_MACROS = frozenset({"EOF", "INFINITY", "NAN", "NULL"})
 
 
 @frozen
@@ -40,16 +47,19 @@ def enumerations(message: Message) -> Mapping[str, Enumeration]:
         if not prefix or not isinstance(of, Primitive) or of.name not in INTEGER_RANGES or of.name == "octet":
             continue
         low, high = INTEGER_RANGES[of.name]
-        values = {c.name: c.value for c in message.constants if c.name.startswith(prefix)}
-        members = [
-            (_without(prefix, name), value)
-            for name, value in values.items()
-            if isinstance(value, int) and not isinstance(value, bool) and low <= value <= high
+        constants = [each for each in message.constants if each.name.startswith(prefix)]
+        values = [
+            each.value
+            for each in constants
+            if isinstance(each.value, int) and each.type != Primitive("boolean") and low <= each.value <= high
         ]
-        if members and len(members) == len(values):
+        if constants and len(values) == len(constants):
+            names = [_without(prefix, each.name) for each in constants]
+            if len({*names}) < len(names):
+                names = [each.name for each in constants]
             name = "".join(word.capitalize() for word in prefix.lower().split("_"))
             name += "Enum" * (name in _TAKEN or any(name == constant.name for constant in message.constants))
-            found[field.name] = Enumeration(name, of, tuple(members))
+            found[field.name] = Enumeration(name, of, tuple(zip(names, values, strict=True)))
     return found
 
 
@@ -71,6 +81,6 @@ def _prefix(field: Field) -> str:
 
 
 def _without(prefix: str, name: str) -> str:
-    """Return a name without the prefix, unless that would not be a name."""
+    """Return a name without the prefix, unless that would not be a name, or be a macro of C."""
     short = name.removeprefix(prefix)
-    return short if short[:1].isalpha() else name
+    return short if short[:1].isalpha() and short not in _MACROS else name

@@ -49,7 +49,7 @@ def definition_files(folder: Path, rosdistro: str = distributions.OLDEST) -> dic
 def _listed(share: Path) -> list[str] | None:
     """Return the definitions that the ament index lists for an installed package, None without an entry."""
     try:
-        text = (share.parents[1] / INDEX / "rosidl_interfaces" / share.name).read_text(encoding="utf-8")
+        text = _index_entry(share).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError, IndexError):
         return None
     paths = [path for path in text.split("\n") if path.rpartition(".")[2] in ENDINGS]
@@ -59,11 +59,18 @@ def _listed(share: Path) -> list[str] | None:
     return sorted(_own(path for path in paths if path not in parts and (share / path).is_file())) or None
 
 
+def _index_entry(share: Path) -> Path:
+    return share.parents[1] / INDEX / "rosidl_interfaces" / share.name
+
+
 def _found(folder: Path) -> list[str]:
     files = [path for kind in SECTIONS for path in (folder / kind).rglob("*") if path.suffix[1:] == kind]
     files += [path for kind in SECTIONS for path in (folder / kind).rglob("*.idl")]
     files += [path for path in folder.glob("*/*.idl") if path.parent.name not in SECTIONS]
-    return sorted(_own(path.relative_to(folder).as_posix() for path in files))
+    # Editors keep locks and copies as hidden files.
+    return sorted(
+        _own(path.relative_to(folder).as_posix() for path in files if not path.name.startswith("."))
+    )
 
 
 def _own(paths: Iterable[str]) -> Iterator[str]:
@@ -178,15 +185,21 @@ class Library:
     def definitions(self, package: str) -> dict[tuple[str, str], tuple[Path, str]]:
         """Return folder and path of each definition of a package, by kind and name.
 
-        A package of the workspace has those that its last build was given, before it those of its sources.
+        A package of the workspace has those that its last build was given, and those of its sources that are
+        newer.
         """
         if package not in self._definitions:
             folder, built = self.folder(package), self.built.get(package)
             found = definition_files(folder, self.rosdistro) if folder else {}
             places = {_key(relative): (base, relative) for relative, base in found.items()}
             if built and (listed := _listed(built)):
+                keys = {_key(path): path for path in listed}
+                when = _index_entry(built).stat().st_mtime_ns
+                for key, (base, path) in places.items():
+                    if (base / path).stat().st_ctime_ns > when:
+                        keys.setdefault(key, path)
                 # Errors are shown in the sources.
-                places = {key: places.get(key, (built, path)) for path in listed for key in (_key(path),)}
+                places = {key: places.get(key, (built, path)) for key, path in keys.items()}
             self._definitions[package] = places
         return self._definitions[package]
 

@@ -15,6 +15,7 @@ from itertools import zip_longest
 
 from forge.base.frozen import frozen
 from forge.base.text import digest
+from forge.interfaces.enumerations import enumerations
 from forge.interfaces.hashing import Hasher
 from forge.interfaces.model import (
     Array,
@@ -113,7 +114,8 @@ def _compared(name: TypeName, old: Version, new: Version) -> Difference | None:
         for each, version in zip(sections, (old, new), strict=True)
     ]
     breaks = {API} if any(change.api for change in changes) else set()
-    breaks |= {WIRE} if wires[0] != wires[1] else set()
+    moved = _contents(sections[0], old.messages) & _contents(sections[1], new.messages) & _moved(old, new)
+    breaks |= {WIRE} if wires[0] != wires[1] or moved else set()
     breaks |= {HASH} if hashes[0] != hashes[1] else set()
     inner = sorted(nested_types(sections[0]) & nested_types(sections[1]))
     hashers = old.hashers[name.package], new.hashers[name.package]
@@ -122,9 +124,37 @@ def _compared(name: TypeName, old: Version, new: Version) -> Difference | None:
     return Difference(name, frozenset(breaks), tuple(changes), hashes) if changes or breaks else None
 
 
+def _moved(old: Version, new: Version) -> frozenset[TypeName]:
+    """Return the messages of both versions in which a field stands at the place of another one."""
+
+    def places(name: TypeName, version: Version) -> dict[str, str]:
+        """Return what precedes each field."""
+        fields = version.messages[name].fields
+        texts = [_encoding(each.type, version.messages, version.encodings) for each in fields]
+        return {each.name: " ".join(texts[:place]) for place, each in enumerate(fields)}
+
+    found = set()
+    for name in old.messages.keys() & new.messages.keys():
+        before, after = places(name, old), places(name, new)
+        if any(before[each] != after[each] for each in before.keys() & after.keys()):
+            found.add(name)
+    return frozenset(found)
+
+
+def _contents(messages: Iterable[Message], known: Mapping[TypeName, Message]) -> set[TypeName]:
+    """Return the names of messages and of all that they contain."""
+    found, waiting = {message.name for message in messages}, [*messages]
+    while waiting:
+        below = nested_types([waiting.pop()]) - found
+        found |= below
+        waiting += [known[name] for name in below]
+    return found
+
+
 def _section_changes(title: str, old: Message, new: Message) -> Iterator[Change]:
     where = f" of the {title}" if title else ""
     yield from _field_changes(where, old, new)
+    yield from _enumeration_changes(where, old, new)
     before, after = ({each.name: each for each in message.constants} for message in (old, new))
     for name in sorted(before.keys() | after.keys()):
         if name not in after:
@@ -134,6 +164,19 @@ def _section_changes(title: str, old: Message, new: Message) -> Iterator[Change]
         elif _constant(before[name]) != _constant(after[name]):
             texts = (f"{_constant(each[name])}" for each in (before, after))
             yield Change(f"constant '{name}'{where}: {' -> '.join(texts)}", api=True)
+
+
+def _enumeration_changes(where: str, old: Message, new: Message) -> Iterator[Change]:
+    before, after = (
+        {each.name: dict(each.members) for each in enumerations(message).values()} for message in (old, new)
+    )
+    for name in sorted(before.keys() | after.keys()):
+        if name not in before:
+            yield Change(f"enumeration '{name}'{where} is new")
+        elif name not in after:
+            yield Change(f"enumeration '{name}'{where} was removed", api=True)
+        elif gone := sorted(before[name].keys() - after[name].keys()):
+            yield Change(f"enumeration '{name}'{where} has no {' and '.join(gone)} any more", api=True)
 
 
 def _constant(constant: Constant) -> str:
@@ -180,7 +223,7 @@ def _changes_of(old: Field, new: Field, where: str, package: str) -> Iterator[Ch
         # The code for a string does not depend on its maximum length.
         api = _without_bound(old.type) != _without_bound(new.type)
         yield Change(f"field '{old.name}'{where}: {texts}", api=api)
-    if old.default != new.default:
+    if repr(old.default) != repr(new.default):  # NaN is not equal to itself, and -0.0 is to 0.0
         texts = " -> ".join(value_text(each.default) or "none" for each in (old, new))
         yield Change(f"default value of '{old.name}'{where}: {texts}")
     if old.unit != new.unit:
@@ -216,8 +259,8 @@ def _encoding(type_: Type, messages: Mapping[TypeName, Message], known: dict[Typ
             return f"({_encoding(of, messages, known)})[<={bound}]"
         case Named(name):
             if name not in known:
-                members = messages[name].members
-                text = " ".join(_encoding(member.type, messages, known) for member in members)
+                members = messages[name].fields
+                text = " ".join(_encoding(member.type, messages, known) for member in members) or "zero"
                 # Deeply nested messages could have millions of members.
                 known[name] = text if len(text) <= _LONGEST else digest(text, size=32)
             return known[name]

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Iterable
 from contextlib import ExitStack
+from pathlib import Path
 
+from forge.base.errors import Problem, SelectionError
 from forge.base.frozen import frozen
 from forge.base.options import flag, option, options_of
 from forge.cli.commands.interface.inputs import IncludeOptions, known_library
+from forge.interfaces.read.sources import definition_files
 from forge.plugins.interface_versions.comparison import (
     API,
     ASPECTS,
@@ -19,6 +23,8 @@ from forge.plugins.interface_versions.comparison import (
     version_of,
 )
 from forge.plugins.interface_versions.versions import catalogs_in, opened
+from forge.workspace.discovery import discover
+from forge.workspace.root import find_root
 
 _IN_WORDS = {WIRE: "the wire", HASH: "the hash", API: "the API"}
 
@@ -46,13 +52,17 @@ class Options:
 
 def run(options: Options) -> int:
     """Print the differences; returns 1 if something broke that must not."""
-    library = known_library(options.others.rosdistro, options.others.folders)
+    library = known_library(options.others.rosdistro, {**_workspace(), **options.others.folders})
     with ExitStack() as stack:
         versions = [
             version_of(catalogs_in(*stack.enter_context(opened(text)), library, options.package))
             for text in (options.old, options.new)
         ]
     old, new = versions
+    if not (old.interfaces or new.interfaces):
+        what = f"package '{options.package}' with interfaces" if options.package else "interfaces"
+        hint = "name folders with packages that have folders msg, srv or action"
+        raise SelectionError(Problem(f"found no {what} in '{options.old}' or '{options.new}'", hint=hint))
     differences = compare(old, new)
     if options.json:
         print(json.dumps(_as_json(differences), indent=1))
@@ -64,6 +74,13 @@ def run(options: Options) -> int:
         total = len(old.interfaces.keys() | new.interfaces.keys())
         print(_summary(differences, total))
     return int(any(each.breaks & {*options.fail_on} for each in differences))
+
+
+def _workspace() -> dict[str, Path]:
+    """Return the packages with interfaces of the enclosing workspace, which need not be built."""
+    found = discover(find_root(Path.cwd(), Path.home()), ["."], os.environ)
+    folders = {name: found.root / each.path for name, each in found.packages.items()}
+    return {name: folder for name, folder in folders.items() if definition_files(folder)}
 
 
 def _heading(difference: Difference) -> str:

@@ -7,8 +7,7 @@ from collections.abc import Iterable, Iterator
 from difflib import unified_diff
 from pathlib import Path, PurePosixPath
 
-from forge.base.errors import InterfaceError, Problem, SelectionError, WorkspaceError, raise_if_any
-from forge.base.files import replace_file
+from forge.base.errors import InterfaceError, Location, Problem, SelectionError, WorkspaceError, raise_if_any
 from forge.base.frozen import frozen
 from forge.base.options import flag, option
 from forge.base.text import counted
@@ -43,6 +42,10 @@ class Fix:
 
     @property
     def changes(self) -> bool:
+        return not self.source.path.is_symlink() and self.has_faults
+
+    @property
+    def has_faults(self) -> bool:
         return self.text != self.source.text or self.target != self.source.path
 
 
@@ -51,22 +54,22 @@ def run(options: Options) -> int:
 
     Raises InterfaceError for remaining errors, after printing or applying everything else.
     """
-    fixes: list[Fix] = []
     packages = [each for folder in options.folders for each in packages_in(Path(folder), _name_of(folder))]
     if not any(any(definitions_in(home)) for _, home in packages):
         hint = "name folders with packages that have folders msg, srv or action"
         raise SelectionError(Problem(f"found no interfaces in '{', '.join(options.folders)}'", hint=hint))
-    for package, home in packages:
-        found = list(_fixes(package, home))
-        fixes += found
-        changed = [each for each in found if each.changes]
-        if options.write:
-            _write(changed)
-        else:
-            print("".join(map(_preview, changed)), end="")
-        for line in _what_follows(package, home, changed):
-            print(line)
+    found = {home: list(_fixes(package, home)) for package, home in packages}
+    fixes = [each for of_package in found.values() for each in of_package]
     changed = [each for each in fixes if each.changes]
+    raise_if_any(_collisions(changed), WorkspaceError)
+    if options.write:
+        _write(changed)
+    for package, home in packages:
+        own = [each for each in found[home] if each.changes]
+        if not options.write:
+            print("".join(map(_preview, own)), end="")
+        for line in _what_follows(package, home, own):
+            print(line)
     verb = "changed" if options.write else "would change"
     print(f"{verb} {counted(len(changed), 'file')} of {len(fixes)}")
     raise_if_any(_left(fixes, written=options.write), InterfaceError)
@@ -98,18 +101,39 @@ def _preview(fix: Fix) -> str:
     return renamed + "".join(f"{line}\n" for line in lines)
 
 
-def _write(fixes: Iterable[Fix]) -> None:
-    """Write the files; raises WorkspaceError, before anything is written, if a new name is taken."""
-    taken = [each for each in fixes if each.target != each.source.path and os.path.lexists(each.target)]
-    problems = (
-        Problem(f"'{_displayed(each.target)}' exists already", hint=f"remove it, or '{each.source.path}'")
-        for each in taken
-    )
-    raise_if_any(problems, WorkspaceError)
+def _collisions(fixes: Iterable[Fix]) -> Iterator[Problem]:
+    """Yield a problem for each new name that another definition has, or gets as well."""
+    new: dict[Path, Path] = {}
     for fix in fixes:
+        source, target = fix.source.path, fix.target
+        if target == source:
+            continue
+        other = new.setdefault(target, source)
+        if other != source:
+            text = f"'{_displayed(source)}' and '{_displayed(other)}' would both be called '{target.name}'"
+            yield Problem(text, hint="rename one of them")
+        for taken in {target, target.with_suffix(".idl")}:
+            if os.path.lexists(taken):
+                yield Problem(f"'{_displayed(taken)}' exists already", hint=f"remove it, or '{source}'")
+
+
+def _write(fixes: Iterable[Fix]) -> None:
+    """Write all files beside the old ones before the first of these is replaced or removed."""
+    drafts: dict[Path, Fix] = {}
+    try:
+        for fix in fixes:
+            draft = fix.target.with_name(f".{fix.target.name}.forge-draft")
+            drafts[draft] = fix
+            draft.write_bytes(fix.text.encode())
+            draft.chmod(fix.source.path.stat().st_mode & 0o777)
+    except BaseException:
+        for draft in drafts:
+            draft.unlink(missing_ok=True)
+        raise
+    for draft, fix in drafts.items():
+        draft.replace(fix.target)
         if fix.target != fix.source.path:
-            fix.source.path.rename(fix.target)
-        replace_file(fix.target, fix.text.encode(), mode=fix.target.stat().st_mode & 0o777)
+            fix.source.path.unlink()
 
 
 def _what_follows(package: str, home: Path, fixes: Iterable[Fix]) -> Iterator[str]:
@@ -138,7 +162,11 @@ def _what_follows(package: str, home: Path, fixes: Iterable[Fix]) -> Iterator[st
 def _left(fixes: Iterable[Fix], *, written: bool) -> Iterator[Problem]:
     """Yield the remaining problems of definitions."""
     for fix in fixes:
-        path = fix.target if written else fix.source.path
+        path = fix.target if written and fix.changes else fix.source.path
+        if fix.source.path.is_symlink() and fix.has_faults:
+            hint = "name a folder with the file that it refers to"
+            yield Problem("a symbolic link to a definition is not changed", Location(path), hint)
+            continue
         _, problems = parse_leniently(Source(fix.source.package, fix.relative, path, fix.text))
         yield from problems
 

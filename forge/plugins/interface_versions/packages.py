@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
-from forge.base.errors import WorkspaceError
+from forge.base.errors import ForgeError
 from forge.base.files import read_file
 from forge.base.layout import IGNORE_MARK
+from forge.base.xml import parse_xml
 from forge.interfaces.read.parsing import SECTIONS
-from forge.workspace.manifest import parse_manifest
 
 IGNORED = frozenset({IGNORE_MARK, "AMENT_IGNORE"})
 """Files that hide a folder."""
@@ -22,21 +23,26 @@ IGNORED = frozenset({IGNORE_MARK, "AMENT_IGNORE"})
 def packages_in(root: Path, package: str) -> Iterator[tuple[str, Path]]:
     """Yield the names and folders of the packages below a folder: of sources, or installed ones."""
     for path, folders, files in os.walk(root):
-        if "package.xml" in files:
-            home = Path(path)
-            try:
-                name = parse_manifest(read_file(home / "package.xml"), home / "package.xml", os.environ).name
-            except WorkspaceError:
-                name = home.name
-            yield name, home
+        if path != str(root) and not IGNORED.isdisjoint(files):
             folders.clear()
             continue
-        if path != str(root) and not IGNORED.isdisjoint(files):
+        if "package.xml" in files:
+            home = Path(path)
+            yield _stated_name(home) or (package if home == root else home.name), home
             folders.clear()
             continue
         if path == str(root) and not SECTIONS.keys().isdisjoint(folders):
             yield package, root
         folders[:] = sorted(name for name in folders if not name.startswith("."))
+
+
+def _stated_name(home: Path) -> str:
+    """Return the name in a manifest, which may be invalid otherwise; '' if there is none."""
+    path = home / "package.xml"
+    with suppress(ForgeError, OSError):
+        root = parse_xml(read_file(path), path)
+        return next((each.text.strip() for each in root.children if each.tag == "name"), "")
+    return ""
 
 
 def definitions_in(home: Path) -> Iterator[str]:
@@ -45,7 +51,8 @@ def definitions_in(home: Path) -> Iterator[str]:
     An .idl file beside a definition of the same name was generated from it.
     """
     for kind in SECTIONS:
-        files = sorted(path for path in (home / kind).rglob("*") if path.suffix in {f".{kind}", ".idl"})
+        paths = (path for path in (home / kind).rglob("*") if not path.name.startswith("."))
+        files = sorted(path for path in paths if path.suffix in {f".{kind}", ".idl"})
         own = {path.with_suffix("") for path in files if path.suffix != ".idl"}
         for path in files:
             if path.suffix != ".idl" or path.with_suffix("") not in own:

@@ -8,7 +8,7 @@ from itertools import takewhile
 
 from forge.base.frozen import frozen
 from forge.base.names import TYPE_NAME
-from forge.interfaces.read.declarations import check_keyword, valid_name
+from forge.interfaces.read.declarations import PRIMITIVES, check_keyword, valid_name
 from forge.interfaces.read.literals import ParseError
 
 BUILT_IN = {
@@ -18,6 +18,7 @@ BUILT_IN = {
 }
 """The types that ROS 1 knows without a package."""
 
+_NAMES_OF_TYPES = frozenset({*PRIMITIVES, *BUILT_IN, "string", "wstring"})
 _DECLARATION = re.compile(
     r"[ \t]*(?P<type>[A-Za-z]\w*(?:/\w+)?)(?P<array>(?:<=\d+)?(?:\[[^\]\s]*\])?)(?P<gap>[ \t]+)"
     r"(?P<name>[A-Za-z_]\w*)(?P<rest>[ \t]*(?P<constant>=)?.*)",
@@ -100,6 +101,6 @@ def _better_name(declaration: re.Match[str]) -> str:
 
 def _type(written: str, package: str, own: Collection[str], types: Mapping[str, str]) -> str:
     home, _, name = written.rpartition("/")
-    if home in {"", package} and name in types:
+    if home in {"", package} and name in types and (home or name not in _NAMES_OF_TYPES):
         return f"{home}{'/' if home else ''}{types[name]}"
     return BUILT_IN.get(written, written) if written not in own else written

@@ -12,8 +12,10 @@ from pathlib import Path, PurePosixPath
 from forge.base.errors import (
     ForgeError,
     InterfaceError,
+    Location,
     Problem,
     SelectionError,
+    print_warnings,
     raise_if_any,
 )
 from forge.interfaces.model import Catalog
@@ -21,6 +23,9 @@ from forge.interfaces.read.parsing import ENDINGS, Parsed, parse_all
 from forge.interfaces.read.sources import Library, read_source
 from forge.interfaces.resolve.resolution import resolve
 from forge.plugins.interface_versions.packages import IGNORED, definitions_in, packages_in
+
+_SUBMODULE = "160000"
+"""The mode of the commit of another repository in a tree of git."""
 
 
 @contextmanager
@@ -42,7 +47,7 @@ def opened(text: str) -> Iterator[tuple[Path, str]]:
     with tempfile.TemporaryDirectory(prefix="forge-") as folder:
         _extract(listed.stdout, Path(folder), text)
         try:
-            yield Path(folder), Path(text.partition(":")[2] or Path.cwd()).name
+            yield Path(folder), Path(text.partition(":")[2]).absolute().name
         except ForgeError as error:
             raise type(error)(*(_renamed(each, Path(folder), text) for each in error.problems)) from None
 
@@ -53,10 +58,17 @@ def _extract(listing: bytes, folder: Path, revision: str) -> None:
     Raises SelectionError if a clone lacks one.
     """
     objects: dict[str, str] = {}
+    links: list[Problem] = []
     for entry in filter(None, listing.decode(errors="surrogateescape").split("\0")):
         (mode, _, name), path = entry.partition("\t")[0].split(" "), entry.partition("\t")[2]
         if mode.startswith("100") and _is_read(PurePosixPath(path)):
             objects[path] = name
+        elif mode == _SUBMODULE:
+            hint = "compare its own revisions in its folder, or folders instead of revisions"
+            print_warnings([Problem(f"the submodule '{path}' of '{revision}' is left out", hint=hint)])
+        elif _is_read(PurePosixPath(path)):
+            links.append(Problem(f"'{path}' of '{revision}' is a symbolic link", hint="compare folders"))
+    raise_if_any(links, SelectionError)
     contents = _git("cat-file", "--batch", content="\n".join(objects.values()).encode()).stdout
     at = 0
     for path in objects:
@@ -96,7 +108,7 @@ def catalogs_in(folder: Path, name: str, others: Library, package: str | None) -
     """Return the resolved interfaces of each package in a folder, or of one `package`.
 
     Definitions without a package.xml belong to a package with the `name` of the folder. `others` has what
-    they refer to elsewhere. Raises InterfaceError with all problems, SelectionError without any interface.
+    they refer to elsewhere. Raises InterfaceError with all problems.
     """
     problems: list[Problem] = []
     parsed: dict[str, tuple[Parsed, ...]] = {}
@@ -106,13 +118,11 @@ def catalogs_in(folder: Path, name: str, others: Library, package: str | None) -
         except InterfaceError as error:
             problems += error.problems
             continue
-        if found:
-            parsed.setdefault(each, found)
+        if each in parsed and found:
+            problems.append(Problem(f"another package of '{name}' is called '{each}', too", Location(home)))
+        elif found:
+            parsed[each] = found
     raise_if_any(problems, InterfaceError)
-    if not parsed or (package and package not in parsed):
-        what = f"package '{package}' with interfaces" if package else "interfaces"
-        hint = "name a folder with packages that have folders msg, srv or action"
-        raise SelectionError(Problem(f"found no {what} in '{name}'", hint=hint))
     here = {one.interface.name: one for found in parsed.values() for one in found}
     lookup = replace(others, given=here)
     catalogs = []

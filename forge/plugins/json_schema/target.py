@@ -6,6 +6,7 @@ A file has all definitions that it refers to.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
@@ -22,6 +23,7 @@ from forge.interfaces.model import (
     String,
     Type,
     TypeName,
+    Value,
     nested_types,
     sections_of,
 )
@@ -61,7 +63,9 @@ def _object(message: Message) -> dict[str, Any]:
     schema["required"] = [field.name for field in message.fields]
     schema["additionalProperties"] = False
     if message.constants:
-        schema["x-constants"] = {each.name: each.value for each in message.constants}
+        schema["x-constants"] = {
+            each.name: each.value if _is_json(each.value) else str(each.value) for each in message.constants
+        }
     return schema
 
 
@@ -69,9 +73,15 @@ def _field(field: Field) -> dict[str, Any]:
     schema = _type(field.type)
     if text := _text((*field.doc, f"[{field.unit}]" if field.unit else "")):
         schema["description"] = text
-    if field.default is not None:
+    if field.default is not None and _is_json(field.default):
         schema["default"] = field.default
     return schema
+
+
+def _is_json(value: Value) -> bool:
+    """Return whether JSON has a value, which it has not for infinity and NaN."""
+    values = value if isinstance(value, tuple) else (value,)
+    return all(not isinstance(each, float) or math.isfinite(each) for each in values)
 
 
 def _text(doc: Iterable[str]) -> str:

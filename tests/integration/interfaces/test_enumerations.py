@@ -102,6 +102,22 @@ def test_cpp_converts_values_names_and_numbers(tmp_path: Path) -> None:
     assert subprocess.run([tmp_path / "program"], check=False).returncode == 0
 
 
+@pytest.mark.parametrize(
+    ("text", "name", "members"),
+    [
+        ("uint8 NONE_A=0\nuint8 f # enum: NONE_*", "NoneEnum", ["A"]),
+        ("uint8 CONST_SHARED_PTR_A=0\nuint8 f # enum: CONST_SHARED_PTR_*", "ConstSharedPtrEnum", ["A"]),
+        ("uint8 T_1=0\nuint8 T_T_1=1\nuint8 f # enum: T_*", "T", ["T_1", "T_T_1"]),
+        ("uint8 S_NULL=0\nuint8 S_OFF=1\nuint8 f # enum: S_*", "S", ["S_NULL", "OFF"]),
+    ],
+)
+def test_names_are_valid_in_both_languages(text: str, name: str, members: list[str]) -> None:
+    (message,) = catalog_of("p", {"msg/M.msg": text}).interfaces.values()
+    assert isinstance(message, Message)
+    found = enumerations(message)["f"]
+    assert (found.name, [each for each, _ in found.members]) == (name, members)
+
+
 def test_type_hashes_do_not_depend_on_enumerations() -> None:
     annotated, plain = (
         catalog_of("cells", {"msg/Battery.msg": text}) for text in (BATTERY, BATTERY.replace("enum:", ""))

@@ -132,6 +132,94 @@ def test_an_idl_file_equals_the_message_that_it_describes(forge: Forge, tmp_path
 # --- where versions are
 
 
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("float64 x\nfloat64 y", "float64 y\nfloat64 x"),
+        ("int8 x\nint8 y\nint8 z", "int8 y\nint8 z\nint8 w"),
+        ("uint8 e", ""),
+    ],
+)
+def test_values_that_would_reach_another_field_break_the_wire(
+    old: str, new: str, forge: Forge, tmp_path: Path
+) -> None:
+    user = {"msg/User.msg": "M[] all\n"}
+    written(tmp_path / "old", {"msg/M.msg": f"{old}\n", **user})
+    written(tmp_path / "new", {"msg/M.msg": f"{new}\n", **user})
+    found = diff(forge, tmp_path)
+    assert "wire" in found["p/msg/M"]["breaks"]
+    assert "wire" in found["p/msg/User"]["breaks"]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "uint8 S_A=0\nuint8 s",
+        "uint8 S_A=0\nuint8 T_A=0\nuint8 s  # enum: T_*",
+        "uint8 S_A=0\nuint8 S=3\nuint8 s  # enum: S_*",
+        "uint8 S_A=0\nint16 S_BIG=300\nuint8 s  # enum: S_*",
+    ],
+)
+def test_an_enumeration_is_part_of_the_api(text: str, forge: Forge, tmp_path: Path) -> None:
+    written(tmp_path / "old", {"msg/M.msg": "uint8 S_A=0\nuint8 s  # enum: S_*\n"})
+    written(tmp_path / "new", {"msg/M.msg": f"{text}\n"})
+    found = diff(forge, tmp_path)["p/msg/M"]
+    assert found["breaks"] == ["api"]
+    assert "enumeration 'S' was removed" in found["changes"]
+
+
+def test_equal_defaults_are_no_difference(forge: Forge, tmp_path: Path) -> None:
+    for name in ("old", "new"):
+        written(tmp_path / name, {"msg/M.msg": "float32 x nan\nfloat32[] y [nan, 1]\nfloat32 Z=nan\n"})
+    assert diff(forge, tmp_path) == {}
+    written(tmp_path / "new", {"msg/M.msg": "float32 x -0.0\nfloat32[] y [nan, 1]\nfloat32 Z=nan\n"})
+    assert diff(forge, tmp_path)["p/msg/M"]["breaks"] == []
+
+
+def test_a_version_may_have_no_interface(forge: Forge, tmp_path: Path) -> None:
+    written(tmp_path / "old", {"msg/M.msg": "int8 x\n"})
+    (tmp_path / "empty").mkdir()
+    assert forge("interface", "diff", "empty", "old", "--package", "p", cwd=tmp_path).code == 0
+    ran = forge("interface", "diff", "old", "empty", "--package", "p", cwd=tmp_path)
+    assert (ran.code, "p/msg/M: removed" in ran.out) == (1, True)
+
+
+def test_packages_are_known_by_their_stated_names(forge: Forge, tree: Tree) -> None:
+    manifest = manifest_text("p").replace('email="', 'email="no address ')
+    root = tree(
+        {
+            **{f"old/x/{path}": text for path, text in {"package.xml": manifest, **BEFORE}.items()},
+            **{f"new/y/{path}": text for path, text in {"package.xml": manifest, **BEFORE}.items()},
+            "new/z/package.xml": manifest_text("z"),
+            "new/z/COLCON_IGNORE": "",
+            "new/z/msg/Z.msg": "int8 z\n",
+        }
+    )
+    ran = forge("interface", "diff", "old", "new", cwd=root)
+    assert (ran.code, ran.out) == (0, "no difference in 2 interfaces\n")
+    written(root / "new/again", {"package.xml": manifest, "msg/M.msg": "int8 other\n"})
+    ran = forge("interface", "diff", "old", "new", cwd=root)
+    assert (ran.code, "is called 'p', too" in ran.err) == (2, True)
+
+
+@pytest.mark.needs("git")
+def test_what_a_revision_does_not_contain_is_named(forge: Forge, tree: Tree) -> None:
+    root = tree({"msg/M.msg": "int8 x\n", "more/N.msg": "int8 y\n"})
+    (root / "msg/N.msg").symlink_to("../more/N.msg")
+    git = ("git", "-c", "user.name=n", "-c", "user.email=e@example.com")
+    for words in (("init", "-q"), ("add", "."), ("commit", "-q", "-m", "first")):
+        subprocess.run((*git, *words), cwd=root, check=True)
+    ran = forge("interface", "diff", "HEAD", "--package", "p", cwd=root)
+    assert (ran.code, "'msg/N.msg' of 'HEAD' is a symbolic link" in ran.err) == (2, True)
+    (root / "msg/N.msg").unlink()
+    head = subprocess.run((*git, "rev-parse", "HEAD"), cwd=root, check=True, capture_output=True, text=True)
+    entry = ("update-index", "--add", "--cacheinfo", f"160000,{head.stdout.strip()},other")
+    for words in (("rm", "-q", "--cached", "msg/N.msg"), entry, ("commit", "-q", "-m", "second")):
+        subprocess.run((*git, *words), cwd=root, check=True)
+    ran = forge("interface", "diff", "HEAD", "--package", "p", cwd=root)
+    assert (ran.code, "warning: the submodule 'other' of 'HEAD' is left out" in ran.err) == (0, True)
+
+
 @pytest.mark.needs("git")
 def test_revisions_are_compared_with_the_working_tree(forge: Forge, tree: Tree) -> None:
     """Also of a folder below the root of the repository, whose other packages are known as well."""
@@ -145,6 +233,7 @@ def test_revisions_are_compared_with_the_working_tree(forge: Forge, tree: Tree) 
     (root / "src/q/msg/Q.msg").write_text("int16 q\n")
     assert diff(forge, root, "HEAD")["p/msg/M"]["breaks"] == ["wire", "hash"]
     assert diff(forge, root, "HEAD:src", "src").keys() == {"p/msg/M"}
+    assert diff(forge, root, "HEAD:src/p", "src/p") == {}, "q is found in the workspace"
     (root / "src/p/msg/M.msg").write_text("q/Q x\nint8\n")
     subprocess.run((*git, "commit", "-q", "-a", "-m", "second"), cwd=root, check=True)
     ran = forge("interface", "diff", "HEAD~1", "HEAD", cwd=root)
@@ -218,7 +307,7 @@ def test_the_exit_code_depends_on_the_required_compatibility(
     ("words", "said"),
     [
         (("old", "nowhere"), "'nowhere' is neither a folder nor a git revision: "),
-        (("old", "empty"), "found no package 'p' with interfaces in 'empty'"),
+        (("empty", "empty"), "found no package 'p' with interfaces in 'empty' or 'empty'"),
         (("old", "wrong"), "wrong/msg/A.msg:1:1: error: unknown type 'q/Z'"),
         (("--upload-pack=x", "old"), "error: "),
     ],

@@ -125,6 +125,51 @@ def test_no_file_is_overwritten(forge: Forge, tree: Tree) -> None:
     assert (root / "src/p/msg/my_point.msg").is_file()
 
 
+@pytest.mark.parametrize("other", ["fooBar.msg", "FooBar.idl"])
+def test_two_definitions_never_get_one_name(other: str, forge: Forge, tree: Tree) -> None:
+    root = tree({"p/msg/foo_bar.msg": "int8 a\n", f"p/msg/{other}": "int8 b\n"})
+    before = {path.name: path.read_text() for path in (root / "p/msg").iterdir()}
+    for words in (("p",), ("p", "--write")):
+        ran = forge("interface", "fix", *words, cwd=root)
+        assert (ran.code, ran.out) == (2, "")
+        assert "FooBar" in ran.err
+        assert {path.name: path.read_text() for path in (root / "p/msg").iterdir()} == before
+
+
+def test_nothing_is_changed_if_one_file_cannot_be_written(
+    forge: Forge, tree: Tree, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    root = tree({"p/msg/foo_bar.msg": "int8 A\n", "p/srv/do_it.srv": "foo_bar f\n---\n"})
+    write = Path.write_bytes
+
+    def fail(path: Path, content: bytes) -> int:
+        if path.parent.name == "srv":
+            raise OSError(28, "No space left on device", str(path))
+        return write(path, content)
+
+    monkeypatch.setattr(Path, "write_bytes", fail)
+    assert forge("interface", "fix", "p", "--write", cwd=root).code == 2
+    monkeypatch.undo()
+    assert {path.name for path in (root / "p").rglob("*.*")} == {"foo_bar.msg", "do_it.srv"}
+    assert forge("interface", "fix", "p", "--write", cwd=root).code == 0
+    assert (root / "p/srv/DoIt.srv").read_text() == "FooBar f\n---\n"
+
+
+def test_links_and_hidden_files_stay(forge: Forge, tree: Tree) -> None:
+    root = tree({"p/msg/Real.msg": "int8 x\n", "p/msg/.hidden.msg": "nonsense", "real.msg": "int8 A\n"})
+    (root / "p/msg/Link.msg").symlink_to("../../real.msg")
+    ran = forge("interface", "fix", "p", "--write", cwd=root)
+    assert (ran.code, "a symbolic link to a definition is not changed" in ran.err) == (2, True)
+    assert (root / "p/msg/Link.msg").is_symlink()
+    assert (root / "p/msg/.hidden.msg").is_file()
+
+
+def test_built_in_types_keep_their_names(forge: Forge, tree: Tree) -> None:
+    root = tree({"p/msg/string.msg": "int8 x\n", "p/msg/User.msg": "string name\np/string other\n"})
+    forge("interface", "fix", "p", "--write", cwd=root)
+    assert (root / "p/msg/User.msg").read_text() == "string name\np/String other\n"
+
+
 def test_a_folder_without_definitions_is_named(forge: Forge, tmp_path: Path) -> None:
     ran = forge("interface", "fix", cwd=tmp_path)
     assert ran.code == 2

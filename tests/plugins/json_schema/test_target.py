@@ -92,6 +92,16 @@ def test_values_that_do_not_match_are_rejected(
             validator(schema).validate({"x": value})
 
 
+def test_schemas_are_json_for_all_numbers(forge: Forge, tree: Tree) -> None:
+    root = tree({"src/msg/M.msg": "float64 I=inf\nfloat32 x nan\nfloat32[] y [1, inf]\n"})
+    words = ("interface", "generate", "--package", "p", "--lang", "jsonschema", "--output", "out", "src")
+    assert forge(*words, cwd=root).code == 0
+    text = (root / "out/jsonschema/p/msg/M.schema.json").read_text()
+    schema = json.loads(text, parse_constant=pytest.fail)
+    assert schema["x-constants"] == {"I": "inf"}
+    assert not any("default" in each for each in schema["properties"].values())
+
+
 def test_schemas_contain_comments_defaults_and_constants(forge: Forge, tree: Tree) -> None:
     text = "# About it.\n\nfloat32 v 1.5  # how fast [m/s]\nuint8 OK=1\n"
     root = tree({"src/msg/M.msg": text})
