@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import re
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -195,7 +196,13 @@ class SourceFolders:
         """Resolve the absolute folders of packages, `sources`."""
         self._top = os.path.realpath(root)
         self._home = os.path.realpath(home) if home else ""
-        self._sources = {os.path.realpath(path): str(path) for path in sources}
+        self._sources: dict[str, str] = {}
+        real_parent = cache(os.path.realpath)  # hundreds of packages have few parents
+        for path in map(str, sources):
+            parent, name = os.path.split(path)
+            is_plain = name not in {"", ".", ".."} and not os.path.islink(path)
+            real = os.path.join(real_parent(parent), name) if is_plain else os.path.realpath(path)
+            self._sources[real] = path
 
     def conflict(self, folder: Path) -> str:
         """Return what is wrong with an output folder, as the end of a sentence; '' if nothing is."""
