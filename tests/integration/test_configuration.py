@@ -171,7 +171,7 @@ def test_configuration_tables_are_printed(forge: Forge) -> None:
     shown = forge("extensions").out
     assert shown.startswith("commands (entry points 'forge.commands'):\n  add ")
     assert "\nbuild types (entry points 'forge.build_types'):\n  ament_cargo   ros-forge " in shown
-    assert "\ninterface targets (entry points 'forge.interfaces.targets'):\n  c " in shown
+    assert "\ninterface targets (entry points 'forge.interfaces.targets'):\n  arrow " in shown
     assert "\nexecutors (entry points 'forge.executors'):\n  dask        ros-forge " in shown
     assert f"\nshells:\n  bash  ros-forge {__version__}\n" in shown
 
