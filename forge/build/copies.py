@@ -96,10 +96,16 @@ def stats_of(path: str) -> list[int]:
 
 
 def is_same_file(path: str, other: Path) -> bool:
-    """Return whether two files have the same content, or two links the same target."""
-    if os.path.islink(path) or other.is_symlink():
-        return os.path.islink(path) and other.is_symlink() and os.readlink(path) == os.readlink(other)
-    return os.path.isfile(path) and other.is_file() and filecmp.cmp(path, other, shallow=False)
+    """Return whether two files have the same content, or two links the same target.
+
+    One that cannot be read is not the same.
+    """
+    try:
+        if os.path.islink(path) or other.is_symlink():
+            return os.path.islink(path) and other.is_symlink() and os.readlink(path) == os.readlink(other)
+        return os.path.isfile(path) and other.is_file() and filecmp.cmp(path, other, shallow=False)
+    except OSError:
+        return False
 
 
 def begins_with(path: str, other: Path) -> bool:

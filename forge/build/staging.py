@@ -178,7 +178,7 @@ def _fits(task: Task, layout: Layout, *, has_code: bool) -> bool:
     for path, status in files:
         target = _target(task, path)
         is_foreign = os.path.lexists(target) and (listed is None or target not in listed.files)
-        if is_foreign or (is_folder(target)):
+        if is_foreign or is_folder(target):
             return False
         is_new = stat.S_ISREG(status.st_mode) and not _is_same(path, target)
         if is_new and os.fsencode(stage) in Path(path).read_bytes():

@@ -1,9 +1,9 @@
 """Compare two versions of interfaces: which changes keep the serialized bytes, the type hash, the API; pure.
 
-The *wire* is kept if each value of one version is serialized to the same bytes by the other one, and is valid
-there: what two nodes of different versions, or a recorded bag, rely on. The *hash* is that of REP 2011, which
-depends on names too, but not on default values and constants. The *API* is kept if code that is written for
-the old version still compiles and means the same.
+The *wire* is kept if each value of one version is serialized to the same bytes by the other one, is valid
+there, and reaches the field of its name if that still exists: what two nodes of different versions, or a
+recorded bag, rely on. The *hash* is that of REP 2011, which depends on names too, but not on default values
+and constants. The *API* is kept if code written for the old version still compiles and means the same.
 """
 
 from __future__ import annotations
