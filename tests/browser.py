@@ -6,13 +6,13 @@
         browser.write("#search", "nav")
         assert browser.texts("li") == ["nav_msgs"]
 
-It has no network. After each test the fixture asserts that no page complained: no error or warning in the
-console, nothing loaded but files.
+It has no network but this machine. After each test the fixture asserts that no page complained: no error or
+warning in the console, nothing loaded but files, or from this machine.
 """
 
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -21,6 +21,7 @@ from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.remote.webelement import WebElement
+from selenium.webdriver.support.ui import WebDriverWait
 
 __all__ = ["Browser", "Keys", "started"]
 
@@ -31,7 +32,7 @@ _SWITCHES = (
     "--disable-dev-shm-usage",
     "--disable-background-networking",
     "--disable-component-update",
-    "--host-resolver-rules=MAP * ~NOTFOUND",
+    "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
     "--no-first-run",
     "--force-color-profile=srgb",
     "--hide-scrollbars",
@@ -40,7 +41,7 @@ _SWITCHES = (
 _FOREIGN = """
 const loaded = performance.getEntriesByType("resource").map((entry) => entry.name);
 performance.clearResourceTimings();
-return loaded.filter((name) => !/^(file|data|blob):/.test(name));
+return loaded.filter((name) => !/^(file|data|blob|http:[/]{2}127[.]0[.]0[.]1):/.test(name));
 """
 """What was loaded from elsewhere since the last time."""
 
@@ -54,9 +55,9 @@ class Browser:
         self._complaints: list[str] = []
 
     def open(
-        self, path: Path, *, anchor: str = "", dark: bool = False, size: tuple[int, int] = (1280, 900)
+        self, path: Path | str, *, anchor: str = "", dark: bool = False, size: tuple[int, int] = (1280, 900)
     ) -> None:
-        """Load a file anew, at an anchor if one is given, as a user with these settings sees it."""
+        """Load a file, or an address of a test's server, anew, as a user with these settings sees it."""
         self._gather()
         width, height = size
         screen = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
@@ -65,7 +66,8 @@ class Browser:
         self._driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [scheme]})
         # Else a page that differs by its anchor alone would not be loaded again.
         self._driver.get("about:blank")
-        self._driver.get(path.resolve().as_uri() + (f"#{anchor}" if anchor else ""))
+        address = path if isinstance(path, str) else path.resolve().as_uri()
+        self._driver.get(address + (f"#{anchor}" if anchor else ""))
 
     def find(self, place: str) -> WebElement:
         """Return the first element; raises selenium's NoSuchElementException when there is none."""
@@ -100,6 +102,10 @@ class Browser:
     def press(self, *keys: str) -> None:
         """Press keys one after the other, wherever the focus is; `Keys` has those without a letter."""
         ActionChains(self._driver).send_keys(*keys).perform()
+
+    def wait(self, condition: Callable[[], bool]) -> None:
+        """Wait until the page shows what a server has told it; raises selenium's TimeoutException."""
+        WebDriverWait(self._driver, 20, 0.05).until(lambda _: condition())
 
     @property
     def focus(self) -> WebElement:

@@ -25,6 +25,7 @@ from hypothesis import HealthCheck, settings
 from forge.base.extensions import OPTIONS, is_installed
 from forge.base.files import write_if_changed
 from forge.cli.main import main
+from forge.output.handlers import CI_SERVICES
 from tests.generated import generate, importable, probe_catalog
 from tests.packages import write_files
 from tests.rosidl import DEBIAN, EMPY, MODULES
@@ -91,6 +92,7 @@ REMEDIES = {
 
 _FOREIGN = (
     *("AMENT_", "CLICOLOR", "CMAKE_PREFIX_PATH", "COLCON_", "FORCE_COLOR", "FORGE_", "PYTHONPATH", "ROS_"),
+    *("GITHUB_", "GITLAB_CI"),
 )
 _LEFT_OUT = "left_out"
 SLOW = "make test-all"
@@ -261,6 +263,9 @@ def pytest_configure(config: pytest.Config) -> None:
             os.environ["PATH"] = os.pathsep.join(filter(None, (os.environ.get("PATH"), str(folder))))
     if sys.prefix != sys.base_prefix:
         os.environ["VIRTUAL_ENV"] = sys.prefix
+    # forge would print for the service that runs the tests.
+    for name in CI_SERVICES.values():
+        os.environ.pop(name, None)
 
 
 def _put_first(cmake: Path, config: pytest.Config) -> None:

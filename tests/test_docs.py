@@ -40,6 +40,7 @@ _INLINE = re.compile(r"(?<!`)`(forge(?: [^`]+)?)`(?!`)")
 _IN_FILE = re.compile(r"""(?:^|&& |- |run: |")\s*(forge [a-z][^&|"\n\\>]*)""", re.MULTILINE)
 """A command in a file for another tool."""
 _FROM_INDEX = re.compile(r"\b(?:install|--with)\b.* '?ros-forge\b(?!.* @ git)")
+_ANCHOR = re.compile(r'<a id="([^"]+)">')
 _HEADING = re.compile(r"^(#+) ", re.MULTILINE)
 
 
@@ -56,10 +57,14 @@ def test_a_block_that_is_not_run_gives_a_reason(document: Path) -> None:
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=_name)
 def test_links_to_files_resolve(document: Path) -> None:
-    text = document.read_text(encoding="utf-8")
-    targets = [part.split(")")[0] for part in text.split("](")[1:]]
-    local = [target.split("#")[0] for target in targets if "://" not in target and not target.startswith("#")]
-    assert [target for target in local if not (document.parent / target).exists()] == []
+    assert [str(path) for path, _ in _links(document) if not path.exists()] == []
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=_name)
+def test_links_to_headings_resolve(document: Path) -> None:
+    assert [
+        (str(page), heading) for page, heading in _links(document) if heading not in _headings(page)
+    ] == []
 
 
 @pytest.mark.needs("bash", "cmake", "make", "g++")
@@ -144,10 +149,10 @@ def test_translations_have_the_same_commands_and_sections(translation: Path, ori
     assert translated == typed
     headings = [[len(marks) for marks in _HEADING.findall(_without_blocks(text))] for text in texts]
     assert headings[0] == headings[1]
-    guides = [set(re.findall(r"\]\(([^)]*how-to/[^)]*)\)", text)) for text in texts]
-    assert guides[0] == guides[1]
-    assert f"]({translation.name})" in texts[0]
-    assert f"]({original.name})" in texts[1]
+    pages = [{path for path, _ in _links(document)} for document in (original, translation)]
+    assert {*pages[0], original} - {translation} == {TRANSLATIONS.get(page, page) for page in pages[1]}
+    assert translation in pages[0]
+    assert pages[1] & {*TRANSLATIONS.values()} == {original}, "link to the translations of the other pages"
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=_name)
@@ -192,6 +197,30 @@ def test_the_tutorial_shows_complete_definitions() -> None:
     assert len(shown) == 3
     for name, text in shown.items():
         assert text.startswith(written[f"{name}.{name.split('/')[1]}"].rstrip()), name
+
+
+def _links(document: Path) -> list[tuple[Path, str]]:
+    """Return the files to which a document links, each with the heading or ''."""
+    text = _without_blocks(document.read_text(encoding="utf-8"))
+    targets = [part.split(")")[0].partition("#") for part in text.split("](")[1:]]
+    return [
+        ((document.parent / path).resolve() if path else document, heading)
+        for path, _, heading in targets
+        if "://" not in path
+    ]
+
+
+def _headings(page: Path) -> set[str]:
+    """Return the names by which links lead to the headings of a page, and ''."""
+    if page.suffix != ".md":
+        return {""}
+    text = _without_blocks(page.read_text(encoding="utf-8"))
+    titles = re.findall(r"^#+ (.*)$", text, re.MULTILINE)
+    return {
+        "",
+        *_ANCHOR.findall(text),
+        *(re.sub(r"[^\w -]", "", title.lower()).replace(" ", "-") for title in titles),
+    }
 
 
 def _without_blocks(text: str) -> str:

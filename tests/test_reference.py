@@ -127,7 +127,12 @@ def test_every_package_setting_is_documented() -> None:
 def test_every_event_is_documented_with_all_fields() -> None:
     """json_events.py and reporters say them; the page has a row for each, and in it each key."""
     rows = dict(re.findall(r"^\| `([A-Z]\w+)` \|.*?\|(.*)\|$", _page("events"), re.MULTILINE))
-    of_reporters = {"Coverage": {"lines", "covered", "report"}, "Usage": {"processors", "memory", "samples"}}
+    of_reporters = {
+        "Coverage": {"lines", "covered", "report"},
+        "Usage": {"processors", "jobs", "memory", "samples"},
+        "Commands": {"commands", "chain"},
+        "Headers": {"compiler", "files", "failed", "total", "in_headers", "in_templates", "headers"},
+    }
     said = _events() | of_reporters
     assert said.keys() >= {each.__name__ for each in Event.__args__}
     assert rows.keys() == said.keys()
@@ -148,7 +153,7 @@ def _events() -> dict[str, set[str]]:
     found: dict[str, set[str]] = {}
     for node in ast.walk(tree):
         match node:
-            case ast.Call(ast.Attribute(attr="emit" | "_line"), [ast.Constant(str(event)), *_], keywords):
+            case ast.Call(ast.Attribute(attr="emit" | "_members"), [ast.Constant(str(event)), *_], keywords):
                 keys = {keyword.arg for keyword in keywords if keyword.arg}
                 found.setdefault(event, set()).update(keys | more.get(event, set()))
     return found

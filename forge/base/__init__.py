@@ -10,6 +10,7 @@ __all__ = [
     "distributions",
     "env_vars",
     "errors",
+    "extensions",
     "files",
     "formats",
     "frozen",

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 COMMANDS = "forge.commands"
 TARGETS = "forge.interfaces.targets"
 VERBS = "forge.interfaces.verbs"
+PKG_VERBS = "forge.pkg.verbs"
 BUILD_TYPES = "forge.build_types"
 EXECUTORS = "forge.executors"
 STORES = "forge.stores"
@@ -37,10 +38,13 @@ OWN: Mapping[str, Mapping[str, str]] = {
     COMMANDS: {
         "add": "forge.plugins.fetch.add",
         "bundle": "forge.plugins.bundle.command",
+        "completion": "forge.plugins.completion.command",
         "deps": "forge.plugins.system_deps.command",
         "doctor": "forge.plugins.doctor.command",
         "fetch": "forge.plugins.fetch.command",
         "graph": "forge.plugins.charts.command",
+        "ignore": "forge.plugins.ignore.command",
+        "init": "forge.plugins.init.command",
         "lsp": "forge.plugins.lsp.command",
         "mixin": "forge.plugins.mixins.command",
     },
@@ -57,6 +61,7 @@ OWN: Mapping[str, Mapping[str, str]] = {
         "docs": "forge.plugins.interface_pages.command",
         "fix": "forge.plugins.interface_versions.fix",
     },
+    PKG_VERBS: {"create": "forge.plugins.create.command"},
     TOOLCHAINS: {"cross": "forge.plugins.cross.toolchain"},
     BUILD_TYPES: {
         "ament_cargo": "forge.plugins.cargo.build_type",
@@ -74,11 +79,16 @@ OWN: Mapping[str, Mapping[str, str]] = {
         "audit": "forge.plugins.audit.audit",
         "cached": "forge.plugins.cached_tests.cached",
         "compiler-launcher": "forge.plugins.compiler_launchers.statistics",
+        "mixin": "forge.plugins.mixins.mixins",
+        "packages-select-changed": "forge.plugins.git_changes.changes",
         "toolchain-cache": "forge.plugins.compiler_probe.probe",
+        "watch": "forge.plugins.watch.watch",
     },
     RECIPES: {"fast_rosidl": "forge.plugins.fast_rosidl.recipe"},
     REPORTERS: {
         "coverage": "forge.plugins.coverage.reporter",
+        "github": "forge.plugins.ci.github",
+        "gitlab": "forge.plugins.ci.gitlab",
         "timings": "forge.plugins.charts.reporter",
     },
 }

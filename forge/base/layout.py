@@ -19,12 +19,12 @@ JOURNAL_FILE = "forge_journal.jsonl"
 """The inputs and results of each package."""
 FILE_TABLE = "forge_files.json"
 """Digests of files by their stats, so that unchanged files are not read again."""
-NAMED_INPUTS_FILE = "forge_names.json"
-"""Written by earlier versions."""
 INSTALLED_STATES_DIR = ".forge_installed"
 """Lists of installed files for each package and state, to find out which of them changed."""
 TOOLCHAIN_DIR = "forge_toolchain"
 """Cached results of CMake's checks of compilers and Python."""
+MEMORY_FILE = "forge_memory.json"
+"""The most memory that each package has used."""
 TEST_FILE_TABLE = "forge_test_files.json"
 """The same as FILE_TABLE for the inputs of tests."""
 COMPILE_COMMANDS = "compile_commands.json"
@@ -60,8 +60,8 @@ BUILD_BASE_FILES = (
         IGNORE_MARK,
         JOURNAL_FILE,
         FILE_TABLE,
+        MEMORY_FILE,
         TEST_FILE_TABLE,
-        NAMED_INPUTS_FILE,
         INSTALLED_STATES_DIR,
     ),
     *(TOOLCHAIN_DIR, COMPILE_COMMANDS, LOCK_FILE, PROCESSES_FILE, PROGRAMS_DIR, COMPILATIONS_FILE),
@@ -69,6 +69,10 @@ BUILD_BASE_FILES = (
     INTERFACE_PAGES_DIR,
 )
 """Files that forge and colcon create in the build folder of a workspace, beside package folders."""
+
+# In the log folder.
+CODE_QUALITY_FILE = "gl-code-quality-report.json"
+"""The errors and warnings of the last build on GitLab, which suggests this name."""
 
 # In the build folder of a package.
 SCRATCH_DIR = ".forge"
@@ -150,6 +154,10 @@ class Layout:
     symlink: bool = False
     target: str = ""
     """The platform whose folders these are, below those of this machine; '' for this machine."""
+    profile: str = ""
+    """The profile whose folders these are, usually beside those of builds without one."""
+    root: Path = Path()
+    """The root of the workspace."""
 
     def prefix(self, name: str) -> Path:
         return self.install if self.merged else self.install / name
@@ -164,6 +172,15 @@ class Layout:
             return self
         return replace(self, build=self.build.parent, install=self.install.parent, target="")
 
+    def command(self, words: str) -> str:
+        """Return a command of forge for these folders, for hints."""
+        return forge_command(words, self.profile)
+
     @property
     def word(self) -> str:
         return "merged" if self.merged else "isolated"
+
+
+def forge_command(words: str, profile: str | None) -> str:
+    """Return a command of forge with a profile, for hints."""
+    return f"forge {words} --profile {profile}" if profile else f"forge {words}"

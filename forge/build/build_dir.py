@@ -27,12 +27,14 @@ from forge.base.layout import (
     TEST_SCRATCH_DIR,
     TRASH_DIR,
     UNITS_FAILED_FILE,
+    Layout,
     own_folders,
 )
 from forge.base.xml import mentions
 from forge.build.copies import is_same_file, status_of
 from forge.build.inputs.fingerprints import (
     Changes,
+    FileTable,
     compare,
     content_differs,
     contents_of,
@@ -41,12 +43,13 @@ from forge.build.inputs.fingerprints import (
 )
 from forge.build.inputs.native_graph import (
     EdgeFinder,
+    NativeGraph,
     cmake_edge,
     cmake_root,
     read_native_graph,
     written_by_backend,
 )
-from forge.build.records import begin_record, read_record
+from forge.build.records import FolderRecord, begin_record, read_record
 from forge.build.reuse import (
     Decision,
     Reuse,
@@ -58,24 +61,19 @@ from forge.build.reuse import (
     would_only_link,
 )
 from forge.build.up_to_date import changed_input
-from forge.engine.commands import NOT_OBSERVED, Accesses, Folders, commands_of
-from forge.engine.world import PACKAGE_FOUND, PROCESSOR
+from forge.engine.accesses import NOT_OBSERVED, Accesses, ObservedCommands
+from forge.engine.commands import Folders, commands_of
+from forge.engine.world import PACKAGE_FOUND, PROCESSOR, World
 from forge.toolchain.programs import CMAKE_TYPES
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from forge.base.layout import Layout
-    from forge.build.inputs.fingerprints import FileTable
-    from forge.build.inputs.native_graph import NativeGraph
     from forge.build.installed_states import InstalledStates
     from forge.build.model import BuildRecord
     from forge.build.observed_writes import ObservedSteps
-    from forge.build.records import FolderRecord
     from forge.build.tasks import Task
-    from forge.engine.commands import ObservedCommands
     from forge.engine.observation import Process
-    from forge.engine.world import World
 
 _GENERATED = (
     "CMakeCache.txt",
@@ -326,8 +324,9 @@ def observed_commands(
     detected: frozenset[str] = frozenset(),
     *,
     workspace: Path | None = None,
+    began: int = 0,
 ) -> ObservedCommands:
-    """Return the accesses of a package's steps, merged with those `before` in its build folder.
+    """Return the accesses of a package's steps, which `began` then, merged with those `before` them.
 
     CMake found the results of a run elsewhere there, which has `detected` them from other inputs.
     """
@@ -353,6 +352,7 @@ def observed_commands(
         frozenset(sources),
         source,
         workspace,
+        began,
     )
     found = commands_of(steps.observed, steps.kinds, outputs_of, folders)
     if detected and found.configure:

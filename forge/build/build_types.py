@@ -11,7 +11,7 @@ Entry points are searched only for a build type that forge does not know.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from typing import TYPE_CHECKING
 
@@ -26,8 +26,6 @@ from forge.build.recipes.context import BuildContext, Recipe, common_options
 from forge.build.up_to_date import BUILD_TYPE
 
 if TYPE_CHECKING:
-    from collections.abc import Container, Iterable, Iterator
-
     from forge.build.tests.recipes import TestContext
     from forge.workspace.identity import Folder, Identity
     from forge.workspace.model import Manifest, Package

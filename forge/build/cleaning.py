@@ -9,10 +9,10 @@ files stay, and so does whatever is mounted or lies behind a link.
 from __future__ import annotations
 
 import os
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base.ament_index import INDEX
 from forge.base.files import mounts_below, remove_folder
@@ -20,11 +20,13 @@ from forge.base.frozen import frozen
 from forge.base.layout import (
     BACKUP_DIR,
     BUILD_BASE_FILES,
+    CODE_QUALITY_FILE,
     IGNORE_MARK,
     INSTALL_BASE_FILES,
     INSTALLED_LISTS_DIR,
     INSTALLED_STATES_DIR,
     SCRATCH_DIR,
+    Layout,
 )
 from forge.base.text import counted
 from forge.build.build_dir import set_aside_path
@@ -51,15 +53,10 @@ from forge.build.installed_lists import (
     write_installed_list,
 )
 from forge.build.journal import open_journal
+from forge.build.model import BuildRecord
 from forge.build.prefix import PrefixExchange, leftover_backups, remove_empty_folders, tidy
 from forge.environment.prefixes import PACKAGES
 from forge.environment.scripts import SHELLS
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Iterator, Mapping
-
-    from forge.base.layout import Layout
-    from forge.build.model import BuildRecord
 
 BASES = ("build", "install", "log")
 
@@ -185,6 +182,7 @@ def workspace_removables(
         if runs:
             yield Removable(f"logs of {counted(len(runs), 'run')}", layout.logs, runs)
         links = tuple(filter(is_own_log_link, layout.logs.glob("latest*")))
+        links += tuple(filter(Path.is_file, (layout.logs / CODE_QUALITY_FILE,)))
         mark = layout.logs / IGNORE_MARK
         # If there are unowned files, which the mark hides from discovery, it may belong to their owner.
         others = {*_entries(layout.logs)} - {*runs, *links, mark}

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base.files import write_if_changed
 from forge.base.layout import COMPILE_COMMANDS
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 _UNIT = "/Unity/unity_"
 """The part of a path that identifies CMake's unity files."""
@@ -49,7 +46,7 @@ def _body(text: str) -> str:
     if _UNIT in text:
         try:
             entries = [each for entry in json.loads(text) for each in _sources(entry)]
-        except (ValueError, TypeError, AttributeError, RecursionError):  # no list of objects
+        except (ValueError, TypeError, AttributeError, RecursionError):  # not a list of objects
             return ""
         text = json.dumps(entries, indent=2)
     return text[1:-1].strip("\r\n ")

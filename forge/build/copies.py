@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import contextlib
-import filecmp
 import json
 import os
 import shutil
 import stat
+from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base.files import remove_tree, replace_file, tree_below
 from forge.base.frozen import frozen
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
 
 _LIST = "list.json"
 _CHUNK = 1 << 20
@@ -103,12 +99,20 @@ def is_same_file(path: str, other: Path) -> bool:
     try:
         if os.path.islink(path) or other.is_symlink():
             return os.path.islink(path) and other.is_symlink() and os.readlink(path) == os.readlink(other)
-        return os.path.isfile(path) and other.is_file() and filecmp.cmp(path, other, shallow=False)
+        return os.path.isfile(path) and other.is_file() and has_same_content(path, other)
     except OSError:
         return False
 
 
-def begins_with(path: str, other: Path) -> bool:
+def has_same_content(path: str | Path, other: Path) -> bool:
+    """Return whether two files have the same content.
+
+    `filecmp` would not read a file again in which somebody changes a letter and sets its time back.
+    """
+    return os.path.getsize(path) == other.stat().st_size and begins_with(path, other)
+
+
+def begins_with(path: str | Path, other: Path) -> bool:
     """Return whether a file contains another one, perhaps with more at its end."""
     try:
         with open(path, "rb") as now, other.open("rb") as then:

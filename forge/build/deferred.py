@@ -8,18 +8,13 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base.files import replace_file, text_or_nothing
-from forge.base.frozen import frozen
+from forge.base.frozen import Pairs, frozen
 from forge.base.layout import DEFERRED_BUILD_FILE, SCRATCH_DIR
 from forge.build.build_types import build_type_of
-from forge.build.tasks import Step, StepKind
-
-if TYPE_CHECKING:
-    from forge.base.frozen import Pairs
-    from forge.build.tasks import Task
-    from forge.workspace.model import Package
+from forge.build.tasks import Step, StepKind, Task
+from forge.workspace.model import Package
 
 
 @frozen
@@ -47,7 +42,6 @@ def defer_build(task: Task, variables: Pairs, *, has_tests: bool) -> None:
 
 
 def write_deferred(build: Path, deferred: DeferredBuild) -> None:
-    """Write the record in a build folder."""
     value = {
         "steps": [
             (step.kind.name, step.argv, str(step.cwd), step.env, [*map(str, step.record or ())], step.target)

@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
-from forge.build.model import BuildInputs
+from forge.build.model import BuildInputs, BuildRecord
 
 if TYPE_CHECKING:
-    from forge.build.model import BuildRecord
     from forge.build.tasks import Step
 
 

@@ -12,19 +12,16 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem
-from forge.build.events import Finished, Started
-from forge.build.inputs.fingerprints import contents_of, fingerprint_files
+from forge.build.events import Event, Finished, Started
+from forge.build.inputs.fingerprints import FileTable, contents_of, fingerprint_files
 from forge.build.installed_states import InstalledStates
-from forge.build.model import Fingerprint
+from forge.build.model import BuildRecord, Fingerprint
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping
 
     from forge.base.layout import Layout
-    from forge.build.events import Event
-    from forge.build.inputs.fingerprints import FileTable
     from forge.build.journal import Journal
-    from forge.build.model import BuildRecord
     from forge.build.tasks import BuildPlan, Task
 
 

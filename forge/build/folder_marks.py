@@ -424,8 +424,7 @@ def create_output_folders(layout: Layout) -> None:
     if layout.target:
         # The folders around them are marked, too: they identify the workspace and contain no packages.
         _make_ignored(layout.of_host.install)
-        write_if_changed(layout.of_host.build / BUILT_BY, "colcon\n")
-        _make_ignored(layout.of_host.build)
+        mark_build_base(layout.of_host.build)
     for check in (_begin_build, _begin_install):
         try:
             problem = check(layout)
@@ -473,11 +472,9 @@ def mark_build_base(build: Path) -> None:
 
 def _begin_build(layout: Layout) -> Problem | None:
     """Create the build folder; return a problem if another tool owns it."""
-    problem = foreign_build(layout)
-    if problem:
-        return problem
-    mark_build_base(layout.build)
-    return None
+    if not (problem := foreign_build(layout)):
+        mark_build_base(layout.build)
+    return problem
 
 
 def _begin_install(layout: Layout) -> Problem | None:

@@ -10,17 +10,12 @@ from __future__ import annotations
 import hashlib
 import os
 import re
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
 
 from forge.base.files import text_or_nothing, tree_below
 from forge.base.frozen import frozen
-from forge.workspace.cmake_text import calls
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
-    from pathlib import Path
-
-    from forge.workspace.cmake_text import Call
+from forge.workspace.cmake_text import Call, calls
 
 SCRIPT = "cmake_install.cmake"
 _PREFIX = "${CMAKE_INSTALL_PREFIX}"

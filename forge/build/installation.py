@@ -21,11 +21,11 @@ from forge.base.files import (
     write_if_changed,
 )
 from forge.base.frozen import frozen
-from forge.base.layout import INSTALL_STATE_FILE
+from forge.base.layout import INSTALL_STATE_FILE, Layout
 from forge.build.build_types import build_type_of
 from forge.build.copies import is_folder
 from forge.build.file_conflicts import owned_by_others
-from forge.build.inputs.fingerprints import content_digest
+from forge.build.inputs.fingerprints import FileTable, content_digest
 from forge.build.installed_lists import listed_files, package_markers
 from forge.build.prefix import PrefixExchange, remove_empty_folders
 from forge.environment import scripts
@@ -40,8 +40,6 @@ from forge.toolchain.programs import CMAKE_TYPES
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping
 
-    from forge.base.layout import Layout
-    from forge.build.inputs.fingerprints import FileTable
     from forge.build.model import BuildRecord
     from forge.build.tasks import Task
     from forge.toolchain.interpreter import Interpreter
@@ -184,6 +182,7 @@ def finish_workspace(
         "python": str(python),
         "underlays": [str(path) for path in chain],
         "rosdistro": rosdistro or recorded_state(root).rosdistro,
+        **({"profile": layout.profile, "root": os.path.relpath(layout.root, root)} if layout.profile else {}),
     }
     state_changed = write_if_changed(root / INSTALL_STATE_FILE, json.dumps(state, indent=2) + "\n")
     if unchanged and not state_changed:

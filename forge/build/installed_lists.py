@@ -7,22 +7,17 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from forge.base.ament_index import INDEX
 from forge.base.errors import Problem
 from forge.base.files import listed_paths, replace_file
 from forge.base.frozen import frozen
-from forge.base.layout import INSTALLED_LISTS_DIR, LAYOUT_MARKER
+from forge.base.layout import INSTALLED_LISTS_DIR, LAYOUT_MARKER, Layout
 from forge.environment.prefixes import PACKAGES
 from forge.environment.scripts import SHELLS
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Iterator, Mapping
-    from pathlib import Path
-
-    from forge.base.layout import Layout
 
 _VERSION = 1
 MANIFESTS = ("install_manifest.txt", "symlink_install_manifest.txt")

@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from pathlib import Path
 
 from forge.base.files import replace_file
 from forge.base.layout import INSTALLED_STATES_DIR
 from forge.build.inputs.elf_abi import SHARED_LIBRARY, abi_digest
-from forge.build.inputs.fingerprints import compare
+from forge.build.inputs.fingerprints import Changes, compare
 from forge.build.records import read_json
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-    from pathlib import Path
-
-    from forge.build.inputs.fingerprints import Changes
 
 _KEPT = 8
 """The number of states kept per package: dependents may have been built with different ones."""

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from forge.base.files import naming, replace_file
 from forge.base.layout import BUILD_RESULT, JOURNAL_FILE
-from forge.build.events import Aborted, Finished, Started
+from forge.build.events import Aborted, Event, Finished, Started
 from forge.build.model import BuildInputs, BuildRecord, Fingerprint
 
 if TYPE_CHECKING:
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from io import FileIO
     from pathlib import Path
 
-    from forge.build.events import Event
     from forge.build.tasks import BuildPlan
 
 _HEADER = {"forge_journal": 7}
@@ -98,7 +97,6 @@ class Journal:
         self.stamp = ""
 
     def note_scripts(self, stamp: str) -> None:
-        """Record the stamp of the workspace's scripts."""
         if stamp != self.scripts:
             self.scripts = stamp
             self._append({"scripts": stamp})
@@ -139,7 +137,6 @@ class Journal:
             self.stamp = ""
 
     def read(self, text: str) -> None:
-        """Read the lines of a journal."""
         lines = text.splitlines()
         if not lines or _parsed(lines[0]) != _HEADER:
             return
@@ -224,10 +221,6 @@ def _texts(data: object) -> tuple[str, ...]:
     return tuple(data)
 
 
-def _pairs(data: list[list[str]]) -> tuple[tuple[str, str], ...]:
-    return tuple((_text(name), _text(value)) for name, value in data)
-
-
 def _text(data: object) -> str:
     if not isinstance(data, str):
         raise TypeError("expected a string")
@@ -238,7 +231,7 @@ _Type = TypeVar("_Type", BuildRecord, BuildInputs, Fingerprint)
 _READ: Mapping[Any, Callable[[Any], object]] = {
     "BuildInputs": partial(_value, BuildInputs),
     "Fingerprint": partial(_value, Fingerprint),
-    "Pairs": _pairs,
+    "Pairs": lambda data: tuple((_text(name), _text(value)) for name, value in data),
     "bool": lambda data: data is True,
     "float": float,
     "str": _text,

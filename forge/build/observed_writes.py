@@ -8,17 +8,14 @@ from __future__ import annotations
 
 import contextlib
 import os
+from collections.abc import Mapping
 from dataclasses import field
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base.files import naming
 from forge.base.frozen import frozen
 from forge.engine.observation import ALL_KINDS, LOG_VARIABLE, ObservedStep, end_log, observe, read_log
 from forge.engine.observation import begin_log as begin_library_log
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 NOTES = ".notes"
 """The suffix of the file beside a log:

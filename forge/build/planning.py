@@ -2,26 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache, partial
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 from forge.base.errors import Problem, WorkspaceError, raise_if_any
 from forge.base.graph import closure, closures, ordered_names, weak_edges_on_cycles
+from forge.base.layout import Layout
 from forge.build.build_types import build_type_of, unknown_type, unknown_types
 from forge.build.installed_lists import listed_files, without_other_installs
+from forge.build.model import BuildInputs, Snapshot
+from forge.build.recipes.context import BuildContext
 from forge.build.tasks import BuildPlan, Task
 from forge.build.up_to_date import DependencyHashes, reason_to_build
 from forge.engine.variables import FOR_COMPILERS
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterable, Mapping
-
-    from forge.build.model import BuildInputs, Snapshot
-    from forge.build.recipes.context import BuildContext
-    from forge.workspace.model import Package, Selection
-    from forge.workspace.resolve import DependencyResolution
+from forge.workspace.model import Package, Selection
+from forge.workspace.resolve import DependencyResolution
 
 
 def names_to_build(selection: Selection, resolution: DependencyResolution) -> tuple[str, ...]:
@@ -60,7 +57,8 @@ def make_plan(
     closed = closures(resolution.needs, ordered)
     unknown = unknown_types(resolution.packages[name] for name in names)
     problems = (unknown_type(resolution.packages[name].manifest) for name in names if name in unknown)
-    raise_if_any((*problems, *_not_installed(names, resolution, closed, snapshot)), WorkspaceError)
+    absent = _not_installed(names, resolution, closed, snapshot, context.layout)
+    raise_if_any((*problems, *absent), WorkspaceError)
     hashes = DependencyHashes(
         resolution.needs, {name: fingerprint.digest for name, fingerprint in snapshot.installed.items()}
     )
@@ -161,6 +159,7 @@ def _not_installed(
     resolution: DependencyResolution,
     below: Mapping[str, Collection[str]],
     snapshot: Snapshot,
+    layout: Layout,
 ) -> Iterable[Problem]:
     """Yield a problem for each selected package with a dependency that is neither installed nor planned."""
     available = snapshot.present | frozenset(names)
@@ -177,7 +176,7 @@ def _not_installed(
             quoted = ", ".join(f"'{need}'" for need in absent)
             verb = "is" if len(absent) == 1 else "are"
             message = f"'{name}' needs {quoted}, which {verb} not built yet"
-            hint = f"build them too: forge build --packages-up-to {name}"
+            hint = f"build them too: {layout.command(f'build --packages-up-to {name}')}"
             if not (closure(without_tests(), {name}) & {*absent}):
                 hint += ", or pass '--no-test-dependencies': only tests need them"
             yield Problem(message, hint=hint)

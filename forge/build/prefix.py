@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any
 
 from forge.base.errors import Problem
 from forge.base.files import BYTECODE, mount_points, remove_tree, replace_file, tree_below
-from forge.base.layout import BACKUP_DIR, INSTALL_BASE_FILES, INSTALLED_LISTS_DIR, LOCK_FILE
+from forge.base.layout import BACKUP_DIR, INSTALL_BASE_FILES, INSTALLED_LISTS_DIR, LOCK_FILE, Layout
 from forge.build.copies import (
     MODE,
     Copies,
@@ -57,7 +57,6 @@ from forge.environment.prefixes import PACKAGES
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Mapping
 
-    from forge.base.layout import Layout
     from forge.build.tasks import Task
 
 _OF_BASE = frozenset({*INSTALL_BASE_FILES, BACKUP_DIR, INSTALLED_LISTS_DIR, LOCK_FILE})

@@ -10,17 +10,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem
-from forge.base.layout import IGNORE_MARK
+from forge.base.layout import IGNORE_MARK, Layout
 from forge.base.text import listed
-from forge.build.up_to_date import InputKind
+from forge.build.up_to_date import InputChange, InputKind
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-    from forge.base.layout import Layout
     from forge.build.model import BuildRecord, Snapshot
     from forge.build.tasks import BuildPlan
-    from forge.build.up_to_date import InputChange
     from forge.workspace.model import Package
 
 _SEPARATORS = {
@@ -139,7 +137,7 @@ def stale_package_warnings(
     if gone:
         verb, possessive = ("is", "its") if len(gone) == 1 else ("are", "their")
         message = f"{listed(gone)} {verb} no longer in the workspace, but {possessive} files are still in"
-        hint = "remove them: forge clean stale"
+        hint = f"remove them: {layout.command('clean stale')}"
         yield Problem(f"{message} '{layout.install}', where other packages may find them", hint=hint)
 
 

@@ -12,21 +12,17 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+from collections.abc import Mapping
 from dataclasses import field
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 from forge.base.files import naming, replace_file
 from forge.base.frozen import frozen
 from forge.base.layout import RECORD_FILE, SCRATCH_DIR
 from forge.build.inputs.fingerprints import FileState, Manifest
-from forge.engine.commands import NOT_OBSERVED, decode_commands, encode_commands
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-    from pathlib import Path
-
-    from forge.engine.commands import ObservedCommands
+from forge.engine.accesses import NOT_OBSERVED, ObservedCommands, decode_commands, encode_commands
 
 _VERSION = 4
 _INVALID = (ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from forge.build.inputs.fingerprints import Changes
     from forge.build.inputs.native_graph import Edge, NativeGraph
-    from forge.engine.commands import Accesses, ObservedCommands
+    from forge.engine.accesses import Accesses, ObservedCommands
 
 
 _STEPS = re.compile(r"/src/[^/]+-stamp/[^/]+$")

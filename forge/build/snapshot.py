@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 from forge.build.inputs.fingerprints import (
     DIR_LISTING_SUFFIX,
     Changes,
+    FileTable,
+    Manifest,
     compare,
     content_differs,
     contents_of,
@@ -22,20 +24,17 @@ from forge.build.inputs.fingerprints import (
     stamp_inputs,
 )
 from forge.build.installed_states import InstalledStates
-from forge.build.model import Snapshot
-from forge.build.records import read_record
+from forge.build.model import BuildRecord, Snapshot
+from forge.build.records import FolderRecord, read_record
 from forge.build.up_to_date import UNKNOWN_INSTALLED, UNKNOWN_SOURCES, InputChange, InputKind
-from forge.engine.world import KIND, LIBRARY, MODULES, PACKAGE_FOUND, PROCESSOR, PROGRAM, VARIABLE
+from forge.engine.world import KIND, LIBRARY, MODULES, OUTPUT, PACKAGE_FOUND, PROCESSOR, PROGRAM, VARIABLE
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Mapping
     from pathlib import Path
 
     from forge.base.layout import Layout
-    from forge.build.inputs.fingerprints import FileTable, Manifest
     from forge.build.journal import Journal
-    from forge.build.model import BuildRecord
-    from forge.build.records import FolderRecord
     from forge.workspace.model import Package
 
 
@@ -47,6 +46,7 @@ _QUESTIONS = (
     (InputKind.OTHER, "place of the package", PACKAGE_FOUND),
     (InputKind.OTHER, "processor", PROCESSOR),
     (InputKind.OUTSIDE, "kind, mode or size of", KIND),
+    (InputKind.OUTSIDE, "existence of the output", OUTPUT),
     (InputKind.OTHER, "place of one of Python's modules", MODULES),
 )
 UNKNOWN_EXTERNAL = "a file outside of the package that its last build read has changed"

@@ -15,16 +15,18 @@ import contextlib
 import json
 import os
 import stat
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from forge.base.errors import Problem
 from forge.base.files import BYTECODE, capabilities, listed_paths, remove_tree, replace_file, tree_below
-from forge.base.layout import INSTALLED_STATES_DIR, SCRATCH_DIR
+from forge.base.layout import INSTALLED_STATES_DIR, SCRATCH_DIR, Layout
 from forge.base.text import digest
 from forge.build.copies import is_folder, is_same_file, status_of
 from forge.build.inputs.fingerprints import file_state
-from forge.build.install_scripts import folder_modes, installed_entries, read_install_scripts
+from forge.build.install_scripts import InstallRule, folder_modes, installed_entries, read_install_scripts
 from forge.build.installation import InstalledFiles
 from forge.build.installed_lists import (
     MANIFESTS,
@@ -36,26 +38,16 @@ from forge.build.installed_lists import (
     listed_files,
     read_installed_list,
 )
-from forge.build.observed_writes import begin_log, remove_log
+from forge.build.observed_writes import ObservedSteps, begin_log, remove_log
 from forge.build.prefix import (
     guarded_links,
     leftover_backups,
     remove_empty_folders,
     stage_folder,
-    tidy,
     written_log,
 )
 from forge.build.records import read_json
-from forge.build.tasks import StepKind
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Iterator, Mapping
-
-    from forge.base.errors import Problem
-    from forge.base.layout import Layout
-    from forge.build.install_scripts import InstallRule
-    from forge.build.observed_writes import ObservedSteps
-    from forge.build.tasks import Step, Task
+from forge.build.tasks import Step, StepKind, Task
 
 _NEXT = "install_next.json"
 """The notes of the install step that runs."""
@@ -123,7 +115,6 @@ def end(task: Task, layout: Layout) -> None:
     remove_tree(str(task.stage))
     remove_log(written_log(task.name, layout))
     guarded_links(task.name, layout).unlink(missing_ok=True)
-    tidy(layout)
 
 
 def in_place(task: Task, layout: Layout, steps: ObservedSteps, failed: Step | None) -> Task | None:
@@ -295,12 +286,7 @@ def commit(task: Task, layout: Layout) -> tuple[InstalledFiles, tuple[Problem, .
         if not _is_same(path, target):
             if stat.S_ISREG(status.st_mode):
                 os.utime(path)
-            try:
-                os.replace(path, target)
-            except FileNotFoundError:
-                # In a merged prefix, another package may have removed the folder while it was empty.
-                os.makedirs(os.path.dirname(target), exist_ok=True)
-                os.replace(path, target)
+            os.replace(path, target)
     for name in MANIFESTS:
         manifest = task.build_dir / name
         if manifest.is_file():

@@ -9,15 +9,15 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from forge.base.files import remove_drafts
-from forge.base.layout import FILE_TABLE
-from forge.build.events import Finished, Fresh
+from forge.base.layout import FILE_TABLE, Layout
+from forge.build.events import Event, Finished, Fresh
 from forge.build.file_conflicts import MergedPrefix
 from forge.build.inputs.fingerprints import FileTable, contents_of, digest_of, stamp_inputs
 from forge.build.installed_states import InstalledStates
 from forge.build.journal import open_journal
 from forge.build.prefix import copy_others_of_merged, drop_others_of_merged
 from forge.build.snapshot import find_changed_externals
-from forge.build.up_to_date import UNKNOWN, changed_input
+from forge.build.up_to_date import UNKNOWN, DependencyHashes, changed_input
 from forge.build.workspace_scripts import WorkspaceScripts
 from forge.engine.world import World
 
@@ -25,11 +25,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
     from pathlib import Path
 
-    from forge.base.layout import Layout
-    from forge.build.events import Event
     from forge.build.model import Snapshot
     from forge.build.tasks import BuildPlan, Task
-    from forge.build.up_to_date import DependencyHashes
     from forge.toolchain.interpreter import Interpreter
 
 
@@ -119,7 +116,6 @@ class BuildState:
         return None
 
     def record_event(self, event: Event, plan: BuildPlan) -> None:
-        """Record an event."""
         assert self._hashes is not None
         self.journal.record(event, plan)
         self.merged_prefix.note(event)
@@ -163,6 +159,7 @@ class BuildState:
                 self.journal.set_stamp(stamp)
 
     def close(self) -> None:
-        """Close the journal and save the file table."""
+        """Close the journal and save the file table; a dry run may have no folder for them."""
         self.journal.close()
-        self.table.save()
+        if self.layout.build.is_dir():
+            self.table.save()

@@ -8,22 +8,30 @@ from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.base.frozen import frozen
+from forge.base.frozen import Pairs, frozen
 from forge.base.layout import SCRATCH_DIR
 from forge.build.model import BuildInputs, Fingerprint
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Mapping, Sequence
 
-    from forge.base.frozen import Pairs
     from forge.build.up_to_date import InputChange
     from forge.workspace.model import Package
 
 TEST_FAILURES = "test failures"
 """A possible meaning of an exit code. colcon writes the same text to a package's test result file."""
 
+REPEATED_ALONE = "building again, alone and with one job"
+"""What the output of a build step says after a program was killed for lack of memory."""
+KILLED_ALONE = "was killed again, although nothing else ran"
+"""What the output of a build step says of a program for which there is not enough memory."""
+
 CACHED, NOT_CACHED = "cached", "tests ran: "
 """Remarks of `forge test --cached` about a package: its pass was replayed, or why not."""
+
+
+TIMED_OUT = 124
+"""The exit code of a step that took too long, as of timeout(1)."""
 
 
 class StepKind(Enum):
@@ -39,6 +47,9 @@ class StepKind(Enum):
     UNITTEST = "unittest"
     TEST = "test"
     """The tests of a build type that is neither CMake's nor Python's."""
+
+
+TEST_STEPS = frozenset({StepKind.CTEST, StepKind.PYTEST, StepKind.UNITTEST, StepKind.TEST})
 
 
 class StepCondition(Enum):
@@ -69,6 +80,10 @@ class Step:
     """The folder into which it installs instead."""
     target: str = ""
     """The target of a BUILD_TARGET step."""
+    seconds: float = 0
+    """After this time the program and all that it has started are stopped, with the exit code TIMED_OUT."""
+    tests_at_once: int = 0
+    """How many tests CTest may run at once if the package gets as many jobs; 0 if forge does not tell it."""
 
     @property
     def label(self) -> str:

@@ -13,12 +13,11 @@ import hashlib
 from typing import TYPE_CHECKING
 
 from forge.base.cmake_syntax import cmake_arguments
-from forge.base.frozen import frozen
+from forge.base.frozen import Pairs, frozen
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from forge.base.frozen import Pairs
     from forge.build.model import BuildInputs, BuildRecord, Snapshot
 
 UNKNOWN = "unknown"

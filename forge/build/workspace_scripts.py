@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.distributions import VARIABLE
 from forge.build.folder_marks import workspace_scripts
-from forge.build.inputs.fingerprints import contents_of, digest_of, stamp_files
+from forge.build.inputs.fingerprints import FileTable, contents_of, digest_of, stamp_files
 from forge.environment.install_state import recorded_overlays, recorded_state
 from forge.environment.prefixes import PACKAGES, find_underlays
 
@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from forge.base.layout import Layout
-    from forge.build.inputs.fingerprints import FileTable
     from forge.build.journal import Journal
 
 _HOOKS = (".dsv", ".sh", ".bash", ".zsh", ".fish")

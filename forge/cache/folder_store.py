@@ -12,18 +12,13 @@ import os
 import re
 import shlex
 import stat
+from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base.errors import HostError, Location, Problem
 from forge.base.files import replace_file, writable_by_others
-from forge.cache.model import Digest, StoreError, decode_result, encode_result
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from forge.cache.model import ActionResult
+from forge.cache.model import ActionResult, Digest, StoreError, decode_result, encode_result
 
 _CHUNK = 1 << 20
 DRAFT = re.compile(r"\..*\.forge-draft")

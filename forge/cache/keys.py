@@ -21,20 +21,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from forge import __version__
-from forge.base.frozen import frozen
+from forge.base.frozen import Pairs, frozen
 from forge.base.layout import NO_CODE, PACKAGE, own_folders
-from forge.build.inputs.fingerprints import contents_of, digest_of, source_files
+from forge.build.inputs.fingerprints import FileTable, contents_of, digest_of, source_files
 from forge.build.inputs.native_graph import read_native_graph
 from forge.build.records import read_record
-from forge.engine.commands import NOT_OBSERVED
+from forge.engine.accesses import NOT_OBSERVED
 from forge.toolchain.programs import program_of
 from forge.toolchain.python_modules import os_release
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from forge.base.frozen import Pairs
-    from forge.build.inputs.fingerprints import FileTable
     from forge.build.tasks import Task
     from forge.cache.relocation import Relocator
     from forge.cache.trees import Tree

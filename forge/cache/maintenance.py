@@ -8,20 +8,14 @@ import json
 import os
 import re
 import time
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base.files import replace_file
 from forge.base.frozen import frozen
-from forge.cache.folder_store import DRAFT, sha256_of
-from forge.cache.model import decode_result
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
-
-    from forge.cache.folder_store import FolderStore
-    from forge.cache.model import CacheEntry
+from forge.cache.folder_store import DRAFT, FolderStore, sha256_of
+from forge.cache.model import CacheEntry, decode_result
 
 DEFAULT_SIZE = 20 << 30
 """The default maximum size of a folder store in bytes."""

@@ -12,7 +12,7 @@ from forge.base.errors import ForgeError, Problem, SelectionError, raise_if_any
 from forge.base.extensions import STORES, call, find
 from forge.base.frozen import frozen
 from forge.base.options import flag, option
-from forge.cache.model import RemoteOptions
+from forge.cache.model import RemoteOptions, RemoteStore
 from forge.toolchain.resources import memory_limit
 
 if TYPE_CHECKING:
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from forge.build.state import BuildState
-    from forge.cache.model import RemoteStore
     from forge.cache.package_cache import CacheContext, PackageCache
 
 _MAX_SECONDS = 1e6
@@ -50,8 +49,6 @@ def byte_count(text: str) -> int:
 
 @frozen
 class CacheOptions:
-    """The options of the package cache."""
-
     GROUP = "package cache"
 
     cache: str | None = option(

@@ -18,15 +18,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem
-from forge.base.frozen import frozen
-from forge.build.inputs.fingerprints import digest_of
+from forge.base.frozen import Pairs, frozen
+from forge.build.inputs.fingerprints import FileTable, digest_of
 from forge.build.tests.detection import has_ctests
 from forge.cache import keys
 from forge.cache.keys import scripts_digest
-from forge.cache.model import RESTORED, ActionResult, Digest, OutputFile, StoreError
+from forge.cache.model import RESTORED, ActionResult, Digest, OutputFile, RemoteStore, StoreError
 from forge.cache.trees import (
     TICK,
     CachedTree,
+    Tree,
     TreeWriter,
     Uncacheable,
     decode_index,
@@ -39,15 +40,11 @@ from forge.toolchain.programs import CMAKE_TYPES, condensed, program_of
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Mapping
 
-    from forge.base.frozen import Pairs
     from forge.base.layout import Layout
-    from forge.build.inputs.fingerprints import FileTable
     from forge.build.model import BuildRecord
     from forge.build.tasks import Task
     from forge.cache.folder_store import FolderStore
-    from forge.cache.model import RemoteStore
     from forge.cache.relocation import Relocator
-    from forge.cache.trees import Tree
 
 INDEX, PACK = "index", "pack"
 """The names of a result's blobs; large files are stored beside them under their own paths."""

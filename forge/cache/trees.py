@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from forge.base.files import BYTECODE, capabilities
 from forge.base.frozen import frozen
-from forge.base.layout import BACKUP_DIR, INSTALLED_LISTS_DIR
+from forge.base.layout import BACKUP_DIR, INSTALLED_LISTS_DIR, Layout
 from forge.build.inputs.elf_abi import linked_parts
 from forge.cache.folder_store import copy_bytes
 from forge.cache.model import Digest
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
     from pathlib import Path
 
-    from forge.base.layout import Layout
     from forge.build.model import BuildRecord
     from forge.cache.relocation import Relocator
 

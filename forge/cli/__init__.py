@@ -4,4 +4,13 @@
 other packages.
 """
 
-__all__ = ["build_options", "commands", "config", "mixins", "options", "preparation"]
+__all__ = [
+    "build_options",
+    "colcon_options",
+    "commands",
+    "config",
+    "main",
+    "options",
+    "preparation",
+    "worker",
+]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import fields, is_dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -11,6 +12,7 @@ from forge.base.distributions import check_distribution, distribution_option
 from forge.base.errors import Problem, SelectionError
 from forge.base.frozen import frozen
 from forge.base.options import OPTION, default_of, flag, option, options_of
+from forge.base.text import listed
 from forge.cache.opening import CacheOptions
 from forge.cli.options import FolderOptions, OptionSources
 from forge.execution.executor import ExecutorOptions
@@ -25,6 +27,15 @@ _Options = TypeVar("_Options")
 
 _OUTPUT = ReportOptions.GROUP
 _NO_EFFECT = "no effect, for compatibility with colcon"
+_PAGE = "page"
+_TIMINGS = (_PAGE, "headers", "live")
+
+
+def _timings(text: str) -> str:
+    for word in text.split(","):
+        if word not in _TIMINGS:
+            raise ValueError(f"unknown kind of timings '{word}': use {listed(_TIMINGS[1:])}")
+    return text
 
 
 @frozen
@@ -109,8 +120,21 @@ class BuildOptions:
         group=_OUTPUT,
     )
     watch: bool = flag("build, then rebuild whenever a source file changes, until Ctrl-C", group=_OUTPUT)
-    timings: bool = flag(
-        "write an HTML report of build times and a trace file into the log folder", group=_OUTPUT
+    timings: str | None = option(
+        "write an HTML report of build times and a trace file into the log folder; with 'headers' it has the "
+        "time that clang needs for each header, with 'live' another page shows the build while it runs",
+        nargs="?",
+        const=_PAGE,
+        parse=_timings,
+        metavar="headers,live",
+        group=_OUTPUT,
+    )
+    timings_compare: str | None = option(
+        "like --timings, and compare with the build of this log folder (default: the previous build)",
+        nargs="?",
+        const="",
+        metavar="LOG",
+        group=_OUTPUT,
     )
     audit: bool = flag(
         "rebuild the selected packages from empty build folders, and report files they read without "
@@ -133,9 +157,34 @@ class BuildOptions:
     report: ReportOptions = options_of(ReportOptions)
 
     @property
+    def has_timings(self) -> bool:
+        """Whether to report the times of this build."""
+        return self.timings is not None or self.timings_compare is not None
+
+    @property
     def reporters(self) -> dict[str, Start]:
         """Return the reporters of this build; raises ForgeError if one is missing."""
-        return self.report.reporters(*(("timings",) if self.timings else ()))
+        if not self.has_timings:
+            return self.report.reporters()
+        start: Any
+        found: dict[str, Start] = {}
+        for name, start in self.report.reporters("timings").items():
+            own = {"wanted": self.timings or "", "compared": self._compared} if name == "timings" else {}
+            found[name] = partial(start, **own)
+        return found
+
+    @property
+    def _compared(self) -> Path | None:
+        """Return the folder given by --timings-compare, '.' for the previous build; raises SelectionError."""
+        if not self.timings_compare:
+            return None if self.timings_compare is None else Path()
+        logs = self.folders.layout(Path.cwd()).logs or Path()
+        folders = (Path(self.origin, self.timings_compare), logs / self.timings_compare)
+        for folder in folders:
+            if (folder / "events.jsonl").is_file():
+                return folder.resolve()
+        message = f"--timings-compare: there is no log of a build in '{self.timings_compare}'"
+        raise SelectionError(Problem(message, hint=f"the logs of builds are in '{logs}'"))
 
     @property
     def forced_by(self) -> str:
@@ -181,7 +230,7 @@ class BuildOptions:
                 message = f"'--watch' cannot be combined with '{word}'"
                 raise SelectionError(Problem(message, hint="remove one of them"))
         _ = self.reporters, self.folders.level  # raises ForgeError for invalid values
-        if self.timings and self.folders.layout(Path.cwd()).logs is None:
+        if self.has_timings and self.folders.layout(Path.cwd()).logs is None:
             hint = "remove '--timings', or choose a log folder with '--log-base'"
             message = "--timings needs a log folder, but logs are disabled"
             raise SelectionError(Problem(message, hint=hint))

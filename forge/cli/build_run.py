@@ -14,20 +14,23 @@ from forge.base.env_vars import SEQUENTIAL, own_cache, without_secrets
 from forge.base.errors import WorkspaceError, print_problem, raise_if_any
 from forge.base.extensions import OPTIONS, find, is_installed
 from forge.base.frozen import Pairs
-from forge.base.layout import OWN_CACHE_DIR, PROGRAMS_DIR
+from forge.base.layout import MEMORY_FILE, OWN_CACHE_DIR, PROGRAMS_DIR
 from forge.build.compile_commands import merge_compile_commands
+from forge.build.events import Event
 from forge.build.recipes.cmake import common_arguments
 from forge.build.recipes.extensions import active_extensions
 from forge.build.state import BuildState
 from forge.build.tasks import BuildPlan
 from forge.cli.preparation import PreparedBuild
 from forge.cli.session import Session, open_session
+from forge.engine.observation import COLOURS_VARIABLE
 from forge.engine.variables import relevant_environment
 from forge.environment.prefixes import find_underlays, provider
 from forge.environment.underlays import overridden
 from forge.execution.executor import Executor, ExecutorContext
 from forge.execution.job_pool import open_job_pool, without_job_variables
 from forge.execution.loop import Scheduler
+from forge.execution.memory import PackageMemory
 from forge.execution.observer import open_observer
 from forge.execution.runner import LocalExecutor, TaskRunner
 from forge.execution.started import StartedProcesses
@@ -100,6 +103,11 @@ def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
             variables[LIBRARY_PATH_BELOW] = build.variables.get("LD_LIBRARY_PATH", "")
             if compiles and not remote and job_pool.local:
                 variables |= gcc_heap(memory(), job_pool.local)
+        screen = session.report.screen
+        coloured = screen.palette().enabled and screen.palette(stderr=True).enabled
+        if coloured and not options.report.json and not remote:
+            variables[COLOURS_VARIABLE] = "1"
+            session.log.coloured = True
         variables |= ninja_first(context.ninja, context.layout.build / PROGRAMS_DIR, build.variables)
         lifecycle = TaskSetup(
             build.loaded.resolution,
@@ -112,17 +120,25 @@ def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
             audit and audit.collect,
             observes=observer.library is not None and not remote and not audit,
         )
+        packages_memory = PackageMemory(context.layout.build / MEMORY_FILE, options.jobs.memory_limit)
         executor: Executor = remote or LocalExecutor(
             job_pool,
             StartedProcesses(context.layout.build),
             observer,
+            packages_memory,
         )
         # Each package that is built on this machine holds a job.
         runner = TaskRunner(lifecycle, executor, None if remote else job_pool)
         slots = options.jobs.parallel_workers or executor.slots
         slots = slots if remote else min(slots, job_pool.jobs)
         session.start_reporters(
-            options.reporters, plan, build.variables, build.interpreter.path, job_pool.jobs, mode.warn
+            options.reporters,
+            plan,
+            build.variables,
+            build.interpreter.path,
+            job_pool.jobs,
+            mode.warn,
+            None if remote else packages_memory,
         )
         session.json_events.announce(seconds=state.seconds())
         alone = options.execution.executor == SEQUENTIAL
@@ -132,10 +148,17 @@ def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
             state.seconds(),
             continue_on_error=options.continue_on_error,
             in_order=alone,
+            **({} if remote else {"fits": packages_memory.fits}),
         )
+
+        def record(event: Event) -> None:
+            state.record_event(event, plan)
+            packages_memory.note(event)
+
         try:
-            session.run(plan, runner, scheduler, state.resolve, lambda event: state.record_event(event, plan))
+            session.run(plan, runner, scheduler, state.resolve, record)
         finally:
+            packages_memory.close()
             state.finish(plan, build.variables)
             if options.report.handlers["compile_commands"]:
                 merge_compile_commands(context.layout.build)

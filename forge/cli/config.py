@@ -2,32 +2,44 @@
 
 In order of increasing priority: the user's defaults.yaml, colcon_defaults.yaml and forge.toml of the
 workspace, a profile, mixins, the command line. A list replaces a list of lower priority, except that lists of
-mixins are prepended to those of the command line.
+mixins are prepended to those of the command line, and arguments for other programs appended to those of
+files.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable, Iterator, Mapping
+import os
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from forge.base.distributions import VARIABLE
 from forge.base.env_vars import home, setting
-from forge.base.errors import Location, Problem, SelectionError, print_problem
+from forge.base.errors import Location, Problem, print_problem
+from forge.base.extensions import OPTIONS, find
 from forge.base.files import read_file
 from forge.base.formats import read_yaml
 from forge.base.names import did_you_mean
-from forge.workspace.forge_toml import FORGE_TOML, read_forge_toml, table_of
+from forge.cli.colcon_options import PASSED_ON
+from forge.workspace.forge_toml import (
+    FORGE_TOML,
+    folder_of_profile,
+    profile_of,
+    read_forge_toml,
+    table_of,
+)
 
 _LOCAL_DEFAULTS = "colcon_defaults.yaml"
 GENERAL = ("log_base", "log_level")
 """Destinations of global options, which are also allowed before the command."""
 _BEFORE_FILES = {"rosdistro": VARIABLE}
 """Environment variables that take precedence over files, by the destination of the option."""
-_AGREE_WITH_BUILD = frozenset({"deps", "doctor"})
+_AGREE_WITH_BUILD = frozenset({"deps", "doctor", "ignore"})
 """Commands about the next build, which read options shared with `forge build` from its tables."""
-_OF_ONE_COMMAND = frozenset({"json", "mixin", "mixin-files", "profile"})
+_OF_ONE_COMMAND = frozenset({"json", "mixin", "mixin-files"})
+_FOLDERS = {"build-base": "build", "install-base": "install", "log-base": "log"}
+"""Options that name folders of which each profile has its own, and their defaults."""
 _FLAGS = (argparse._StoreTrueAction, argparse._StoreFalseAction)
 
 
@@ -51,31 +63,43 @@ def configured(
     known = {
         option[2:]: action for action in actions for option in action.option_strings if option[:2] == "--"
     }
+    has_profiles = known.pop("profile", None) is not None
     values: dict[str, Any] = {}
     if verb in _AGREE_WITH_BUILD:
         shared = known.keys() - _OF_ONE_COMMAND
-        for path, options in _sources("build", given, root, variables):
+        for path, options in option_files("build", given, root, variables, shared):
             agreed = {key: value for key, value in options.items() if key in shared}
             values.update(_checked((path, agreed), known, "build"))
-    for source in _sources(verb, given, root, variables):
-        values.update(_checked(source, known, verb))
+    of_profile: Mapping[str, Any] = {}
+    # Those commands have the folders of the profile from the tables of `forge build`.
+    folders = () if verb in _AGREE_WITH_BUILD else known.keys()
+    for source in option_files(verb, given, root, variables, folders):
+        of_profile = _checked(source, known, verb)
+        values.update(of_profile)
+    if has_profiles and (name := setting("PROFILE", variables)):
+        values["profile"] = name
     values = {
         dest: value
         for dest, value in values.items()
         if dest not in given and not variables.get(_BEFORE_FILES.get(dest, ""))
     }
     wanted = {**values, **given}
-    if names := wanted.get("mixin"):
-        from forge.cli.mixins import combined, mixin_folders, read_mixins
-
-        mixins = read_mixins(mixin_folders(variables), wanted.get("mixin_files") or ())
-        source = Path("mixin " + ", ".join(names)), combined(names, verb, mixins)
+    has_profile = wanted.get("profile") is not None
+    named = of_profile.get("mixin", ()) if has_profile and "mixin" in given else ()
+    if names := [*named, *(wanted.get("mixin") or ())]:
+        plugin = find(OPTIONS, "mixin", "option")
+        mixins = plugin.read_mixins(plugin.mixin_folders(variables), wanted.get("mixin_files") or ())
+        source = Path("mixin " + ", ".join(names)), plugin.combined(names, verb, mixins)
         for dest, value in _checked(source, known, verb).items():
-            typed = given.get(dest)
-            if dest not in given:
+            typed, in_files = given.get(dest), values.get(dest)
+            if dest in given:
+                if isinstance(value, list) and isinstance(typed, list):
+                    values[dest] = [*value, *typed]
+            elif f"--{dest.replace('_', '-')}" in PASSED_ON and isinstance(in_files, list):
+                # Arguments for other programs follow those of files.
+                values[dest] = plugin.with_joined_flags([*in_files, *value])
+            else:
                 values[dest] = value
-            elif isinstance(value, list) and isinstance(typed, list):
-                values[dest] = [*value, *typed]
     # Either option on the command line overrides both in files.
     if "paths" in given and given["paths"] and "base_paths" not in given:
         values["base_paths"] = []
@@ -84,17 +108,37 @@ def configured(
     return values
 
 
+def misspelt_tables(root: Path, commands: Iterable[str]) -> Iterator[Problem]:
+    """Yield the tables of forge.toml that no command reads, but whose names are almost those of commands."""
+    content, path = read_forge_toml(root), root / FORGE_TOML
+    known = {*commands, "packages", "profiles"}
+    profiles = table_of(content, "profiles", path)
+    for name, table in (("", content), *((f"profiles.{name}.", each) for name, each in profiles.items())):
+        for key, value in table.items() if isinstance(table, dict) else ():
+            near = did_you_mean(key, known) if isinstance(value, dict) and key not in known else None
+            if near:
+                yield Problem(f"no command reads the table [{name}{key}]", Location(path), near)
+
+
 def configured_word(option: str, root: Path, variables: Mapping[str, str]) -> str | None:
     """Return the value that files set for an option of `forge build`, for commands that agree with it."""
-    sources = _sources("build", {}, root, variables)
+    sources = option_files("build", {}, root, variables)
     values = [value for _, options in sources if isinstance(value := options.get(option), str)]
     return values[-1] if values else None
 
 
-def _sources(
-    verb: str, given: Mapping[str, Any], root: Path, variables: Mapping[str, str]
+def option_files(
+    verb: str,
+    given: Mapping[str, Any],
+    root: Path,
+    variables: Mapping[str, str],
+    known: Collection[str] = (),
 ) -> Iterator[OptionFile]:
-    """Yield the files with options of the command, in order of increasing priority."""
+    """Yield the files with options of the command, in order of increasing priority.
+
+    The last one is that of the profile, if there is one: it contains its folders that are `known` options.
+    """
+    lower: dict[str, Any] = {}
     defaults = Path(setting("DEFAULTS_FILE", variables) or home(variables) / "defaults.yaml")
     local = root / _LOCAL_DEFAULTS
     is_same = defaults.exists() and local.exists() and defaults.samefile(local)
@@ -106,17 +150,27 @@ def _sources(
                 for key, value in table_of(content, "", path).items()
                 if str(key).replace("-", "_") in GENERAL
             }
-            yield path, {**general, **table_of(content, verb, path)}
+            options = {**general, **table_of(content, verb, path)}
+            lower |= options
+            yield path, options
     content, path = read_forge_toml(root), root / FORGE_TOML
-    yield path, table_of(content, verb, path)
-    profiles = table_of(content, "profiles", path)
+    options = table_of(content, verb, path)
+    yield path, options
     name = given.get("profile") or setting("PROFILE", variables)
     if name is None:
         return
-    if name not in profiles:
-        hint = did_you_mean(name, profiles) or f"add a table [profiles.{name}.{verb}] to {FORGE_TOML}"
-        raise SelectionError(Problem(f"unknown profile '{name}'", Location(path), hint))
-    yield path, table_of(table_of(profiles, name, path), verb, path)
+    profile, lower = profile_of(content, name, path), {**lower, **options}
+    of_build = table_of(profile, "build", path)
+    folders = {}
+    for key in _FOLDERS.keys() & known:
+        base = lower.get(key, _FOLDERS[key])
+        if key in of_build:
+            folders[key] = of_build[key]
+        elif key == "log-base" and key not in lower and setting("LOG_PATH", variables):
+            pass  # the runs of all profiles have different names there
+        elif isinstance(base, str) and base != os.devnull:
+            folders[key] = folder_of_profile(base, name)
+    yield path, {**folders, **table_of(profile, verb, path)}
 
 
 def _checked(source: OptionFile, known: Mapping[str, argparse.Action], verb: str) -> dict[str, Any]:

@@ -26,7 +26,7 @@ from forge.base.errors import (
     share_hints,
 )
 from forge.base.extensions import COMMANDS as PLUGINS
-from forge.base.extensions import OWN, call, find
+from forge.base.extensions import OWN, call, find, installed
 from forge.base.layout import docs_url, templates_folder
 from forge.base.signals import handle_signals, interrupt, is_writable
 from forge.cli.colcon_options import classified
@@ -41,6 +41,8 @@ COMMANDS = {
     "list": "list the packages of a workspace",
     "graph": "show the dependency graph of the packages",
     "info": "show details of packages",
+    "init": "write settings for the workspace, its editor, CI and containers",
+    "ignore": "leave packages out of the workspace, and list those that are ignored",
     "doctor": "diagnose problems of the machine, the shell and the workspace",
     "fetch": "lock and download the ROS packages that the workspace needs",
     "add": "add dependencies to a package",
@@ -60,7 +62,7 @@ COMMANDS = {
 
 _IN_WORKSPACE = frozenset(
     {"build", "test", "test-result", "list", "graph", "info", "clean", "env", "shell", "bundle"}
-    | {"doctor", "deps", "fetch", "add"}
+    | {"doctor", "deps", "fetch", "add", "ignore", "init"}
 )
 """Commands that run at the root of the enclosing workspace."""
 
@@ -211,8 +213,10 @@ class Parser(argparse.ArgumentParser):
             setattr(options, lists[-1], [*(before if isinstance(before, list) else ()), *rest])
             rest = []
         if self.verb is not None:
-            from forge.cli.config import GENERAL, configured
+            from forge.cli.config import GENERAL, configured, misspelt_tables
 
+            for problem in misspelt_tables(Path.cwd(), COMMANDS):
+                print_problem(problem, "warning")
             given = {dest: value for dest, value in vars(options).items() if value is not _NOT_GIVEN}
             from_files = configured(self.verb, self._actions, given, Path.cwd(), os.environ)
             # Values from files must not override global options given before the command.
@@ -320,6 +324,17 @@ def add_plugin(commands: Any, group: str, word: str, kind: str) -> None:
     else:
         call(f"the {kind} '{word}'", module.register, command)
         command.set_defaults(run=partial(call, f"the {kind} '{word}'", module.run))
+
+
+def add_verbs_of_plugins(parser: Parser, verbs: Any, group: str) -> None:
+    """Add the verbs of plugins, unless the command line has one of the command's own.
+
+    Builds wait for 'forge interface generate', which imports no plugins.
+    """
+    asked = next((word for word in parser.words if not word.startswith("-")), None)
+    if asked not in verbs.choices:
+        for word in sorted({*installed(group), *((asked,) if asked else ())}):
+            add_plugin(verbs, group, word, "verb")
 
 
 def _add_own(command: Parser, module: Any) -> None:

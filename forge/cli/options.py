@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from dataclasses import fields
+from dataclasses import Field, fields
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -14,14 +14,12 @@ from forge.base.env_vars import expand_home, setting
 from forge.base.errors import Problem, SelectionError
 from forge.base.frozen import frozen
 from forge.base.layout import Layout
-from forge.base.options import NESTED, OPTION, default_of, flag, option
+from forge.base.options import NESTED, OPTION, Option, default_of, flag, option
 from forge.cli.colcon_options import PASSED_ON
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
-    from dataclasses import Field
 
-    from forge.base.options import Option
     from forge.toolchain.targets import Target
 
 _Options = TypeVar("_Options")
@@ -177,6 +175,13 @@ def build_base_option() -> Any:
     return option("build folder (default: build)", default="build", metavar="DIR")
 
 
+def profile_option() -> Any:
+    """Return the option for commands that have no other options from files."""
+    return option(
+        "use the folders of this profile: install-NAME and so on", metavar="NAME", group="options from files"
+    )
+
+
 @frozen
 class NoOptions:
     """The options of a command that has none."""
@@ -197,6 +202,8 @@ class FolderOptions:
         "exit with code 2 instead of waiting if the build folder is locked by another process"
     )
     log_level: str | None = option(None, metavar="LEVEL", inherited=True)
+    profile: str | None = None
+    """The value of --profile; forge.cli.config sets its folders."""
 
     def layout(self, root: Path, *, symlink: bool = False) -> Layout:
         """Return the absolute folders with links unresolved; the null device disables logs."""
@@ -213,6 +220,8 @@ class FolderOptions:
             merged=self.merge_install,
             symlink=symlink,
             target=target,
+            profile=self.profile or "",
+            root=root,
         )
 
     @property
@@ -236,7 +245,11 @@ class OptionSources:
 
     GROUP = "options from files"
 
-    profile: str | None = option("use the options of this profile in forge.toml", metavar="NAME")
+    profile: str | None = option(
+        "use the options of this profile in forge.toml, and folders of its own: build-NAME, install-NAME, "
+        "log-NAME; every workspace has debug, release, asan, tsan and ubsan",
+        metavar="NAME",
+    )
     mixin: tuple[str, ...] | None = option(
         "use the options of these mixins; 'forge mixin show' shows them", nargs="*", metavar="NAME"
     )

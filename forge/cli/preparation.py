@@ -6,7 +6,7 @@ import os
 import shlex
 import sys
 import time
-from contextlib import nullcontext, suppress
+from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import replace
 from functools import cache, partial
 from itertools import islice
@@ -22,6 +22,7 @@ from forge.base.errors import (
     ForgeError,
     GroupedProblems,
     HostError,
+    Location,
     Problem,
     WarningReporter,
     WorkspaceError,
@@ -31,12 +32,12 @@ from forge.base.extensions import OPTIONS, RECIPES, UNDERLAYS, absent, find, ins
 from forge.base.files import current_umask, names_in
 from forge.base.frozen import frozen
 from forge.base.graph import closure
-from forge.base.layout import NO_CODE, OWN_CACHE_DIR, PACKAGE, PACKAGE_LOCK, own_folders
+from forge.base.layout import NO_CODE, OWN_CACHE_DIR, PACKAGE, PACKAGE_LOCK, Layout, own_folders
 from forge.build import folder_marks, planning
 from forge.build.build_types import leave_out, with_toolchains
 from forge.build.inputs.fingerprints import digest_strings, source_files, stamp_files
 from forge.build.journal import open_journal
-from forge.build.model import BuildInputs, Fingerprint
+from forge.build.model import BuildInputs, Fingerprint, Snapshot
 from forge.build.preflight import path_problems, variable_length_problems
 from forge.build.recipes.cmake import FLAGS, unfit_generator
 from forge.build.recipes.context import BuildContext
@@ -48,26 +49,21 @@ from forge.environment.underlays import lacks_modules, lost_underlays, other_dis
 from forge.execution.makeflags import read_make_flags
 from forge.toolchain.cmake_variables import builds_tests, suspicious_arguments, unset_definitions
 from forge.toolchain.compiler_launchers import selected_launcher
-from forge.toolchain.interpreter import find_interpreter, other_than_recorded, own_command
+from forge.toolchain.interpreter import Interpreter, find_interpreter, other_than_recorded, own_command
 from forge.toolchain.programs import CMAKE_TYPES, PYTHON_TYPES, condensed, find_tools, identities
 from forge.workspace.discovery import ROS_DEFAULTS, special_files
-from forge.workspace.load import find_packages, load_workspace
+from forge.workspace.load import LoadedWorkspace, find_packages, load_workspace
 from forge.workspace.missing import submodule_remedy, unchecked_submodules
 from forge.workspace.resolve import INTERFACE_GROUP
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-    from contextlib import AbstractContextManager
 
-    from forge.base.layout import Layout
-    from forge.build.model import Snapshot
     from forge.build.state import BuildState
     from forge.build.tasks import BuildPlan
     from forge.cli.build_options import BuildOptions
     from forge.output.console import ConsoleReporter
-    from forge.toolchain.interpreter import Interpreter
     from forge.toolchain.targets import CrossBuild
-    from forge.workspace.load import LoadedWorkspace
     from forge.workspace.model import Package, Workspace
     from forge.workspace.selection import SearchPaths
 
@@ -249,6 +245,9 @@ def prepare(options: BuildOptions, layout: Layout, mode: BuildMode) -> PreparedB
     cmake = options.cmake
     cmake_args = (*cmake.cmake_args, *cmake.ament_cmake_args)
     mode.warn(suspicious_arguments(cmake_args))
+    for package in packages:
+        words = (*package.option_values("cmake-args"), *package.option_values("ament-cmake-args"))
+        mode.warn(replace(each, location=Location(package.path)) for each in suspicious_arguments(words))
     if any(package.build_type in CMAKE_TYPES for package in packages):
         raise_if_any(unset_definitions(cmake_args))
     launcher = selected_launcher(cmake.compiler_launcher)
@@ -422,11 +421,18 @@ def build_variables(
 def without_own(variables: Mapping[str, str], layout: Layout) -> dict[str, str]:
     """Return the variables without path entries below the install folder or an overlay of this workspace.
 
-    Variables that become empty are removed.
+    Install folders of other profiles count as its own. Variables that become empty are removed.
     """
     install = layout.of_host.install
-    overlays = find_underlays(variables, install).overlays
-    roots = [path for root in (install, *overlays) for path in spellings(root, variables)]
+    sourced = find_underlays(variables, install)
+    states = {root: install_state.recorded_state(root) for root in sourced.chain}
+    profiles = (
+        root
+        for root, state in states.items()
+        if (layout.profile or state.profile) and (root / state.root).resolve() == layout.root.resolve()
+    )
+    own = (install, *sourced.overlays, *profiles)
+    roots = [path for root in own for path in spellings(root, variables)]
     below = tuple(f"{path}/" for path in roots)
     cleaned = dict(variables)
     for name, value in variables.items():
@@ -443,9 +449,13 @@ def without_own(variables: Mapping[str, str], layout: Layout) -> dict[str, str]:
 def require_packages(loaded: LoadedWorkspace) -> None:
     """Raise WorkspaceError if there are no packages at all, as outside of a workspace."""
     if not loaded.workspace.packages:
+        from forge.workspace.ignoring import ignored_packages
+
         hint = "change to the root of the workspace, or create a package: forge pkg create my_package"
         if empty := unchecked_submodules(loaded.workspace.root):
             hint = submodule_remedy(empty)
+        elif any(ignored_packages(loaded.workspace.root, (os.curdir,), os.environ)):
+            hint = "packages are ignored; 'forge ignore' lists them, each with the file that is the reason"
         problem = Problem(f"no packages found below '{loaded.workspace.root}'", hint=hint)
         raise WorkspaceError(problem)
 

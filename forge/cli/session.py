@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from forge.build.events import Event, Finished, Started
 from forge.build.tasks import BuildPlan, Task
 from forge.cli.options import displayed
 from forge.execution.loop import Scheduler, execute
+from forge.execution.memory import PackageMemory
 from forge.execution.runner import TaskRunner
 from forge.output.console import ConsoleReporter
 from forge.output.handlers import TEXT_HANDLERS, ReportOptions
@@ -48,6 +50,9 @@ class Session:
     json_events: JsonEvents
     opened: ExitStack
     """Closes the reporters of plugins."""
+    durations: Mapping[str, float]
+    """The duration of earlier builds of packages."""
+    profile: str = ""
     reporters: dict[str, Reporter] = field(default_factory=dict)
     complete: bool = False
 
@@ -59,6 +64,7 @@ class Session:
         python: Path,
         jobs: int,
         warn: WarningReporter,
+        memory: PackageMemory | None = None,
     ) -> None:
         run = Run(
             command=self.command,
@@ -71,10 +77,25 @@ class Session:
             log_folder=self.log.folder,
             clock=self.json_events.begun,
             displayed=self.report.displayed,
+            profile=self.profile,
+            seconds=self.durations,
+            memory=memory,
+            say=lambda line: self.write(f"{line}\n", stderr=self.json_events.printed),
         )
         for name, start in reporters.items():
             self.reporters[name] = reporter = ask(name, start, run)
             self.opened.callback(ask, name, reporter.close)
+            self.report.folds.append(partial(ask, name, reporter.fold))
+        self.json_events.observers.append(self._observe)
+        self.report.folds_on_stderr = self.json_events.printed
+
+    def _observe(self, event: Event | Mapping[str, Any]) -> None:
+        for name, reporter in self.reporters.items():
+            ask(name, self._tell, reporter, event)
+
+    def _tell(self, reporter: Reporter, event: Event | Mapping[str, Any]) -> None:
+        for line in reporter.observe(event):
+            self.write(f"{line}\n", stderr=self.json_events.printed)
 
     def collect_reports(self) -> None:
         """Print and log the observations of plugin reporters, before the summary."""
@@ -123,6 +144,7 @@ class Session:
                 self.view.show(event)
                 self.report.show(event)
                 self.json_events.write(event, self.report)
+                self._observe(event)
                 failed = isinstance(event, Finished) and event.code
                 if failed and scheduler.stopped and scheduler.running and not waits:
                     waits = True
@@ -214,4 +236,4 @@ def open_session(
             queued = {name: {need: layout.prefix(need) for need in below} for name, below in jobs.items()}
             log.announce(queued, unselected=unselected, fresh=plan.fresh)
         with ExitStack() as opened:
-            yield Session(command, began, log, view, report, json_events, opened)
+            yield Session(command, began, log, view, report, json_events, opened, durations, layout.profile)

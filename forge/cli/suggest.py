@@ -53,7 +53,8 @@ def suggestion(message: str, commands: Iterable[str], options: Iterable[str]) ->
         if word in _ELSEWHERE:
             hint = f"did you mean 'forge {_ELSEWHERE[word]}'?"
         if word in _ROS2:
-            hint = f"'ros2 {word}' is part of a ROS installation: source that first"
+            hint = f"'ros2' has it: forge shell -- ros2 {word}; it is part of a ROS installation, "
+            hint += f"and of the packages that 'forge fetch ros2{word}' fetches"
         if word == "cd":
             hint = "a program cannot change the folder of its shell; 'forge completion' defines 'forge_cd'"
         return f"unknown command '{word}'", hint

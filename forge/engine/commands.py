@@ -10,148 +10,29 @@ import contextlib
 import os
 import re
 import tempfile
-from dataclasses import field, replace
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from dataclasses import replace
 from functools import cache
-from itertools import chain
+from itertools import accumulate, chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
-from forge.base.frozen import frozen
-from forge.engine.observation import observe
-from forge.engine.observed import is_intact
-from forge.engine.variables import copies_environment, mentioned
+from forge.engine.accesses import Accesses, ObservedCommands
+from forge.engine.observation import Observation, ObservedStep, Process, observe
+from forge.engine.variables import copies_environment, mentioned, of_interpreter
 from forge.engine.world import (
     CPU_INFO,
     KIND,
     LIBRARY,
+    OUTPUT,
     PROCESSOR,
     PROGRAM,
     ModuleSearch,
     Scripts,
+    World,
     about_modules,
     about_variables,
 )
 from forge.workspace.source_names import ENVIRONMENT_MARKS, is_source, is_source_folder
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
-
-    from forge.base.frozen import Pairs
-    from forge.engine.observation import Observation, ObservedStep, Process
-    from forge.engine.world import World
-
-
-@frozen
-class Accesses:
-    """File system accesses of a command, as absolute paths.
-
-    `searched` is what it looked for in vain; of commands of the native tool, which share most of it, only the
-    folders in which it did. All these lie in the folders that matter. `external` are other files that it read
-    or looked for in vain, and folders that it listed, ending with '/.'. `asked` are questions for a `World`.
-    `written` has created folders, too, ending with '/'. Programs with `ledgers`, a digest and a path each,
-    have written what is `kept`, see `forge.engine.observed`. `early` is what other commands wrote only after
-    it had looked for it, or had listed its folder. `undone` are outputs of
-    commands of which it has removed or renamed files. `outside` is True if it wrote elsewhere than to the
-    build folder, and `blind` if not all is known.
-    """
-
-    read: frozenset[str] = frozenset()
-    found: frozenset[str] = frozenset()
-    listed: frozenset[str] = frozenset()
-    searched: frozenset[str] = frozenset()
-    written: frozenset[str] = frozenset()
-    external: frozenset[str] = frozenset()
-    asked: frozenset[str] = frozenset()
-    kept: frozenset[str] = frozenset()
-    ledgers: frozenset[str] = frozenset()
-    early: frozenset[str] = frozenset()
-    undone: frozenset[str] = frozenset()
-    outside: bool = False
-    blind: bool = False
-
-    def __or__(self, after: Accesses) -> Accesses:
-        """Return the combined accesses."""
-        sets = {name: getattr(self, name) | getattr(after, name) for name in _SETS}
-        return Accesses(**sets, outside=self.outside or after.outside, blind=self.blind or after.blind)
-
-    @property
-    def remaining(self) -> frozenset[str]:
-        """Return the outputs that need not be removed before the command runs again."""
-        return self.kept if self.outputs_known and all(map(is_intact, self.ledgers)) else frozenset()
-
-    @property
-    def outputs_known(self) -> bool:
-        """Return True if everything that the command wrote lies in the build folder and is known."""
-        return not self.outside and not self.blind
-
-
-@frozen
-class ObservedCommands:
-    """What CMake did, if that is known, and the commands of the native tool by their first outputs.
-
-    `missing` are all paths that some command has looked for in vain; they end with the first missing name.
-    `rest` is what other processes of the steps did. `answers` are those to all questions when they were
-    recorded. `left` is what the install step has written to the build folder, such as its manifest.
-    """
-
-    configure: Accesses | None = None
-    edges: Mapping[str, Accesses] = field(default_factory=dict)
-    missing: frozenset[str] = frozenset()
-    rest: Accesses | None = None
-    answers: Pairs = ()
-    left: frozenset[str] = frozenset()
-
-    @property
-    def all(self) -> tuple[Accesses, ...]:
-        """The accesses of all commands and other processes."""
-        return (*self.edges.values(), *filter(None, (self.configure, self.rest)))
-
-    def affected(
-        self, accesses: Accesses, added: Collection[str], removed: Collection[str], modified: Collection[str]
-    ) -> bool:
-        """Return True if a command could now see something else; paths of folders end with '/'."""
-        known = accesses.read | accesses.found
-        return (
-            not accesses.read.isdisjoint(modified)
-            # It would rewrite the file, as CMake does with a generated file in the sources.
-            or not accesses.written.isdisjoint(modified)
-            # For a folder, this is its mode, which is copied with it.
-            or any(path[:-1] in known | accesses.listed for path in modified if path.endswith("/"))
-            or any(path.rstrip("/") in known for path in removed)
-            or (
-                bool(accesses.listed) and any(_parent(path) in accesses.listed for path in (*added, *removed))
-            )
-            or any(not accesses.searched.isdisjoint(self._in_vain(path)) for path in added)
-        )
-
-    def _in_vain(self, path: str) -> tuple[str, ...]:
-        """Return the missing path that is this one or a parent of it, and the folder that lacked it."""
-        path = path.rstrip("/")
-        while path not in self.missing:
-            parent = os.path.dirname(path)
-            if parent == path:
-                return ()
-            path = parent
-        return (path, os.path.dirname(path))
-
-    def merged(self, after: ObservedCommands, outputs: Collection[str]) -> ObservedCommands:
-        """Return these accesses updated by those of a later build, of the commands with `outputs`."""
-        edges = {name: each for name, each in {**self.edges, **after.edges}.items() if name in outputs}
-        for name in self.edges.keys() & after.edges.keys() & edges.keys():
-            # Outputs that only the earlier run wrote depend on the inputs of that run.
-            left = self.edges[name].written - after.edges[name].written
-            if any(not path.endswith("/") and os.path.lexists(path) for path in left):
-                edges[name] = self.edges[name] | after.edges[name]
-        rest = self.rest | after.rest if self.rest and after.rest else after.rest or self.rest
-        configure, missing = after.configure or self.configure, self.missing | after.missing
-        return ObservedCommands(configure, edges, missing, rest, left=after.left)
-
-
-NOT_OBSERVED = ObservedCommands()
-
-
-def _parent(path: str) -> str:
-    return os.path.dirname(path.rstrip("/"))
 
 
 def commands_of(
@@ -257,13 +138,16 @@ class Folders:
         sources: frozenset[str] = frozenset(),
         source: Path | None = None,
         workspace: Path | None = None,
+        began: int = 0,
     ) -> None:
         """Keep what lies below the build folder or `others`; what lies below `known` is tracked otherwise.
 
         What commands of forge write below `private`, forge's own cache, is no output. `sources` are files
         that compilers take as source code. Of `source`, one of the `others`, files that do not count as
-        sources are like files elsewhere. Scripts of packages may lie anywhere in the `workspace`.
+        sources are like files elsewhere. Scripts of packages may lie anywhere in the `workspace`. The steps
+        `began` at this time, in nanoseconds, 0 if unknown.
         """
+        self._began = began
         self._workspace = f"{workspace}/" if workspace else "\0"
         self._private = f"{private}/" if private else "\0"
         self._build = f"{build}/"
@@ -274,6 +158,7 @@ class Folders:
         self._unwatched = self._path | {self._temporary}
         self._sources = sources
         self._searched = world.searched_for_packages if world else lambda _: False
+        self._all_of_path = world.all_of_path if world else frozenset({""})
         self._scripts = world.scripts if world else Scripts()
         self.tools: frozenset[str] = frozenset()
         """The programs of the steps themselves, which are tracked as tools wherever they are installed."""
@@ -350,7 +235,7 @@ class Folders:
         kept = [path for path in kept if not path.startswith(self._private)]
         written = self.paths(kept)
         scanned = frozenset(path for process in processes for path in self._scanned(process))
-        read = seen.read - seen.written
+        read = seen.read - seen.written | set(filter(self._is_untouched, seen.read & seen.written))
         external = {
             *self._external_files(read - scanned),
             *self._external_files(path for path in seen.loaded if not path.startswith(_SYSTEM_LIBRARIES)),
@@ -362,6 +247,7 @@ class Folders:
         used = (path.rpartition("/") for path in chain(seen.missing, seen.found, seen.executed, read))
         asked = {f"{PROGRAM}{name}" for folder, _, name in used if folder in self._path}
         asked.update(f"{LIBRARY}{os.path.basename(path)}" for path in seen.loaded)
+        asked.update(f"{OUTPUT}{path}" for path in kept if self._is_in_another_package(path))
         # For modules elsewhere, the location in which Python finds them is compared.
         modules = {
             (tuple(entry for entry in entries if self._is_external(f"{entry}/")), name)
@@ -393,6 +279,26 @@ class Folders:
             outside=len(written) < len(kept) or any(not path.startswith(self._build) for path in written),
             blind=bool(seen.blind),
         )
+
+    def _is_in_another_package(self, path: str) -> bool:
+        """Return whether a file is among the sources of another package, which may use it.
+
+        A file between the packages, such as the log of a compiler wrapper, may come and go. So may what is in
+        hidden folders, such as those of git and caches.
+        """
+        below = path.removeprefix(self._workspace)
+        if below == path or path[-1] == "/" or "/." in f"/{below}" or self.path(path) is not None:
+            return False
+        folders = accumulate(below.split("/")[:-1], "{}/{}".format)
+        return any(os.path.lexists(f"{self._workspace}{folder}/package.xml") for folder in folders)
+
+    def _is_untouched(self, path: str) -> bool:
+        """Return whether a file opened to be changed was only read, such as a database."""
+        try:
+            status = os.stat(path)
+        except OSError:
+            return False
+        return max(status.st_mtime_ns, status.st_ctime_ns) < self._began
 
     def missing_modules(self, seen: Observation) -> Iterator[str]:
         """Yield the files that Python would have read first as modules, in the folders that matter."""
@@ -462,7 +368,7 @@ class Folders:
         return frozenset(_distribution(path) for path in paths if os.path.isfile(f"{path}{file}"))
 
     def _look_at_file(self, path: str) -> bool:
-        if path.endswith(_NO_INPUT) or not self._is_external(path) or not os.path.isfile(path):
+        if _is_cached_bytecode(path) or not self._is_external(path) or not os.path.isfile(path):
             return False
         return not (os.access(path, os.X_OK) and os.path.realpath(path) in self.tools)
 
@@ -470,13 +376,13 @@ class Folders:
         """Return whether an external path is still missing; programs are looked up in PATH instead."""
         if not self._is_external(path) or os.path.dirname(path) in self._unwatched:
             return False
-        return not (path.endswith(_NO_INPUT) or _is_metadata(path) or os.path.lexists(path))
+        return not (_is_cached_bytecode(path) or _is_metadata(path) or os.path.lexists(path))
 
     def _look_at_kind(self, path: str) -> bool:
         """Return whether an external path exists and its kind may matter; programs are looked up by name."""
         if not self._is_external(path) or os.path.dirname(path) in self._path:
             return False
-        if path.endswith(_NO_INPUT) or _is_metadata(path):
+        if _is_cached_bytecode(path) or _is_metadata(path):
             return False
         is_above = any(root.startswith(f"{path}/") for pair in self._spelled.items() for root in pair)
         return not is_above and os.path.lexists(path)
@@ -488,9 +394,14 @@ class Folders:
         lists the folders of makefiles.
         """
         for process in processes:
-            for _, kind, path in process.records:
-                is_listed = kind == "L" and path != self._temporary and self._is_external(f"{path}/")
-                if not is_listed or self._searched(path) or path.endswith(_NO_INPUT):
+            # To find a library, CMake before 3.28 lists all folders of PATH, which have none.
+            all_listed = {path for _, kind, path in process.records if kind == "L"}
+            is_cmake = os.path.basename(next(iter(process.programs[-1:]), "")) == "cmake"
+            searched = self._path if is_cmake and self._all_of_path <= all_listed else frozenset[str]()
+            for path in all_listed - searched:
+                if path == self._temporary or not self._is_external(f"{path}/"):
+                    continue
+                if self._searched(path) or _is_cached_bytecode(path):
                     continue
                 if os.path.isdir(path):
                     yield f"{path}/."
@@ -498,8 +409,8 @@ class Folders:
     def about_processor(self, processes: Iterable[Process]) -> frozenset[str]:
         """Return the question about the processor if processes may have compiled for it, or read what it is.
 
-        Compilers ask the processor itself, which cannot be observed. That they are to do so is said by an
-        option in a command or in a file that is read, such as ninja's rules, a response file, or a script.
+        Compilers ask the processor itself, which cannot be observed. The option that tells them to is in a
+        command, or in a file that is read, such as ninja's rules, a response file, or a script.
         """
         is_asked = any(
             is_for_this_processor(process.command)
@@ -525,6 +436,7 @@ class Folders:
     def _mentioned_by(self, process: Process) -> frozenset[str]:
         """Return the variables that a process may have read from a copy of its environment."""
         found = [mentioned(process.command)] if any(map(copies_environment, process.programs)) else []
+        found += map(of_interpreter, process.programs)
         for number, kind, path in process.records:
             program = process.program_at(number) if kind == "R" else ""
             if program and copies_environment(program) and self._is_script(path):
@@ -558,6 +470,11 @@ def _has_native_flag(text: str) -> bool:
     return _NATIVE_FLAG.search(text) is not None
 
 
+def _is_cached_bytecode(path: str) -> bool:
+    """Return whether a path is Python's cache; bytecode beside modules is code without source."""
+    return path.endswith("/__pycache__") or ("/__pycache__/" in path and path.endswith(".pyc"))
+
+
 def _is_metadata(path: str) -> bool:
     return "-info" in path and _METADATA.match(path) is not None
 
@@ -568,7 +485,6 @@ def _distribution(path: str) -> str:
     return re.sub("[-_.]+", "-", match["name"].lower()) if match else ""
 
 
-_NO_INPUT = ("/__pycache__", ".pyc")
 _OF_CMAKE = ("/CMakeCache.txt", "Compiler.cmake", "/CMakeSystem.cmake")
 """Large files that CMake writes and reads in each build folder."""
 _METADATA = re.compile(r"(?P<folder>.*)/(?P<name>[^/-]+)(-[^/]*)?\.(dist|egg)-info(?P<file>/.*)?$")
@@ -581,44 +497,3 @@ _NATIVE_FLAG = re.compile(r"-m(?:arch|tune|cpu)=native|target-cpu=native|-xHost\
 _VOLATILE = ("/proc/", "/sys/")
 """Virtual files of the kernel."""
 CACHED_BYTECODE = re.compile(r"^(.*)/__pycache__/([^/.]+)\.[^/]*\.pyc$")
-_SETS = (
-    *("read", "found", "listed", "searched", "written", "external", "asked", "kept", "ledgers"),
-    *("early", "undone"),
-)
-
-
-def encode_commands(commands: ObservedCommands) -> Mapping[str, object]:
-    """Return the records of commands as JSON data, with each path once."""
-    numbers: dict[str, int] = {}
-
-    def coded(accesses: Accesses) -> list[object]:
-        sets = [
-            [numbers.setdefault(path, len(numbers)) for path in getattr(accesses, name)] for name in _SETS
-        ]
-        return [*sets, accesses.outside, accesses.blind]
-
-    return {
-        "configure": coded(commands.configure) if commands.configure else None,
-        "edges": {name: coded(each) for name, each in commands.edges.items()},
-        "missing": sorted(commands.missing),
-        "rest": coded(commands.rest) if commands.rest else None,
-        "answers": commands.answers,
-        "left": sorted(commands.left),
-        "paths": list(numbers),
-    }
-
-
-def decode_commands(data: Mapping[str, Any]) -> ObservedCommands:
-    """Decode the result of `encode_commands`; raises LookupError, TypeError or ValueError."""
-    paths = data["paths"]
-
-    def decoded(coded: list[list[int]]) -> Accesses:
-        *sets, outside, blind = coded
-        found = (frozenset(paths[number] for number in numbers) for numbers in sets)
-        return Accesses(**dict(zip(_SETS, found, strict=True)), outside=bool(outside), blind=bool(blind))
-
-    configure, rest = (data[name] and decoded(data[name]) for name in ("configure", "rest"))
-    edges = {name: decoded(each) for name, each in data["edges"].items()}
-    answers = tuple((question, answer) for question, answer in data["answers"])
-    missing, left = frozenset(data["missing"]), frozenset(data["left"])
-    return ObservedCommands(configure or None, edges, missing, rest or None, answers, left)

@@ -12,19 +12,18 @@ import struct
 import sys
 from bisect import bisect
 from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from itertools import chain
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from forge.base.frozen import frozen
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
-    from pathlib import Path
 
 LOG_VARIABLE = "FORGE_OBSERVER_LOG"
 LINKS_VARIABLE = "FORGE_OBSERVER_LINKS"
 STAGE_VARIABLE = "FORGE_OBSERVER_STAGE"
+COLOURS_VARIABLE = "FORGE_COLOURS"
+"""Compilers colour their messages if it is set, although these go into a pipe; see observer.c."""
 LOG_BYTES = 1 << 30
 """The size of a log, which is a sparse file: the library maps all of it."""
 
@@ -277,6 +276,9 @@ def observe(processes: Iterable[Process], blind: tuple[str, ...] = ()) -> Observ
                 folders = tuple(word.split("\n")[:-1])
             elif kind == "M":
                 modules.add((folders, word))
+            elif kind == "R" and folders and (name := _module(word, folders)):
+                # Also what importlib and 'python -m' look for, which Python does not tell.
+                modules.add((folders, name))
     for _, kind, word in sorted(chain.from_iterable(process.records for process in processes)):
         if kind == "B":
             unknown[word] = None
@@ -302,6 +304,21 @@ def observe(processes: Iterable[Process], blind: tuple[str, ...] = ()) -> Observ
     )
 
 
+def _module(path: str, folders: tuple[str, ...]) -> str:
+    """Return the name of the module that a file below one of the folders is, or nothing."""
+    match = _MODULE.match(path)
+    if match is None:
+        return ""
+    folder, names = match[1], [] if match[2] == "__init__" else [match[2]]
+    while folder not in folders:
+        folder, _, name = folder.rpartition("/")
+        if not folder or not name.isidentifier():
+            return ""
+        names.insert(0, name)
+    return ".".join(names)
+
+
+_MODULE = re.compile(r"(.+?)(?:/__pycache__)?/(\w+)(?:\.[\w-]+)?\.(?:py|pyc|so)$")
 _ABOVE = re.compile(r".*/\.\.(?=/|$)")
 
 

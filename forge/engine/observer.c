@@ -39,6 +39,9 @@
  * FORGE_OBSERVER_LINKS names a file with links of others below the prefix, each ending with NUL. To write through
  * one would change files that forge can neither know nor give back, so that the call fails with EACCES.
  *
+ * With FORGE_COLOURS, compilers colour their messages as on a terminal, and ninja passes that on: no command and no
+ * variable changes, so that nothing is built again for it.
+ *
  * With FORGE_OBSERVER_STAGE, that file has spellings of the prefix instead, and each path below it means the same
  * path in the stage: the step neither finds nor changes the last build, but knows no other path than the prefix.
  * What cannot be led to the stage is said as B. If several packages share the prefix, an empty word follows, and
@@ -58,8 +61,11 @@
 #include <glob.h>
 #include <limits.h>
 #include <link.h>
+#include <mntent.h>
+#include <mqueue.h>
 #include <netdb.h>
 #include <pthread.h>
+#include <semaphore.h>
 #include <spawn.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -103,6 +109,7 @@ static __typeof__(&syscall) kernel(void)
 #define LOG "FORGE_OBSERVER_LOG="
 #define LINKS "FORGE_OBSERVER_LINKS="
 #define STAGE "FORGE_OBSERVER_STAGE="
+#define COLOURS "FORGE_COLOURS="
 #define PRELOAD "LD_PRELOAD="
 
 extern char **environ;
@@ -207,15 +214,26 @@ static char *reserve(size_t size, uint32_t pid)
     return at ? map + at : NULL;
 }
 
+static pid_t own_process, announced_copy;
+
+static void note_child_of(long process);
+
 static void say(char kind, const char *word, size_t length)
 {
     size_t size = (sizeof(struct record) + length + 1 + 3) & ~(size_t)3;
     struct record *record;
+    pid_t process;
     int saved = errno;
 
     if (!map)
         return;
-    record = (struct record *)reserve(size, (uint32_t)kernel()(SYS_getpid));
+    process = kernel()(SYS_getpid);
+    if (own_process && process != own_process && process != announced_copy) {
+        /* After vfork() or clone(), perhaps in the parent's memory. */
+        announced_copy = process;
+        note_child_of(kernel()(SYS_getppid));
+    }
+    record = (struct record *)reserve(size, (uint32_t)process);
     if (record) {
         record->order = (uint32_t)__atomic_fetch_add(&((struct header *)map)->records, 1, __ATOMIC_RELAXED);
         record->kind = kind;
@@ -336,18 +354,21 @@ static size_t locate(int folder, const char *path, char *absolute)
         return 0;
     if (*path != '/') {
         if (folder == AT_FDCWD)
-            size = kernel()(SYS_getcwd, absolute, PATH_MAX) > 0 ? (ssize_t)strlen(absolute) : -1;
+            size = kernel()(SYS_getcwd, absolute, PATH_MAX) > 0 ? (ssize_t)strlen(absolute) : errno == ERANGE ? PATH_MAX : -1;
         else {
             char link[40];
             snprintf(link, sizeof link, "/proc/self/fd/%d", folder);
             size = kernel()(SYS_readlinkat, AT_FDCWD, link, absolute, PATH_MAX - 1);
         }
-        if (size <= 0 || *absolute != '/')
+        if (size <= 0 || (size < PATH_MAX && *absolute != '/'))
             return 0;
         to += size == 1 ? 0 : size;
     }
-    if (size + strlen(path) + 2 > PATH_MAX)
+    if (size + strlen(path) + 2 > PATH_MAX) {
+        if (size)
+            note('B', "a long path");
         return 0;
+    }
     while (*from) {
         size_t length;
         while (*from == '/')
@@ -674,14 +695,114 @@ static int holds_copies(int folder, const char *path)
 
 /* Start */
 
+static ElfW(Dyn) *entry_of(struct link_map *object, int tag)
+{
+    ElfW(Dyn) *each = object->l_ld;
+
+    while (each && each->d_tag != DT_NULL && each->d_tag != tag)
+        each++;
+    return each && each->d_tag == tag ? each : NULL;
+}
+
+/* Return the text of an entry of the dynamic section, NULL without an entry. */
+static const char *text_of(struct link_map *object, const ElfW(Dyn) *entry)
+{
+    ElfW(Dyn) *strings = entry_of(object, DT_STRTAB);
+    uintptr_t start = strings ? strings->d_un.d_ptr : 0;
+
+    return strings && entry ? (char *)(start + (start < object->l_addr ? object->l_addr : 0) + entry->d_un.d_val) : NULL;
+}
+
+/* Store a folder of the run path, in which an object may name its own; return 0 if it is not known. */
+static int expand_origin(struct link_map *object, const char *folder, size_t length, char *path)
+{
+    char origin[PATH_MAX] = "";
+    const char *rest = folder;
+
+    if (length && *folder == '$') {
+        rest = !strncmp(folder, "$ORIGIN", 7) ? folder + 7 : !strncmp(folder, "${ORIGIN}", 9) ? folder + 9 : NULL;
+        if (!rest || !(*object->l_name ? snprintf(origin, sizeof origin, "%s", object->l_name)
+                                       : kernel()(SYS_readlinkat, AT_FDCWD, "/proc/self/exe", origin, PATH_MAX - 1)))
+            return 0;
+        if (strrchr(origin, '/'))
+            *strrchr(origin, '/') = 0;
+    }
+    return snprintf(path, PATH_MAX, "%s%.*s", origin, (int)(folder + length - rest), rest) < PATH_MAX;
+}
+
+/* Look for a library like the loader in folders, and store where it is; return 0 if it is elsewhere. */
+static int search_libraries(struct link_map *object, const char *folders, const char *name, char *path, int notes)
+{
+    for (; folders && *folders; folders += folders[strcspn(folders, ":")] == ':') {
+        size_t length = strcspn(folders, ":");
+        int is_known = expand_origin(object, folders, length, path) && strlen(path) + strlen(name) + 2 < PATH_MAX;
+        folders += length;
+        if (is_known) {
+            strcat(strcat(path, "/"), name);
+            if (is_there(path))
+                return 1;
+            errno = ENOENT;
+            if (notes)
+                missing(AT_FDCWD, path);
+        }
+    }
+    return 0;
+}
+
+static int search_run_path(struct link_map *object, const char *name, char *path)
+{
+    ElfW(Dyn) *entry = entry_of(object, DT_RUNPATH);
+
+    if (entry && search_libraries(object, NEXT(getenv)("LD_LIBRARY_PATH"), name, path, 0))
+        return 0;
+    return search_libraries(object, text_of(object, entry ? entry : entry_of(object, DT_RPATH)), name, path, 1);
+}
+
+/* Note where the loader has looked in vain for the libraries that an object needs. */
+static void note_run_path(struct link_map *object)
+{
+    char path[PATH_MAX];
+
+    if (entry_of(object, DT_RUNPATH) || entry_of(object, DT_RPATH))
+        for (ElfW(Dyn) *each = object->l_ld; each->d_tag != DT_NULL; each++)
+            if (each->d_tag == DT_NEEDED)
+                search_run_path(object, text_of(object, each), path);
+}
+
+/* Tell if a program is one of Go, which calls the kernel itself. */
+static int is_go(const struct dl_phdr_info *info)
+{
+    for (const ElfW(Phdr) *part = info->dlpi_phdr; part < info->dlpi_phdr + info->dlpi_phnum; part++) {
+        size_t at = 0;
+        while (part->p_type == PT_NOTE && part->p_vaddr && at + sizeof(ElfW(Nhdr)) + 4 < part->p_memsz) {
+            const ElfW(Nhdr) *mark = (const ElfW(Nhdr) *)(info->dlpi_addr + part->p_vaddr + at);
+            if (mark->n_namesz == 4 && !memcmp(mark + 1, "Go", 3))
+                return 1;
+            at += sizeof *mark + ((mark->n_namesz + 3) & ~3u) + ((mark->n_descsz + 3) & ~3u);
+        }
+    }
+    return 0;
+}
+
+/* Note a library, or the program, which has no name. */
 static int note_library(struct dl_phdr_info *info, size_t size, void *data)
 {
     (void)size, (void)data;
     if (info->dlpi_name && *info->dlpi_name == '/' && strcmp(info->dlpi_name, library)) {
         found('Y', AT_FDCWD, info->dlpi_name);
         note_last_build(info->dlpi_name);
-    }
+    } else if (info->dlpi_name && !*info->dlpi_name && is_go(info))
+        note('B', "a program of Go");
     return 0;
+}
+
+static void note_libraries(void)
+{
+    dl_iterate_phdr(note_library, NULL);
+#ifdef __GLIBC__
+    for (struct link_map *object = _r_debug.r_map; object; object = object->l_next)
+        note_run_path(object);
+#endif
 }
 
 static int store_variable(const char *name, char *variable, size_t size)
@@ -860,22 +981,56 @@ static void note_command(const char *program)
         say('C', words + flag + 3, strlen(words + flag + 3));
 }
 
-static pid_t own_process;
-
 static void note_child_of(long process)
 {
     char parent[24];
 
-    own_process = kernel()(SYS_getpid);
     say('O', parent, snprintf(parent, sizeof parent, "%ld", process));
 }
 
-static void note_parent(void) { note_child_of(kernel()(SYS_getppid)); }
-
 static void forked(void)
 {
-    note_parent();
+    own_process = kernel()(SYS_getpid);
+    note_child_of(kernel()(SYS_getppid));
     search_path = 0;
+}
+
+/* Compilers and ninja take the pipe to forge for a terminal if forge writes to one. CMake reads the messages of the
+ * compilers that it tries, so what it configures has no colours. */
+static enum { PLAIN, COMPILER, NINJA } colours;
+
+static void decide_on_colours(const char *program)
+{
+    static const char *const compilers[] = {"/cc1", "/clang", "/f951", "/ld.lld", "/lld", "/mold", NULL};
+    char words[PATH_MAX + 16], **variable = environ;
+    int descriptor;
+    ssize_t size, first;
+
+    while (variable && *variable && strncmp(*variable, COLOURS, sizeof COLOURS - 1))
+        variable++;
+    if (!variable || !*variable)
+        return;
+    if (!strcmp(program, "/ninja"))
+        colours = NINJA;
+    else if (begins_with_one(program, compilers) || strstr(program, "gcc") || strstr(program, "g++"))
+        colours = COMPILER;
+    else if (!strcmp(program, "/cmake")) {
+        descriptor = kernel()(SYS_openat, AT_FDCWD, "/proc/self/cmdline", O_RDONLY | O_CLOEXEC);
+        size = descriptor < 0 ? 0 : kernel()(SYS_read, descriptor, words, sizeof words - 1);
+        if (descriptor >= 0)
+            kernel()(SYS_close, descriptor);
+        words[size > 0 ? size : 0] = 0;
+        first = strlen(words) + 1;
+        if (first >= size || (strcmp(words + first, "--build") && strcmp(words + first, "-E")))
+            do
+                *variable = variable[1];
+            while (*variable++);
+    }
+}
+
+EXPORT int isatty(int descriptor)
+{
+    return descriptor == STDERR_FILENO && colours == COMPILER ? 1 : NEXT(isatty)(descriptor);
 }
 
 static void note_process(long parent)
@@ -888,11 +1043,14 @@ static void note_process(long parent)
     note_last_build(program);
     unstage(program, sizeof program);
     say('P', program, strlen(program));
+    own_process = kernel()(SYS_getpid);
     note_child_of(parent);
     name = strrchr(program, '/');
-    if (name)
+    if (name) {
         note_command(name);
-    dl_iterate_phdr(note_library, NULL);
+        decide_on_colours(name);
+    }
+    note_libraries();
 }
 
 static void guard_copies(void)
@@ -1030,7 +1188,7 @@ static void opened(int result, int folder, const char *path, int flags)
         found('T', folder, path);
     else if (!(flags & WRITES)) {
         found('R', folder, path);
-        if (map && !strncmp(path, "/proc/", 6))
+        if (map && (!strncmp(path, "/proc/", 6) || !strncmp(path, "/dev/fd/", 8)))
             note_place('R', result);
     } else {
         if ((flags & (O_CREAT | O_EXCL)) == (O_CREAT | O_EXCL))
@@ -1121,6 +1279,13 @@ OPENAT(openat64)
 CREAT(creat64)
 FOPEN(fopen64)
 FREOPEN(freopen64)
+FOPEN(setmntent)
+
+/* What the C library calls itself, and exports. */
+int __open(const char *, int, ...);
+int __open64(const char *, int, ...);
+OPEN(__open)
+OPEN(__open64)
 
 /* What _FORTIFY_SOURCE makes of calls without a mode. */
 EXPORT int __open_2(const char *path, int flags) { return open(path, flags); }
@@ -1416,24 +1581,31 @@ EXPORT DIR *fdopendir(int descriptor)
     return result;
 }
 
-#define SCAN(name, entry)                                                       \
-    EXPORT int name(const char *path, struct entry ***names, int (*select)(const struct entry *), \
-                    int (*compare)(const struct entry **, const struct entry **)) \
+#define SCAN(name, folder, entry, parameters, ...)                              \
+    EXPORT int name parameters                                                  \
     {                                                                           \
-        IN_STAGE(AT_FDCWD, LOOKS);                                                     \
-        int result = NEXT(name)(path, names, select, compare);                  \
+        IN_STAGE(folder, LOOKS);                                                \
+        int result = NEXT(name)(__VA_ARGS__);                                   \
         if (own && path != given)                                               \
             note('B', "scandir");                                               \
         if (result < 0)                                                         \
-            missing(AT_FDCWD, given);                                           \
+            missing(folder, given);                                             \
         else                                                                    \
-            found('L', AT_FDCWD, given);                                        \
+            found('L', folder, given);                                          \
         return result;                                                          \
     }
+#define SCANS(entry) struct entry ***names, int (*select)(const struct entry *), int (*compare)(const struct entry **, const struct entry **)
 
-SCAN(scandir, dirent)
+SCAN(scandir, AT_FDCWD, dirent, (const char *path, SCANS(dirent)), path, names, select, compare)
 #ifdef __GLIBC__
-SCAN(scandir64, dirent64)
+SCAN(scandir64, AT_FDCWD, dirent64, (const char *path, SCANS(dirent64)), path, names, select, compare)
+SCAN(scandirat, folder, dirent, (int folder, const char *path, SCANS(dirent)), folder, path, names, select, compare)
+SCAN(scandirat64, folder, dirent64, (int folder, const char *path, SCANS(dirent64)), folder, path, names, select, compare)
+
+EXPORT ssize_t getdents64(int folder, void *entries, size_t size)
+{
+    return syscall(SYS_getdents64, folder, entries, size);
+}
 #endif
 
 /* The C library lists folders by itself, unless it is told how: a pattern is then looked for by the functions above. */
@@ -1562,23 +1734,58 @@ EXPORT int glob(const char *pattern, int flags, int (*failed)(const char *, int)
 }
 #endif
 
+#ifdef __GLIBC__
+/* The loader searches the run path of its caller, which would be this library. */
+static void *open_by_run_path(const char *name, int flags, const void *caller)
+{
+    struct link_map *object;
+    char path[PATH_MAX], place[PATH_MAX];
+    Dl_info info;
+    void *loaded = NEXT(dlopen)(name, RTLD_LAZY | RTLD_NOLOAD);
+
+    if (loaded)
+        NEXT(dlclose)(loaded);
+    else if (dladdr1(caller, &info, (void **)&object, RTLD_DL_LINKMAP) && search_run_path(object, name, path))
+        return NEXT(dlopen)(staged(AT_FDCWD, path, place), flags);
+    return NULL;
+}
+#endif
+
 EXPORT void *dlopen(const char *path, int flags)
 {
     char place[PATH_MAX];
-    void *result = NEXT(dlopen)(path && strchr(path, '/') ? staged(AT_FDCWD, path, place) : path, flags);
+    void *result = NULL;
     struct link_map *library;
     int saved = errno;
 
+#ifdef __GLIBC__
+    if (path && !strchr(path, '/'))
+        result = open_by_run_path(path, flags, __builtin_return_address(0));
+#endif
+    if (!result)
+        result = NEXT(dlopen)(path && strchr(path, '/') ? staged(AT_FDCWD, path, place) : path, flags);
     if (result && path) {
         /* What a program loads by itself, as Python does modules, it reads like any other file. */
-        if (!dlinfo(result, RTLD_DI_LINKMAP, &library) && strchr(library->l_name, '/'))
+        if (!dlinfo(result, RTLD_DI_LINKMAP, &library) && strchr(library->l_name, '/')) {
             found('R', AT_FDCWD, library->l_name);
+            note_run_path(library);
+        }
         dl_iterate_phdr(note_library, NULL);
     } else if (path && strchr(path, '/'))
         attempted(AT_FDCWD, path);
     errno = saved;
     return result;
 }
+
+#ifdef __GLIBC__
+/* Another namespace has a C library of its own. */
+EXPORT void *dlmopen(Lmid_t space, const char *path, int flags)
+{
+    if (space != LM_ID_BASE)
+        note('B', "another C library");
+    return NEXT(dlmopen)(space, path, flags);
+}
+#endif
 
 EXPORT int chdir(const char *path)
 {
@@ -1682,6 +1889,22 @@ CHANGE(fchmodat, 'W', 1, folder, (int folder, const char *path, mode_t mode, int
 LINK(link, AT_FDCWD, AT_FDCWD, (const char *old, const char *path), old, path)
 LINK(linkat, from, folder, (int from, const char *old, int folder, const char *path, int flags), from, old, folder, path, flags)
 
+/* Whoever opens a file by a link of this step reads another file. */
+static void note_target(int folder, const char *path, const char *target)
+{
+    char absolute[2 * PATH_MAX] = "/", place[PATH_MAX];
+    struct stat status;
+    int saved = errno;
+
+    if (map && (*target == '/' || locate(folder, path, absolute)) && strlen(target) < PATH_MAX) {
+        strcpy(strrchr(absolute, '/') + (*target != '/'), target);
+        if (strlen(absolute) < PATH_MAX && !NEXT(fstatat)(AT_FDCWD, staged(AT_FDCWD, absolute, place), &status, 0)
+            && S_ISREG(status.st_mode))
+            found('R', AT_FDCWD, absolute);
+    }
+    errno = saved;
+}
+
 #define CREATE(name, folder, parameters, ...)                                   \
     EXPORT int name parameters                                                  \
     {                                                                           \
@@ -1695,8 +1918,22 @@ LINK(linkat, from, folder, (int from, const char *old, int folder, const char *p
         return result;                                                          \
     }
 
-CREATE(symlink, AT_FDCWD, (const char *target, const char *path), target, path)
-CREATE(symlinkat, folder, (const char *target, int folder, const char *path), target, folder, path)
+EXPORT int symlinkat(const char *target, int folder, const char *path)
+{
+    IN_STAGE(folder, CREATES);
+    int result = refused(folder, given) ? -1 : NEXT(symlinkat)(target, folder, path);
+
+    if (!result) {
+        note_target(folder, given, target);
+        found('n', folder, given);
+        changed('W', folder, given);
+    } else
+        attempted(folder, given);
+    return result;
+}
+
+EXPORT int symlink(const char *target, const char *path) { return symlinkat(target, AT_FDCWD, path); }
+
 CREATE(mkfifo, AT_FDCWD, (const char *path, mode_t mode), path, mode)
 CREATE(mknod, AT_FDCWD, (const char *path, mode_t mode, dev_t device), path, mode, device)
 
@@ -1804,6 +2041,39 @@ RESOLVES(gethostbyaddr_r, int,
           struct hostent **result, int *code),
          address, length, family, entry, buffer, size, result, code)
 
+EXPORT mqd_t mq_open(const char *name, int flags, ...)
+{
+    struct mq_attr *attributes = NULL;
+    va_list arguments;
+    mode_t mode = 0;
+
+    va_start(arguments, flags);
+    if (flags & O_CREAT) {
+        mode = va_arg(arguments, mode_t);
+        attributes = va_arg(arguments, struct mq_attr *);
+    }
+    va_end(arguments);
+    note_channel("a message queue");
+    return NEXT(mq_open)(name, flags, mode, attributes);
+}
+
+EXPORT sem_t *sem_open(const char *name, int flags, ...)
+{
+    va_list arguments;
+    unsigned int value = 0;
+    mode_t mode = 0;
+
+    va_start(arguments, flags);
+    if (flags & O_CREAT) {
+        mode = va_arg(arguments, mode_t);
+        value = va_arg(arguments, unsigned int);
+    }
+    va_end(arguments);
+    if (!(flags & O_EXCL))
+        note_channel("a semaphore");
+    return NEXT(sem_open)(name, flags, mode, value);
+}
+
 EXPORT int shm_open(const char *name, int flags, mode_t mode)
 {
     if (!(flags & O_EXCL))
@@ -1840,10 +2110,36 @@ EXPORT int connect(int descriptor, const struct sockaddr *address, socklen_t siz
 }
 #endif
 
+#ifdef __GLIBC__
+EXPORT ssize_t sendto(int descriptor, const void *content, size_t size, int flags, __CONST_SOCKADDR_ARG address,
+                      socklen_t length)
+{
+    note_server(address.__sockaddr__, length);
+    return NEXT(sendto)(descriptor, content, size, flags, address, length);
+}
+#else
+EXPORT ssize_t sendto(int descriptor, const void *content, size_t size, int flags, const struct sockaddr *address,
+                      socklen_t length)
+{
+    note_server(address, length);
+    return NEXT(sendto)(descriptor, content, size, flags, address, length);
+}
+#endif
+
+EXPORT ssize_t sendmsg(int descriptor, const struct msghdr *message, int flags)
+{
+    note_server(message->msg_name, message->msg_namelen);
+    return NEXT(sendmsg)(descriptor, message, flags);
+}
+
 /* Variables. Shells and Python copy all of them at their start and ask for none. */
 
 EXPORT char *getenv(const char *name)
 {
+    if (colours == NINJA && !strcmp(name, "CLICOLOR_FORCE"))
+        return (char *)"1";
+    if (colours == COMPILER && !strcmp(name, "GCC_URLS"))
+        return (char *)"no"; /* links are no colours */
     if (map)
         note('V', name);
     return NEXT(getenv)(name);
@@ -1969,11 +2265,6 @@ static void executing(char kind, const char *file)
 
     if (map) {
         const char *path = strchr(file, '/') && locate(AT_FDCWD, file, absolute) ? absolute : file;
-        if (kind == 'X' && own_process != kernel()(SYS_getpid)) { /* after vfork(), in the parent's memory */
-            pid_t parent = own_process;
-            note_parent();
-            own_process = parent;
-        }
         say(kind, path, strlen(path));
         if (kind == 'X' && path == absolute && !is_kernels(path) && is_there(path))
             note('R', path);
@@ -2029,6 +2320,35 @@ EXPORT int fexecve(int descriptor, char *const argv[], char *const envp[])
     executing('F', "a descriptor");
     return result;
 }
+
+static int execute_at(int folder, const char *path, char *const argv[], char *const envp[], int flags)
+{
+    char *const *variables = envp;
+    char absolute[PATH_MAX], place[PATH_MAX];
+    const char *file = *path && locate(folder, path, absolute) ? absolute : "a descriptor";
+    int result;
+
+    WITH_OBSERVER(variables);
+    if (file == absolute && finds_last_build(file))
+        return -1;
+    executing('X', file);
+    result = kernel()(SYS_execveat, folder, staged(folder, path, place), argv, variables, flags);
+    executing('F', file);
+    missing(folder, path);
+    return result;
+}
+
+#ifdef __GLIBC__
+EXPORT int execveat(int folder, const char *path, char *const argv[], char *const envp[], int flags)
+{
+    return execute_at(folder, path, argv, envp, flags);
+}
+
+EXPORT int open_by_handle_at(int folder, struct file_handle *handle, int flags)
+{
+    return syscall(SYS_open_by_handle_at, folder, handle, flags);
+}
+#endif
 
 EXPORT int execv(const char *file, char *const argv[]) { return execve(file, argv, environ); }
 EXPORT int execvp(const char *file, char *const argv[]) { return execvpe(file, argv, environ); }
@@ -2130,6 +2450,8 @@ EXPORT long syscall(long number, ...)
         return kernel()(number, a, b, c, d, e, f);
     result = -1;
     switch (number) {
+    case SYS_execve: return execve((char *)a, (char **)b, (char **)c);
+    case SYS_execveat: return execute_at(a, (char *)b, (char **)c, (char **)d, e);
 #ifdef SYS_open
     case SYS_open: case SYS_stat: case SYS_lstat: case SYS_access: case SYS_readlink:
         result = kernel()(number, staged(AT_FDCWD, (char *)a, place), b, c, d, e, f);
@@ -2138,6 +2460,9 @@ EXPORT long syscall(long number, ...)
 #endif
 #ifdef SYS_openat2
     case SYS_openat2:
+#endif
+#ifdef SYS_faccessat2
+    case SYS_faccessat2:
 #endif
     case SYS_openat: case SYS_faccessat: case SYS_statx: case SYS_readlinkat:
         result = kernel()(number, a, staged(a, (char *)b, place), c, d, e, f);
@@ -2155,12 +2480,15 @@ EXPORT long syscall(long number, ...)
     case SYS_fork: case SYS_vfork:
 #endif
     case SYS_renameat2: case SYS_linkat: case SYS_symlinkat: case SYS_unlinkat: case SYS_mkdirat: case SYS_clone:
-    case SYS_execve: case SYS_execveat: case SYS_truncate:
+    case SYS_truncate: case SYS_open_by_handle_at:
         note('B', "a system call");
         break;
     case SYS_openat: opened(result, a, (char *)b, c); break;
 #ifdef SYS_newfstatat
     case SYS_newfstatat:
+#endif
+#ifdef SYS_faccessat2
+    case SYS_faccessat2:
 #endif
     case SYS_faccessat: case SYS_statx: looked(result, a, (char *)b); break;
     case SYS_readlinkat: looked(result < 0 ? -1 : 0, a, (char *)b); break;

@@ -10,7 +10,7 @@ from pathlib import Path
 from shutil import which
 from typing import TYPE_CHECKING
 
-from forge.engine.commands import Accesses
+from forge.engine.accesses import Accesses
 from forge.engine.observation import LOG_VARIABLE, begin_log, end_log, observe, read_log
 
 if TYPE_CHECKING:

@@ -82,8 +82,8 @@ _UNTRACKED = _OUTPUT_ONLY | frozenset(
     # They differ from shell to shell.
     "OLDPWD PWD SHELL SHLVL _ "
     # They affect messages and their appearance.
-    "CLICOLOR CLICOLOR_FORCE COLORTERM COLUMNS EMACS FORCE_COLOR LANG LANGUAGE LINES NINJA_STATUS NO_COLOR "
-    "TERM TERMCAP TERMINFO VERBOSE "
+    "CLICOLOR CLICOLOR_FORCE COLORTERM COLUMNS EMACS FORCE_COLOR GCC_COLORS GCC_URLS LANG LANGUAGE LINES "
+    "NINJA_STATUS NO_COLOR TERM TERMCAP TERMINFO TERM_URLS VERBOSE "
     # They distribute processors.
     "CTEST_PARALLEL_LEVEL MAKEFLAGS MAKELEVEL MAKE_TERMERR MAKE_TERMOUT MFLAGS "
     # forge sets them.
@@ -91,8 +91,26 @@ _UNTRACKED = _OUTPUT_ONLY | frozenset(
 )
 _UNTRACKED_BEGINNINGS = (
     *("FORGE_", "LC_", "XDG_"),
-    # Relevant ones affect every package; the others are for debugging.
-    "PYTHON",
+    # They are for debugging.
+    *("PYTHONBREAKPOINT", "PYTHONDEBUG", "PYTHONDEVMODE", "PYTHONDUMPREFS", "PYTHONFAULTHANDLER"),
+    *(
+        "PYTHONASYNCIODEBUG",
+        "PYTHONINSPECT",
+        "PYTHONMALLOC",
+        "PYTHONNODEBUGRANGES",
+        "PYTHONPROFILEIMPORTTIME",
+    ),
+    *(
+        "PYTHONSTARTUP",
+        "PYTHONTRACEMALLOC",
+        "PYTHONVERBOSE",
+        "PYTHON_COLORS",
+        "PYTHON_PERF",
+        "PYTHON_HISTORY",
+    ),
+    # They affect output, warnings, bytecode and threads.
+    *("PYTHONDONTWRITEBYTECODE", "PYTHONPYCACHEPREFIX", "PYTHONUNBUFFERED", "PYTHONWARNINGS"),
+    *("PYTHON_CPU_COUNT", "PYTHON_GIL", "PYTHON_JIT"),
     # Access of git to repositories: short-lived credentials, and mirrors.
     *("GIT_CONFIG_COUNT", "GIT_CONFIG_KEY_", "GIT_CONFIG_VALUE_"),
     # gcc sets it for the programs that it starts.
@@ -122,15 +140,24 @@ def _is_cmake(program: str) -> bool:
     return os.path.basename(program) == "cmake"
 
 
-_COPIES_ENVIRONMENT = re.compile(r"(ba|da|k|z|fi)?sh$|busybox$|g?make$|python|perl|[gm]?awk$|ruby|node")
+def of_interpreter(program: str) -> frozenset[str]:
+    """Return the variables that a program obeys without a script that names them, nor a request."""
+    return _OF_SHELLS if _IS_SHELL.match(os.path.basename(program)) else frozenset()
+
+
+_OF_SHELLS = frozenset({"BASH_ENV", "BASHOPTS", "CDPATH", "ENV", "POSIXLY_CORRECT", "SHELLOPTS"})
+_IS_SHELL = re.compile(r"(ba|da|k|z)?sh$")
+_COPIES_ENVIRONMENT = re.compile(r"(ba|da|k|z|fi)?sh$|busybox$|g?make$|python|perl|[gm]?awk$|ruby|node|tclsh")
 _NAMING_OF_CMAKE = re.compile(r"\bENV\{(\w+)\}")
 _NAMING = re.compile(
+    # Perl, awk, Ruby, Node.js, Tcl.
+    r"\$?\bENV\{\s*['\"]?(\w+)|\$?\b(?:ENVIRON|ENV|env)(?:\[['\"]|\.|\()(\w+)"
+    # xacro, Python's templates and configuration files.
+    r"|\$\((?:opt)?env\s+(\w+)|%\((\w+)\)s"
     # Shells, make, Perl's and Python's templates.
-    r"\$[({]?([A-Za-z_]\w*)"
+    r"|\$[({]?[#!]?([A-Za-z_]\w*)"
     # Python.
     r"|environb?\s*(?:\[|\.\s*\w+\s*\()\s*[bru]*['\"](\w+)|getenvb?\s*\(\s*[bru]*['\"](\w+)"
     # Names that are looked up through an alias, as after `env = os.environ`.
     r"|['\"]([A-Z][A-Z0-9_]+)['\"]|['\"](\w+)['\"]\s+(?:not\s+)?in\s+(?:os\s*\.\s*)?environ"
-    # Perl, awk, Ruby, Node.js.
-    r"|\bENV\{\s*['\"]?(\w+)|\b(?:ENVIRON|ENV|env)(?:\[['\"]|\.)(\w+)"
 )

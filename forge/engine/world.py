@@ -1,7 +1,7 @@
 """Questions of a build about its environment: variables, programs, packages, modules, kinds of files.
 
 Questions are texts, so that records can keep them with the answers: '$NAME', 'program NAME', 'library NAME',
-'package NAME', 'FORGE_PROCESSOR', 'modules FOLDER:FOLDER NAME,NAME' and 'kind PATH'.
+'package NAME', 'FORGE_PROCESSOR', 'modules FOLDER:FOLDER NAME,NAME', 'kind PATH' and 'output PATH'.
 """
 
 from __future__ import annotations
@@ -10,28 +10,26 @@ import contextlib
 import os
 import re
 import stat
-from functools import cached_property
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import cache, cached_property
 
-from forge.base.files import open_regular, text_or_nothing
+from forge.base.files import names_in, open_regular, text_or_nothing
+from forge.base.frozen import Pairs
 from forge.base.text import digest
 from forge.engine.variables import is_tracked, mentioned
 from forge.toolchain.config_search import ConfigSearch, prefixes_of_path
 from forge.toolchain.programs import ProgramLookup
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping
-
-    from forge.base.frozen import Pairs
-
 _SYSTEM = ("/usr/local", "/usr", "", "/opt")
 _OF_PACKAGES = re.compile(r"/?|/(lib\w*|share)(/[\w-]+-linux-\w+)?(/cmake|/CMake)?")
 VARIABLE, PROGRAM, LIBRARY, PACKAGE_FOUND, MODULES = "$", "program ", "library ", "package ", "modules "
-KIND = "kind "
+KIND, OUTPUT = "kind ", "output "
 """The beginnings of questions."""
 PROCESSOR = "FORGE_PROCESSOR"
 """The question of builds that compile for the host processor, or read what it is."""
 CPU_INFO = "/proc/cpuinfo"
+_MORE_FOLDERS = ".pth"
+"""The end of the names of files that add folders to Python's search path."""
 _TRAITS = frozenset(
     {
         *("vendor_id", "cpu family", "model", "model name", "stepping", "cache size", "flags"),
@@ -60,6 +58,11 @@ class World:
         """The folders of PATH."""
         self.scripts = Scripts()
 
+    @cached_property
+    def all_of_path(self) -> frozenset[str]:
+        """The folders of PATH that exist, as it spells them."""
+        return frozenset(filter(os.path.isdir, self._lookup.folders))
+
     def value(self, name: str) -> str:
         """Return the value of a variable, '' if it is not set."""
         return self._variables.get(name, "")
@@ -75,6 +78,8 @@ class World:
 
     def answer(self, question: str) -> str:
         """Return the digest of a value, the path of a program or the folder of a package; '' for none."""
+        if question.startswith(OUTPUT):  # the build at hand may make it
+            return "there" if os.path.lexists(question.removeprefix(OUTPUT)) else ""
         if question not in self._answers:
             self._answers[question] = self._ask(question)
         return self._answers[question]
@@ -93,10 +98,10 @@ class World:
             return self._library_folders.get(question.removeprefix(LIBRARY), "")
         if question.startswith(MODULES):
             path, _, names = question.removeprefix(MODULES).rpartition(" ")
-            folders = path.split(os.pathsep)
-            places = [self._modules.places(folders, name) for name in names.split(",")]
+            folders = tuple(path.split(os.pathsep))
+            places = [self._modules.found(folders, name) for name in names.split(",")]
             # Positions instead of paths: the answer is the same in workspaces elsewhere.
-            where = [[_position(place, folders) for place in found] for found in places]
+            where = [[f"{_position(place, folders)} {file}" for place, file in found] for found in places]
             return digest("\n".join(map(os.pathsep.join, (*where, *map(self._modules.more, folders)))))
         if question.startswith(KIND):
             return _kind(question.removeprefix(KIND))
@@ -153,7 +158,7 @@ def _script(path: str) -> str:
         return ""
 
 
-def _position(place: str, folders: list[str]) -> str:
+def _position(place: str, folders: tuple[str, ...]) -> str:
     """Return a folder as the number of the enclosing one of `folders`, and the path in that."""
     for number, folder in enumerate(folders):
         if folder and f"{place}/".startswith(f"{folder}/"):
@@ -171,45 +176,75 @@ class ModuleSearch:
     """Searches modules like Python; listings of folders are cached."""
 
     def __init__(self) -> None:
-        """Begin without any folder."""
-        self._names: dict[str, dict[str, bool]] = {}
+        self._names: dict[str, dict[str, list[str]]] = {}
+        self._files: dict[tuple[str, str], str | None] = {}
+        # Names of submodules repeat those of their packages.
+        self.found = cache(self._look_for)
 
     def places(self, folders: Iterable[str], name: str) -> tuple[str, ...]:
         """Return the folders that have a module: several, if it is a namespace without code."""
+        return tuple(place for place, _ in self.found(tuple(folders), name))
+
+    def _look_for(self, folders: tuple[str, ...], name: str) -> tuple[tuple[str, str], ...]:
+        """Return the folders that have a module, each with the name of the file; '' for a namespace."""
         parent, _, name = name.rpartition(".")
         if parent:
-            folders = (f"{place}/{parent.rpartition('.')[2]}" for place in self.places(folders, parent))
+            folders = tuple(
+                f"{place}/{parent.rpartition('.')[2]}" for place, _ in self.found(folders, parent)
+            )
         found = []
         for folder in folders:
-            is_code = self._listed(folder).get(name)
-            if is_code is not None:
-                found.append(folder)
-            if is_code:
+            file = self._file(folder, name)
+            if file is not None:
+                found.append((folder, file))
+            if file:
                 break
         return tuple(found)
 
     def more(self, folder: str) -> tuple[str, ...]:
         """Return the names of the files in a folder that add folders to Python's search path."""
-        return tuple(sorted(name for name in self._listed(folder) if name.endswith(".pth")))
+        return tuple(sorted(self._listed(folder)[_MORE_FOLDERS]))
 
-    def _listed(self, folder: str) -> dict[str, bool]:
-        """Return the modules in a folder, and whether they are code; other folders may be namespaces.
+    def _file(self, folder: str, name: str) -> str | None:
+        """Return the file in a folder that Python takes for a module, '' for a possible namespace."""
+        entries = self._listed(folder).get(name)
+        if not entries:
+            return None
+        if (folder, name) not in self._files:
+            found = (self._kind(f"{folder}/{entry}", entry[len(name) + 1 :]) for entry in entries)
+            self._files[folder, name] = max(
+                (file for file in found if file is not None), key=_precedence, default=None
+            )
+        return self._files[folder, name]
 
-        Names of files that end with '.pth' are included, but are not modules.
-        """
+    @staticmethod
+    def _kind(path: str, suffix: str) -> str | None:
+        if suffix.endswith(("py", "pyc", "so")):
+            return suffix
+        if suffix or not os.path.isdir(path):
+            return None
+        return "/" if is_package(path) else ""
+
+    def _listed(self, folder: str) -> dict[str, list[str]]:
+        """Return the names in a folder by the modules that they may be."""
         if folder not in self._names:
-            names: dict[str, bool] = {}
-            with contextlib.suppress(OSError), os.scandir(folder) as entries:
-                for entry in entries:
-                    stem, _, suffix = entry.name.partition(".")
-                    if entry.name.endswith(".pth"):
-                        names[entry.name] = False
-                    elif suffix.endswith(("py", "pyc", "so")):
-                        names[stem] = True
-                    elif not suffix and stem not in names and entry.is_dir():
-                        names[stem] = os.path.exists(f"{entry.path}/__init__.py")
+            names: dict[str, list[str]] = {_MORE_FOLDERS: []}
+            for entry in names_in(folder):
+                stem = _MORE_FOLDERS if entry.endswith(_MORE_FOLDERS) else entry.partition(".")[0]
+                names.setdefault(stem, []).append(entry)
             self._names[folder] = names
         return self._names[folder]
+
+
+def _precedence(file: str) -> tuple[int, str]:
+    """Order the files that a module may be by the order in which Python looks for them."""
+    kinds = ("", "pyc", "py", "so", "/")
+    return kinds.index(next(kind for kind in reversed(kinds) if file.endswith(kind))), file
+
+
+def is_package(folder: str) -> bool:
+    """Return whether a folder is a Python package, not a namespace."""
+    return any(os.path.exists(f"{folder}/__init__.{suffix}") for suffix in ("py", "pyc"))
 
 
 def _kind(path: str) -> str:

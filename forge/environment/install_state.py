@@ -22,6 +22,9 @@ class InstallState:
     python: str | None = None
     underlays: tuple[Path, ...] = ()
     rosdistro: str | None = None
+    profile: str = ""
+    root: str = os.pardir
+    """The root of the workspace, relative to the install tree."""
 
 
 def recorded_underlays(root: Path) -> tuple[Path, ...]:
@@ -72,7 +75,13 @@ def recorded_state(root: Path) -> InstallState:
     try:
         state = json.loads(read_file(root / INSTALL_STATE_FILE))
         underlays = tuple(map(Path, state["underlays"]))
-        return InstallState(str(state["python"]), underlays, state.get("rosdistro"))
+        return InstallState(
+            str(state["python"]),
+            underlays,
+            state.get("rosdistro"),
+            state.get("profile", ""),
+            state.get("root", os.pardir),
+        )
     except OSError:  # begin_workspace reports inaccessible files
         return InstallState()
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):

@@ -9,10 +9,12 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from forge.base import ament_index
+from forge.base.env_vars import setting
 from forge.base.errors import ForgeError, HostError, Problem
-from forge.base.files import text_or_nothing
+from forge.base.files import names_in, text_or_nothing
+from forge.base.layout import forge_command
 from forge.base.names import did_you_mean, is_package_name
-from forge.environment.install_state import recorded_underlays
+from forge.environment.install_state import recorded_state, recorded_underlays
 from forge.environment.prefixes import PACKAGES, package_prefixes
 
 _AMENT = "ament_"
@@ -70,7 +72,8 @@ def find_package(
         where_to_call = "at the end of its CMakeLists.txt, which registers the package"
         remedy: str | None = f"call ament_package() {where_to_call}"
     elif name in built:
-        remedy = f"build it: forge build --packages-select {name}"
+        profile = recorded_state(install).profile if install else setting("PROFILE", variables)
+        remedy = f"build it: {forge_command(f'build --packages-select {name}', profile)}"
     else:
         remedy = did_you_mean(name, {*ament_index.resources("packages", where), *built})
     if install is None or variables.get("AMENT_PREFIX_PATH") or not is_package_name(name):
@@ -148,7 +151,11 @@ def missing_executable_hint(package: str, name: str, prefix: Path, paths: Sequen
         python = build_type == "ament_python"
         line = f"install_scripts=$base/lib/{package}" if python else "DESTINATION lib/${PROJECT_NAME}"
         where = "below [install] in its setup.cfg" if python else "in install() in its CMakeLists.txt"
-        return f"it is in '{elsewhere.parent}' instead of lib/{package}: write {line} {where}"
+        start = f"start it with 'forge shell -- {name}', or " if elsewhere == others[0] else ""
+        return f"it is in '{elsewhere.parent}' instead of lib/{package}: {start}write {line} {where}"
+    launch_files = (prefix / "share" / package).rglob("*launch*")
+    if any(name in {path.name, *names_in(path)} for path in launch_files):
+        return f"to launch it: forge shell -- ros2 launch {package} {name}"
     near = did_you_mean(name, (path.name for path in paths))
     if near:
         return near

@@ -56,7 +56,7 @@ def sourced_environment(install: Path, variables: Mapping[str, str]) -> dict[str
     """
     below = recorded_underlays(install)
     if not (below or has_packages(install)):
-        hint = "run 'forge build', or choose another folder with '--install-base'"
+        hint = "run 'forge build' with the same '--profile', or choose another folder with '--install-base'"
         raise WorkspaceError(Problem(f"'{install}' contains no installed packages", hint=hint))
     result = dict(variables)
     for root in (*below, install):

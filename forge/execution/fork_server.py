@@ -18,15 +18,12 @@ import struct
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
 from forge.execution.started import BUILD_FOLDER_VARIABLE, StartedProcesses
 from forge.execution.worker_client import DECLINED, receive_exactly
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
 
 _CREDENTIALS = struct.Struct("3i")
 """Process, user and group at the other end of a connection."""

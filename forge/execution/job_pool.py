@@ -43,6 +43,7 @@ _PAUSE_SECONDS = 0.005
 
 _MAX_STORED_STYLES = 8
 """Workspaces and virtual environments have different tools, and share the file."""
+PARALLEL_TESTS = "CTEST_PARALLEL_LEVEL"
 _JOB_VARIABLES = frozenset({"MAKEFLAGS", "MFLAGS", "CMAKE_BUILD_PARALLEL_LEVEL"})
 """Variables that set the number of jobs, which forge replaces."""
 
@@ -75,6 +76,8 @@ class JobPool:
         self._is_overloaded = is_overloaded
         self._free_tokens = [_IMPLICIT_TOKEN] if pool is not None and pool.joined else [TOKEN] * jobs
         self._waiting: list[object] = []
+        self._alone: list[object] = []
+        """Those that run alone or wait until they can."""
         self._running = 0
         self._overloaded = False
         self._idle_checks = 0
@@ -95,6 +98,7 @@ class JobPool:
             while not self._stopped and (
                 not self._free_tokens
                 or self._waiting[0] is not ticket
+                or self._alone
                 or (self._overloaded and self._running)
             ):
                 self._changed.wait()
@@ -114,13 +118,38 @@ class JobPool:
                 self._wake.set()
 
     @contextmanager
+    def alone(self) -> Iterator[None]:
+        """Wait until no other package runs, and let none start; for a package that holds a token.
+
+        Packages that wait to be alone run nothing, so they do not wait for each other to end.
+        """
+        ticket = object()
+        with self._changed:
+            self._alone.append(ticket)
+            self._changed.wait_for(
+                lambda: self._stopped or (self._alone[0] is ticket and self._running <= len(self._alone))
+            )
+        try:
+            yield
+        finally:
+            with self._changed:
+                self._alone.remove(ticket)
+                self._changed.notify_all()
+
+    @contextmanager
     def tools(
-        self, step: Step, variables: Mapping[str, str]
+        self, step: Step, variables: Mapping[str, str], *, alone: bool = False
     ) -> Iterator[tuple[dict[str, str], tuple[int, ...]]]:
-        """Yield the environment of a step, based on `variables`, and the descriptors that it inherits."""
+        """Yield the environment of a step, based on `variables`, and the descriptors that it inherits.
+
+        A step that is `alone` runs one job.
+        """
         found = without_job_variables(variables)
         tool = "ninja" if (step.cwd / "build.ninja").is_file() else "make"
-        if step.kind is not StepKind.BUILD:
+        if step.tests_at_once and PARALLEL_TESTS not in found and not alone:
+            with self._share(step.tests_at_once) as jobs:
+                yield {**self._without_jobserver(found, 1), PARALLEL_TESTS: str(jobs)}, ()
+        elif alone or step.kind is not StepKind.BUILD:
             yield self._without_jobserver(found, 1), ()
         elif self._pool is not None and tool in self._jobserver_tools:
             found["MAKEFLAGS"] = self._flags.line(self.jobs, self._pool.auth)
@@ -175,14 +204,14 @@ class JobPool:
             thread.start()
 
     @contextmanager
-    def _share(self) -> Iterator[int]:
+    def _share(self, most: int = MAX_JOBS) -> Iterator[int]:
         """Yield the number of jobs for a tool without jobserver support: the free tokens, up to its share.
 
         It does not wait for more: two packages that hold tokens and wait for each other would deadlock.
         """
         taken: list[bytes] = []
         with self._changed:
-            share = self.jobs // max(1, self._running + len(self._waiting))
+            share = min(most, self.jobs // max(1, self._running + len(self._waiting)))
             while len(taken) < share - 1 and not self._overloaded:
                 if self._free_tokens:
                     taken.append(self._free_tokens.pop())

@@ -13,13 +13,10 @@ import os
 import select
 import stat
 import subprocess
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base.text import split_lines
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 FIFO, PIPE = "fifo", "pipe"
 TOKEN = b"+"

@@ -4,19 +4,23 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
+import json
 import os
+import shlex
 import sys
 import time
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
 
+from forge.base.env_vars import without_passwords
 from forge.base.errors import ForgeError, Problem, WorkspaceError
 from forge.base.files import naming
 from forge.base.layout import LOCK_FILE
 from forge.execution.started import StartedProcesses
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-    from pathlib import Path
+_MOST_SHOWN = 100
+"""Characters of a command line in a message."""
 
 
 @contextlib.contextmanager
@@ -36,7 +40,7 @@ def lock_build_dir(build: Path, *, wait: bool = True) -> Iterator[float]:
             started.end()
         started.forget()
         with naming(build / LOCK_FILE):
-            _write_holder(lock.fileno(), str(os.getpid()))
+            _write_holder(lock.fileno(), _own_description())
         try:
             yield waited
         except ForgeError:
@@ -60,18 +64,18 @@ def lock_install_dir(install: Path, *, wait: bool = True) -> Iterator[float]:
     descriptor, waited = os.open(install, os.O_RDONLY | os.O_DIRECTORY), 0.0
     try:
         with contextlib.suppress(OSError):
-            waited = _acquire(descriptor, "install", install, str, wait=wait)
+            waited = _acquire(descriptor, "install", install, partial(_lock_owner, descriptor), wait=wait)
         yield waited
     finally:
         os.close(descriptor)
 
 
 def _acquire(descriptor: int, kind: str, folder: Path, read: Callable[[], str], *, wait: bool) -> float:
-    """Lock a file; return the seconds waited. `read` returns the number of the process that has the lock."""
+    """Lock a file; return the seconds waited. `read` returns the description of who has the lock."""
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
-        holder = f"process {number}" if (number := read()) else "another process"
+        holder = _holder(read())
         if not wait:
             hint = f"try again later, omit '--no-wait', or choose another '--{kind}-base'"
             message = f"the {kind} folder '{folder}' is locked by {holder}"
@@ -81,6 +85,53 @@ def _acquire(descriptor: int, kind: str, folder: Path, read: Callable[[], str], 
         fcntl.flock(descriptor, fcntl.LOCK_EX)
         return time.monotonic() - began
     return 0.0
+
+
+def _own_description() -> str:
+    """Return what others are told about this process: id, user, start of the command, command line."""
+    words = ("forge", *map(without_passwords, sys.argv[1:]))
+    return json.dumps(
+        {"pid": os.getpid(), "uid": os.getuid(), "since": time.time(), "command": shlex.join(words)}
+    )
+
+
+def _lock_owner(descriptor: int) -> str:
+    """Return the description of the process that has locked a folder, '' if the kernel does not tell."""
+    status = os.fstat(descriptor)
+    place = f"{os.major(status.st_dev):02x}:{os.minor(status.st_dev):02x}:{status.st_ino}"
+    with contextlib.suppress(OSError, ValueError, IndexError):
+        locks = [line.split() for line in Path("/proc/locks").read_text(encoding="ascii").splitlines()]
+        number = next(int(words[4]) for words in locks if words[1] == "FLOCK" and words[5] == place)
+        argv = Path(f"/proc/{number}/cmdline").read_bytes().decode(errors="replace").split("\0")[:-1]
+        start = next((at for at, word in enumerate(argv) if Path(word).name == "forge"), -1)
+        folder = Path(f"/proc/{number}").stat()
+        words = ("forge", *argv[start + 1 :]) if start >= 0 else argv
+        command = shlex.join(map(without_passwords, words))
+        return json.dumps({"pid": number, "uid": folder.st_uid, "since": folder.st_ctime, "command": command})
+    return ""
+
+
+def _holder(description: str) -> str:
+    """Return the words for who has a lock. Anyone who may write to the file may have described it."""
+    try:
+        told = json.loads(description)
+        since = time.localtime(float(told["since"]))
+        is_today = time.localtime()[:3] == since[:3]
+        shown = time.strftime("%H:%M:%S" if is_today else "%Y-%m-%d %H:%M:%S", since)
+        command = "".join(sign if sign.isprintable() else "?" for sign in str(told["command"]))
+        command = command if len(command) <= _MOST_SHOWN else f"{command[:_MOST_SHOWN]}..."
+        return f"process {int(told['pid'])} ('{command}' of {_user(int(told['uid']))}, since {shown})"
+    except (ValueError, LookupError, TypeError, OverflowError):
+        return "another process"
+
+
+def _user(number: int) -> str:
+    import pwd
+
+    try:
+        return f"user '{pwd.getpwuid(number).pw_name}'"
+    except (KeyError, OverflowError):
+        return f"user {number}"
 
 
 def _write_holder(descriptor: int, text: str) -> None:

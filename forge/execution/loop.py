@@ -10,12 +10,11 @@ from typing import TYPE_CHECKING
 
 from forge.base.graph import closures, reduced, reverse
 from forge.base.signals import handle_signals
-from forge.build.events import Aborted, Finished, Fresh, Output, Skipped, Started
+from forge.build.events import Aborted, Event, Finished, Fresh, Output, Skipped, Started
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Mapping
 
-    from forge.build.events import Event
     from forge.build.tasks import BuildPlan, Task
     from forge.execution.runner import TaskRunner
 
@@ -120,7 +119,8 @@ class Scheduler:
     At most `limit` tasks run at a time (0: any number). Ready tasks on the critical path start first,
     according to the durations in `seconds`, then those with more dependents; with `in_order`, tasks start in
     plan order. After a failure no task starts, or with `continue_on_error` no task that needs the failed
-    package.
+    package. While others run, a task starts only if it `fits` beside them into memory; smaller ones may
+    overtake it.
     """
 
     def __init__(
@@ -131,6 +131,7 @@ class Scheduler:
         *,
         continue_on_error: bool = False,
         in_order: bool = False,
+        fits: Callable[[str, frozenset[str]], bool] = lambda _name, _running: True,
     ) -> None:
         # Tasks list their transitive dependencies: millions of entries for a chain of thousands. Reduce them,
         # since they are visited whenever a task ends.
@@ -142,6 +143,9 @@ class Scheduler:
         self._unfinished_needs = {name: len(needs) for name, needs in direct.items()}
         self._limit = limit or len(plan.tasks) + 1
         self._continue = continue_on_error
+        self._fits = fits
+        self.held: tuple[str, ...] = ()
+        """Ready tasks that wait for memory."""
         self._running: set[str] = set()
         self._failed: dict[str, str] = {}
         self._stopped_by: str | None = None
@@ -181,11 +185,19 @@ class Scheduler:
                 because = min(self._failed[need] for need in self._needs[name] if need in self._failed)
                 self._fail(name, because)
                 events.append(Skipped(name, because))
+        held = []
         while self._ready and len(self._running) < self._limit:
-            _, name = heappop(self._ready)
+            position, name = heappop(self._ready)
+            # One task may always run: waiting would not give it more memory.
+            if self._running and not self._fits(name, self.running):
+                held.append((position, name))
+                continue
             del self._waiting[name]
             self._running.add(name)
             events.append(Started(name))
+        for item in held:
+            heappush(self._ready, item)
+        self.held = tuple(name for _, name in held)
         return events
 
     def note(self, event: Event) -> None:

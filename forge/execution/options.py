@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from forge.base.frozen import frozen
 from forge.base.options import option
-from forge.toolchain.resources import memory_limit
-
-if TYPE_CHECKING:
-    from forge.toolchain.resources import MemoryLimit
+from forge.toolchain.resources import MemoryLimit, memory_limit
 
 
 def _positive(text: str) -> int:
@@ -33,8 +28,6 @@ def _memory_limit(text: str) -> MemoryLimit:
 
 @frozen
 class JobOptions:
-    """The options for parallelism on this machine."""
-
     GROUP = "parallelism"
 
     jobs: int | None = option(

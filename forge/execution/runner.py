@@ -10,31 +10,46 @@ import signal
 import subprocess
 import threading
 import time
-from collections import Counter
-from contextlib import nullcontext
+from collections import Counter, deque
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 from forge.base.files import has_text, remove_folder, write_if_changed
 from forge.base.layout import LAST_COMMAND, SCRATCH_DIR
-from forge.build.events import Aborted, Finished, Output, StepFinished, StepStarted
+from forge.build.events import Aborted, Event, Finished, Output, StepFinished, StepStarted
 from forge.build.model import BuildInputs, BuildRecord
 from forge.build.prefix import removed_folders
-from forge.build.tasks import TEST_FAILURES, StepCondition, StepKind, environment_file, step_line
+from forge.build.tasks import (
+    KILLED_ALONE,
+    REPEATED_ALONE,
+    TEST_FAILURES,
+    TEST_STEPS,
+    TIMED_OUT,
+    Step,
+    StepCondition,
+    StepKind,
+    Task,
+    environment_file,
+    step_line,
+)
 from forge.execution.jobserver import without_jobserver_notices
-from forge.execution.started import BUILD_FOLDER_VARIABLE, START_VARIABLE
+from forge.execution.memory import PackageMemory, is_kill, killed_program
+from forge.execution.started import BUILD_FOLDER_VARIABLE, START_VARIABLE, StartedProcesses
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
 
-    from forge.build.events import Event
-    from forge.build.tasks import Step, Task
     from forge.execution.executor import Executor
     from forge.execution.job_pool import JobPool
     from forge.execution.observer import StepObserver
-    from forge.execution.started import StartedProcesses
+
+Surroundings: TypeAlias = (
+    "Callable[[Task, Step, Mapping[str, str], Callable[[], bool]], AbstractContextManager[Mapping[str, str]]]"
+)
+"""Yields the environment of a step of a task, given the one so far, and whether the run is being stopped."""
 
 _INSTALLATIONS = 3
 """How often an install step is tried while other packages install into the same prefix."""
@@ -48,6 +63,10 @@ _LONGEST_LINE = 65536
 """Bytes after which an unfinished line is emitted."""
 
 _NOT_STARTED = 127
+
+_COMPILES = frozenset({StepKind.BUILD, StepKind.BUILD_TARGET})
+_LAST_PIECES = 500
+"""The pieces of a failed step's output that are searched for a killed compiler; most commands print one."""
 
 
 _OWN_PREFIX = "FORGE_"
@@ -167,11 +186,16 @@ class LocalExecutor:
         job_pool: JobPool | None = None,
         started: StartedProcesses | None = None,
         observer: StepObserver | None = None,
+        memory: PackageMemory | None = None,
+        surroundings: Surroundings | None = None,
     ) -> None:
+        """Store them; `surroundings` adds to the environment of a step what it has until it ends."""
+        self._memory = memory
         self.slots = job_pool.local if job_pool else 1
         self._job_pool = job_pool
         self._started = started
         self._observer = observer
+        self._surroundings = surroundings
         self._stopping = threading.Event()
         self._groups: set[int] = set()
         self._lock = threading.Lock()
@@ -198,9 +222,11 @@ class LocalExecutor:
             installs = step.kind is StepKind.INSTALL
             for _ in range(_INSTALLATIONS if installs else 1):
                 with self._installation(task.prefix) if installs else nullcontext(bool) as disturbed:
-                    code = self._run_step(task, step, environment, put)
+                    code, killed = self._run_step(task, step, environment, put)
                     if not code or self._stopping.is_set() or not disturbed():
                         break
+            if code and killed and step.kind in _COMPILES and not self._stopping.is_set():
+                code = self._repeat_alone(task, step, environment, put, killed)
             if code and self._stopping.is_set() and code < 0:
                 return Aborted(task.name, 0.0)
             if code and step.meaning(code) is None:
@@ -208,6 +234,28 @@ class LocalExecutor:
             failed = step.meaning(code) == TEST_FAILURES
             tests = StepCondition.TESTS_FAILED if failed else StepCondition.TESTS_PASSED
         return None
+
+    def _repeat_alone(
+        self,
+        task: Task,
+        step: Step,
+        environment: Mapping[str, str],
+        put: Callable[[Event], None],
+        killed: str,
+    ) -> int:
+        """Repeat a build step whose compiler had no memory, with one job and nothing beside it."""
+
+        def say(text: str) -> None:
+            put(Output(task.name, f"forge: {text}\n".encode(), stderr=True))
+
+        say(f"{killed} was killed, probably for lack of memory; {REPEATED_ALONE}")
+        with self._job_pool.alone() if self._job_pool else nullcontext():
+            if self._stopping.is_set():
+                return -signal.SIGKILL
+            code, again = self._run_step(task, step, environment, put, alone=True)
+        if code and again:
+            say(f"{again} {KILLED_ALONE}")
+        return code
 
     @contextlib.contextmanager
     def _installation(self, prefix: Path) -> Iterator[Callable[[], bool]]:
@@ -253,11 +301,20 @@ class LocalExecutor:
                 _signal_group(group, number)
 
     def _run_step(
-        self, task: Task, step: Step, environment: Mapping[str, str], put: Callable[[Event], None]
-    ) -> int:
+        self,
+        task: Task,
+        step: Step,
+        environment: Mapping[str, str],
+        put: Callable[[Event], None],
+        *,
+        alone: bool = False,
+    ) -> tuple[int, str | None]:
+        """Run a step; return its exit code, and the program that was killed in it."""
+        killed = None
+        last: deque[bytes] = deque(maxlen=_LAST_PIECES)
         if step.record:
             if has_text(*step.record):
-                return 0
+                return 0, None
             step.record[0].unlink(missing_ok=True)
         if step.kind is StepKind.INSTALL:
             from forge.build.staging import next_install
@@ -273,12 +330,24 @@ class LocalExecutor:
         put(StepStarted(task.name, step, changed_variables(variables)))
 
         def put_output(text: bytes, stderr: bool) -> None:
+            if step.kind in _COMPILES:
+                last.append(text)
             if step.stage:  # show the prefix to users
                 text = text.replace(os.fsencode(step.stage), os.fsencode(task.prefix))
+            if step.tests_at_once:  # its folder links to that of the results while it runs
+                text = text.replace(os.fsencode(step.cwd), os.fsencode(task.build_dir))
             put(Output(task.name, text, stderr=stderr))
 
-        tools = self._job_pool.tools(step, variables) if self._job_pool else nullcontext((variables, ()))
-        with tools as (variables, descriptors):
+        tools = (
+            self._job_pool.tools(step, variables, alone=alone)
+            if self._job_pool
+            else nullcontext((variables, ()))
+        )
+        with contextlib.ExitStack() as stack:
+            variables, descriptors = stack.enter_context(tools)
+            if self._surroundings:
+                is_stopped = self._stopping.is_set
+                variables = stack.enter_context(self._surroundings(task, step, variables, is_stopped))
             if self._observer:
                 variables = self._observer.variables(task, variables)
             token = self._started.announce() if self._started else ""
@@ -307,10 +376,23 @@ class LocalExecutor:
                         _signal_group(process.pid, self._last_signal)
                 if self._observer:
                     self._observer.note_process(variables, process.pid, step)
+                watching = self._memory.watching(task.name, process.pid) if self._memory else nullcontext()
                 try:
-                    with process:  # this eventually closes both pipes
+                    with process, watching, _deadline(process, step.seconds) as is_late:
                         _read_lines(process, put_output)
+                        if step.kind in TEST_STEPS:
+                            # What tests leave running would disturb others, and write into the build folder.
+                            os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOWAIT)
+                            _signal_group(process.pid, signal.SIGKILL)
+                        self._wait(process, task.name)
                     code = process.returncode
+                    if is_late():
+                        code = TIMED_OUT
+                        text = f"forge: stopped, because it took longer than {step.seconds:g} s\n"
+                        put_output(text.encode(), stderr=True)
+                    elif code:
+                        own = Path(step.argv[0]).name if is_kill(code) else None
+                        killed = next(filter(None, map(killed_program, last)), own)
                 finally:
                     with self._lock:
                         self._groups.discard(process.pid)
@@ -321,13 +403,46 @@ class LocalExecutor:
                 restore_outputs(step.cwd)
             write_if_changed(*step.record)
         put(StepFinished(task.name, step, code))
-        return code
+        return code, killed
+
+    def _wait(self, process: subprocess.Popen[bytes], name: str) -> None:
+        """Wait for a process as Popen does, and note its use of memory."""
+        if self._memory is None:
+            return
+        with contextlib.suppress(ChildProcessError):
+            _, status, usage = os.wait4(process.pid, 0)
+            process.returncode = os.waitstatus_to_exitcode(status)
+            self._memory.note_usage(name, usage)
 
 
 def _signal_group(group: int, number: signal.Signals) -> None:
     # forge may not signal a program of another user, such as sudo.
     with contextlib.suppress(ProcessLookupError, PermissionError):
         os.killpg(group, number)
+
+
+@contextlib.contextmanager
+def _deadline(process: subprocess.Popen[bytes], seconds: float) -> Iterator[Callable[[], bool]]:
+    """Stop the group of a process after a time, unless that is 0; yield a function that tells if it did."""
+    ended, late = threading.Event(), threading.Event()
+
+    def stop() -> None:
+        late.set()
+        for number in (signal.SIGTERM, signal.SIGKILL):
+            _signal_group(process.pid, number)
+            if ended.wait(GRACE_SECONDS):
+                break
+
+    timer = threading.Timer(seconds, stop) if seconds else None
+    if timer:
+        timer.daemon = True
+        timer.start()
+    try:
+        yield late.is_set
+    finally:
+        ended.set()
+        if timer:
+            timer.cancel()
 
 
 def _read_lines(process: subprocess.Popen[bytes], put: Callable[[bytes, bool], None]) -> None:

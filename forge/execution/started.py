@@ -13,14 +13,11 @@ import contextlib
 import os
 import signal
 import time
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
 from forge.base.layout import PROCESSES_FILE
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
 
 BUILD_FOLDER_VARIABLE = "FORGE_BUILD_FOLDER"
 """An environment variable of the programs of a build: the absolute path of the build folder."""

@@ -5,13 +5,14 @@ from __future__ import annotations
 import os
 import re
 import shlex
-from contextlib import closing
+import threading
+from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import field, replace
 from typing import TYPE_CHECKING
 
-from forge.base.errors import WorkspaceError, raise_if_any
-from forge.base.frozen import frozen
-from forge.base.layout import TOOLCHAIN_DIR
+from forge.base.errors import Problem, WorkspaceError, raise_if_any
+from forge.base.frozen import Pairs, frozen
+from forge.base.layout import TOOLCHAIN_DIR, Layout
 from forge.build import installation, staging
 from forge.build.build_dir import (
     generated_digest,
@@ -30,23 +31,24 @@ from forge.build.inputs.fingerprints import (
     fingerprint_files,
     fingerprint_tree,
 )
-from forge.build.inputs.native_graph import read_native_graph, reported_inputs
+from forge.build.inputs.native_graph import NativeGraph, read_native_graph, reported_inputs
 from forge.build.installation import InstalledFiles, remove_stale, set_file_times
 from forge.build.installed_lists import package_markers, write_installed_list
 from forge.build.model import BuildRecord
-from forge.build.observed_writes import read_steps
+from forge.build.observed_writes import ObservedSteps, read_steps
 from forge.build.prefix import PrefixExchange, written_log
 from forge.build.records import FolderRecord, add_commands, complete_record
 from forge.build.reuse import Reuse
 from forge.build.up_to_date import TARGET, UMASK, UNKNOWN
-from forge.engine.commands import NOT_OBSERVED, is_for_this_processor
+from forge.engine.accesses import NOT_OBSERVED, ObservedCommands
+from forge.engine.commands import is_for_this_processor
 from forge.engine.variables import FOR_COMPILERS
 from forge.engine.world import PROCESSOR, VARIABLE
 from forge.environment.hooks import config_folders, config_variables
 from forge.environment.sourcing import build_environment
 from forge.execution.runner import TaskLifecycle, changed_variables
 from forge.execution.started import BUILD_FOLDER_VARIABLE
-from forge.toolchain.interpreter import own_command
+from forge.toolchain.interpreter import Interpreter, own_command
 from forge.toolchain.programs import CMAKE_TYPES
 from forge.workspace.model import RUN_KINDS
 
@@ -54,17 +56,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
     from pathlib import Path
 
-    from forge.base.errors import Problem
-    from forge.base.frozen import Pairs
-    from forge.base.layout import Layout
-    from forge.build.inputs.native_graph import NativeGraph
-    from forge.build.model import BuildRecord
-    from forge.build.observed_writes import ObservedSteps
     from forge.build.state import BuildState
     from forge.build.tasks import Step, Task
     from forge.cache.package_cache import PackageCache
-    from forge.engine.commands import ObservedCommands
-    from forge.toolchain.interpreter import Interpreter
     from forge.workspace.resolve import DependencyResolution
 
     Seed = Callable[[Path, Path, Mapping[str, str]], frozenset[str]]
@@ -98,6 +92,12 @@ class TaskSetup(TaskLifecycle):
     _steps: dict[str, ObservedSteps] = field(default_factory=dict)
     _detected: dict[str, frozenset[str]] = field(default_factory=dict)
     """The inputs of the compiler detection whose results were copied into a build folder."""
+    _lock: AbstractContextManager[object] = field(default_factory=threading.RLock)
+
+    @property
+    def _alone(self) -> AbstractContextManager[object]:
+        """Held while a merged prefix is changed: one package uses the folders that another one empties."""
+        return self._lock if self.layout.merged else nullcontext()
 
     def environment(self, task: Task) -> Mapping[str, str]:
         below = ((need, self.layout.prefix(need)) for need in task.needs)
@@ -123,7 +123,8 @@ class TaskSetup(TaskLifecycle):
         return config_variables(self._configs[need] for need in task.needs)
 
     def begin(self, task: Task, environment: Mapping[str, str]) -> None:
-        self._back_up(task)
+        with self._alone:
+            self._back_up(task)
         if task.prepared:
             return
         # Variables set by hooks of dependencies, except path lists.
@@ -214,7 +215,7 @@ class TaskSetup(TaskLifecycle):
         found = self.cache.find(task) if self.cache else None
         if found is None or self.cache is None:
             return None
-        with closing(found):
+        with closing(found), self._alone:
             self._back_up(task)
             paths = [f"{task.prefix}/{leaf.path}" for leaf in found.tree.leaves]
             exchange = PrefixExchange(task.name, self.layout)
@@ -234,14 +235,15 @@ class TaskSetup(TaskLifecycle):
                 has_tests = found.tree.has_tests
                 variables = changed_variables(self.environment(task)) if has_tests else ()
                 defer_build(task, variables, has_tests=has_tests)
-        self._commit(task)
+            self._commit(task)
         return record
 
     def _commit(self, task: Task) -> None:
         if task.stage:
             staging.end(task, self.layout)
             return
-        self.kept.extend(PrefixExchange(task.name, self.layout).commit())
+        with self._alone:
+            self.kept.extend(PrefixExchange(task.name, self.layout).commit())
 
     def remark(self, task: Task) -> str:
         return self.cache.remark(task.name) if self.cache else ""
@@ -253,19 +255,20 @@ class TaskSetup(TaskLifecycle):
         needs |= {need for need in self.resolution.needs[task.name] if packages[need].embedded}
         is_observed = self._read_steps(task).complete
         observed = self._record_commands(task)
-        if task.stage:
-            installed, kept = staging.commit(task, self.layout)
-            self.kept.extend(kept)
-        else:
-            installed = installation.installed_files(task.package, self.layout, task.earlier)
-        staging.note_installed(task, installed, observed=is_observed)
-        own = installation.install_package(
-            task.package, self.layout, tuple(sorted(needs)), self.interpreter, installed.files
-        )
-        files = tuple(sorted({*installed.files, *own}))
-        installed = replace(installed, files=files)
-        if task.stage:
-            self.kept.extend(staging.remove_other_stale(task, self.layout, installed))
+        with self._alone:
+            if task.stage:
+                installed, kept = staging.commit(task, self.layout)
+                self.kept.extend(kept)
+            else:
+                installed = installation.installed_files(task.package, self.layout, task.earlier)
+            staging.note_installed(task, installed, observed=is_observed)
+            own = installation.install_package(
+                task.package, self.layout, tuple(sorted(needs)), self.interpreter, installed.files
+            )
+            files = tuple(sorted({*installed.files, *own}))
+            installed = replace(installed, files=files)
+            if task.stage:
+                self.kept.extend(staging.remove_other_stale(task, self.layout, installed))
         build = task.build_dir
         if not task.stage:  # in a stage, unchanged files were not touched
             set_file_times(task, installed.files, self.layout, self.state.table)
@@ -319,6 +322,7 @@ class TaskSetup(TaskLifecycle):
             begun[1].commands if begun else NOT_OBSERVED,
             self._detected.pop(task.name, frozenset()),
             workspace=self.state.root,
+            began=begun[1].began if begun else 0,
         )
         if begun and commands is not NOT_OBSERVED:
             add_commands(build, commands)
@@ -330,7 +334,8 @@ class TaskSetup(TaskLifecycle):
         """Remove stale files and return the record."""
         files, paths = installed.files, (*installed.files, *installed.folders)
         state = self.state
-        remove_stale(task, files, self.layout, state.journal.records)
+        with self._alone:
+            remove_stale(task, files, self.layout, state.journal.records)
         state.scripts.end(task.name, files)
         found, contents = fingerprint_files(paths, state.table)
         state.installed_states.keep(task.name, found.digest, contents)
@@ -383,7 +388,8 @@ class TaskSetup(TaskLifecycle):
             staging.end(task, self.layout)
             return
         try:
-            self.kept.extend(PrefixExchange(task.name, self.layout).roll_back())
+            with self._alone:
+                self.kept.extend(PrefixExchange(task.name, self.layout).roll_back())
         except OSError:
             # The backup still exists. Until a build restores it, the package must not look installed.
             installation.uninstall_markers(task.name, self.layout)

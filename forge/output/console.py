@@ -97,7 +97,7 @@ class PackageFailure:
 
 
 _COMMAND = re.compile(rb"\[\d+/\d+\] ")
-_WARNING = re.compile(rb":[ ]?(?:\x1b\[[\d;]*[mK])*warning: ")
+_WARNING = re.compile(rb":(?: |\x1b\[[\d;]*[mK])*warning: ")
 """The message of a compiler or linker, perhaps coloured."""
 _MOST = 1_000_000
 """Bytes kept of the output of one package."""
@@ -217,11 +217,15 @@ class ConsoleReporter:
         self.test_counts: Counts | None = None
         """The numbers of tests, if the packages were tested."""
         self.no_test_ran = False
+        self.flaky_tests = 0
         """Whether the packages were tested, but had no tests or skipped all of them."""
         self.not_tested: tuple[str, ...] = ()
         """Packages that were to be tested, but could not be."""
         self.displayed: Callable[[Path], str] = str
         """Returns how to display a path, such as relative to the folder in which the command was typed."""
+        self.folds: list[Callable[[str, str], str]] = []
+        """Functions of reporters that return a titled block of output as it is to be displayed."""
+        self.folds_on_stderr = False
         self.packages = packages
         self._tasks = plan.tasks
         self._on = handlers
@@ -319,7 +323,8 @@ class ConsoleReporter:
         self._out(f"\n{head} {finished}{unchanged} [{duration(seconds)}]")
         if self.test_counts is not None:
             none = f"\n  {palette.paint('warning', 'no test ran')}" if self.no_test_ran else ""
-            self._out(f"  {self.test_counts}{none}")
+            flaky = f"  ({self.flaky_tests} flaky)" if self.flaky_tests else ""
+            self._out(f"  {self.test_counts}{flaky}{none}")
         if tally.embedded:
             self._out(f"  {counted(len(tally.embedded), 'embedded package')} finished")
         if tally.restored:
@@ -389,7 +394,12 @@ class ConsoleReporter:
                 text = with_paths(text, self.packages[task].path.as_posix())
             if text.strip():
                 block = f"--- stderr: {task}\n{text}---\n"
-                self.screen.write(block.encode(errors="surrogateescape"), stderr=True)
+                folded = block
+                for fold in self.folds if not failed else ():
+                    folded = fold(f"stderr: {task}", folded)
+                # A service reads its commands from stdout.
+                stderr = folded == block or self.folds_on_stderr
+                self.screen.write(folded.encode(errors="surrogateescape"), stderr=stderr)
                 return text
         return ""
 

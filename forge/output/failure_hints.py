@@ -18,6 +18,7 @@ from forge.base.layout import PACKAGE
 from forge.base.names import did_you_mean, nearest, snake_case
 from forge.base.text import quoted_names
 from forge.build.inputs.fingerprints import own_files
+from forge.build.tasks import KILLED_ALONE, REPEATED_ALONE
 from forge.environment.prefixes import SYSTEM
 from forge.output.first_error import COLOUR
 from forge.toolchain.config_search import ConfigSearch
@@ -115,7 +116,7 @@ def hint_of(output: str, context: FailureContext) -> str | None:
     """Return a remedy derived from the output of a failed package, or None."""
     if context.package.embedded:
         return None  # the files of an embedded package are forge's
-    plain = COLOUR.sub("", output)
+    _, _, plain = COLOUR.sub("", output).rpartition(REPEATED_ALONE)
     for pattern, remedy in _REMEDIES:
         for match in re.finditer(pattern.replace(" ", r"\s+"), plain):
             name = match[1] if match.lastindex else ""
@@ -407,6 +408,11 @@ def _foreign_library(library: str, _: FailureContext) -> str:
 
 
 _REMEDIES: tuple[tuple[str, str | Callable[[str, FailureContext], str | None]], ...] = (
+    (
+        KILLED_ALONE,
+        "one file needs more memory than this machine has, or than its container or 'ulimit -v' allows: add "
+        "memory or swap, or split the file, or compile it without '-g' or with '-O1'",
+    ),
     (
         r"(?i:Killed signal terminated program|virtual memory exhausted|std::bad_alloc)",
         "out of memory: build with fewer jobs (--jobs 1), or keep more memory free (--memory-limit)",

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Mapping
+
 from forge.base.errors import Problem, SelectionError, raise_if_any
-from forge.base.extensions import OWN, REPORTERS
+from forge.base.extensions import OWN, REPORTERS, is_installed
 from forge.base.frozen import frozen
 from forge.base.names import nearest
 from forge.base.options import flag, option
@@ -29,8 +32,18 @@ HANDLERS = {
 }
 """The event handlers of --event-handlers and their defaults."""
 
+NONE = "none"
+CI_SERVICES = {"github": "GITHUB_ACTIONS", "gitlab": "GITLAB_CI"}
+"""Reporters for CI services, and the variables that these set to 'true'."""
+
 TEXT_HANDLERS = ("console_start_end", "console_cohesion", "console_direct", "console_package_list", "summary")
 """The event handlers that print text on stdout."""
+
+
+def running_service(variables: Mapping[str, str]) -> str | None:
+    """Return the CI service that runs this process, if there is a reporter for it."""
+    named = (name for name, variable in CI_SERVICES.items() if variables.get(variable) == "true")
+    return next((name for name in named if is_installed(REPORTERS, name)), None)
 
 
 @frozen
@@ -46,6 +59,10 @@ class ReportOptions:
         metavar="NAME+",
     )
     json: bool = flag("print only one JSON object per line for each event")
+    ci_output: str | None = option(
+        "print errors, folded output and a summary for this CI service (default: the one that runs forge)",
+        choices=(*CI_SERVICES, NONE),
+    )
     flags: frozenset[str] = frozenset()
     """All options of the command, for hints."""
 
@@ -73,6 +90,9 @@ class ReportOptions:
 
     def reporters(self, *names: str) -> dict[str, Start]:
         """Return these reporters and those of --event-handlers; raises ForgeError if one is missing."""
-        others = (name for name, is_on in self.handlers.items() if is_on and name not in HANDLERS)
+        others = [name for name, is_on in self.handlers.items() if is_on and name not in HANDLERS]
+        service = self.ci_output or running_service(os.environ)
+        if service and service != NONE:
+            others.append(service)
         found = {name: find_reporter(name) for name in (*names, *others)}
         return {name: start for name, start in found.items() if start}

@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict
+from typing import TYPE_CHECKING
 
 from forge.base.errors import EXIT_INTERRUPTED, Problem
 from forge.base.graph import reduced
@@ -31,6 +32,9 @@ from forge.output.console import ConsoleReporter
 from forge.testing.outcomes import Failure
 from forge.workspace.model import Package
 
+if TYPE_CHECKING:
+    from forge.testing.attempts import FlakyTest
+
 
 class JsonEvents:
     """Writes the JSON lines of one run; owned by the main loop."""
@@ -51,6 +55,7 @@ class JsonEvents:
         self.printed = printed
         self._output = output
         self.begun = time.monotonic()
+        self.observers: list[Callable[[Mapping[str, object]], object]] = []
 
     def announce(self, *, steps: bool = False, seconds: Mapping[str, float] | None = None) -> None:
         """Write the plan, with the commands of each package if `steps`.
@@ -81,7 +86,7 @@ class JsonEvents:
             case Output(name, lines, stderr):
                 for line in split_lines(lines) if self.printed and self._output else ():
                     text = line.decode(errors="replace")
-                    self._print(self._line("Output", name, line=text, stderr=stderr))
+                    self._print(_as_line(self._members("Output", name, line=text, stderr=stderr)))
             case Finished(name, code, seconds):
                 values: dict[str, object] = {
                     "code": code,
@@ -106,8 +111,14 @@ class JsonEvents:
 
     def report_failures(self, failures: Iterable[Failure]) -> None:
         for failure in failures:
+            file, line = failure.location or (None, None)
             values = {"test": failure.test, "message": list(failure.lines), "repeat": failure.repeat}
-            self.emit("TestFailure", failure.package, **values)
+            self.emit("TestFailure", failure.package, file=file, line=line, **values)
+
+    def report_flaky_tests(self, tests: Iterable[FlakyTest]) -> None:
+        for test in tests:
+            values = {"test": test.test, "passed_at": test.passed_at, "message": list(test.lines)}
+            self.emit("FlakyTest", test.package, **values)
 
     def conclude(self, report: ConsoleReporter, seconds: float, code: int | None = None) -> None:
         """Write the results, ending with a Summary; `code` overrides the exit code of the report."""
@@ -125,23 +136,30 @@ class JsonEvents:
         )
 
     def emit(self, event: str, name: str | None, **values: object) -> None:
-        line = self._line(event, name, **values)
+        members = self._members(event, name, **values)
+        line = _as_line(members)
         if self._log:
             self._log(line)
         if self.printed:
             self._print(line)
+        for observe in self.observers:
+            observe(members)
 
-    def _line(self, event: str, name: str | None, **values: object) -> bytes:
+    def _members(self, event: str, name: str | None, **values: object) -> dict[str, object]:
         members: dict[str, object] = {"event": event, "time": round(time.monotonic() - self.begun, 6)}
         if name is not None:
             members |= {"package": name, "embedded": self._packages[name].embedded}
-        return json.dumps({**members, **values}).encode() + b"\n"
+        return {**members, **values}
 
     def _print(self, line: bytes) -> None:
         with ignore_closed_output(1):
             sys.stdout.write(line.decode())
             # Readers of a pipe process each line immediately.
             sys.stdout.flush()
+
+
+def _as_line(members: Mapping[str, object]) -> bytes:
+    return json.dumps(members).encode() + b"\n"
 
 
 def _step(step: Step) -> dict[str, object]:

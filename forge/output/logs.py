@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import shlex
 import threading
 import time
@@ -38,6 +39,7 @@ from forge.build.events import (
 from forge.build.folder_marks import is_own_log_link
 
 _OF_PACKAGE = ("command.log", "stderr.log", "stdout.log", "stdout_stderr.log", "streams.log")
+_COLOUR = re.compile(rb"\x1b\[[\d;]*[mK]")
 _HEARTBEAT = 1.0
 """Seconds between timer events, by which readers of events.log see that a silent build is still running."""
 
@@ -46,6 +48,8 @@ class LogWriter:
     def __init__(self, folder: Path | None) -> None:
         """Write below `folder`, or nowhere if it is None."""
         self.folder = folder
+        self.coloured = False
+        """Whether forge asked compilers for colours, which logs do not contain."""
         self._begun = time.monotonic()
         self._files: dict[str, BinaryIO] = {}
         self._started: dict[str, float] = {}
@@ -103,6 +107,8 @@ class LogWriter:
                 self._note_event(name, "Command", _command(event))
                 self._note_command(event)
             case Output(_, lines, stderr):
+                if self.coloured:
+                    lines = _COLOUR.sub(b"", lines)
                 separate = split_lines(lines)
                 kind = "StderrLine" if stderr else "StdoutLine"
                 start = f"[{time.monotonic() - self._begun:f}] ({name}) {kind}: "

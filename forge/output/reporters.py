@@ -6,13 +6,18 @@ They are entry points of the group 'forge.reporters', which docs/how-to/plugins.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import field
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from forge.base.errors import Problem
 from forge.base.extensions import OWN, REPORTERS, call, find
 from forge.base.frozen import frozen
+from forge.build.events import Event
 from forge.build.tasks import BuildPlan
+
+if TYPE_CHECKING:
+    from forge.execution.memory import PackageMemory
 
 Start = Callable[["Run"], "Reporter"]
 """The function `start` of a reporter's module, called before the first package starts."""
@@ -36,6 +41,13 @@ class Run:
     """The monotonic time from which the times of events count."""
     displayed: Callable[[Path], str]
     """Returns a path as the user expects it in a message."""
+    profile: str = ""
+    seconds: Mapping[str, float] = field(default_factory=dict)
+    """The duration of the last build of packages."""
+    memory: PackageMemory | None = None
+    """The memory of the packages, if they are built on this machine."""
+    say: Callable[[str], None] = print
+    """Prints a line at once."""
 
 
 @frozen
@@ -48,6 +60,17 @@ class Report:
 
 class Reporter:
     """Reports on one run; subclasses override what they need."""
+
+    def observe(self, event: Event | Mapping[str, Any]) -> Iterable[str]:
+        """Observe an event in the main thread; return lines to print after it.
+
+        Events of packages are passed twice: with the members of docs/reference/events.md, then as objects.
+        """
+        return ()
+
+    def fold(self, title: str, block: str) -> str:
+        """Return the output of a package that did not fail, as it is to be displayed."""
+        return block
 
     def conclude(self, *, complete: bool) -> Report:
         """Return the report after the last package; not `complete` if the run was interrupted."""

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, astuple, replace
 from operator import add
+from pathlib import Path
 
 from forge.base.frozen import frozen
 from forge.base.text import counted
@@ -108,7 +111,7 @@ def read_ctest(root: Element, path: str, home: str) -> Outcome:
     for test, (name, counts) in zip(tests, verdicts, strict=True):
         status = test.attributes["Status"]
         if counts.bad and status in {"failed", "notrun"}:
-            text = _ctest_output(test) if status == "failed" else _reason_not_run(test)
+            text = _output_or_reason(test) if status == "failed" else _reason_not_run(test)
             failed.append(Case(name, failures=(text,) if text else (), text=text))
         if counts.skipped and _completion(test):
             skipped.append(Case(name, text=_reason_not_run(test)))
@@ -227,6 +230,12 @@ def _ctest_output(test: Element) -> str:
     return next(filter(None, (_text_of(each, "Value") for each in measurements)), "")
 
 
+def _output_or_reason(test: Element) -> str:
+    """Return what a failed test printed, with the reason if it did not end by itself, such as 'Timeout'."""
+    output, reason = _ctest_output(test), _measured(test, "Exit Code")
+    return f"{output.rstrip()}\n{reason}".lstrip() if reason not in {"", "Failed"} else output
+
+
 def _reason_not_run(test: Element) -> str:
     """Return why CTest did not run a test, with the last line of its output."""
     status, last = _completion(test), "".join(_ctest_output(test).rstrip().splitlines()[-1:])
@@ -234,8 +243,12 @@ def _reason_not_run(test: Element) -> str:
 
 
 def _completion(test: Element) -> str:
+    return _measured(test, "Completion Status")
+
+
+def _measured(test: Element, name: str) -> str:
     measured = (each for results in test.all("Results") for each in results.all("NamedMeasurement"))
-    named = (each for each in measured if each.attributes.get("name") == "Completion Status")
+    named = (each for each in measured if each.attributes.get("name") == name)
     return next((_text_of(each, "Value") for each in named), "")
 
 
@@ -271,6 +284,26 @@ class Failure:
     lines: tuple[str, ...]
     repeat: str
     displayed: str
+    location: tuple[str, int] | None = None
+    """The file and line where it failed, if its result tells an existing file."""
+
+
+_IN_TEXT = re.compile(r'^(?:[^\n:]*: )?([^\n:"]+\.\w+):(\d+)\b|File "([^"\n]+)", line (\d+)', re.MULTILINE)
+"""Locations as compilers, gtest, assert() and pytest print them, and those of Python's tracebacks."""
+
+
+def location_of(case: Case, folders: Sequence[Path]) -> tuple[str, int] | None:
+    """Return the first location in a failed case whose file exists; relative paths are below a folder.
+
+    That is usually in the test itself, and the last one in what it called.
+    """
+    texts = (*case.errors, *case.failures, case.text)
+    found = [(m[1] or m[3], m[2] or m[4]) for text in texts for m in _IN_TEXT.finditer(text)]
+    for file, line in (*found, (case.file, case.line)):
+        for folder in folders if file and line.isdecimal() else ():
+            if (path := folder / file.strip()).is_file():
+                return os.path.normpath(path), int(line)
+    return None
 
 
 def details(case: Case) -> list[str]:
@@ -305,8 +338,8 @@ def last_lines(text: str) -> tuple[str, ...]:
     return tuple(_filled_lines(text)[-_SHOWN_LINES:])
 
 
-def table(failures: Sequence[Failure]) -> Iterator[str]:
-    """Yield a description of each failure with a command to repeat it."""
+def table(failures: Sequence[Failure], every: str) -> Iterator[str]:
+    """Yield a description of each failure with a command to repeat it; `every` is the command for all."""
     if not failures:
         return
     yield f"{counted(len(failures), 'failed test')}:"
@@ -316,7 +349,7 @@ def table(failures: Sequence[Failure]) -> Iterator[str]:
         yield f"    repeat: {failure.displayed}"
     left = len(failures) - _SHOWN_FAILURES
     if left > 0:
-        yield f"  and {left} more: forge test-result --verbose"
+        yield f"  and {left} more: {every}"
 
 
 def as_json(outcomes: Iterable[Outcome]) -> list[dict[str, object]]:

@@ -40,6 +40,7 @@ from forge.build.tests.recipes import TestContext, framework
 from forge.environment.install_state import recorded_python
 from forge.environment.prefixes import PACKAGES, find_underlays, provider
 from forge.execution.runner import TaskLifecycle
+from forge.testing.domains import is_isolated
 from forge.toolchain.cmake_variables import was_built_without_tests
 from forge.toolchain.interpreter import find_interpreter
 from forge.toolchain.programs import CMAKE_TYPES, PYTHON_TYPES, compiled_packages, find_ctest
@@ -47,7 +48,7 @@ from forge.toolchain.python_modules import install_command, missing_modules
 from forge.workspace.load import LoadedWorkspace
 from forge.workspace.model import Package
 
-_TEST_MODULES = ("pytest", "pytest_cov", "pytest_repeat", "pytest_rerunfailures")
+_TEST_MODULES = ("pytest", "pytest_cov", "pytest_repeat")
 
 
 def tested_names(loaded: LoadedWorkspace, warn: WarningReporter) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -105,12 +106,12 @@ def absent_problems(
             absent = [name] if name in absent else absent
             verb = "is" if len(absent) == 1 else "are"
             message = f"'{name}' cannot be tested: {quoted_names(absent)} {verb} not built"
-            found[name] = Problem(message, hint=f"forge build --packages-up-to {name}")
+            found[name] = Problem(message, hint=layout.command(f"build --packages-up-to {name}"))
     if found and len(found) == len(needs):
         if len(found) == 1:
             raise WorkspaceError(*found.values())
         message = f"no package can be tested: {listed(tuple(found))} or their dependencies are not built"
-        hint = "run 'forge build' first, with the same options to select packages"
+        hint = f"run '{layout.command('build')}' first, with the same options to select packages"
         raise WorkspaceError(Problem(message, hint=hint))
     return found
 
@@ -161,8 +162,10 @@ def changed_since_build(
             what = changed_sources(home, sources, last, table)
             message = f"'{name}' has changed since its last build, so that tests use outdated files: {what}"
             many = "{} have changed since their last build, so that tests use outdated files"
-        group = GroupedProblems(many, name, "forge build")
-        problems.append(Problem(message, Location(package.path), "forge build", group))
+        command = layout.command("build")
+        problems.append(
+            Problem(message, Location(package.path), command, GroupedProblems(many, name, command))
+        )
     return tuple(problems)
 
 
@@ -194,6 +197,7 @@ def prepare_context(
         ctest=find_ctest(os.environ) if cmake and not without_ctest else None,
         modules=frozenset(_TEST_MODULES) - frozenset(missing),
         options=options,
+        isolated=is_isolated(variables),
     )
     for toolchain, of_type in by_toolchain(packages):
         lacking |= _lacking(of_type, partial(toolchain, of_type, context, variables))
@@ -310,7 +314,8 @@ def not_runnable(
     records = open_journal(layout.build).records
     for name in names:
         build, message = layout.build_dir(name), ""
-        hint = f"forge build --force --packages-select {name}"
+        again = layout.command(f"build --packages-select {name}")
+        hint = layout.command(f"build --force --packages-select {name}")
         deferred = read_deferred(build)
         if name in restored:
             if deferred is None:
@@ -325,14 +330,16 @@ def not_runnable(
             generated = (build / "cmake_install.cmake").is_file()
             failed = text_or_nothing(build / BUILD_RESULT).strip() not in {"", "0"}
             if (cached or failed) and not generated:
-                message, hint = "CMake failed in the last build", f"forge build --packages-select {name}"
+                message, hint = "CMake failed in the last build", again
             elif not cached:
                 message = "its build folder is missing"
         if not message and name in records and not records[name].complete:
             # Its installed files and test programs may be from an earlier build.
-            message, hint = "its last build failed or was stopped", f"forge build --packages-select {name}"
+            message, hint = "its last build failed or was stopped", again
         if message:
-            group = GroupedProblems(f"{{}} cannot be tested: {message}", name, hint and "forge build --force")
+            group = GroupedProblems(
+                f"{{}} cannot be tested: {message}", name, hint and layout.command("build --force")
+            )
             found[name] = Problem(f"'{name}' cannot be tested: {message}", hint=hint or None, group=group)
     return found
 

@@ -6,6 +6,7 @@ import os
 import re
 import shutil
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import field, replace
 from pathlib import Path
 from typing import Any
@@ -26,11 +27,14 @@ from forge.build.tasks import (
     short_step_line,
     step_line,
 )
-from forge.build.tests.recipes import TestContext, error_result
+from forge.build.tests.recipes import TestContext, error_result, parallel_folder
 from forge.environment.sourcing import build_environment
 from forge.execution.runner import TaskLifecycle
 from forge.execution.started import BUILD_FOLDER_VARIABLE
+from forge.testing.attempts import Attempt, complete_results, read_attempt
+from forge.testing.cases import label, selector, variables_for
 from forge.testing.collecting import collect, last_run
+from forge.testing.domains import discovery, isolated
 from forge.testing.outcomes import (
     Case,
     Counts,
@@ -40,6 +44,7 @@ from forge.testing.outcomes import (
     find_junit,
     first_lines,
     last_lines,
+    location_of,
 )
 
 
@@ -57,6 +62,8 @@ class TestSetup(TaskLifecycle):
     failed: set[str] = field(default_factory=set)
     """Packages with failed tests, perhaps not in the last repetition."""
     results: dict[str, tuple[Outcome, ...]] = field(default_factory=dict)
+    attempts: dict[str, list[Attempt]] = field(default_factory=dict)
+    """The attempts at the tests of each package, if they are repeated until they pass."""
     cached: Any = None
     """The plugin behind '--cached', None without the option."""
 
@@ -85,6 +92,16 @@ class TestSetup(TaskLifecycle):
             replace_file(self.context.not_run(task.name), result.encode())
             self.results[task.name] = self._found(task)
         return self.results[task.name]
+
+    @contextmanager
+    def surroundings(
+        self, task: Task, step: Step, variables: Mapping[str, str], is_stopped: Callable[[], bool]
+    ) -> Iterator[Mapping[str, str]]:
+        """Yield the environment of a step; note its results afterwards if the tests may be repeated."""
+        with isolated(step, variables, is_stopped) as found:
+            yield found
+        if self.context.options.retest_until_pass:
+            self.attempts.setdefault(task.name, []).append(read_attempt(task.name, self._found(task)))
 
     def _own(self, task: Task) -> Path:
         return self.context.results_of(task.name) / f"{task.steps[-1].kind.value}.xml"
@@ -137,6 +154,14 @@ class TestSetup(TaskLifecycle):
         self.before[task.name] = self._states(task)
         if self.cached and task.steps:
             self.cached.begin(task, environment)
+        if any(step.tests_at_once for step in task.steps):
+            link, results = _link_to_results(task), task.build_dir / "Testing"
+            results.mkdir(exist_ok=True)
+            if link.is_dir() and not link.is_symlink():
+                delete_tree(link)  # CTest made it, because a test had removed the build folder
+            link.parent.mkdir(parents=True, exist_ok=True)
+            link.unlink(missing_ok=True)
+            link.symlink_to(os.path.relpath(results, link.parent))
 
     def _states(self, task: Task) -> dict[str, object]:
         # Tests of ament may write to another folder than CTest.
@@ -145,6 +170,8 @@ class TestSetup(TaskLifecycle):
         return {str(path): _state(path) for path in files}
 
     def undo(self, task: Task) -> None:
+        if (link := _link_to_results(task)).is_symlink():
+            link.unlink()  # colcon would count the results again there
         if self.cached:
             self.cached.end(task)
 
@@ -153,11 +180,13 @@ class TestSetup(TaskLifecycle):
         below = [(need, layout.prefix(need)) for need in self.needs[task.name]]
         found = build_environment(below, self.variables)
         # Do not create __pycache__ in the source folder.
-        return {"PYTHONDONTWRITEBYTECODE": "1", **found, BUILD_FOLDER_VARIABLE: str(layout.build)}
+        own = {"PYTHONDONTWRITEBYTECODE": "1", **discovery(found)}
+        return {**own, **found, BUILD_FOLDER_VARIABLE: str(layout.build)}
 
     def install(self, task: Task) -> BuildRecord:
-        if self.cached:
-            self.cached.end(task)
+        self.undo(task)
+        if attempts := self.attempts.get(task.name):
+            complete_results(attempts)
         if self.context.options.test_result_base is not None:
             result, target = _result_of_ctest(task), self.context.results_of(task.name) / "Testing"
             is_there = result.name == "Test.xml" and result.is_file()
@@ -214,56 +243,70 @@ def failures_of(task: Task, setup: TestSetup, displayed: Callable[[Path], str] =
     results, step = setup.results_of(task), task.steps[-1]
     not_run = str(setup.context.not_run(task.name))
     for case in (case for outcome in results if outcome.path == not_run for case in outcome.cases):
-        yield _failure(task, case.name, first_lines([case]), step, displayed)
+        yield _failure(task, case.name, [case], first_lines([case]), step, displayed)
     results = tuple(outcome for outcome in results if outcome.path != not_run)
     if step.kind is StepKind.CTEST:
         runs = [outcome for outcome in results if outcome.by_name]
         others = [outcome for outcome in results if not outcome.by_name]
-        for case in (case for outcome in runs for case in outcome.cases):
+        # Tests that run in parallel are in the order of their end.
+        for case in sorted((case for outcome in runs for case in outcome.cases), key=lambda each: each.name):
             # The JUnit file of the test is preferred to its output.
             homes = {one.home for one in others}
             junit = next(filter(None, (find_junit(case.name, home, others) for home in homes)), None)
-            lines = first_lines(junit.cases) if junit and junit.cases else last_lines(case.text)
+            cases = junit.cases if junit and junit.cases else (case,)
+            lines = last_lines(case.text) if cases == (case,) else first_lines(cases)
             argv = (task.steps[0].argv[0], "-V", "-R", f"^{re.escape(case.name)}$")
-            yield _failure(task, case.name, lines, replace(task.steps[0], argv=argv, env=()), displayed)
+            again = replace(task.steps[0], argv=argv, env=(), cwd=task.build_dir)
+            alone_by = [(each, variables_for(junit.path, each, task.name)) for each in cases] if junit else []
+            if alone_by and all(variables for _, variables in alone_by):
+                for each, variables in alone_by:
+                    alone = replace(again, env=variables)
+                    yield _failure(
+                        task, label(each, task.name), [each], first_lines([each]), alone, displayed
+                    )
+                continue
+            yield _failure(task, case.name, cases, lines, again, displayed)
         # Failures unknown to CTest: in files of tests that it considers successful.
         failed = {case.name for outcome in runs for case in outcome.cases}
         for outcome in (one for one in others if one.test not in failed):
             for case in outcome.cases:
-                label = outcome.path if outcome.is_unreadable else f"{outcome.test}: {case.name}"
-                yield _failure(task, label, first_lines([case]), step, displayed)
+                name = outcome.path if outcome.is_unreadable else f"{outcome.test}: {case.name}"
+                yield _failure(task, name, [case], first_lines([case]), step, displayed)
         return
     exists = lambda path: (step.cwd / path).is_file()  # noqa: E731  (a question, not a function)
     for outcome in results:
         for case in outcome.cases:
-            selector = _selector(case, task.name, step.kind, exists)
+            words = selector(case, task.name, step.kind, exists)
             # Without a result, or a way to select one test, repeat the whole run.
             whole = step.kind is StepKind.TEST or case.name.endswith(".missing_result")
-            single = replace(step, argv=(step.argv[0], "-m", step.kind.value, *selector), env=())
+            single = replace(step, argv=(step.argv[0], "-m", step.kind.value, *words), env=())
             repeat = step if whole or outcome.is_unreadable else single
-            label = f"{case.suite}.{case.name}".removeprefix(f"{task.name}.").removeprefix(".")
-            yield _failure(task, label, first_lines([case]), repeat, displayed)
+            yield _failure(task, label(case, task.name), [case], first_lines([case]), repeat, displayed)
 
 
 def _failure(
-    task: Task, test: str, lines: tuple[str, ...], repeat: Step, displayed: Callable[[Path], str]
+    task: Task,
+    test: str,
+    cases: Sequence[Case],
+    lines: tuple[str, ...],
+    repeat: Step,
+    displayed: Callable[[Path], str],
 ) -> Failure:
     file = environment_file(task)
-    return Failure(task.name, test, lines, step_line(repeat, file), short_step_line(repeat, file, displayed))
+    folders = (repeat.cwd, task.package.path.absolute(), task.build_dir)
+    locations = filter(None, (location_of(case, folders) for case in cases))
+    return Failure(
+        task.name,
+        test,
+        lines,
+        step_line(repeat, file),
+        short_step_line(repeat, file, displayed),
+        next(locations, None),
+    )
 
 
-def _selector(case: Case, package: str, kind: StepKind, exists: Callable[[str], bool]) -> tuple[str, ...]:
-    parts = case.suite.split(".")
-    if kind is StepKind.UNITTEST:
-        whole = not case.suite or " " in case.name or "_FailedTest" in case.suite
-        return () if whole else (f"{case.suite}.{case.name}",)
-    if parts[:1] == [package]:
-        parts = parts[1:]
-    for length in range(len(parts), 0, -1):
-        file = "/".join(parts[:length]) + ".py"
-        if exists(file):
-            return ("::".join((file, *parts[length:], case.name)),)
-    return ("-k", case.name.partition("[")[0])
+def _link_to_results(task: Task) -> Path:
+    return parallel_folder(task.build_dir) / "Testing"
 
 
 def _state(path: str | Path) -> object:

@@ -18,6 +18,8 @@ from forge.toolchain.programs import CMAKE_TYPES
 from forge.workspace.model import Package
 
 _WITHOUT_D = re.compile(r"[A-Za-z_]\w*(?::[A-Z]+)?=")
+_DEFINED_WITHIN = re.compile(r"\s-D\s*([A-Za-z_]\w*)(?::[A-Z]+)?=")
+_HOLDS_FLAGS = re.compile(r".*(FLAGS|OPTIONS|DEFINITIONS|ARGS|COMMAND)", re.IGNORECASE)
 _SIMILAR = 0.85
 _POLICY_DEFAULT = "CMAKE_POLICY_DEFAULT_"
 _UNUSED = re.compile(
@@ -40,13 +42,29 @@ _WELL_KNOWN = (
 
 
 def suspicious_arguments(words: Sequence[str]) -> Iterator[Problem]:
-    """Yield arguments that CMake treats as a path, but that look like definitions."""
-    for word in (argument.words[0] for argument in cmake_arguments(words)):
-        if _WITHOUT_D.match(word):
+    """Yield arguments that CMake treats as a path, or as one definition, but that look like definitions."""
+    for argument in cmake_arguments(words):
+        word = argument.words[0]
+        whole = " ".join(argument.words)
+        within = _DEFINED_WITHIN.findall(whole)
+        # -DCMAKE_CXX_FLAGS="-DA=1 -DB=2" are macros; CMake's own variables are none.
+        is_flags = argument.definition and _HOLDS_FLAGS.fullmatch(argument.definition[0])
+        if within and not (is_flags and not any(map(_is_of_cmake, within))):
+            message = (
+                f"--cmake-args contains '{whole}' as one argument, so that CMake does not see '{within[0]}'"
+            )
+            yield Problem(
+                message, hint=f"remove the quotes around it, or in a file, write a list: {whole.split()}"
+            )
+        elif _WITHOUT_D.match(word):
             name = re.split("[:=]", word[1:])[0]
-            meant = word[0] == "D" and (name in _WELL_KNOWN or name.startswith("CMAKE_"))
+            meant = word[0] == "D" and _is_of_cmake(name)
             hint = f"write -{word}" if meant else f"write -D{word}"
             yield Problem(f"--cmake-args contains '{word}', which CMake treats as a path", hint=hint)
+
+
+def _is_of_cmake(name: str) -> bool:
+    return name in _WELL_KNOWN or name.startswith("CMAKE_")
 
 
 def unset_definitions(words: Sequence[str]) -> Iterator[Problem]:
@@ -105,19 +123,16 @@ class UnusedVariables:
 
     def take(self, output: bytes) -> bytes:
         """Return the output of a configured package without warnings about shared variables."""
-        unused: set[str] = set()
 
         def without_shared(match: re.Match[bytes]) -> bytes:
-            names = match[1].decode(errors="replace").split()
-            unused.update(names)
-            own = [name for name in names if name not in self._shared]
+            own = [name for name in match[1].decode(errors="replace").split() if name not in self._shared]
             if not own:
                 return b""
             lines = "".join(f"    {name}\n" for name in own).encode()
             return match[0].replace(match[1], lines)
 
         rest = _UNUSED.sub(without_shared, output)
-        self._used |= self._shared - unused
+        self._used |= self._shared - unused_variables(output)
         self._asked = True
         return rest
 

@@ -46,11 +46,14 @@ class MemoryLimit:
     share: float | None = None
     size: int | None = None
 
-    def exceeded(self, memory: Memory) -> bool:
+    def left(self, memory: Memory) -> float:
+        """Return the bytes that may still be used; negative if too much is in use, infinite without limit."""
         used = memory.total - memory.available
-        return (self.share is not None and used > self.share * memory.total) or (
-            self.size is not None and used > self.size
-        )
+        share = float("inf") if self.share is None else self.share * memory.total
+        return min(share, float("inf") if self.size is None else self.size) - used
+
+    def exceeded(self, memory: Memory) -> bool:
+        return self.left(memory) < 0
 
 
 def default_memory_limit(memory: Memory) -> MemoryLimit:

@@ -6,7 +6,10 @@ Start reading at `load`. May import `base`, `interfaces` and `environment`.
 __all__ = [
     "cmake_text",
     "discovery",
+    "forge_toml",
+    "identification",
     "identity",
+    "ignoring",
     "load",
     "manifest",
     "missing",
@@ -16,4 +19,5 @@ __all__ = [
     "resolve",
     "root",
     "selection",
+    "source_names",
 ]

@@ -6,11 +6,17 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from forge.base.errors import Location, Problem, WorkspaceError
+from forge.base.errors import Location, Problem, SelectionError, WorkspaceError
 from forge.base.files import read_file
 from forge.base.formats import read_toml
+from forge.base.names import did_you_mean, is_safe_name
 
 FORGE_TOML = "forge.toml"
+
+PROFILES: Mapping[str, dict[str, Any]] = {
+    name: {"build": {"mixin": [name]}} for name in ("debug", "release", "asan", "tsan", "ubsan")
+}
+"""The profiles of every workspace; a table in forge.toml replaces the one of its name."""
 
 
 def read_forge_toml(root: Path) -> dict[str, Any]:
@@ -30,3 +36,42 @@ def table_of(content: Mapping[str, Any], key: str, path: Path) -> dict[str, Any]
             hint = f"write a table [{key}] of 'option = value'"
         raise WorkspaceError(Problem(f"'{key}' is not a table of options", Location(path), hint))
     return table
+
+
+def profile_of(content: Mapping[str, Any], name: str, path: Path) -> dict[str, Any]:
+    """Return the options of a profile by command.
+
+    Raises SelectionError if there is none of this name, WorkspaceError if it has options of no command.
+    """
+    profiles = {**PROFILES, **table_of(content, "profiles", path)}
+    if not is_safe_name(name):
+        hint = "use letters, digits, '.', '_', '+' and '-', since folders are named after profiles"
+        raise SelectionError(Problem(f"invalid name of a profile: '{name}'", hint=hint))
+    if name not in profiles:
+        table = f"[profiles.{name}.build]"
+        write = f"write a table {table} with the options of its builds into {FORGE_TOML}"
+        hint = did_you_mean(name, profiles) or write
+        place = Location(path) if path.exists() else None
+        raise SelectionError(Problem(f"unknown profile '{name}'", place, hint))
+    tables = table_of(profiles, name, path)
+    if keys := [key for key, value in tables.items() if not isinstance(value, dict)]:
+        message = f"'{keys[0]}' of the profile '{name}' belongs to no command"
+        hint = f"write it below [profiles.{name}.build], or below another command"
+        raise WorkspaceError(Problem(message, Location(path), hint))
+    return tables
+
+
+def folder_of_profile(base: str, name: str) -> str:
+    """Return the folder of a profile: '--profile debug' builds in build-debug, installs in install-debug.
+
+    They are beside the folders of other builds, because forge owns everything in a build folder, and the root
+    of a workspace is the folder around 'install'.
+    """
+    return f"{base.rstrip('/')}-{name}"
+
+
+def install_of_profile(root: Path, name: str) -> str:
+    """Return the install folder of a profile relative to the root; raises SelectionError."""
+    path = root / FORGE_TOML
+    base = table_of(profile_of(read_forge_toml(root), name, path), "build", path).get("install-base")
+    return base if isinstance(base, str) else folder_of_profile("install", name)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import cache
@@ -100,7 +101,19 @@ def load_workspace(
     if listing and workspace.duplicates:
         resolution = _with_duplicates(resolution, workspace.duplicates, tested=not query.no_test_dependencies)
     ordered = ordered_names(resolution.needs)
-    selection, notes = select(query, ordered, resolution.needs, limits, every)
+
+    def hint_for(name: str) -> str | None:
+        from forge.workspace.ignoring import ignored_packages
+
+        if name == os.curdir:
+            return "'.' is the package around the current folder, which is in none"
+        for each in ignored_packages(root, query.search.base_paths, variables):
+            if each.name == name:
+                remedy = each.remedy or "forge ignore --list"
+                return f"'{each.path}' is left out because of '{each.file}': {remedy}"
+        return None
+
+    selection, notes = select(query, ordered, resolution.needs, limits, every, hint_for)
     if not listing:
         raise_if_any(clashes(workspace, selection.names), WorkspaceError)
     warnings = (
@@ -119,10 +132,19 @@ def load_workspace(
 
 
 def _with_literal_names(query: Query, workspace: Workspace, every: Collection[str]) -> Query:
-    """Return the query with names of Python projects spelled as in the workspace (PEP 503)."""
+    """Return the query with names of Python projects spelled as in the workspace (PEP 503).
+
+    '.' becomes the name of the package around the user's folder.
+    """
     plain = projects(package for package in workspace.packages.values() if not package.ros)
+    here = Path(query.origin)
+    names = {package.path: package.name for package in (*workspace.packages.values(), *workspace.duplicates)}
+    names |= {package.path: package.name for package in workspace.broken}
+    around = next((names[folder] for folder in (here, *here.parents) if folder in names), os.curdir)
 
     def literal(name: str) -> str:
+        if name == os.curdir:
+            return around
         same = () if name in every else plain.get(project_name(name), ())
         return same[0].name if len(same) == 1 else name
 
@@ -131,7 +153,7 @@ def _with_literal_names(query: Query, workspace: Workspace, every: Collection[st
             return literal(value)
         return tuple(map(literals, value)) if isinstance(value, tuple) else value
 
-    return replace(query, **{name: literals(getattr(query, name)) for name in _NAMING}) if plain else query
+    return replace(query, **{name: literals(getattr(query, name)) for name in _NAMING})
 
 
 def _without_broken(loaded: LoadedWorkspace, names: frozenset[str], *, listing: bool) -> LoadedWorkspace:

@@ -16,6 +16,7 @@ from forge.base.files import text_or_nothing
 from forge.base.layout import Layout, docs_url
 from forge.base.text import quoted_names
 from forge.workspace import resolve
+from forge.workspace.discovery import discover
 from forge.workspace.manifest import declaration
 from forge.workspace.model import BUILD_KINDS, RUN_KINDS
 
@@ -110,9 +111,14 @@ def whereabouts(root: Path, layout: Layout, name: str) -> str | None:
         return any(os.path.isdir(prefix / "share" / name) for prefix in (install / name, install))  # noqa: PTH112
 
     if holds(layout.install):
+        if found := discover(root, (os.curdir,), os.environ).packages.get(name):
+            return (
+                f"'{name}' is in '{found.path}', but left out by '--paths', '--base-paths' or "
+                "'--packages-ignore': '--packages-up-to' selects one package and what it needs"
+            )
         return (
             f"'{name}' was in the workspace in an earlier build: add it again, or rename or remove the "
-            "dependency; 'forge clean stale' removes its files"
+            f"dependency; '{layout.command('clean stale')}' removes its files"
         )
     if empty := unchecked_submodules(root):
         fitting = [path for path in empty if path.name == name] or empty

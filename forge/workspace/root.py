@@ -12,10 +12,13 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from forge.base.env_vars import setting
 from forge.base.errors import ForgeError, HostError, Problem
+from forge.base.layout import LAYOUT_MARKER
+from forge.environment.install_state import recorded_state
 
-_INSTALL_MARKER = "install/.colcon_install_layout"
-_ROOT_MARKERS = ("forge.toml", _INSTALL_MARKER, "build/.built_by")
+_ROOT_MARKERS = ("forge.toml", f"install/{LAYOUT_MARKER}", "build/.built_by")
+_PROFILE_MARKER = "build-*/.built_by"
 
 _ONE_PATH = (
     *("--build-base", "--install-base", "--log-base", "--test-result-base", "--output"),
@@ -40,10 +43,17 @@ def find_root(start: Path, home: Path) -> Path:
     return next(iter([*(folder for folder in marked if folder in sources), *with_sources, *marked, start]))
 
 
-def find_install(start: Path, home: Path) -> Path | None:
-    """Return the install folder of the workspace around the absolute folder `start` if it was built."""
-    root = find_root(start, home)
-    return root / "install" if (root / _INSTALL_MARKER).is_file() else None
+def find_install(start: Path, home: Path, profile: str | None = None) -> Path | None:
+    """Return the install folder of the workspace around the absolute folder `start` if it was built.
+
+    It is that of `profile`, by default of $FORGE_PROFILE. Raises SelectionError for an unknown profile.
+    """
+    root, base = find_root(start, home), "install"
+    if name := profile or setting("PROFILE", os.environ):
+        from forge.workspace.forge_toml import install_of_profile
+
+        base = install_of_profile(root, name)
+    return root / base if (root / base / LAYOUT_MARKER).is_file() else None
 
 
 def source_packages(install: Path | None) -> Mapping[str, str]:
@@ -56,8 +66,10 @@ def source_packages(install: Path | None) -> Mapping[str, str]:
     from forge.workspace.load import find_packages
     from forge.workspace.selection import SearchPaths
 
+    # Without --profile, it is beside the sources.
+    root = Path(os.path.normpath(install / recorded_state(install).root))
     with suppress(ForgeError):
-        found = find_packages(install.parent, SearchPaths(), os.environ).packages
+        found = find_packages(root, SearchPaths(), os.environ).packages
         return {name: package.build_type for name, package in found.items()}
     return {}
 
@@ -109,7 +121,7 @@ def working_directory(folder: Path) -> Iterator[None]:
 
 
 def _has_marker(folder: Path) -> bool:
-    return any((folder / mark).is_file() for mark in _ROOT_MARKERS)
+    return any((folder / mark).is_file() for mark in _ROOT_MARKERS) or any(folder.glob(_PROFILE_MARKER))
 
 
 def _has_sources(folder: Path) -> bool:

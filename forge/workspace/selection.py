@@ -6,12 +6,14 @@ character and the folder. Options apply to all of them.
 
 from __future__ import annotations
 
+import os
 import re
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from forge.base.errors import Problem, SelectionError, raise_if_any
+from forge.base.extensions import OPTIONS, find
 from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
 from forge.base.graph import closure, closures, reverse
@@ -150,6 +152,8 @@ class Query:
     )
     build_base: str = "build"
     """The folder with the results of earlier builds and tests."""
+    origin: str = os.curdir
+    """The user's folder, relative to the root; the name '.' means the package around it."""
 
     @property
     def named(self) -> frozenset[str]:
@@ -159,10 +163,13 @@ class Query:
         return frozenset((*lists, *self.above_depth[1]))
 
 
-_REQUIRED = ("up_to", "up_to_regex", "above", "above_and_dependencies", "above_depth", "start", "end")
-"""Options that cannot work without the packages that they name."""
-_IGNORABLE = ("select", "skip", "select_regex", "skip_regex", "ignore", "ignore_regex")
-_STRICT = ("select_by_dep", "skip_by_dep", "skip_up_to")
+_REQUIRED = (
+    *("select", "up_to", "up_to_regex", "above", "above_and_dependencies", "above_depth"),
+    *("select_by_dep", "start", "end"),
+)
+"""Options that select less than what was asked for without the packages that they name."""
+_IGNORABLE = ("skip", "select_regex", "skip_regex", "ignore", "ignore_regex")
+_STRICT = ("skip_by_dep", "skip_up_to")
 """Options whose unknown names are reported only on demand."""
 
 
@@ -181,17 +188,18 @@ def select(
     needs: Graph,
     limits: Iterable[FilterResult] = (),
     known: Collection[str] | None = None,
+    hint_for: Callable[[str], str | None] = lambda _: None,
 ) -> tuple[Selection, tuple[Problem, ...]]:
     """Return the nodes that `query` and `limits` keep, in topological order, and warnings.
 
-    As in colcon, each option only deselects packages. Unknown names are warnings for --packages-select, -skip
-    and -ignore, unless the query is strict; for options that cannot work without them, such as
-    --packages-up-to, SelectionError is raised. `known` contains all names in the workspace, including ignored
-    ones.
+    As in colcon, each option only deselects packages. Raises SelectionError for unknown names of packages to
+    select. Those to skip or ignore, and patterns that match nothing, are warnings unless the query is strict.
+    `known` contains all names in the workspace, including ignored ones; `hint_for` may know why a package to
+    select is not in it.
     """
     names = frozenset(map(name_of, ordered)) if known is None else frozenset(known)
     doubts = tuple(_unknown(query, _IGNORABLE + (_STRICT if query.strict else ()), names))
-    faults = _unknown(query, _REQUIRED, names)
+    faults = _unknown(query, _REQUIRED, names, hint_for)
     raise_if_any((*faults, *(doubts if query.strict else ())), SelectionError)
     left_out: dict[str, str] = {}
     by_name = ((reason, _matching(ordered, kept)) for reason, kept in limits)
@@ -268,7 +276,12 @@ def _matching(nodes: Iterable[str], names: Collection[str], patterns: Sequence[s
     )
 
 
-def _unknown(query: Query, fields: Iterable[str], known: frozenset[str]) -> Iterator[Problem]:
+def _unknown(
+    query: Query,
+    fields: Iterable[str],
+    known: frozenset[str],
+    hint_for: Callable[[str], str | None] = lambda _: None,
+) -> Iterator[Problem]:
     """Yield a problem for each name or pattern in these fields of the query that fits no package."""
     for field in fields:
         option = f"--packages-{field.replace('_', '-')}"
@@ -278,8 +291,10 @@ def _unknown(query: Query, fields: Iterable[str], known: frozenset[str]) -> Iter
         for text in (value,) if isinstance(value, str) else value or ():
             if not field.endswith("_regex"):
                 if text not in known:
-                    message = f"{option}: no package named '{text}' in the workspace"
-                    yield Problem(message, hint=did_you_mean(text, known))
+                    # 'forge test' has names without an option as well.
+                    of_option = "" if field == "select" else f"{option}: "
+                    message = f"{of_option}no package named '{text}' in the workspace"
+                    yield Problem(message, hint=hint_for(text) or did_you_mean(text, known))
             elif not _matching(known, (), (text,)):
                 hint = f"patterns match from the beginning of a name; to match anywhere use '.*{text}'"
                 yield Problem(f"{option} '{text}' matches no package", hint=hint)
@@ -295,9 +310,8 @@ def apply_filters(
     warnings: tuple[Problem, ...] = ()
     limits = list(_by_results(query, root / query.build_base, packages))
     if query.select_changed or query.above_changed:
-        from forge.workspace.git_changes import changed_packages
-
-        changed, warnings = changed_packages(root, packages, query.since)
+        plugin = find(OPTIONS, "packages-select-changed", "option")
+        changed, warnings = plugin.changed_packages(root, packages, query.since)
         if query.above_changed:
             changed = closure(reverse(needs), changed)
         limits.append((f"not changed since {query.since}", changed))

@@ -1,4 +1,4 @@
-"""Generated Python: importing, and constructing messages.
+"""Generated Python: importing, and constructing messages, from numpy arrays, too.
 
 Importing is compared with an interpreter that imports numpy and nothing else, and with what rosbags takes to
 make its types; constructing with plain classes whose properties check (tests/bench/plain.py).
@@ -8,9 +8,12 @@ import sys
 import timeit
 from collections.abc import Callable, Iterator, Mapping
 from compileall import compile_dir
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any
+
+import numpy
 
 from forge.interfaces.read.sources import Library
 from forge.interfaces.resolve.resolution import nested_messages
@@ -46,6 +49,13 @@ MESSAGES: Mapping[str, Mapping[str, Any]] = {
 }
 """The messages to construct, with keywords for a second measurement."""
 
+ARRAYS = (
+    ("sensor_msgs/msg/Image", "data", "uint8", 4_000_000),
+    ("sensor_msgs/msg/LaserScan", "ranges", "float32", 1_000_000),
+    ("sensor_msgs/msg/Imu", "orientation_covariance", "float64", 9),
+)
+"""The messages to construct from an array: field, type and number of the elements; the last size is fixed."""
+
 
 def importing(sitting: Sitting) -> Iterator[Case]:
     """Measure an interpreter that imports, numpy's own time included."""
@@ -76,6 +86,15 @@ def constructing(sitting: Sitting) -> Iterator[Case]:
                 yield _construct(name, words, sitting.runs(11))
 
 
+def from_numpy(sitting: Sitting) -> Iterator[Case]:
+    """Measure the construction of messages from numpy arrays, which are copied."""
+    with importable(generated(sitting)):
+        for name, field, dtype, full in ARRAYS:
+            words = {field: numpy.zeros(full, dtype)}
+            case = _construct(name, words, sitting.runs(3))
+            yield replace(case, name=f"{case.name}: {full:,} of {dtype}")
+
+
 def _construct(name: str, words: Mapping[str, Any], runs: int) -> Case:
     """Return the microseconds of a construction by the generated and by the plain class."""
     utilities: Any = import_module("rosidl_runtime_py.utilities")  # generated a moment ago
@@ -94,7 +113,7 @@ def _in_turn(
     """Return the microseconds of one call of each variant."""
     written = f"call({', '.join(f'{word}={word}' for word in words)})"
     timers = {name: timeit.Timer(written, globals={**words, "call": call}) for name, call in variants.items()}
-    number = 10 if runs == 1 else max(10, timers[PLAIN].autorange()[0] // 10)
+    number = 1 if runs == 1 else max(10, timers[PLAIN].autorange()[0] // 10)
     taken: dict[str, list[float]] = {name: [] for name in variants}
     for _ in range(runs):
         for name, timer in timers.items():

@@ -173,6 +173,13 @@ SCENARIOS: Mapping[str, Scenario] = {
         0.3,
         "The plain classes have one checking property per field, as code generators usually write them.",
     ),
+    "numpy": Scenario(
+        "Messages from numpy arrays",
+        messages.from_numpy,
+        0.4,
+        "The array is a keyword of the constructor. The plain classes convert it as those of rosidl do: into "
+        "an `array.array`, number by number, or into an array of numpy with a fixed size.",
+    ),
     "sourcing": Scenario(
         "Sourcing a workspace",
         sourcing.sourcing,

@@ -75,7 +75,7 @@ def test_the_chart_has_a_bar_for_each_package(browser: Browser, timings: Path) -
     events = [json.loads(line) for line in timings.with_name("events.jsonl").read_text().splitlines()]
     started = [event["package"] for event in events if event["event"] == "Started"]
     assert sorted(started) == sorted(NEEDS)
-    assert browser.texts("#bars .name") == started
+    assert sorted(browser.texts("#bars .name")) == sorted(started)
     assert browser.texts("h1")[0].startswith("6 packages in ")
     lefts = browser.run(
         "return [...document.querySelectorAll('.bar')].map(bar => bar.getBoundingClientRect().left)"
@@ -183,6 +183,44 @@ def test_a_url_with_a_package_name_shows_that_package(browser: Browser, graph: P
     assert browser.texts("#about") == [NASTY]
     assert browser.all("#about *, img") == []
     assert browser.texts("#needs .direct") == ["base", "msgs"]
+
+
+@browsing
+@pytest.mark.parametrize("dark", [False, True])
+def test_narrow_screens_show_a_list_of_packages(browser: Browser, graph: Path, dark: bool) -> None:
+    browser.open(graph, size=(400, 900), dark=dark)
+    assert browser.all("#graph") == []
+    assert sorted(browser.texts("#list .name")) == sorted(NEEDS)
+    assert browser.run("return document.documentElement.scrollWidth") == 400
+    browser.write("#search", "ma")
+    assert browser.texts("#list .name") == ["map"]
+    browser.click("#list li:not([hidden]) button")
+    assert browser.texts("#card h2") == ["map"]
+    browser.click("#needs button")
+    assert browser.texts("#card h2") == [browser.texts("#list .chosen .name")[0]]
+    assert browser.texts("#list .above .name")
+
+
+@browsing
+@pytest.mark.parametrize("dark", [False, True])
+def test_timings_fit_narrow_screens_and_show_whole_names(
+    browser: Browser, tmp_path: Path, dark: bool
+) -> None:
+    names = ["depot_planner_interfaces_cpp", "depot_lib0"]
+    write_run(tmp_path, {names[0]: (), names[1]: (names[0],)})
+    browser.open(tmp_path / "timings.html", size=(400, 900), dark=dark)
+    assert browser.run("return document.documentElement.scrollWidth") == 400
+    # In each list and table, a name is on one line and not cut.
+    whole = """return [...document.querySelectorAll("#bars .name, .go")].map((element) => {
+      const range = document.createRange();
+      range.selectNodeContents(element);
+      return range.getClientRects().length === 1 && element.scrollWidth <= element.clientWidth + 1
+        || getComputedStyle(element).display === "inline" && range.getClientRects().length === 1;
+    })"""
+    found = browser.run(whole)
+    assert isinstance(found, list)
+    assert len(found) > 6
+    assert all(found)
 
 
 @browsing
@@ -294,6 +332,54 @@ def test_timings_need_a_log_folder_and_a_built_package(forge: Forge, workspace: 
     ran = forge("build", "--timings", cwd=workspace)
     assert ran.code == 0
     assert "nothing was built" in ran.err
+
+
+COMPILED = """cmake_minimum_required(VERSION 3.18)
+project(depot C)
+add_library(depot src/fast.c src/slow.c)
+install(TARGETS depot DESTINATION lib)
+"""
+
+
+@pytest.mark.needs("cmake", "ninja")
+def test_the_page_names_slow_files_and_compares_builds(forge: Forge, tmp_path: Path) -> None:
+    folder = tmp_path / "my ws/src/depot"
+    (folder / "src").mkdir(parents=True)
+    (folder / "package.xml").write_text(manifest_text("depot", build_type="cmake"))
+    (folder / "CMakeLists.txt").write_text(COMPILED)
+    (folder / "src/fast.c").write_text("int fast;\n")
+    (folder / "src/slow.c").write_text("int slow;\n")
+    root = tmp_path / "my ws"
+    first = forge("build", "--timings", cwd=root)
+    assert first.code == 0, first.err
+    assert "slowest: " in first.out
+    (log,) = (path for path in (root / "log").glob("build_*"))
+
+    def commands() -> list[tuple[str, str]]:
+        lines = (root / "log/latest_build/events.jsonl").read_text().splitlines()
+        events = [json.loads(line) for line in lines]
+        found = [event["commands"] for event in events if event["event"] == "Commands"]
+        return sorted((kind, name) for each in found for kind, name, _, _ in each)
+
+    assert commands() == [("compile", "src/fast.c"), ("compile", "src/slow.c"), ("link", "libdepot.a")]
+    (folder / "src/slow.c").write_text("int slow, slower;\n")
+    second = forge("build", "--timings-compare", f"../log/{log.name}", cwd=root / "src")
+    assert second.code == 0, second.err
+    assert commands() == [("compile", "src/slow.c"), ("link", "libdepot.a")]
+    page = (root / "log/latest_build/timings.html").read_text()
+    assert f"Compared with {log.name}" in page
+    assert "only then" in page  # fast.c
+    (folder / "src/fast.c").write_text("int fast, faster;\n")
+    assert forge("build", "--timings-compare", cwd=root).code == 0
+    assert "Compared with build_" in (root / "log/latest_build/timings.html").read_text()
+    assert commands() == [("compile", "src/fast.c"), ("link", "libdepot.a")]
+
+
+def test_a_build_that_does_not_exist_is_not_compared(forge: Forge, tmp_path: Path) -> None:
+    root = write_workspace(tmp_path / "ws")
+    ran = forge("build", "--timings-compare", "build_1", cwd=root)
+    assert ran.code == 2
+    assert "error: --timings-compare: there is no log of a build in 'build_1'" in ran.err
 
 
 def test_json_mode_prints_the_page_path_on_stderr_and_the_machine_as_an_event(

@@ -127,7 +127,7 @@ def test_options_unknown_to_colcon_do_not_end_an_argument_list(name: str) -> Non
     words = ["--jobs", "4", "--log-level=VERBOSE", "--strict", "--", "--watch"]
     options = parser_of(["build"]).parse_args(["build", "--timings", option, *words, "--merge-install"])
     assert plain(getattr(options, name)) == words
-    assert (options.timings, options.watch, options.merge_install) == (True, False, True)
+    assert (options.timings, options.watch, options.merge_install) == ("page", False, True)
 
 
 @pytest.mark.parametrize("name", ["pytest_args", "ctest_args", "unittest_args", "cargo_args"])

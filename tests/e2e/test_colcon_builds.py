@@ -77,7 +77,7 @@ def test_packages_are_built_in_the_same_order_with_the_same_failures(twins: Twin
 @pytest.mark.parametrize(
     "handler", ["console_package_list+", "console_start_end-", "summary-", "console_cohesion+"]
 )
-def test_event_handlers_print_the_same(twins: Twins, handler: str) -> None:
+def test_event_handlers_print_the_same_as_in_colcon(twins: Twins, handler: str) -> None:
     twins.package("b", more='message(STATUS "two words")')
     twins.package("a", "<depend>b</depend>", more='message(WARNING "hm")')
     ours, theirs = twins.agree("build", *ONE, "--event-handlers", handler)
@@ -111,7 +111,7 @@ def test_both_tools_report_unbuildable_packages(twins: Twins) -> None:
     )
     ours, theirs = twins.agree("build", "--packages-up-to", "nobody")
     assert ours.code
-    ours, theirs = twins.agree("build", "--packages-select", "nobody")
+    ours, theirs = twins.agree("build", "--packages-select-regex", "nobody")
     assert told(ours) == told(theirs) == ["Summary: 0 packages finished"]
 
 

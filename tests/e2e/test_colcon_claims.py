@@ -267,8 +267,16 @@ def cmake_in_the_sources(twins: Twins) -> None:
     assert not (twins.theirs / "build/a/CMakeCache.txt").exists()
 
 
+def names_that_are_unknown(twins: Twins) -> None:
+    twins.package("near")
+    for option in ("--packages-select", "--packages-select-by-dep"):
+        ours, theirs = twins.run("list", option, "neat")
+        assert (ours.code, theirs.code) == (2, 0)
+        assert "did you mean 'near'?" in ours.err
+
+
 def messages(twins: Twins) -> None:
-    ours, theirs = twins.run("list", "--packages-select", "nobody")
+    ours, theirs = twins.run("list", "--packages-skip", "nobody")
     assert ours.err.startswith("warning: ")
     assert re.match(r"\[\d.*\] WARNING:colcon\.", theirs.err)
 
@@ -281,6 +289,7 @@ SHOWN: dict[str, Callable[[Twins], None]] = {
     "prints how it reads Python metadata": info_has_no_addresses,
     "does not find packages with only": a_pyproject_is_a_package,
     "treats a folder with a broken": a_broken_manifest_is_reported,
+    "warns about an unknown name": names_that_are_unknown,
     "without a sourced ROS": ros_2_is_the_default,
     "rejects a package with several": several_build_types,
     "rejects licenses": attributes_of_licenses,

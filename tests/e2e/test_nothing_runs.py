@@ -246,7 +246,7 @@ def test_read_only_commands_run_no_code_of_the_workspace(tree: Tree, tmp_path: P
 def test_completion_runs_no_code_of_the_workspace(kind: str, tree: Tree, tmp_path: Path) -> None:
     sprung = tmp_path / "sprung"
     root = tree({f"ws/{path}": text for path, text in traps(sprung).items()}) / "ws"
-    program = Path(__file__).parents[2] / "forge/cli/completion_words.py"
+    program = Path(__file__).parents[2] / "forge/plugins/completion/words.py"
     variables = {"HOME": str(tmp_path), "AMENT_PREFIX_PATH": str(root / "install")}
     argv = [sys.executable, "-S", "-E", str(program), kind, "installed"]
     done = subprocess.run(argv, cwd=root, env=variables, capture_output=True, text=True, check=True)

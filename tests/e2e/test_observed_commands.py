@@ -194,6 +194,24 @@ def test_a_file_outside_the_workspace_is_an_input(forge: Forge, tree: Tree) -> N
     assert (root / "ws/install/a/share/gen.h").read_text() == "#define X 2\n"
 
 
+@pytest.mark.parametrize(
+    ("cmake", "expected"),
+    [
+        ("find_library(LIBRARY nowhere)", "unchanged"),
+        ("file(GLOB FILES ${CMAKE_SOURCE_DIR}/../../../bin/*)", "finished"),
+    ],
+)
+def test_a_new_program_on_path_is_an_input_only_of_what_lists_its_folder_for_itself(
+    forge: Forge, tree: Tree, cmake: str, expected: str
+) -> None:
+    files = {"src/a/package.xml": FILES["src/a/package.xml"], "src/a/CMakeLists.txt": f"{HEAD}{cmake}\n"}
+    root = tree({**{f"ws/{name}": text for name, text in files.items()}, "bin/one": "#!/bin/sh\n"})
+    env = {"PATH": f"{root}/bin{os.pathsep}{os.environ['PATH']}"}
+    assert forge("build", cwd=root / "ws", env=env).code == 0
+    (root / "bin/two").write_text("#!/bin/sh\n")
+    assert f"1 package {expected}" in forge("build", cwd=root / "ws", env=env).out
+
+
 GENERATOR = """missed=../../src/a/late
 test -r $missed && value=$missed || value=../../../value
 echo "#define X $(cat $value)" > gen.h; touch parts.lst runs.txt
@@ -261,8 +279,10 @@ def test_python_builds_depend_on_requested_metadata_and_libraries(forge: Forge, 
         assert "0 packages finished" in forge("build", "--base-paths", "src", cwd=root, env=env).out
 
 
-PYTHON = """import os, sys
+PYTHON = """import importlib, os, sys
 found = sorted(os.listdir(os.path.join(os.path.dirname(__file__), "data")))
+found += [open(os.path.join(os.path.dirname(__file__), "code.pyc")).read()]
+found += [importlib.import_module("by_" + "name").__file__]
 for name in ("extra", "helper.late", "shadowed", "json"):
     try:
         found.append(__import__(name, fromlist=["VALUE"]).__file__)
@@ -279,6 +299,9 @@ LOOKED_FOR = {
     "lib/extra.py": True,
     "lib/helper/late/__init__.py": True,
     "lib/shadowed.py": True,
+    "lib/shadowed/__init__.py": True,
+    "lib/by_name.py": True,
+    "tools/code.pyc": True,
     "lib/other/__init__.py": False,
     "lib/extra.txt": False,
     "tools/data/new": True,
@@ -293,7 +316,8 @@ def test_modules_that_python_searches_for_are_inputs(forge: Forge, tree: Tree, w
     cmake = f"{HEAD}set(S ${{CMAKE_SOURCE_DIR}})\n{BY_PYTHON[who]}add_custom_target(g ALL DEPENDS gen.h)\n"
     cmake += "install(FILES ${CMAKE_BINARY_DIR}/gen.h DESTINATION share)\n"
     files = {**FILES, "src/a/CMakeLists.txt": cmake, "tools/gen.py": PYTHON, "tools/data/one": ""}
-    files |= {"lib/helper/__init__.py": "", "later/shadowed.py": ""}
+    files |= {"lib/helper/__init__.py": "", "later/shadowed.py": "", "later/by_name.py": ""}
+    files |= {"tools/code.pyc": "0"}
     root = tree(files)
     env = {"PYTHONPATH": f"{root}/lib:{root}/later", "PYTHONDONTWRITEBYTECODE": "1"}
     options = ("build", "--base-paths", "src")
@@ -308,10 +332,14 @@ def test_modules_that_python_searches_for_are_inputs(forge: Forge, tree: Tree, w
 
 
 WAYS = """#define _GNU_SOURCE
+#include <dirent.h>
 #include <fcntl.h>
 #include <fts.h>
 #include <ftw.h>
 #include <glob.h>
+#include <mntent.h>
+#include <sched.h>
+#include <signal.h>
 #include <spawn.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -322,13 +350,22 @@ WAYS = """#define _GNU_SOURCE
 #include <unistd.h>
 extern char **environ;
 static int count;
+static char path[4096], buffer[4096];
+static int copy(void *argument)
+{
+    int descriptor = open(path, O_RDONLY);
+    return write(1, buffer, read(descriptor, buffer, sizeof buffer)) < 0;
+}
 static int visit(const char *path, const struct stat *status, int kind, struct FTW *place)
 {
     return count++ < 0;
 }
 int main(int argc, char **argv)
 {
-    char path[4096] = "", buffer[4096] = "", *way = argv[1], *folder = argv[2], *walked[] = {folder, NULL};
+    char *way = argv[1], *folder = argv[2], *walked[] = {folder, NULL}, name[] = "/tmp/waysXXXXXX", *stack;
+    char *cat[] = {"cat", path, NULL}, *none[] = {NULL};
+    struct dirent *item;
+    DIR *list;
     int descriptor = -1;
     glob_t found;
     pid_t child;
@@ -341,6 +378,30 @@ int main(int argc, char **argv)
         descriptor = syscall(SYS_openat, AT_FDCWD, path, O_RDONLY);
     else if (!strcmp(way, "proc") && !chdir(folder))
         descriptor = open("/proc/self/cwd/file", O_RDONLY);
+    else if (!strcmp(way, "update"))
+        descriptor = open(path, O_RDWR);
+    else if (!strcmp(way, "mounts"))
+        descriptor = fileno(setmntent(path, "r"));
+    else if (!strcmp(way, "own link") && (unlink("own"), !symlink(path, "own")))
+        descriptor = open("own", O_RDONLY);
+    else if (!strcmp(way, "temporary link") && mkdtemp(name) && !chdir(name) && !symlink(path, "link")) {
+        descriptor = open("link", O_RDONLY);
+        unlink("link");
+        rmdir(name);
+    } else if (!strcmp(way, "descriptor")) {
+        snprintf(path, sizeof path, "/dev/fd/%d/file", open(folder, O_RDONLY));
+        descriptor = open(path, O_RDONLY);
+    } else if (!strcmp(way, "kernel"))
+        return syscall(SYS_execve, "/bin/cat", cat, none);
+    else if (!strcmp(way, "kernel at"))
+        return execveat(AT_FDCWD, "/bin/cat", cat, none, 0);
+    else if (!strcmp(way, "copy") || !strcmp(way, "thread")) {
+        stack = malloc(1 << 16);
+        child = clone(copy, stack + (1 << 16), SIGCHLD | (*way == 't' ? CLONE_VM : 0), NULL);
+        return waitpid(child, NULL, 0) != child;
+    } else if (!strcmp(way, "kinds"))
+        for (list = opendir(folder); (item = readdir(list));)
+            count += strcmp(item->d_name, "file") ? 0 : item->d_type;
     else if (!strcmp(way, "spawn")) {
         char *words[] = {"cat", NULL};
         posix_spawn_file_actions_init(&actions);
@@ -386,8 +447,18 @@ def _turn_link(folder: Path) -> None:
     (folder / "link").symlink_to("two")
 
 
+def _turn_file(folder: Path) -> None:
+    (folder / "file").unlink()
+    (folder / "file").mkdir()
+
+
+READING = (
+    *("syscall", "proc", "spawn", "size", "update", "mounts", "own link", "temporary link", "descriptor"),
+    *("kernel", "kernel at", "copy", "thread"),
+)
 CHANGES: dict[str, Callable[[Path], object]] = {
-    **dict.fromkeys(("syscall", "proc", "spawn", "size"), lambda folder: (folder / "file").write_text("two")),
+    **dict.fromkeys(READING, lambda folder: (folder / "file").write_text("two")),
+    "kinds": _turn_file,
     "mode": lambda folder: (folder / "file").chmod(0o755),
     "gone": lambda folder: (folder / "file").unlink(),
     **dict.fromkeys(("link", "real"), _turn_link),
@@ -399,12 +470,13 @@ CHANGES: dict[str, Callable[[Path], object]] = {
 
 def test_all_ways_of_accessing_files_are_observed(forge: Forge, tree: Tree) -> None:
     commands = "".join(
-        f"add_custom_command(OUTPUT {way} COMMAND ${{S}}/tools/ways {way} ${{S}}/elsewhere/{way} > {way})\n"
-        f"install(FILES ${{CMAKE_BINARY_DIR}}/{way} DESTINATION share)\n"
+        f'add_custom_command(OUTPUT "{way}" COMMAND ${{S}}/tools/ways "{way}"'
+        f' "${{S}}/elsewhere/{way}" > "{way}")\n'
+        f'install(FILES "${{CMAKE_BINARY_DIR}}/{way}" DESTINATION share)\n'
         for way in CHANGES
     )
     cmake = f"{HEAD}set(S ${{CMAKE_SOURCE_DIR}}/../..)\n{commands}"
-    cmake += f"add_custom_target(g ALL DEPENDS {' '.join(CHANGES)})\n"
+    cmake += "add_custom_target(g ALL DEPENDS {})\n".format(" ".join(f'"{way}"' for way in CHANGES))
     root = tree({**FILES, "src/a/CMakeLists.txt": cmake, "tools/ways.c": WAYS})
     subprocess.run(("gcc", "-w", "-o", root / "tools/ways", root / "tools/ways.c"), check=True)
     for way in CHANGES:
@@ -416,6 +488,93 @@ def test_all_ways_of_accessing_files_are_observed(forge: Forge, tree: Tree) -> N
         change(root / "elsewhere" / way)
         assert forge("build", "--base-paths", "src", cwd=root).code == 0
         assert (root / "install/a/share" / way).read_text() != before, way
+    assert "0 packages finished" in forge("build", "--base-paths", "src", cwd=root).out
+
+
+def test_what_a_copy_of_a_process_reads_belongs_to_its_command(forge: Forge, tree: Tree) -> None:
+    commands = "".join(
+        f"add_custom_command(OUTPUT {way} COMMAND ${{S}}/../../ways {way} ${{S}} > {way})\n"
+        for way in ("copy", "thread")
+    )
+    cmake = f"{HEAD}set(S ${{CMAKE_SOURCE_DIR}})\n{commands}add_custom_target(g ALL DEPENDS copy thread)\n"
+    cmake += "install(FILES ${CMAKE_BINARY_DIR}/copy ${CMAKE_BINARY_DIR}/thread DESTINATION share)\n"
+    root = tree({**FILES, "src/a/CMakeLists.txt": cmake, "src/a/file": "one", "ways.c": WAYS})
+    subprocess.run(("gcc", "-w", "-o", root / "ways", root / "ways.c"), check=True)
+    built(forge, root)
+    edit(root, "file", "two")
+    built(forge, root)
+    assert (root / "install/a/share/thread").read_text() == "two"
+    assert is_as_clean(forge, root)
+
+
+@pytest.mark.parametrize("cache", [(), ("--cache", "../cache")])
+def test_a_file_written_into_another_package_must_exist(
+    forge: Forge, tree: Tree, cache: tuple[str, ...]
+) -> None:
+    cmake = f"{HEAD}add_custom_command(OUTPUT o COMMAND sh ${{CMAKE_SOURCE_DIR}}/../gen.sh)\n"
+    files = {
+        "src/a/package.xml": manifest_text("a", build_type="cmake"),
+        "src/a/CMakeLists.txt": f"{cmake}add_custom_target(g ALL DEPENDS o)\n",
+        "src/gen.sh": 'echo "#define X 1" > "$(dirname "$0")/b/gen.h"; touch o\n',
+        "src/b/package.xml": manifest_text("b", "<depend>a</depend>", build_type="cmake"),
+        "src/b/CMakeLists.txt": f"{HEAD}add_executable(x x.c)\ninstall(TARGETS x DESTINATION bin)\n",
+        "src/b/x.c": FILES["src/a/x.c"],
+    }
+    root = tree(files)
+    for _ in range(2):  # a source of b has changed during the first build
+        assert forge("build", *cache, cwd=root).code == 0
+    assert "0 packages finished" in forge("build", *cache, cwd=root).out
+    (root / "src/b/gen.h").unlink()
+    if cache:
+        shutil.rmtree(root / "build")
+        shutil.rmtree(root / "install")
+    ran = forge("build", *cache, cwd=root)
+    assert (ran.code, (root / "src/b/gen.h").exists()) == (0, True), ran.out
+
+
+LOADS = """#include <dlfcn.h>
+#include <stdio.h>
+int linked(void);
+int main(void)
+{
+    void *library = dlopen("libplugin.so", RTLD_NOW);
+    int (*plugin)(void) = library ? (int (*)(void))dlsym(library, "plugin") : NULL;
+    printf("%d %d", linked(), plugin ? plugin() : -1);
+    return 0;
+}
+"""
+
+
+def test_programs_find_libraries_by_their_run_path(forge: Forge, tree: Tree) -> None:
+    """Also if another folder of it has the library later."""
+    cmake = (
+        f"{HEAD}set(S ${{CMAKE_SOURCE_DIR}}/../..)\nadd_custom_command(OUTPUT o COMMAND ${{S}}/tools/x > o)\n"
+    )
+    cmake += "add_custom_target(g ALL DEPENDS o)\ninstall(FILES ${CMAKE_BINARY_DIR}/o DESTINATION share)\n"
+    root = tree({**FILES, "src/a/CMakeLists.txt": cmake, "tools/x.c": LOADS, "tools/late/keep": ""})
+
+    def library(folder: str, name: str, value: int) -> None:
+        file = (
+            tree({f"tools/{folder}/{name}.c": f"int {name}(void) {{ return {value}; }}\n"}) / "tools" / folder
+        )
+        words = ("-shared", "-fPIC", "-o", f"lib{name}.so", f"{name}.c")
+        subprocess.run(("gcc", *words), cwd=file, check=True)
+
+    library("lib", "linked", 1)
+    path = "-Wl,--enable-new-dtags,-rpath,$ORIGIN/late:$ORIGIN/lib"
+    words = ("-o", "x", "x.c", "-Llib", "-llinked", "-ldl", path)
+    subprocess.run(("gcc", *words), cwd=root / "tools", check=True)
+    result = root / "install/a/share/o"
+    for folder, name, value, expected in (
+        ("lib", "linked", 1, "1 -1"),
+        ("lib", "plugin", 2, "1 2"),
+        ("late", "plugin", 3, "1 3"),
+        ("late", "linked", 4, "4 3"),
+        ("late", "linked", 5, "5 3"),
+    ):
+        library(folder, name, value)
+        assert forge("build", "--base-paths", "src", cwd=root).code == 0
+        assert result.read_text() == expected
     assert "0 packages finished" in forge("build", "--base-paths", "src", cwd=root).out
 
 

@@ -34,7 +34,6 @@ from forge.cache.model import decode_result, encode_result
 from forge.cache.trees import decode_index, encode_index
 from forge.cli.config import configured
 from forge.cli.main import Parser
-from forge.cli.mixins import combined, read_mixins
 from forge.environment import sourcing
 from forge.environment.dsv import PackageEdits
 from forge.environment.install_state import recorded_python, recorded_underlays
@@ -50,6 +49,7 @@ from forge.interfaces.read.sources import Library, read_source
 from forge.interfaces.resolve.resolution import resolve
 from forge.interfaces.schema import read_schema
 from forge.interfaces.writing import read_states
+from forge.plugins.mixins.mixins import combined, read_mixins
 from forge.plugins.remote_cache import action_result as action_results
 from forge.testing.collecting import collect
 from forge.workspace.discovery import ROS_DEFAULTS, discover

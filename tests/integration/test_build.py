@@ -198,10 +198,11 @@ def built(forge: Forge, root: Path, *options: str, env: Variables | None = None)
 
 
 def test_a_dry_run_prints_commands_without_running_them(forge: Forge, workspace: Path) -> None:
+    before = sorted(workspace.rglob("*"))
     ran = forge("build", "--dry-run", cwd=workspace)
     assert "a: build, not built yet\n" in ran.out
     assert f"# a\ncd {workspace}/build/a && " in ran.out
-    assert not (workspace / "install/a").exists()
+    assert sorted(workspace.rglob("*")) == before
 
 
 def test_a_dry_run_prints_the_same_warnings_as_a_build(forge: Forge, tree: Tree) -> None:
@@ -234,6 +235,13 @@ def test_a_step_can_be_repeated_by_hand(forge: Forge, workspace: Path) -> None:
     assert again.returncode != 0
     assert "here" in again.stderr
     assert forge("build", "--print-command", "b", cwd=workspace).code == 2
+
+
+def test_a_workspace_whose_packages_are_all_ignored_gets_a_hint(forge: Forge, workspace: Path) -> None:
+    (workspace / "src/COLCON_IGNORE").touch()
+    ran = forge("build", cwd=workspace)
+    assert ran.code == 2
+    assert "hint: packages are ignored; 'forge ignore' lists them" in ran.err
 
 
 def test_an_empty_folder_gets_a_hint(forge: Forge, tmp_path: Path) -> None:

@@ -113,7 +113,7 @@ def test_exit_codes_are_as_documented(
             ("interface", "generate"),
             "usage: forge interface generate [OPTION ...] --output DIR [SOURCE_DIR]\n",
         ),
-        (("pkg", "prefix"), "usage: forge pkg prefix [-h] [--share] PACKAGE\n"),
+        (("pkg", "prefix"), "usage: forge pkg prefix [-h] [--share] [--profile NAME] PACKAGE\n"),
     ],
 )
 def test_usage_is_one_line(forge: Forge, command: tuple[str, ...], usage: str) -> None:

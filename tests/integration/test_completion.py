@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from forge.cli.completion_words import main, package_names
+from forge.plugins.completion.words import main, package_names
 from tests.conftest import Forge, Tree
 from tests.packages import manifest_text
 from tests.snippets import ROOT
@@ -96,6 +96,8 @@ NAMES = ["alpha", "beta", "plain_cmake", "python"]
 EVERY_SHELL = pytest.mark.parametrize(
     "shell", [pytest.param(shell, marks=pytest.mark.needs(shell)) for shell in ("bash", "zsh", "fish")]
 )
+PROFILES = ["asan", "debug", "release", "robot", "simulation", "tsan", "ubsan"]
+
 OFFERS: dict[tuple[str, ...], list[str]] = {
     ("comp",): ["completion"],
     ("build", "--symlink-i"): ["--symlink-install"],
@@ -118,9 +120,9 @@ OFFERS: dict[tuple[str, ...], list[str]] = {
     ("run", "alpha", "cl"): ["climb"],
     ("build", "--mixin", "debug", "rele"): ["release", "release-fast"],
     ("test", "--mixin", "re"): ["relaxed"],
-    ("build", "--profile", ""): ["robot", "simulation"],
+    ("build", "--profile", ""): PROFILES,
     ("build", "--profile=ro"): ["robot"],
-    ("build", "--profile="): ["robot", "simulation"],
+    ("build", "--profile="): PROFILES,
     ("build", "--cmake-args", "-DX=1", "-DCMAKE_BUILD_TYPE=M"): ["MinSizeRel"],
     ("build", "--cmake-args", "-DX", "--mixin-"): ["--mixin-files"],
     ("build", "--cmake-args", "--job"): [],
@@ -262,7 +264,7 @@ def test_packages_of_the_workspace_and_of_forge_are_completed(
     assert {"alpha", "std_msgs"} <= set(asked["interface_packages"])
     assert "ament_cmake" not in asked["interface_packages"]
     assert {"debug", "release-fast"} <= set(asked["mixins"])
-    assert asked["profiles"] == ["robot", "simulation"]
+    assert sorted(asked["profiles"]) == PROFILES
 
 
 CHANGES = """cd {root}/src/group

@@ -53,6 +53,28 @@ def test_paths_on_the_command_line_replace_those_of_files(forge: Forge, root: Pa
     assert listed(forge, root, "--base-paths", "src/a") == "a"
 
 
+def test_misspelt_tables_of_forge_toml_are_reported(forge: Forge, root: Path) -> None:
+    tables = (
+        "biuld",
+        "profile.fast.build",
+        "profiles.fast.tets",
+        "my_plugin",
+        "packages.a",
+        "profiles.biuld.build",
+    )
+    (root / "forge.toml").write_text("".join(f"[{each}]\n" for each in tables))
+    assert listed(forge, root) == "a b" + "".join(
+        f"{root}/forge.toml: warning: no command reads the table [{table}]\nhint: did you mean '{near}'?\n"
+        for table, near in (("biuld", "build"), ("profile", "profiles"), ("profiles.fast.tets", "test"))
+    )
+
+
+def test_one_argument_with_two_definitions_is_reported_for_a_package(forge: Forge, root: Path) -> None:
+    (root / "forge.toml").write_text("[packages.a]\ncmake-args = ['-DA=1 -DB=2']\n")
+    told = forge("build", "--dry-run", cwd=root).err
+    assert "src/a: warning: --cmake-args contains '-DA=1 -DB=2' as one argument" in told
+
+
 def test_invalid_settings_are_reported_and_ignored(forge: Forge, root: Path) -> None:
     (root / "colcon_defaults.yaml").write_text(
         "list: {packages-selekt: [a], packages-skip: a, names-only: 1, metas: [2]}\n"
@@ -96,7 +118,7 @@ def test_an_empty_file_sets_nothing(forge: Forge, root: Path) -> None:
 def test_a_missing_profile_is_an_error(forge: Forge, root: Path) -> None:
     (root / "forge.toml").write_text("[profiles.debug.build]\n")
     assert "unknown profile 'debg'\nhint: did you mean 'debug'?" in listed(forge, root, "--profile", "debg")
-    assert "add a table [profiles.zzz.list]" in listed(forge, root, "--profile", "zzz")
+    assert "write a table [profiles.zzz.build]" in listed(forge, root, "--profile", "zzz")
 
 
 def test_mixins_are_overridden_by_the_command_line(forge: Forge, root: Path) -> None:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from forge.base.layout import Layout
+from forge.base.layout import INSTALL_STATE_FILE, Layout
 from forge.cli.commands.env import as_dotenv
 from forge.environment.sourcing import sourced_environment, workspace_environment
 from tests.conftest import Forge
@@ -111,7 +111,10 @@ def test_errors_are_reported_once(forge: Forge, layout: Layout, tmp_path: Path) 
         (tmp_path / "install").mkdir(exist_ok=True)
         (tmp_path / "install/.colcon_install_layout").write_text("isolated\n")
         ran = forge(word, cwd=tmp_path)
-        hint = "hint: run 'forge build', or choose another folder with '--install-base'\n"
+        hint = (
+            "hint: run 'forge build' with the same '--profile', or choose another folder with "
+            "'--install-base'\n"
+        )
         assert (ran.code, ran.err) == (
             2,
             f"error: '{tmp_path}/install' contains no installed packages\n{hint}",
@@ -133,6 +136,17 @@ def test_forge_shell_needs_no_sourcing(layout: Layout) -> None:
     done = shell(layout, "--", "sh", "-c", 'echo "$0 $PYTHONPATH"; exit 7', "--install-base")
     assert (done.returncode, done.stderr) == (7, "")
     assert done.stdout.startswith(f"--install-base {layout.prefix('walker')}/{SITE}:")
+
+
+def test_forge_shell_uses_the_environment_of_the_workspace_unless_another_is_active(layout: Layout) -> None:
+    python = layout.install.parent / ".venv/bin/python3"
+    python.parent.mkdir(parents=True)
+    python.symlink_to(sys.executable)
+    (layout.install / INSTALL_STATE_FILE).write_text(json.dumps({"python": str(python), "underlays": []}))
+    ask = ("--", "sh", "-c", 'command -v python3; echo "$VIRTUAL_ENV"')
+    assert shell(layout, *ask).stdout == f"{python}\n{python.parents[1]}\n"
+    assert shell(layout, *ask, VIRTUAL_ENV="/other").stdout.endswith("\n/other\n")
+    assert str(python) not in shell(layout, *ask, CONDA_PREFIX="/other").stdout
 
 
 PROMPTS = {

@@ -167,7 +167,7 @@ def package_xml(build_type: str) -> dict[str, str]:
 
 
 NOTHING = "has no executables in '{}/lib/walker': "
-BIN = "it is in '{}/bin' instead of lib/walker: "
+BIN = "it is in '{}/bin' instead of lib/walker: start it with 'forge shell -- say', or "
 OTHER = "it is in '{}/lib/wlaker' instead of lib/walker: "
 
 
@@ -203,6 +203,14 @@ def test_a_program_in_the_wrong_folder_is_reported(
     code, _, err = run(forge, root, "walker", "say")
     assert code == 2
     assert f"{where.format(root)}{hint}" in err
+
+
+@pytest.mark.parametrize("name", ["launch/walk.xml", "walk.launch.py"])
+def test_a_launch_file_is_no_program(name: str, forge: Forge, tree: Tree) -> None:
+    root = tree({MARK: "", "lib/walker/say": SAY, f"share/walker/{name}": ""})
+    name = name.rpartition("/")[2]
+    told = f"error: no executable found\nhint: to launch it: forge shell -- ros2 launch walker {name}\n"
+    assert run(forge, root, "walker", name) == (2, "", told)
 
 
 def test_a_script_with_windows_line_ends_is_reported(forge: Forge, tree: Tree) -> None:

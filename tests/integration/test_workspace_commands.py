@@ -256,3 +256,26 @@ def test_a_broken_manifest_stops_its_dependents_with_a_hint(
     remedy = "'--packages-ignore broken', or an empty file 'src/b/COLCON_IGNORE'"
     assert f"hint: to leave the package out: {remedy}" in ran.err
     assert "no package named" not in ran.err
+
+
+@pytest.mark.parametrize(
+    ("folder", "option", "names"),
+    [
+        ("src/b/src", "--packages-up-to", "a\nb\n"),
+        ("src/b", "--packages-select", "b\n"),
+        ("src/a", "--packages-above", "a\nb\nc\n"),
+        ("src/p", "--packages-skip", "a\nb\nc\n"),
+    ],
+)
+def test_a_dot_is_the_package_around_the_current_folder(
+    forge: Forge, workspace: Path, folder: str, option: str, names: str
+) -> None:
+    (workspace / folder).mkdir(exist_ok=True)
+    assert forge("list", "-n", option, ".", cwd=workspace / folder).out == names
+
+
+def test_a_dot_outside_of_packages_is_an_error(forge: Forge, workspace: Path) -> None:
+    for folder in (workspace, workspace / "src/z"):
+        ran = forge("build", "--packages-up-to", ".", cwd=folder)
+        assert ran.code == 2
+        assert ran.err.endswith("hint: '.' is the package around the current folder, which is in none\n")

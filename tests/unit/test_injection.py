@@ -33,10 +33,8 @@ from forge.interfaces.read.parsing import Parsed, parse
 from forge.interfaces.read.sources import Library, read_source
 from forge.interfaces.resolve.resolution import resolve
 from forge.interfaces.writing import write_depfile
-from forge.workspace.creation import BUILD_TYPES, NewPackage, render_package
 from forge.workspace.identification import identify
 from forge.workspace.manifest import parse_manifest
-from forge.workspace.model import Person
 from forge.workspace.overrides import Overrides
 from tests.generated import render
 from tests.hostile import CANARY, FRAGMENTS, hostile
@@ -206,30 +204,6 @@ def test_hooks_outside_the_package_are_rejected(hook: object, tmp_path: Path) ->
     (tmp_path / "colcon.pkg").write_text(json.dumps({"hooks": [hook]}))
     found = identify(tmp_path, Path(), ["package.xml", "colcon.pkg"], {}, Overrides())
     assert "'hooks' of 'pkg'" in found.problems[0].message
-
-
-@quick
-@given(hostile(), hostile(), hostile(), st.sampled_from(BUILD_TYPES))
-def test_created_packages_contain_the_given_strings(
-    description: str, license_: str, name: str, build_type: str
-) -> None:
-    try:
-        blueprint = NewPackage(
-            "pkg", Person(name, "a@b.cc"), build_type, description=description, license=license_
-        )
-    except ForgeError:
-        return
-    files = {path: text or "" for path, text in render_package(blueprint).items()}
-    manifest = parse_manifest(files["package.xml"].encode(), Path("package.xml"), {})
-    assert manifest.maintainers == (Person(" ".join(name.split(" ")).strip(), "a@b.cc"),)
-    if build_type == "ament_python":
-        call = next(
-            node
-            for node in ast.walk(ast.parse(files["setup.py"]))
-            if isinstance(node, ast.Call) and node.keywords
-        )
-        said = {word.arg: word.value.value for word in call.keywords if isinstance(word.value, ast.Constant)}
-        assert (said["maintainer"], said["description"], said["license"]) == (name, description, license_)
 
 
 @pytest.mark.parametrize("relative", ["../X.msg", "/X.msg", "msg/../../X.msg", "msg/../X.msg"])

@@ -17,20 +17,18 @@ import os
 import stat
 import sys
 import time
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import field
 from operator import ne
+from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 from forge.base.files import replace_file
 from forge.base.frozen import frozen
 from forge.base.layout import IGNORE_MARK, LAYOUT_MARKER
 from forge.build.model import Fingerprint
 from forge.workspace.source_names import is_environment, is_source, is_source_folder
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-    from pathlib import Path
 
 VERSION = 2
 RACY_NANOSECONDS = 20_000_000
@@ -372,7 +370,7 @@ def _content(path: str, status: os.stat_result | None, table: FileTable) -> str:
         if path.endswith("/"):
             return f"folder {stat.S_IMODE(status.st_mode):o}"
         if path.endswith(DIR_LISTING_SUFFIX):
-            return f"names {_digest(os.fsencode(chr(0).join(_names(path))))}"
+            return f"names {_digest(os.fsencode(chr(0).join(_listing(path))))}"
         if stat.S_ISREG(status.st_mode):
             return f"{stat.S_IMODE(status.st_mode):o} {table.digest(path, status)}"
         return _target(path, table) if stat.S_ISLNK(status.st_mode) else "special"
@@ -380,16 +378,21 @@ def _content(path: str, status: os.stat_result | None, table: FileTable) -> str:
         return "unreadable"
 
 
-def _names(folder: str) -> list[str]:
-    """Return the sorted names in a folder, except for those of devices."""
+def _listing(folder: str) -> list[str]:
+    """Return the sorted names in a folder, those of folders ending with '/' and those of links with '/@'.
+
+    Whoever lists a folder is told their kinds. Devices are excluded.
+    """
+    found = []
     with os.scandir(folder) as entries:
-        found = list(entries)
-    devices = folder.startswith("/dev/")
-    return sorted(
-        entry.name
-        for entry in found
-        if not devices or entry.is_symlink() or entry.is_file() or entry.is_dir()
-    )
+        for entry in entries:
+            if entry.is_symlink():
+                found.append(f"{entry.name}/@")
+            elif entry.is_dir():
+                found.append(f"{entry.name}/")
+            elif entry.is_file() or not folder.startswith("/dev/"):
+                found.append(entry.name)
+    return sorted(found)
 
 
 def _target(path: str, table: FileTable) -> str:

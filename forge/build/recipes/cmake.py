@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from forge.base.cmake_syntax import cmake_arguments, quoted
 from forge.base.errors import Problem
 from forge.base.layout import CONFIGURED_FILE, SCRATCH_DIR
-from forge.build.recipes.context import Recipe, common_options
+from forge.build.recipes.context import BuildContext, Recipe, common_options
 from forge.build.recipes.extensions import active_extensions
 from forge.build.tasks import Step, StepKind
 from forge.build.up_to_date import ROSDISTRO, TARGET
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from forge.base.frozen import Pairs
-    from forge.build.recipes.context import BuildContext
     from forge.build.tests.recipes import TestContext
     from forge.workspace.model import Package
 

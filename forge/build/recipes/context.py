@@ -7,23 +7,17 @@ import sys
 from dataclasses import replace
 from functools import cache
 from itertools import chain
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from forge.base.cmake_syntax import cmake_arguments
 from forge.base.distributions import OLDEST
-from forge.base.frozen import frozen
-from forge.base.layout import PACKAGE
+from forge.base.frozen import Pairs, frozen
+from forge.base.layout import PACKAGE, Layout
 from forge.base.text import digest
 from forge.build.tasks import Step, StepKind
 from forge.build.up_to_date import MANIFEST, UMASK
 from forge.toolchain.cmake_variables import BUILD_TESTING, defined
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from forge.base.frozen import Pairs
-    from forge.base.layout import Layout
-    from forge.workspace.model import DependencyKind, Package
+from forge.workspace.model import DependencyKind, Package
 
 
 @frozen

@@ -7,24 +7,17 @@ the group 'forge.recipes'. forge always asks its own ones; those of other distri
 
 from __future__ import annotations
 
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import Any
 
 from forge.base.errors import HostError, Problem
 from forge.base.extensions import OWN, RECIPES, call, checked, find
-from forge.base.frozen import frozen
-from forge.build.recipes.context import Addition
+from forge.base.frozen import Pairs, frozen
+from forge.build.recipes.context import Addition, BuildContext
 from forge.build.up_to_date import RECIPE
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
-    from contextlib import AbstractContextManager
-    from typing import Any
-
-    from forge.base.frozen import Pairs
-    from forge.build.recipes.context import BuildContext
-    from forge.workspace.model import Package
+from forge.workspace.model import Package
 
 
 @frozen

@@ -11,7 +11,7 @@ from forge.base.extensions import TARGETS, is_installed
 from forge.base.names import is_safe_name
 from forge.base.templating import render
 from forge.toolchain.compiler_launchers import launcher_variables
-from forge.workspace.model import DependencyKind
+from forge.workspace.model import DependencyKind, Export, Manifest
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
     from forge.base.frozen import Pairs
     from forge.build.recipes.context import BuildContext
-    from forge.workspace.model import Export, Manifest
 
 _LISTS = {
     "BUILD_DEPENDS": DependencyKind.BUILD,

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from forge.build.recipes.context import Recipe
+from forge.build.recipes.context import BuildContext, Recipe
 from forge.build.tasks import Step, StepKind
 
 if TYPE_CHECKING:
-    from forge.build.recipes.context import BuildContext
     from forge.build.tests.recipes import TestContext
     from forge.workspace.model import Package
 

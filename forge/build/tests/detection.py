@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from contextlib import suppress
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from forge.base.errors import WorkspaceError
 from forge.base.files import text_or_nothing
@@ -12,25 +13,24 @@ from forge.base.formats import read_toml
 from forge.workspace.model import DependencyKind
 from forge.workspace.python_metadata import PythonMetadata, read_pyproject, read_setup_cfg, read_setup_py
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
 _BUILD_TYPE = re.compile(r"^CMAKE_BUILD_TYPE:[^=]*=(.*)$", re.MULTILINE)
 _SUBFOLDER = re.compile(r'^\s*subdirs\("?([^")]+)"?\)', re.MULTILINE)
 _TESTS = re.compile(r"^\s*(add_test|include)\(", re.MULTILINE)
+_MANY = 2
 
 
-def has_ctests(build: Path) -> bool:
-    """Return whether CTest may find tests in a build folder, also in included files."""
-    waiting = [build]
-    while waiting:
+def count_ctests(build: Path, most: int = _MANY) -> int:
+    """Return the number of tests that CTest finds in a build folder, or at least `most`.
+
+    A file that a list of tests includes may have any number.
+    """
+    waiting, count = [build], 0
+    while waiting and count < most:
         folder = waiting.pop()
         text = text_or_nothing(folder / "CTestTestfile.cmake")
-        if _TESTS.search(text):
-            return True
+        count += sum(most if word == "include" else 1 for word in _TESTS.findall(text))
         waiting += [folder / name for name in _SUBFOLDER.findall(text)]
-    return False
+    return count
 
 
 def requirements_of_tests(source: Path) -> frozenset[str]:
@@ -58,6 +58,10 @@ def _facts(source: Path) -> Iterator[PythonMetadata]:
         groups = table.get("dependency-groups", {})
         yield read_pyproject(table) or PythonMetadata()
         yield read_pyproject({"project": {"optional-dependencies": groups}}) or PythonMetadata()
+
+
+def has_ctests(build: Path) -> bool:
+    return count_ctests(build, 1) > 0
 
 
 def ctest_configuration(build: Path) -> str:

@@ -26,6 +26,19 @@ class TestOptions:
     )
     retest_until_fail: int = option("repeat passing tests up to N times, until they fail", **_TIMES)
     retest_until_pass: int = option("repeat failing tests up to N times, until they pass", **_TIMES)
+    test_timeout: float = option(
+        "seconds after which a test of CTest, or the whole run of another runner, is stopped with all "
+        "that it has started (default: no limit)",
+        default=0.0,
+        parse=float,
+        metavar="SECONDS",
+    )
+    test_jobs: int = option(
+        "maximum number of tests of one CMake package to run in parallel (default: its share of --jobs)",
+        default=0,
+        parse=int,
+        metavar="N",
+    )
     cached: bool = flag(
         "replay the passes of packages whose tests would read nothing new; tests run below an observer"
     )
@@ -38,6 +51,7 @@ class TestOptions:
         "measure which lines the tests execute, with gcovr and coverage.py; build C and C++ packages with "
         "--mixin coverage",
     )
+    timings: bool = flag("write an HTML report of times and a trace file into the log folder")
     executor: str = option(
         "test packages in parallel, or sequentially in topological order (default: parallel)",
         default_factory=lambda: default_executor(EXECUTORS),

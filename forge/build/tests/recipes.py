@@ -5,29 +5,40 @@ Exit codes of CTest and pytest distinguish failed tests from failed runs, and so
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from forge.base.frozen import frozen
+from forge.base.errors import Location, Problem, WorkspaceError
+from forge.base.files import text_or_nothing
+from forge.base.frozen import Pairs, frozen
+from forge.base.layout import TEST_SCRATCH_DIR, Layout
 from forge.base.templating import render
 from forge.build.recipes.context import Recipe
-from forge.build.tasks import TEST_FAILURES, Step, StepCondition, StepKind
+from forge.build.tasks import TEST_FAILURES, TIMED_OUT, Step, StepCondition, StepKind
+from forge.build.tests.detection import count_ctests
 from forge.build.tests.options import TestOptions
-
-if TYPE_CHECKING:
-    from collections.abc import Collection
-
-    from forge.base.layout import Layout
-    from forge.workspace.model import Package
+from forge.workspace.model import Package
 
 NO_TESTS = "no tests"
 UNITTESTS = Path(__file__).with_name("unittests.py")
 DATA_FILE = ".coverage"
 OMITTED = ("setup.py", "test/*", "tests/*")
 """Files of Python packages that coverage.py does not count, relative to the package."""
+MAX_TESTS = 1000
 _OF_CTEST = ((8, TEST_FAILURES),)
-_OF_PYTHON = ((1, TEST_FAILURES), (5, NO_TESTS))
+_OF_PYTHON = ((1, TEST_FAILURES), (5, NO_TESTS), (TIMED_OUT, TEST_FAILURES))
+
+
+@frozen
+class ChosenTests:
+    """What is added to the arguments and variables of a test run so that only some tests run."""
+
+    ctest_args: tuple[str, ...] = ()
+    pytest_args: tuple[str, ...] = ()
+    unittest_args: tuple[str, ...] = ()
+    cargo_args: tuple[str, ...] = ()
+    env: Pairs = ()
 
 
 @frozen
@@ -42,21 +53,29 @@ class TestContext:
     ctest: Path | None = None
     modules: frozenset[str] = frozenset()
     options: TestOptions = TestOptions()
+    isolated: bool = False
+    """Whether tests that run at the same time get ROS domains of their own."""
+
+    chosen: Mapping[str, ChosenTests] = field(default_factory=dict)
+    """Packages of which only some tests run."""
 
     def source(self, package: Package) -> Path:
         return self.root / package.path
 
     def of(self, package: Package) -> TestContext:
         """Return the context with the package's own options added."""
-        if not package.settings:
+        chosen = self.chosen.get(package.name, ChosenTests())
+        if not package.settings and package.name not in self.chosen:
             return self
         options, values = self.options, package.option_values
         own = replace(
             options,
+            test_jobs=_number(package, values("test-jobs")) or options.test_jobs,
             python_testing=options.python_testing or next(iter(values("python-testing")), None),
-            ctest_args=(*options.ctest_args, *values("ctest-args")),
-            pytest_args=(*options.pytest_args, *values("pytest-args")),
-            unittest_args=(*options.unittest_args, *values("unittest-args")),
+            ctest_args=(*options.ctest_args, *values("ctest-args"), *chosen.ctest_args),
+            pytest_args=(*options.pytest_args, *values("pytest-args"), *chosen.pytest_args),
+            unittest_args=(*options.unittest_args, *values("unittest-args"), *chosen.unittest_args),
+            cargo_args=(*options.cargo_args, *chosen.cargo_args),
         )
         return replace(self, options=own)
 
@@ -66,6 +85,15 @@ class TestContext:
     def not_run(self, name: str) -> Path:
         """Return the result file with the reason why the tests of a package did not run or complete."""
         return self.results_of(name) / "test_results" / name / "not_run.xml"
+
+
+def _number(package: Package, values: Sequence[str]) -> int:
+    for value in values:
+        if value.isdecimal():
+            return int(value)
+        message = f"'test-jobs' of '{package.name}' expects a number, not '{value}'"
+        raise WorkspaceError(Problem(message, Location(package.path)))
+    return 0
 
 
 def ctest_recipe(package: Package, context: TestContext, configuration: str) -> Recipe:
@@ -85,16 +113,55 @@ def ctest_recipe(package: Package, context: TestContext, configuration: str) -> 
         str(context.ctest),
         *(() if named else ("-C", configuration)),
         *("-D", "ExperimentalTest", "--no-compress-output", "-V", "--force-new-ctest-process"),
+        *(("--timeout", f"{limit:g}") if (limit := context.options.test_timeout) else ()),
         *context.options.ctest_args,
         *(("--repeat-until-fail", str(until_fail + 1)) if until_fail else ()),
     )
-    step = Step(StepKind.CTEST, argv, build, meanings=_OF_CTEST)
-    again = replace(step, argv=(*argv, "--rerun-failed"), condition=StepCondition.TESTS_FAILED)
-    # CTest prints two errors without this file, which only `include(CTest)` creates.
     dart = build / "DartConfiguration.tcl"
-    missing = (context.not_run(package.name), missing_result(package, "ctest"))
-    files = (missing,) if dart.exists() else ((dart, ""), missing)
-    return Recipe((step, *(again,) * context.options.retest_until_pass), files, tuple(stale))
+    files = [(context.not_run(package.name), missing_result(package, "ctest"))]
+    folder = build
+    if at_once := _tests_at_once(build, context):
+        # From here CTest reads the tests through a file of forge; results are written through a link.
+        folder = parallel_folder(build)
+        read = text_or_nothing(dart)
+        other_lines = [line for line in read.splitlines() if not line.startswith(_FOLDERS_OF_DART)]
+        own_lines = f"SourceDirectory: {build}\nBuildDirectory: {folder}\n"
+        files += [
+            (folder / "CTestTestfile.cmake", render("testing/isolated_tests.cmake.j2", build=str(build))),
+            (folder / dart.name, own_lines + "".join(f"{line}\n" for line in other_lines)),
+            *(
+                (folder / name, f'include("{build}/{name}")\n')
+                for name in _CUSTOM
+                if (build / name).is_file()
+            ),
+        ]
+    elif not dart.exists():
+        files.append((dart, ""))  # CTest prints two errors without it, which only `include(CTest)` creates
+    env = context.chosen.get(package.name, ChosenTests()).env
+    step = Step(StepKind.CTEST, argv, folder, env, meanings=_OF_CTEST, tests_at_once=at_once)
+    again = replace(step, argv=(*argv, "--rerun-failed"), condition=StepCondition.TESTS_FAILED)
+    return Recipe((step, *(again,) * context.options.retest_until_pass), tuple(files), tuple(stale))
+
+
+_FOLDERS_OF_DART = ("SourceDirectory:", "BuildDirectory:")
+_CUSTOM = ("CTestCustom.cmake", "CTestCustom.ctest")
+
+
+def parallel_folder(build: Path) -> Path:
+    """Return the working directory of CTest if it runs the tests of a package in parallel."""
+    return build / TEST_SCRATCH_DIR / "ctest"
+
+
+def _tests_at_once(build: Path, context: TestContext) -> int:
+    """Return how many tests CTest may run at once, 0 if it is not up to forge.
+
+    What `--cached` observes must not depend on the order of tests, so that they run one after another.
+    """
+    options = context.options
+    chosen = any(word.startswith(("-j", "--parallel")) for word in options.ctest_args)
+    if chosen or options.cached or not context.isolated or options.test_jobs == 1 or count_ctests(build) < 2:
+        return 0
+    return options.test_jobs or MAX_TESTS
 
 
 def python_recipe(package: Package, context: TestContext, wants: Collection[str]) -> Recipe:
@@ -128,7 +195,6 @@ def pytest_recipe(package: Package, context: TestContext, wants: Collection[str]
         "--cov-branch",
     )
     repeats = options.retest_until_fail and "pytest_repeat" in modules
-    reruns = options.retest_until_pass and "pytest_rerunfailures" in modules
     argv = (
         *_python(package, context),
         *("-m", "pytest", "--tb=short"),
@@ -138,13 +204,14 @@ def pytest_recipe(package: Package, context: TestContext, wants: Collection[str]
         *(coverage if covered else ()),
         *(("--no-cov",) if options.coverage and plugin else ()),
         *((f"--count={options.retest_until_fail + 1}",) if repeats else ()),
-        *((f"--reruns={options.retest_until_pass}",) if reruns else ()),
         *options.pytest_args,
     )
     env = (("COVERAGE_FILE", str(build / DATA_FILE)),) if covered or options.coverage else ()
-    step = Step(StepKind.PYTEST, argv, context.source(package), env, meanings=_OF_PYTHON)
-    steps = (step,) if repeats or reruns else _with_repetitions(step, options)
-    missing = (junit, missing_result(package, "pytest"))
+    step = Step(
+        StepKind.PYTEST, argv, context.source(package), env, meanings=_OF_PYTHON, seconds=options.test_timeout
+    )
+    steps = (step,) if repeats else _with_repetitions(step, options)
+    missing = (junit, missing_result(package, "pytest", options.test_timeout))
     return Recipe(steps, (missing,), (junit.with_name("unittest.xml"),))
 
 
@@ -155,14 +222,22 @@ def unittest_recipe(package: Package, context: TestContext) -> Recipe:
     argv = (*_python(package, context), *words, *options.unittest_args)
     data = str(context.layout.build_dir(package.name) / DATA_FILE)
     env = (("COVERAGE_FILE", data),) if options.coverage else ()
-    step = Step(StepKind.UNITTEST, argv, context.source(package), env, meanings=_OF_PYTHON)
-    missing = (junit, missing_result(package, "unittest"))
+    step = Step(
+        StepKind.UNITTEST,
+        argv,
+        context.source(package),
+        env,
+        meanings=_OF_PYTHON,
+        seconds=options.test_timeout,
+    )
+    missing = (junit, missing_result(package, "unittest", options.test_timeout))
     return Recipe(_with_repetitions(step, options), (missing,), (junit.with_name("pytest.xml"),))
 
 
-def missing_result(package: Package, program: str) -> str:
-    """Return a placeholder result, so that a crashed run is reported."""
+def missing_result(package: Package, program: str, seconds: float = 0) -> str:
+    """Return a placeholder result, so that a crashed run is reported, and one that may take limited time."""
     message = f"{program} exited without writing a result"
+    message += f", or took longer than {seconds:g} s" if seconds else ""
     return error_result(package.name, f"{program}.missing_result", message)
 
 

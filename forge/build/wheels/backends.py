@@ -12,8 +12,9 @@ import re
 import subprocess
 import sys
 import warnings
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pyproject_hooks
 
@@ -36,9 +37,6 @@ from forge.build.observed_writes import note_start, note_written
 from forge.build.wheels import setup_install
 from forge.build.wheels.pitfalls import invalid_scripts_of_setup
 from forge.toolchain.python_modules import install_command, setuptools_path
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
 
 _SETUPTOOLS: dict[str, Any] = {"build-backend": "setuptools.build_meta:__legacy__", "requires": []}
 _BACKENDS_OF_SETUPTOOLS = frozenset({"setuptools.build_meta", "setuptools.build_meta:__legacy__"})

@@ -11,21 +11,21 @@ from __future__ import annotations
 import configparser
 import contextlib
 import csv
-import filecmp
 import os
 import re
 import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, BinaryIO
 
 import installer
 from installer.destinations import SchemeDictionaryDestination
 from installer.exceptions import InstallerError
-from installer.records import InvalidRecordEntry
+from installer.records import InvalidRecordEntry, RecordEntry
 from installer.sources import WheelFile
 
 from forge.base.errors import Location, Problem, WorkspaceError
 from forge.base.files import listed_paths, naming, read_file, read_text, replace_file
+from forge.build.copies import has_same_content
 from forge.build.inputs.fingerprints import source_files
 from forge.build.observed_writes import note_written
 from forge.build.wheels.backends import (
@@ -45,9 +45,7 @@ from forge.build.wheels.pitfalls import (
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
-    from typing import BinaryIO
 
-    from installer.records import RecordEntry
     from installer.utils import Scheme
 
 MANIFEST = "install_manifest.txt"
@@ -216,7 +214,7 @@ def link_to_sources(options: WheelInstall, output: str, installed: Iterable[Path
             if source_file.is_file()
             # setuptools makes scripts executable that are not so in the sources.
             and os.access(source_file, os.X_OK) >= os.access(path, os.X_OK)
-            and filecmp.cmp(source_file, path, shallow=False)
+            and has_same_content(source_file, path)
         ]
         original = _original(path, candidates, copies, options)
         if original is not None:

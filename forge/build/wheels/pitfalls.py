@@ -9,15 +9,12 @@ import ast
 import configparser
 import re
 import sys
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 from forge.base.errors import Location, Problem, WorkspaceError, raise_if_any
 from forge.base.files import read_file, text_or_nothing
 from forge.base.names import did_you_mean
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-    from pathlib import Path
 
 _VERSION = re.compile(r"python3\.(\d+)")
 _POINT = re.compile(r"([\w.]+)\s*:\s*(\w+)")

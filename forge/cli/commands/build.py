@@ -7,12 +7,13 @@ import os
 import sys
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import closing
+from contextlib import closing, contextmanager
 from dataclasses import replace
 from pathlib import Path
 
 from forge.base.env_vars import compiled_templates
 from forge.base.errors import Problem, SelectionError, WorkspaceError, raise_if_any
+from forge.base.extensions import OPTIONS, find
 from forge.base.layout import LAST_COMMAND, SCRATCH_DIR, TEMPLATES_DIR, Layout
 from forge.base.templating import keep_compiled
 from forge.base.text import counted, listed
@@ -44,9 +45,9 @@ def run(namespace: argparse.Namespace) -> int:
 
     options = read(namespace)
     if options.watch:
-        from forge.cli.watch import watch
-
-        return watch(options, lambda: read(namespace.read_again()), build)
+        plugin = find(OPTIONS, "watch", "option")
+        code: int = plugin.watch(options, lambda: read(namespace.read_again()), build)
+        return code
     return build(options, BuildMode())
 
 
@@ -58,15 +59,11 @@ def build(options: BuildOptions, mode: BuildMode) -> int:
         return 0
     prepared = prepare(options, layout, mode)
     loaded = prepared.loaded
-    create_output_folders(layout)
-    keep_compiled(*compiled_templates(os.environ, layout.build / TEMPLATES_DIR))
     with (
-        lock_build_dir(layout.build, wait=not options.folders.no_wait) as waited,
-        lock_install_dir(layout.install, wait=not options.folders.no_wait) as waited_again,
+        _output_folders(layout, options) as waited,
         closing(BuildState(prepared.context.root, layout, prepared.interpreter, prepared.variables)) as state,
     ):
-        prepared = replace(prepared, began=prepared.began + waited + waited_again)
-        mark_layout(layout)
+        prepared = replace(prepared, began=prepared.began + waited)
         plan, snapshot = make_plan(prepared, state)
         check_plan(plan, prepared)
         _print_plan(plan, snapshot, prepared)
@@ -96,6 +93,25 @@ def build(options: BuildOptions, mode: BuildMode) -> int:
         elif not options.dry_run:
             _finish_up_to_date(plan, prepared, state)
         return code
+
+
+@contextmanager
+def _output_folders(layout: Layout, options: BuildOptions) -> Iterator[float]:
+    """Create, lock and mark the build and install folders; yields the seconds waited.
+
+    A dry run of a workspace that was never built leaves no trace.
+    """
+    if options.dry_run and not layout.build.exists():
+        yield 0
+        return
+    create_output_folders(layout)
+    keep_compiled(*compiled_templates(os.environ, layout.build / TEMPLATES_DIR))
+    with (
+        lock_build_dir(layout.build, wait=not options.folders.no_wait) as waited,
+        lock_install_dir(layout.install, wait=not options.folders.no_wait) as waited_again,
+    ):
+        mark_layout(layout)
+        yield waited + waited_again
 
 
 def _print_plan(plan: BuildPlan, snapshot: Snapshot, build: PreparedBuild) -> None:
@@ -133,7 +149,7 @@ def _finish_up_to_date(plan: BuildPlan, build: PreparedBuild, state: BuildState)
     state.finish(plan, build.variables)
     seconds = time.monotonic() - build.began
     report = ConsoleReporter(plan, packages, options.report.handlers, None)
-    if options.timings and not mode.quiet:
+    if options.has_timings and not mode.quiet:
         print("timings: nothing was built, no report written", file=sys.stderr)
     if options.report.json:
         from forge.output.json_events import JsonEvents
@@ -179,6 +195,6 @@ def last_command(layout: Layout, package: str) -> str:
     except OSError:
         problem = Problem(
             f"no step of '{package}' has run in '{layout.build}'",
-            hint=f"forge build --packages-up-to {package}",
+            hint=layout.command(f"build --packages-up-to {package}"),
         )
         raise SelectionError(problem) from None

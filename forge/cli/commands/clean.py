@@ -12,7 +12,7 @@ from pathlib import Path
 
 from forge.base.errors import Problem, SelectionError, WorkspaceError, print_warnings, raise_if_any
 from forge.base.frozen import frozen
-from forge.base.layout import Layout
+from forge.base.layout import Layout, forge_command
 from forge.base.names import did_you_mean
 from forge.base.options import flag, option, options_of
 from forge.base.text import counted, listed
@@ -27,6 +27,7 @@ from forge.cli.options import FolderOptions, OptionSources
 from forge.cli.preparation import build_variables, check_bases
 from forge.environment.install_state import recorded_state
 from forge.execution.lock import lock_build_dir, lock_install_dir
+from forge.workspace.forge_toml import folder_of_profile
 from forge.workspace.load import LoadedWorkspace, load_workspace
 from forge.workspace.selection import Query
 
@@ -124,14 +125,22 @@ def _removables(
 def _preview(options: Options, removables: Sequence[cleaning.Removable], stale: Sequence[str]) -> None:
     for base, count in Counter(removable.base for removable in removables).items():
         print(f"- {counted(count, 'item')} in {_displayed(base, options)}")
-    lost = listed(stale) or "none"
-    print(
-        "Nothing was removed. These commands list what they remove and ask first:",
-        "  forge clean workspace         all of the above",
-        "  forge clean packages PKG ...  the results of these packages",
-        f"  forge clean stale             the results of packages that left the workspace: {lost}",
-        sep="\n",
-    )
+    profile = options.folders.profile
+    rows = {
+        forge_command("clean workspace", profile): "all of the above",
+        forge_command("clean packages PKG ...", profile): "the results of these packages",
+        forge_command("clean stale", profile): "the results of packages that left the workspace: "
+        f"{listed(stale) or 'none'}",
+    }
+    width = max(map(len, rows))
+    print("Nothing was removed. These commands list what they remove and ask first:")
+    print(*(f"  {command:{width}}  {result}" for command, result in rows.items()), sep="\n")
+    install = Path(options.folders.install_base)
+    others = () if profile else install.parent.glob(folder_of_profile(install.name, "*"))
+    profiles = sorted(state.profile for other in others if (state := recorded_state(other)).profile)
+    if profiles:
+        print("Profiles have folders of their own:")
+        print(*(f"  {forge_command('clean workspace', name)}" for name in profiles), sep="\n")
 
 
 def _names(options: Options, root: Path, layout: Layout, journal: Journal) -> tuple[str, ...]:
@@ -142,7 +151,7 @@ def _names(options: Options, root: Path, layout: Layout, journal: Journal) -> tu
     made = cleaning.built_packages(layout, journal.records)
     query = options.query
     unlimited = Query(search=query.search, build_base=query.build_base, since=query.since)
-    chosen = query != replace(unlimited, no_test_dependencies=query.no_test_dependencies)
+    chosen = query != replace(unlimited, no_test_dependencies=query.no_test_dependencies, origin=query.origin)
     if options.what != "packages" and (options.names or chosen):
         hint = "forge clean packages PKG ..."
         command = f"clean {options.what or ''}".rstrip()

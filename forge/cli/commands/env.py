@@ -14,7 +14,7 @@ from forge.base.errors import Problem, SelectionError
 from forge.base.frozen import frozen
 from forge.base.names import did_you_mean
 from forge.base.options import option
-from forge.cli.options import install_base_option
+from forge.cli.options import install_base_option, profile_option
 from forge.environment.sourcing import sourced_environment
 
 _SPECIAL = re.compile(r'[\\"$`]')
@@ -34,6 +34,7 @@ class Options:
     )
     format: str = option("output format (default: sh)", default="sh", choices=("sh", "json", "dotenv"))
     install_base: str = install_base_option()
+    profile: str | None = profile_option()
 
 
 def run(options: Options) -> int:

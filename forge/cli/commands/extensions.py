@@ -23,6 +23,7 @@ def run(_: Options) -> int:
         ("recipes", (), groups.RECIPES),
         ("interface targets", TARGETS, groups.TARGETS),
         ("interface verbs", (), groups.VERBS),
+        ("verbs of forge pkg", (), groups.PKG_VERBS),
         ("toolchains", (), groups.TOOLCHAINS),
         ("remote cache backends", (), groups.STORES),
         ("caches", (), groups.CACHES),

@@ -90,7 +90,8 @@ def _surroundings(options: Options) -> dict[str, Any]:
     Without an interpreter, print a warning.
     """
     root = Path.cwd()
-    layout = FolderOptions(install_base=options.install_base).layout(root)
+    profile = options.listing.sources.profile
+    layout = FolderOptions(install_base=options.install_base, profile=profile).layout(root)
     chain = find_underlays(build_variables(layout, os.environ), layout.install).chain
     python = None
     try:

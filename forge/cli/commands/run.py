@@ -15,6 +15,7 @@ from types import FrameType
 
 from forge.base.errors import ForgeError, HostError, Problem, reason_of
 from forge.base.frozen import frozen
+from forge.base.layout import forge_command
 from forge.base.options import option
 from forge.environment import installed
 from forge.environment.install_state import python_of
@@ -26,11 +27,15 @@ _BY_ENV = ([b"#!/usr/bin/env", b"python3"], [b"#!/usr/bin/env", b"python"])
 
 @frozen
 class Options:
-    USAGE = "%(prog)s [-h] [--prefix COMMAND] PACKAGE EXECUTABLE [ARGUMENT ...]"
+    USAGE = "%(prog)s [-h] [--prefix COMMAND] [--profile NAME] PACKAGE EXECUTABLE [ARGUMENT ...]"
     EPILOG = "All arguments after the name of the executable are passed to it, including options."
     prefix: str | None = option(
         "command to run the executable with, such as 'gdb --args'; must precede the package name",
         metavar="COMMAND",
+    )
+    profile: str | None = option(
+        "run what was built with this profile, whatever is sourced; must precede the package name",
+        metavar="NAME",
     )
     # A single positional argument, because argparse removes a '--' between two of them.
     words: tuple[str, ...] = option(None, default=(), positional=True, nargs=argparse.REMAINDER)
@@ -43,19 +48,22 @@ def run(options: Options) -> int:
         hint = "list them with 'forge pkg executables'"
         raise ForgeError(Problem("missing arguments PACKAGE and EXECUTABLE", hint=hint))
     package, name, *arguments = words if len(words) > 1 else (*words, "")
-    install = find_install(Path.cwd(), Path.home())
+    install = find_install(Path.cwd(), Path.home(), options.profile)
+    variables: Mapping[str, str] = os.environ
+    if options.profile:
+        if install is None:
+            message = f"nothing was built with the profile '{options.profile}'"
+            raise ForgeError(Problem(message, hint=forge_command("build", options.profile)))
+        variables = _sourced(install, variables)
     # `ros2 run` does not find the packages of the enclosing workspace that do not use ament.
     plain = None
-    if not installed.is_registered(package, os.environ, install) and installed.unregistered_prefix(
+    if not installed.is_registered(package, variables, install) and installed.unregistered_prefix(
         package, install
     ):
         plain = installed.plain_prefix(package, install, source_packages(install))
-    prefix = plain or installed.find_package(package, os.environ, install, lambda: source_packages(install))
-    variables: Mapping[str, str] = os.environ
-    if install is not None and (plain or not installed.is_registered(package, os.environ, None)):
-        from forge.environment.sourcing import sourced_environment
-
-        variables = sourced_environment(install, os.environ)
+    prefix = plain or installed.find_package(package, variables, install, lambda: source_packages(install))
+    if install is not None and (plain or not installed.is_registered(package, variables, None)):
+        variables = _sourced(install, variables)
     paths = (installed.plain_executables if plain else installed.executables)(package, prefix)
     names = sorted({path.name for path in paths})
     if not name and names:
@@ -91,6 +99,12 @@ def run(options: Options) -> int:
         ending = f"Process exited with failure {code}" if code > 0 else signal.strsignal(-code)
         print(f"[ros2run]: {ending}", file=sys.stderr)
     return code
+
+
+def _sourced(install: Path, variables: Mapping[str, str]) -> Mapping[str, str]:
+    from forge.environment.sourcing import sourced_environment
+
+    return sourced_environment(install, variables)
 
 
 def _wait_for(argv: Sequence[str], variables: Mapping[str, str]) -> int:

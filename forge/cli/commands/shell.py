@@ -13,13 +13,16 @@ from forge.base.errors import HostError, Problem, reason_of
 from forge.base.frozen import frozen
 from forge.base.layout import templates_folder
 from forge.base.options import option
-from forge.cli.options import install_base_option
+from forge.cli.options import install_base_option, profile_option
+from forge.environment.install_state import recorded_python
 from forge.environment.sourcing import sourced_environment
+from forge.toolchain.interpreter import ENVIRONMENT_FOLDER
 
 
 @frozen
 class Options:
     install_base: str = install_base_option()
+    profile: str | None = profile_option()
     words: tuple[str, ...] = option(
         "command to run instead of a shell",
         default=(),
@@ -38,6 +41,11 @@ def run(options: Options) -> int:
     words = options.words[1:] if options.words[:1] == ("--",) else options.words
     install = Path(options.install_base).absolute()
     variables = dict(sourced_environment(install, os.environ))
+    environment = Path(recorded_python(install) or "").parent.parent
+    if environment.name == ENVIRONMENT_FOLDER and not (variables.keys() & {"VIRTUAL_ENV", "CONDA_PREFIX"}):
+        # That of 'forge fetch', with the modules that the packages need.
+        variables["VIRTUAL_ENV"] = str(environment)
+        variables["PATH"] = f"{environment}/bin{os.pathsep}{variables.get('PATH', os.defpath)}"
     argv = list(words) or _shell_with_prompt(os.environ.get("SHELL") or "/bin/sh", variables)
     if not words and sys.stderr.isatty():
         print(f"started a shell with '{install}' sourced; type 'exit' to leave it", file=sys.stderr)

@@ -7,15 +7,23 @@ import sys
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, closing
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from forge.base.env_vars import SEQUENTIAL, own_cache
-from forge.base.errors import Problem, WarningReporter, WorkspaceError, print_problem, raise_if_any
+from forge.base.errors import (
+    Problem,
+    SelectionError,
+    WarningReporter,
+    WorkspaceError,
+    print_problem,
+    raise_if_any,
+)
 from forge.base.extensions import OPTIONS, find
 from forge.base.frozen import frozen
 from forge.base.layout import OWN_CACHE_DIR, TEST_FILE_TABLE
-from forge.base.options import options_of
+from forge.base.options import flag, option, options_of
 from forge.base.text import counted
 from forge.build.events import Aborted, Event, Finished, StepFinished
 from forge.build.folder_marks import create_output_folders, mark_layout
@@ -23,7 +31,7 @@ from forge.build.inputs.fingerprints import FileTable
 from forge.build.journal import open_journal
 from forge.build.tasks import TEST_FAILURES, BuildPlan, Task
 from forge.build.tests.options import TestOptions
-from forge.build.tests.recipes import TestContext
+from forge.build.tests.recipes import ChosenTests, TestContext
 from forge.cli.options import FolderOptions, OptionSources
 from forge.cli.preparation import build_variables, output_problems, require_packages
 from forge.cli.session import Session, open_session
@@ -35,15 +43,25 @@ from forge.execution.runner import LocalExecutor, TaskRunner
 from forge.execution.started import StartedProcesses
 from forge.output.handlers import ReportOptions
 from forge.testing import preparing, running
+from forge.testing.attempts import FlakyTest, flaky_table, flaky_tests, write_attempts
+from forge.testing.cases import NamedTests, choose, last_failed, parse_names
 from forge.testing.collecting import result_folder_problems
 from forge.testing.outcomes import table
 from forge.testing.preparing import RestoredSetup, has_no_tests, not_runnable, plan_restored
-from forge.workspace.load import load_workspace
+from forge.workspace.load import LoadedWorkspace, load_workspace
 from forge.workspace.selection import Query
 
 
 @frozen
 class Options:
+    names: tuple[str, ...] = option(
+        "packages to test, or single tests of them as the summary names them, such as "
+        "my_package::Suite.case (default: all packages)",
+        default=(),
+        positional=True,
+        metavar="PKG",
+    )
+    last_failed: bool = flag("run only the tests that failed in the last run of their package")
     query: Query = options_of(Query)
     sources: OptionSources = options_of(OptionSources)
     folders: FolderOptions = options_of(FolderOptions)
@@ -56,10 +74,18 @@ class Options:
 def run(given: Options) -> int:
     """Run tests; returns 1 if a package could not be tested, or, if requested, if a test failed."""
     began = time.monotonic()
-    root, query, folders, jobs = Path.cwd(), given.query, given.folders, given.jobs
+    root, folders, jobs = Path.cwd(), given.folders, given.jobs
+    named = parse_names(given.names)
+    query = replace(given.query, select_test_failures=given.query.select_test_failures or given.last_failed)
+    if named.packages:
+        query = replace(query, select=(*(query.select or ()), *named.packages))
     options, reports = given.tests, given.report
-    reporters = reports.reporters(*(("coverage",) if options.coverage else ()))
+    reporters = reports.reporters(*(name for name in ("coverage", "timings") if getattr(options, name)))
     layout, warn = folders.layout(root), WarningReporter()
+    if options.timings and layout.logs is None:
+        hint = "remove '--timings', or choose a log folder with '--log-base'"
+        message = "--timings needs a log folder, but logs are disabled"
+        raise SelectionError(Problem(message, hint=hint))
     variables = build_variables(layout, os.environ)
     loaded = load_workspace(
         root,
@@ -86,6 +112,7 @@ def run(given: Options) -> int:
     context, lacking = preparing.prepare_context(options, loaded, layout, variables, built)
     absent |= lacking
     built = [name for name in built if name not in lacking]
+    context = replace(context, chosen=_chosen_tests(built, named, loaded, context, variables, given))
     cached = _open_cached_tests(options, context, needs, variables, warn)
     setup = running.TestSetup(context, needs, variables, cached=cached)
 
@@ -140,7 +167,11 @@ def run(given: Options) -> int:
             try:
                 session.run(
                     plan,
-                    TaskRunner(setup, LocalExecutor(job_pool, started, cached), job_pool),
+                    TaskRunner(
+                        setup,
+                        LocalExecutor(job_pool, started, cached, surroundings=setup.surroundings),
+                        job_pool,
+                    ),
                     _scheduler(plan, options, jobs, job_pool),
                     lambda task: task,
                     lambda event: _record(event, plan.tasks[event.task], setup, session),
@@ -150,6 +181,25 @@ def run(given: Options) -> int:
                     cached.close()
                 code = _report_results(plan, setup, session, json=reports.json, failed=failed)
     return code
+
+
+def _chosen_tests(
+    names: Sequence[str],
+    named: NamedTests,
+    loaded: LoadedWorkspace,
+    context: TestContext,
+    variables: Mapping[str, str],
+    given: Options,
+) -> dict[str, ChosenTests]:
+    """Return the tests to run of each package that is not tested as a whole."""
+    chosen = {}
+    for name in names:
+        package = loaded.packages[name]
+        if name in named.cases:
+            chosen[name] = choose(package, named.cases[name], context, variables)
+        elif given.last_failed and (failed := last_failed(package, context, variables)):
+            chosen[name] = failed
+    return chosen
 
 
 def _open_cached_tests(
@@ -222,17 +272,34 @@ def _report_results(
     report.test_counts = running.total_counts((plan.tasks[name] for name in ended), setup)
     counts, aborted = report.test_counts, report.tally.aborted
     report.no_test_ran = counts is not None and counts.tests == counts.skipped and not aborted
+    flaky: list[FlakyTest] = []
+    for name, attempts in sorted(setup.attempts.items()):
+        flaky += flaky_tests(name, attempts) if name in ended else ()
+        if session.log.folder is not None:
+            write_attempts(session.log.folder / name, attempts)
+    report.flaky_tests = len(flaky)
     report.summarise(seconds)
+    if flaky and not json:
+        session.write("\n".join(("", *flaky_table(flaky), "")))
+    session.json_events.report_flaky_tests(flaky)
     failures = [
         failure
         for name in sorted(report.failed_tests)
         for failure in running.failures_of(plan.tasks[name], setup, report.displayed)
     ]
     if failures and not json:
-        session.write("\n".join(("", *table(failures), "")))
+        session.write(
+            "\n".join(("", *table(failures, setup.context.layout.command("test-result --verbose")), ""))
+        )
     session.json_events.report_failures(failures)
     options = setup.context.options
     has_failed = options.return_code_on_test_failure and bool(report.failed_tests or report.not_tested)
     code = report.exit_code or int(failed or has_failed or (options.fail_if_no_tests and report.no_test_ran))
+    for name in setup.context.chosen:
+        found = running.total_counts([plan.tasks[name]], setup) if name in ended else None
+        if name in ended and not (found and found.tests):
+            hint = f"all tests of the package: {setup.context.layout.command(f'test {name}')}"
+            print_problem(Problem(f"no test of '{name}' has such a name", hint=hint))
+            code = code or 2
     session.conclude(seconds, code)
     return code

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from forge.base.errors import Problem, WorkspaceError, print_problem
 from forge.base.frozen import frozen
+from forge.base.layout import forge_command
 from forge.base.options import flag, option
 from forge.cli import options as shared
 from forge.testing.collecting import Collection, collect, removable_results
@@ -28,7 +29,7 @@ def _folder(path: str) -> Path:
 @frozen
 class Options:
     test_result_base: Path | None = option(
-        "folder to search for result files (default: build)", parse=_folder, metavar="DIR"
+        "folder to search for result files (default: the build folder)", parse=_folder, metavar="DIR"
     )
     all: bool = flag("show result files without failures, too")
     result_files_only: bool = flag("print only the paths of result files")
@@ -36,15 +37,18 @@ class Options:
     delete: bool = flag("delete result files after confirmation")
     delete_yes: bool = flag("delete result files without confirmation")
     json: bool = flag("print one JSON object")
+    build_base: str = shared.build_base_option()
+    profile: str | None = shared.profile_option()
     origin: str = os.curdir
 
 
 def run(options: Options) -> int:
     """Show or delete results; returns 1 if a test failed."""
-    base = options.test_result_base or Path("build")
+    base = options.test_result_base or Path(options.build_base)
     if options.test_result_base is None and not base.is_dir():
-        hint = "run 'forge test' first, or name the folder with '--test-result-base'"
-        raise WorkspaceError(Problem("the folder 'build' does not exist", hint=hint))
+        command = forge_command("test", options.profile)
+        hint = f"run '{command}' first, or name the folder with '--test-result-base'"
+        raise WorkspaceError(Problem(f"the folder '{base}' does not exist", hint=hint))
     found = collect(base)
     if options.delete or options.delete_yes:
         return _delete(found, base, options)
@@ -53,7 +57,7 @@ def run(options: Options) -> int:
     ignored = {_package_of(one.path, base) for one in found.outcomes} & gone
     for name in sorted(ignored):
         message = f"ignoring results of '{name}', which is no longer in the workspace"
-        print_problem(Problem(message, hint="forge clean stale"), "warning")
+        print_problem(Problem(message, hint=forge_command("clean stale", options.profile)), "warning")
     for problem in found.problems:
         if problem.location and _package_of(str(problem.location.path), base) not in gone:
             print_problem(problem)
@@ -67,7 +71,8 @@ def run(options: Options) -> int:
         print(*(outcome.path for outcome in shown), sep="\n", end="\n" if shown else "")
     else:
         if not found.outcomes:
-            hint = "run 'forge test', or name the folder with '--test-result-base'"
+            command = forge_command("test", options.profile)
+            hint = f"run '{command}', or name the folder with '--test-result-base'"
             print_problem(Problem(f"no test results in '{base}'", hint=hint), "warning")
         raw = _sum(counted)
         for outcome in shown:

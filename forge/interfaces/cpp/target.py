@@ -10,8 +10,8 @@ from forge.base.errors import InterfaceError, Problem, raise_if_any
 from forge.base.frozen import frozen
 from forge.base.templating import render
 from forge.interfaces.cpp.headers import detail_path, guard, handles, main_path, needed
-from forge.interfaces.cpp.text import comment, literal, qualified, spell
-from forge.interfaces.enumerations import enumerations
+from forge.interfaces.cpp.text import comment, literal, qualified, quoted, spell
+from forge.interfaces.enumerations import Enumeration, enumerations
 from forge.interfaces.model import (
     Action,
     Array,
@@ -100,10 +100,15 @@ def package_files(catalog: Catalog) -> Iterator[File]:
 def interface_files(catalog: Catalog) -> Callable[[Interface], Iterator[File]]:
     """Return a function that yields the headers of one interface of the catalog."""
     wire = MembersViews(LayoutBuilder(catalog.known))
-    return lambda interface: _headers(interface, wire)
+
+    def files_of(interface: Interface) -> Iterator[File]:
+        source = catalog.sources.get(interface.name)
+        return _headers(interface, wire, source.text if source else "")
+
+    return files_of
 
 
-def _headers(interface: Interface, wire: MembersViews) -> Iterator[File]:
+def _headers(interface: Interface, wire: MembersViews, definition: str) -> Iterator[File]:
     name = interface.name
     messages, services = tuple(messages_of(interface)), services_of(interface)
     is_action = isinstance(interface, Action)
@@ -127,14 +132,17 @@ def _headers(interface: Interface, wire: MembersViews) -> Iterator[File]:
     headers += [detail_path(other, "struct", "hpp") for other in others]
     constants = [constant for message in messages for constant in message.constants]
     values = [*((field.default, field.type) for field in members), *((c.value, c.type) for c in constants)]
+    named = [enumerations(message) for message in messages]
+    enumerators = {member for found in named for each in found.values() for member, _ in each.members}
     yield header(
         "struct",
         headers=sorted(headers),
         numeric_limits=any(
             "std::numeric_limits" in literal(value, type_) for value, type_ in values if value is not None
         ),
-        macros=sorted(_LIKELY_MACROS & {*(c.name for c in constants), *_enumerators(messages)}),
-        messages=list(map(_struct, messages)),
+        # Enumerators are parts of names: nobody has chosen 'DEBUG', 'SIGINT' or 'I'.
+        macros=sorted(_LIKELY_MACROS.intersection(c.name for c in constants) | enumerators),
+        messages=list(map(_struct, messages, named)),
         services=[service.name.name for service in services],
         has_events=any(service.has_events for service in services),
         actions=[name.name] if is_action else [],
@@ -157,8 +165,13 @@ def _headers(interface: Interface, wire: MembersViews) -> Iterator[File]:
     yield header(
         "traits",
         headers=[own_struct, *sorted([*(detail_path(other, "traits", "hpp") for other in others), *runtime])],
-        messages=[(message.name.name, _yaml_statements(message)) for message in messages],
+        messages=[
+            (message.name.name, _yaml_statements(message, found))
+            for message, found in zip(messages, named, strict=True)
+        ],
         types=list(_type_traits(interface)),
+        whole=qualified(name),
+        definition=[quoted(line) for line in definition.splitlines(keepends=True)],
     )
     type_handles = handles(interface)
     support = {f"rosidl_typesupport_cpp/{handle.kind}_type_support.hpp" for handle in type_handles}
@@ -177,7 +190,7 @@ def _visibility_path(package: str) -> str:
     return f"{package}/msg/rosidl_generator_cpp__visibility_control.hpp"
 
 
-def _struct(message: Message) -> SimpleNamespace:
+def _struct(message: Message, enumerated: Mapping[str, Enumeration]) -> SimpleNamespace:
     members = message.members
     blocks = _initializations(members)
     nested = [f"{f.name}(_init)" for f in members if isinstance(f.type, Named)]
@@ -204,18 +217,12 @@ def _struct(message: Message) -> SimpleNamespace:
         allocating_initializers=",\n    ".join(allocated),
         allocating_statements=used if allocated else ["(void)_alloc;", *used],
         blocks=blocks,
-        enumerations=_enumerations(message),
+        enumerations=_enumerations(message, enumerated),
         comparison=" &&\n           ".join(f"{f.name} == _other.{f.name}" for f in members),
     )
 
 
-def _enumerators(messages: Iterable[Message]) -> Iterator[str]:
-    for each in (each for message in messages for each in enumerations(message).values()):
-        yield from (name for name, _ in each.members)
-
-
-def _enumerations(message: Message) -> list[SimpleNamespace]:
-    found = enumerations(message)
+def _enumerations(message: Message, found: Mapping[str, Enumeration]) -> list[SimpleNamespace]:
     return [
         SimpleNamespace(
             alias=each.name,
@@ -270,8 +277,7 @@ def _builder_steps(message: Message) -> Iterator[SimpleNamespace]:
         result, returned = f"{name}<Message>", f"{name}<Message>(std::move(_message))"
 
 
-def _yaml_statements(message: Message) -> list[str]:
-    found = enumerations(message)
+def _yaml_statements(message: Message, found: Mapping[str, Enumeration]) -> list[str]:
     names = {
         field: f"::{message.name.package}::{message.name.kind}::{message.name.name}_{each.name}"
         for field, each in found.items()
@@ -313,6 +319,7 @@ def _type_traits(interface: Interface) -> Iterator[SimpleNamespace]:
             full_name=message.name,
             fixed=_base("has_fixed_size", nested) if not strings and not sequences else "std::false_type",
             bounded=_base("has_bounded_size", nested) if is_bounded else "std::false_type",
+            units=[(field.name, quoted(field.unit)) for field in message.fields if field.unit is not None],
             traits=["is_message", *([roles[message.name]] if message.name in roles else [])],
         )
     for service in services:
@@ -322,10 +329,11 @@ def _type_traits(interface: Interface) -> Iterator[SimpleNamespace]:
             full_name=service.name,
             fixed=_base("has_fixed_size", nested),
             bounded=_base("has_bounded_size", nested),
+            units=[],
             traits=["is_service"],
         )
     if isinstance(interface, Action):
-        yield SimpleNamespace(name=qualified(interface.name), full_name=None, traits=["is_action"])
+        yield SimpleNamespace(name=qualified(interface.name), full_name=None, units=[], traits=["is_action"])
 
 
 def _base(trait: str, nested: Iterable[TypeName]) -> str:

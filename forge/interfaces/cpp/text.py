@@ -127,7 +127,7 @@ def _text(value: str, type_: String) -> str:
 
 def quoted(value: str) -> str:
     """Return a string literal whose bytes are UTF-8, regardless of the source encoding of the compiler."""
-    return '"' + _without_trigraphs("".join(_ascii(chr(byte)) for byte in _utf8(value))) + '"'
+    return f'"{_without_trigraphs(_utf8(value).decode("latin-1").translate(_BYTES))}"'
 
 
 def _without_trigraphs(text: str) -> str:
@@ -135,10 +135,13 @@ def _without_trigraphs(text: str) -> str:
 
 
 def _ascii(character: str) -> str:
-    """Return the character, or three octal digits, which no digit after them can lengthen."""
+    """Return the character, or an escape of three octal digits, which a following digit cannot extend."""
     if character in _ESCAPES:
         return _ESCAPES[character]
     return character if " " <= character <= "~" else f"\\{ord(character):03o}"
+
+
+_BYTES = str.maketrans({chr(byte): _ascii(chr(byte)) for byte in range(256)})
 
 
 def _universal(character: str) -> str:

@@ -149,6 +149,8 @@ def _explained(error: UnexpectedInput, text: str) -> ParseError:
     expected = getattr(error, "accepts", None) or getattr(error, "allowed", None) or ()
     names = [shown for name, shown in _EXPECTED.items() if name in expected]
     expectation = f"{' or '.join(names[:2])} is expected" if names else None
+    if text.startswith("/*", offset):
+        return ParseError("the comment is not closed", offset=offset, hint="add '*/'")
     message, hint = _EXPLANATIONS.get(word, (f"'{word}' is not expected here", expectation))
     return ParseError(message, offset=offset, hint=hint)
 

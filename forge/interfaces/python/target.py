@@ -14,7 +14,7 @@ from math import isinf
 from types import SimpleNamespace
 from typing import Final
 
-from forge.base.errors import InterfaceError, Problem, raise_if_any
+from forge.base.errors import InterfaceError, Location, Problem, raise_if_any
 from forge.base.frozen import frozen
 from forge.base.names import python_attribute, snake_case
 from forge.base.templating import render
@@ -89,9 +89,17 @@ def interface_files(catalog: Catalog, root: str = "") -> Callable[[Interface], I
     """Return a function that yields the module of one interface, its stub and its serializers.
 
     `root` precedes the names of imported packages; with "..." the folder of all packages is a package itself.
-    Raises InterfaceError for members without a type in Python.
+    Raises InterfaceError for members without a type in Python, and for types named like its keywords.
     """
-    problems = []
+    problems = [
+        Problem(
+            f"a Python class cannot be called '{name.name}'",
+            Location(source.path) if (source := catalog.sources.get(name)) else None,
+            "rename it, or leave out --lang python",
+        )
+        for name in catalog.interfaces
+        if name.name in {"False", "None", "True"}
+    ]
     for message in (message for each in catalog.interfaces.values() for message in sections_of(each)):
         members: tuple[Field | Constant, ...] = (*message.fields, *message.constants)
         for member in members:
@@ -102,13 +110,14 @@ def interface_files(catalog: Catalog, root: str = "") -> Callable[[Interface], I
     serializers_of = _serializers(catalog, root)
 
     def files_of(interface: Interface) -> Iterator[File]:
-        yield from _modules(interface, root)
+        source = catalog.sources.get(interface.name)
+        yield from _modules(interface, root, source.text if source else "")
         yield from serializers_of(interface)
 
     return files_of
 
 
-def _modules(interface: Interface, root: str) -> Iterator[File]:
+def _modules(interface: Interface, root: str, definition: str) -> Iterator[File]:
     messages, services = tuple(messages_of(interface)), services_of(interface)
     own = {message.name for message in messages}
     imported_names = nested_types(messages) - own
@@ -126,6 +135,7 @@ def _modules(interface: Interface, root: str) -> Iterator[File]:
     path = module_name(interface.name).replace(".", "/")
     shared = {
         "title": str(interface.name),
+        "definition": [repr(line) for line in definition.splitlines(keepends=True)],
         "imported": [(f"{root}{module_name(name)}", name.name, local) for name, local in imported.items()],
         "decorator": "_property" if "property" in field_names else "property",
         "services": [
@@ -140,12 +150,18 @@ def _modules(interface: Interface, root: str) -> Iterator[File]:
         "action": isinstance(interface, Action)
         and {"name": interface.name.name, "cancel": classes[_CANCEL], "status": classes[_STATUS]},
     }
-    views = [_message(message, classes) for message in messages]
+    enumerated = [_enumerations(message) for message in messages]
+    views = [_message(*pair, classes) for pair in zip(messages, enumerated, strict=True)]
     lines = _imports(views, shadows_property="property" in field_names)
     yield File(f"{path}.py", render("python/interface.py.j2", **shared, messages=views, imports=lines))
     names = StubNames(classes, STUB_BUILTINS & field_names)
-    stubs = [view_stub(message, names) for message in messages]
-    lines = stub_imports(messages, names.shadowed, aliases=bool(services))
+    stubs = [view_stub(*pair, names) for pair in zip(messages, enumerated, strict=True)]
+    lines = stub_imports(
+        messages,
+        names.shadowed,
+        aliases=bool(services),
+        enums=any(each["enumerations"] for each in enumerated),
+    )
     yield File(f"{path}.pyi", render("python/interface.pyi.j2", **shared, messages=stubs, imports=lines))
 
 
@@ -167,7 +183,9 @@ def _imports(views: list[SimpleNamespace], *, shadows_property: bool) -> list[st
     return lines + [f"from forge_rosidl.empty import {word} as _{word}" for word in empty]
 
 
-def _message(message: Message, classes: Mapping[TypeName, str]) -> SimpleNamespace:
+def _message(
+    message: Message, enumerated: Mapping[str, object], classes: Mapping[TypeName, str]
+) -> SimpleNamespace:
     names = {field.name for field in message.fields}
     own = "_self" if "self" in names else "self"
     scope = Scope(classes, own, direct=not names & BUILTINS)
@@ -177,11 +195,12 @@ def _message(message: Message, classes: Mapping[TypeName, str]) -> SimpleNamespa
         name=message.name.name,
         doc_end="" if message.constants else '"""',
         constants=[(c.name, literal(c.type, c.value)) for c in message.constants],
+        units={field.name: repr(field.unit) for field in message.fields if field.unit},
         defaults=[(field.default_name, field.default) for field in fields if field.default is not None],
         fresh=[field.default_name for field in fields if field.name in changeable],
         fields=fields,
         own=own,
-        **_enumerations(message),
+        **enumerated,
     )
 
 
@@ -252,7 +271,7 @@ class StubNames:
                 return read
 
 
-def view_stub(message: Message, names: StubNames) -> SimpleNamespace:
+def view_stub(message: Message, enumerated: Mapping[str, object], names: StubNames) -> SimpleNamespace:
     """Return the variables of a message class for the template of stubs."""
     fields = {field.name for field in message.fields}
     return SimpleNamespace(
@@ -276,19 +295,22 @@ def view_stub(message: Message, names: StubNames) -> SimpleNamespace:
         # The type of the constructor's argument of this name, unless a field has it.
         # Not bool: an unpacked dict[str, float] could not be passed then.
         check_fields=None if "check_fields" in fields else names.builtin("object"),
-        **_enumerations(message),
+        **enumerated,
     )
 
 
-def stub_imports(messages: Collection[Message], shadowed: Iterable[str], *, aliases: bool) -> list[str]:
+def stub_imports(
+    messages: Collection[Message], shadowed: Iterable[str], *, aliases: bool, enums: bool
+) -> list[str]:
     """Return the import lines of a stub, the standard library's first.
 
-    `aliases` is True if the module has a service or an action, whose messages are also class attributes.
+    `aliases` is True if the module has a service or an action, whose messages are also class attributes,
+    `enums` if a message has enumerations.
     """
     fields = [field for message in messages for field in message.fields]
     types = [field.type for field in fields]
     lines = [f"from builtins import {name} as _{name}" for name in sorted(shadowed)]
-    lines += ["from enum import IntEnum as _IntEnum"] * any(map(enumerations, messages))
+    lines += ["from enum import IntEnum as _IntEnum"] * enums
     if any(isinstance(type_, Sequence) and numeric(type_) for type_ in types):
         lines.insert(0, "from array import array as _array")
     if any(isinstance(type_, Array | Sequence) for type_ in types):

@@ -12,26 +12,81 @@ from forge.base.ament_index import INDEX
 from forge.base.errors import ForgeError, InterfaceError, Location, Problem, reason_of
 from forge.base.files import names_in, read_file
 from forge.base.xml import parse_xml
-from forge.interfaces.model import File, Source, TypeName, with_events
+from forge.interfaces.model import File, Source, TypeName, sections_of, with_events
 from forge.interfaces.read.parsing import ENDINGS, SECTIONS, Parsed, parse
 
 _RUNTIMES = {"python": ("python", "*"), "cpp": ("include", "*"), "c": ("include", "*.h")}
 """The folder and the file pattern of the run time for each language."""
 
 
-def read_folder(package: str, folder: Path, rosdistro: str = distributions.OLDEST) -> tuple[Source, ...]:
+def read_folder(
+    package: str, folder: Path, rosdistro: str = distributions.OLDEST, built: Path | None = None
+) -> tuple[Source, ...]:
     """Read the definitions of a package, sorted by kind and name; .idl files in other folders come last.
 
-    An embedded package has those of a ROS distribution.
+    An embedded package has those of a ROS distribution. For `built`, see definition_places().
     Raises InterfaceError if there are no definitions, or if one is not UTF-8.
     """
-    definitions = definition_files(folder, rosdistro)
+    definitions = [(base, relative) for relative, base in definition_files(folder, rosdistro).items()]
+    if built:
+        definitions = [*definition_places(folder, rosdistro, built).values()]
     if not definitions:
         hint = "definitions must be in subfolders msg, srv and action; .idl files in any subfolder"
         raise InterfaceError(Problem(f"no interface definitions found in '{folder}'", hint=hint))
-    kinds = (*SECTIONS, *sorted({_key(relative)[0] for relative in definitions} - SECTIONS.keys()))
-    in_order = sorted(definitions.items(), key=lambda item: (kinds.index(_key(item[0])[0]), item[0]))
-    return tuple(read_source(package, base, relative) for relative, base in in_order)
+    kinds = (*SECTIONS, *sorted({key_of(relative)[0] for _, relative in definitions} - SECTIONS.keys()))
+    definitions.sort(key=lambda place: (kinds.index(key_of(place[1])[0]), place[1]))
+    return tuple(read_source(package, base, relative) for base, relative in definitions)
+
+
+def definition_places(
+    folder: Path, rosdistro: str, built: Path | None
+) -> dict[tuple[str, str], tuple[Path, str]]:
+    """Return folder and path of each definition of a package, by kind and name.
+
+    If the package was `built`, into the folder with its installed definitions, it has those that the build
+    was given, and those of its sources that are newer.
+    """
+    found = definition_files(folder, rosdistro)
+    places = {key_of(relative): (base, relative) for relative, base in found.items()}
+    if built and (listed := _listed(built)):
+        keys = {key_of(path): path for path in listed}
+        when = _index_entry(built).stat().st_mtime_ns
+        for key, (base, path) in places.items():
+            if (base / path).stat().st_ctime_ns > when:
+                keys.setdefault(key, path)
+        # Errors are shown in the sources.
+        places = {key: places.get(key, (built, path)) for key, path in keys.items()}
+    return places
+
+
+def contradictions(sources: Iterable[Source]) -> Iterator[Problem]:
+    """Yield a problem for each .idl file that is ignored because of the definition of its name beside it.
+
+    Not for those with the same content, and for those that rosidl or forge has generated.
+    """
+    for source in sources:
+        path = source.path.with_suffix(".idl")
+        if source.path == path or not path.is_file():
+            continue
+        relative = PurePosixPath(source.relative).with_suffix(".idl")
+        other = read_source(source.package, path.parents[len(relative.parts) - 1], relative.as_posix())
+        if not other.text.startswith("// generated ") and _content(source) != _content(other):
+            name = f"{source.package}/{'/'.join(key_of(source.relative))}"
+            text = f"this definition of '{name}' is ignored, because '{source.path}' is another one"
+            yield Problem(text, Location(path), hint="remove one of the two files")
+
+
+def _content(source: Source) -> object:
+    """Return fields and constants of a definition without their comments; None if it is invalid."""
+    try:
+        sections = sections_of(parse(source))
+    except InterfaceError:
+        return None
+    return [
+        [(each.name, each.type, each.default) for each in section.fields]
+        + [(each.name, each.type, each.value) for each in section.constants]
+        for section in sections
+    ]
 
 
 def definition_files(folder: Path, rosdistro: str = distributions.OLDEST) -> dict[str, Path]:
@@ -76,11 +131,11 @@ def _found(folder: Path) -> list[str]:
 def _own(paths: Iterable[str]) -> Iterator[str]:
     """Yield the paths without .idl files that rosidl generated from others."""
     known = dict.fromkeys(paths)
-    written = {_key(path) for path in known if not path.endswith(".idl")}
-    yield from (path for path in known if not path.endswith(".idl") or _key(path) not in written)
+    written = {key_of(path) for path in known if not path.endswith(".idl")}
+    yield from (path for path in known if not path.endswith(".idl") or key_of(path) not in written)
 
 
-def _key(relative: str) -> tuple[str, str]:
+def key_of(relative: str) -> tuple[str, str]:
     """Return kind and name of the interface in a file, regardless of the folder."""
     path = PurePosixPath(relative)
     return path.parent.name if path.suffix == ".idl" else path.suffix[1:], path.stem
@@ -157,12 +212,12 @@ class Library:
         if name in self.given:
             return self.given[name]
         if name not in self._parsed:
-            place = self._place(name)
-            self._parsed[name] = None
-            if place:
+            found = None
+            if place := self._place(name):
                 source = read_source(name.package, *place)
                 interface = with_events(parse(source)) if self.has_events else parse(source)
-                self._parsed[name] = Parsed(source, interface) if interface.name == name else None
+                found = Parsed(source, interface) if interface.name == name else None
+            self._parsed[name] = found
         return self._parsed[name]
 
     def file(self, name: TypeName) -> Path | None:
@@ -183,24 +238,12 @@ class Library:
         return self.definitions(name.package).get((name.kind, name.name))
 
     def definitions(self, package: str) -> dict[tuple[str, str], tuple[Path, str]]:
-        """Return folder and path of each definition of a package, by kind and name.
-
-        A package of the workspace has those that its last build was given, and those of its sources that are
-        newer.
-        """
+        """Return folder and path of each definition of a package, by kind and name."""
         if package not in self._definitions:
-            folder, built = self.folder(package), self.built.get(package)
-            found = definition_files(folder, self.rosdistro) if folder else {}
-            places = {_key(relative): (base, relative) for relative, base in found.items()}
-            if built and (listed := _listed(built)):
-                keys = {_key(path): path for path in listed}
-                when = _index_entry(built).stat().st_mtime_ns
-                for key, (base, path) in places.items():
-                    if (base / path).stat().st_ctime_ns > when:
-                        keys.setdefault(key, path)
-                # Errors are shown in the sources.
-                places = {key: places.get(key, (built, path)) for key, path in keys.items()}
-            self._definitions[package] = places
+            folder = self.folder(package)
+            self._definitions[package] = (
+                definition_places(folder, self.rosdistro, self.built.get(package)) if folder else {}
+            )
         return self._definitions[package]
 
     def folder(self, package: str) -> Path | None:
@@ -230,7 +273,7 @@ class Library:
         return (TypeName(package, *key) for key in keys if "_" not in key[1])
 
     def distribution_hint(self, name: TypeName) -> str | None:
-        """Return which distributions have a type that an embedded package of this one lacks, or None."""
+        """Return a hint that names the distributions with a type that this one lacks, or None."""
         folder = self.folder(name.package)
         if folder and not distributions.is_embedded(folder):
             return None

@@ -151,25 +151,26 @@ class _Search:
             return Problem(f"unknown type '{written}'", member.place, elsewhere)
         names = [*self.interfaces, *(n for n in self.known.names() if n.package != self.package)]
         candidates = {f"{n.package}/{n.name}": n for n in names if n.kind not in {"srv", "action"}}
-        near = self._nearest(name, candidates)
+        own = start.name.package
+        near = self._nearest(own, name, candidates)
         package = near.partition("/")[0] if near else name.package
-        declared = {self.package, name.package} if near else {each.package for each in candidates.values()}
+        declared = {own, name.package} if near else {each.package for each in candidates.values()}
         missing = package not in declared and not self.known.declares(package)
         hints = [f"did you mean '{near}'?"] if near else []
         hints += [f"add <depend>{package}</depend> to package.xml"] if missing else []
         return Problem(f"unknown type '{written}'", member.place, " ".join(hints) or None)
 
-    def _nearest(self, name: TypeName, candidates: Mapping[str, TypeName]) -> str | None:
-        """Return the type that was probably meant; types of declared packages are preferred."""
+    def _nearest(self, package: str, name: TypeName, candidates: Mapping[str, TypeName]) -> str | None:
+        """Return the type that was probably meant in a package; types of declared packages are preferred."""
         written = f"{name.package}/{name.name}"
-        if name.package == self.package and name.name == "Header":
+        if name.package == package and name.name == "Header":
             return "std_msgs/Header"  # as in ROS 1, where it is written without its package
         namesakes = sorted(
             (text for text, candidate in candidates.items() if candidate.name == name.name),
             key=lambda text: (not self.known.declares(candidates[text].package), text),
         )
         first = next(iter(namesakes), None)
-        if name.package == self.package:  # most often written without its package
+        if name.package == package:  # most often written without its package
             # The package that both names begin with would make any two of them similar.
             own = {each.name: text for text, each in candidates.items() if each.package == name.package}
             return first or own.get(nearest(name.name, own) or "") or nearest(name.name, candidates)

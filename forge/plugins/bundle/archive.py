@@ -27,7 +27,7 @@ def write_bundle(install: Path, output: Path, *, build_files: bool, name: str = 
     """
     if not (install / LAYOUT_MARKER).is_file():
         platforms = sorted(marker.parent.name for marker in install.glob(f"*/{LAYOUT_MARKER}"))
-        hint = "run 'forge build', or choose another folder with '--install-base'"
+        hint = "run 'forge build' with the same '--profile', or choose another folder with '--install-base'"
         if platforms:
             hint = f"pass the platform that it was built for: --target {' or '.join(platforms)}"
         raise WorkspaceError(Problem(f"'{install}' contains no installed packages", hint=hint))

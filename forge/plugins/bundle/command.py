@@ -9,7 +9,7 @@ from pathlib import Path
 from forge.base.errors import Problem, print_warnings
 from forge.base.frozen import frozen
 from forge.base.options import flag, option
-from forge.cli.options import install_base_option, target_option
+from forge.cli.options import install_base_option, profile_option, target_option
 from forge.cli.preparation import check_bases
 from forge.environment.install_state import recorded_underlays
 from forge.plugins.bundle.archive import write_bundle
@@ -27,6 +27,7 @@ class Options:
         "include headers, CMake files and static libraries, so that other workspaces can build on it"
     )
     install_base: str = install_base_option()
+    profile: str | None = profile_option()
 
 
 def run(options: Options) -> int:

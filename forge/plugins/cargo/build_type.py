@@ -14,7 +14,7 @@ from forge.base.files import text_or_nothing
 from forge.base.formats import read_toml
 from forge.base.text import listed
 from forge.build.recipes.context import BuildContext, Recipe, common_options, install_tree
-from forge.build.tasks import TEST_FAILURES, Step, StepKind
+from forge.build.tasks import TEST_FAILURES, TIMED_OUT, Step, StepKind
 from forge.build.tests.recipes import TestContext, missing_result
 from forge.toolchain.programs import find_program
 from forge.workspace.identity import Folder, Identity
@@ -55,8 +55,10 @@ def tests(package: Package, context: TestContext) -> Recipe:
     cargo = (*_cargo("test", source, build), *all_tests, *context.options.cargo_args)
     argv = (*_PROGRAM, "test", package.name, str(source), str(build), str(result), *cargo)
     argv += package.option_values("cargo-args")
-    step = Step(StepKind.TEST, argv, build, meanings=((1, TEST_FAILURES),))
-    return Recipe((step,), ((result, missing_result(package, "cargo")),))
+    limit = context.options.test_timeout
+    meanings = ((1, TEST_FAILURES), (TIMED_OUT, TEST_FAILURES))
+    step = Step(StepKind.TEST, argv, build, meanings=meanings, seconds=limit)
+    return Recipe((step,), ((result, missing_result(package, "cargo", limit)),))
 
 
 def _cargo(verb: str, source: Path, build: Path) -> tuple[str, ...]:

@@ -5,8 +5,11 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from html import unescape
+from itertools import pairwise
 from math import sqrt
 from typing import Any
+
+import networkx as nx
 
 from forge.base.text import duration
 from forge.plugins.charts.graph_formats import PackageGraph, printable
@@ -40,6 +43,8 @@ def drawn(
     layout = lay_out(graph, sizes)
     numbers = {node: number for number, node in enumerate(shown)}
     kinds = {node: _kind_of(chart.packages[node]) for node in shown}
+    path = critical_path(graph, times)
+    steps = {*pairwise(path)}
     nodes = []
     for node, number in numbers.items():
         spot, (width, height) = layout.spots[node], sizes[node]
@@ -51,6 +56,8 @@ def drawn(
                 "time": duration(times[node]) if node in times else "",
                 "kind": kinds[node],
                 "layer": spot.layer,
+                "critical": node in path,
+                "share": f"{100 * times.get(node, 0.0) / longest:.1f}%" if longest else "0%",
                 "x": _number(x),
                 "y": _number(middle - height / 2),
                 "width": _number(width),
@@ -63,7 +70,12 @@ def drawn(
     return {
         "nodes": nodes,
         "lines": [
-            {"need": numbers[need], "user": numbers[user], "path": _path(points)}
+            {
+                "need": numbers[need],
+                "user": numbers[user],
+                "path": _path(points),
+                "critical": (need, user) in steps,
+            }
             for (user, need), points in layout.lines.items()
         ],
         "kinds": [(kind, word) for kind, word in KINDS.items() if kind in kinds.values()],
@@ -72,7 +84,19 @@ def drawn(
         # The vertical position of the legend, if the page has no other legend.
         "legend": _number(layout.height + 2 * _MARGIN + _LEGEND / 2),
         "timed": bool(times),
+        "critical": duration(sum(times[node] for node in path if node in times)) if path else "",
     }
+
+
+def critical_path(graph: Mapping[str, Sequence[str]], times: Mapping[str, float]) -> tuple[str, ...]:
+    """Return the chain of dependent nodes that takes longest to build, () if it has only one."""
+    chart: nx.DiGraph[str] = nx.DiGraph()
+    for node, needs in graph.items():
+        # An edge weighs as much as the node it leads to; those without dependencies follow "".
+        seconds = times.get(node, 0.0)
+        chart.add_edges_from(((need, node) for need in ("", *needs)), seconds=seconds)
+    path = tuple(node for node in nx.dag_longest_path(chart, "seconds") if node) if times else ()
+    return path if len(path) > 1 else ()
 
 
 def facts(

@@ -2,29 +2,45 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import threading
 import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
+from forge.base.errors import Problem
 from forge.base.files import write_if_changed
 from forge.base.templating import render
+from forge.build.events import Event
 from forge.output.reporters import Report, Reporter, Run
+from forge.plugins.charts.commands import COMPILE, NinjaLogs
+from forge.plugins.charts.graph_formats import printable
+from forge.plugins.charts.headers import find_clang, measure_headers
 from forge.plugins.charts.timings import (
-    STEP_KINDS,
     Build,
     at_work,
     critical_path,
     facts,
+    packed,
     page,
     read_build,
     rows,
+    step_kinds,
 )
+from forge.plugins.charts.work import comparison, lines, work
 from forge.toolchain.resources import ROOT, memory
 
+if TYPE_CHECKING:
+    from forge.plugins.charts.live import LiveBuild, LiveServer
+
 PAGE, TRACE = "timings.html", "trace.json"
+HEADERS, LIVE = "headers", "live"
+"""The words of --timings for the times of headers, and for the page of the running build."""
+_MEASURED = 20
+"""The number of source files whose headers are measured, the slowest ones."""
 PERIOD_SECONDS = 0.2
 _MOST = 1500
 """Maximum number of samples, more than a chart has pixels; beyond it, pairs of samples are merged."""
@@ -87,48 +103,134 @@ def processor_times(root: Path = ROOT) -> tuple[int, int] | None:
 class Timings(Reporter):
     """The report on one build, during which the use of the machine is sampled."""
 
-    def __init__(self, run: Run) -> None:
+    def __init__(self, run: Run, wanted: str = "", compared: Path | None = None) -> None:
+        """Start to observe.
+
+        `wanted` are the words of --timings, `compared` is the log folder of a build ('.': the previous one).
+        """
         self._run = run
+        self._wanted = frozenset(wanted.split(","))
+        self._compared = compared
+        self._clang = find_clang(run.variables) if HEADERS in self._wanted else None
+        if HEADERS in self._wanted and self._clang is None:
+            hint = "install clang: it may be another compiler than that of the build"
+            run.warn(
+                [Problem("no times of headers: only clang measures them, and it is not on PATH", hint=hint)]
+            )
+        self._logs = NinjaLogs(run.plan, run.root, run.clock)
         self._sampler = Sampler()
+        self._live: LiveBuild | None = None
+        self._server: LiveServer | None = None
+        if LIVE in self._wanted:
+            from forge.plugins.charts.live import LiveBuild, LiveServer
+
+            self._live = LiveBuild(run, self._usage)
+            self._server = LiveServer(self._live, f"{printable(run.root.name)}: {run.command}")
+            run.say(f"live: {self._server.address}")
+
+    def observe(self, event: Event | Mapping[str, Any]) -> tuple[str, ...]:
+        if not isinstance(event, Mapping):
+            self._logs.show(event)
+            if self._live:
+                self._live.show(event)
+        return ()
+
+    def _usage(self) -> Mapping[str, object]:
+        """Return the use of the machine according to the last sample."""
+        machine, samples = memory(), self._sampler.samples
+        if machine is None or not samples:
+            return {}
+        _, busy, used = samples[-1]
+        words = {"used": f"{used / 1e9:.1f}", "memory": f"{machine.total / 1e9:.1f} GB"}
+        return {"busy": f"{busy:.1f}", "processors": os.cpu_count() or 1, **words}
 
     def conclude(self, *, complete: bool) -> Report:
         self._sampler.stop()
+        events: list[tuple[str, str | None, Mapping[str, object]]] = [
+            ("Commands", ran.package, ran.members) for ran in self._logs.runs
+        ]
         machine = memory()
-        if processor_times() is None or machine is None:
-            return Report()
-        begun, taken = self._run.clock, self._sampler.samples
-        samples = [[round(moment - begun, 3), round(busy, 2), used] for moment, busy, used in taken]
-        usage = {"processors": os.cpu_count() or 1, "memory": machine.total, "samples": samples}
-        return Report(events=(("Usage", None, usage),))
+        if processor_times() is not None and machine is not None:
+            begun, taken = self._run.clock, self._sampler.samples
+            samples = [[round(moment - begun, 3), round(busy, 2), used] for moment, busy, used in taken]
+            size = {"processors": os.cpu_count() or 1, "memory": machine.total, "jobs": self._run.jobs}
+            events.append(("Usage", None, {**size, "samples": samples}))
+        if self._clang and complete and self._logs.runs:
+            slowest = sorted(
+                (
+                    (self._run.plan.tasks[ran.package].build_dir, command)
+                    for ran in self._logs.runs
+                    for command in ran.commands
+                    if command.kind == COMPILE
+                ),
+                key=lambda item: -item[1].seconds,
+            )[:_MEASURED]
+            outputs = [(folder, command.output) for folder, command in slowest]
+            found = measure_headers(outputs, self._clang, self._run.variables, self._run.jobs)
+            events.append(("Headers", None, found.members))
+        return Report(events=tuple(events))
 
     def write(self) -> Iterator[str]:
         """Write the page and the trace; yield the path by which the page of the latest build is found."""
         folder = self._run.log_folder
         assert folder is not None, "--timings needs a log folder"
-        write_timings(folder)
-        yield f"timings: {self._run.displayed(folder.parent / 'latest_build' / PAGE)}"
+        earlier = None
+        if self._compared is not None:
+            earlier = self._compared if self._compared.name else previous_build(folder)
+            if earlier is None or not read_log(earlier).packages:
+                yield "timings: no earlier build to compare with"
+                earlier = None
+        build = write_timings(folder, earlier)
+        yield from lines(build)
+        yield f"timings: {self._run.displayed(folder.parent / f'latest_{self._run.command}' / PAGE)}"
 
     def close(self) -> None:
         self._sampler.stop()
+        if self._server:
+            self._server.close()
 
 
 start = Timings
 
 
-def write_timings(folder: Path) -> None:
-    """Write the report and the trace of a build next to its events."""
-    with (folder / "events.jsonl").open(encoding="utf-8") as lines:
-        build = read_build(lines)
-    text = render(
+def previous_build(folder: Path) -> Path | None:
+    """Return the log folder of the last build before that of `folder` that built something."""
+    command, _, _ = folder.name.partition("_")
+    earlier = sorted(other for other in folder.parent.glob(f"{command}_*") if other.name < folder.name)
+    return next((other for other in reversed(earlier) if read_log(other).packages), None)
+
+
+def read_log(folder: Path) -> Build:
+    """Read the events in a log folder; those that another version or program wrote may tell nothing."""
+    with (
+        contextlib.suppress(OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError),
+        (folder / "events.jsonl").open(encoding="utf-8", errors="replace") as events,
+    ):
+        return read_build(events)
+    return read_build(())
+
+
+def timings_page(title: str, build: Build, difference: Mapping[str, object] | None = None) -> str:
+    """Return the page of a build, perhaps with a comparison."""
+    return render(
         "charts/templates/timings.html.j2",
-        title=f"{folder.name}: build times",
+        title=title,
         page=page(build),
+        work=work(build),
+        comparison=difference,
         facts=facts(build),
-        kinds=STEP_KINDS,
+        kinds=step_kinds(build),
         trace=TRACE,
     )
-    write_if_changed(folder / PAGE, text)
+
+
+def write_timings(folder: Path, compared: Path | None = None) -> Build:
+    """Write the report and the trace of a build next to its events; compare it with an earlier one."""
+    build = read_log(folder)
+    difference = comparison(build, read_log(compared), compared.name) if compared else None
+    write_if_changed(folder / PAGE, timings_page(f"{folder.name}: build times", build, difference))
     write_if_changed(folder / TRACE, json.dumps(trace(build)) + "\n")
+    return build
 
 
 def trace(build: Build) -> dict[str, object]:
@@ -152,6 +254,15 @@ def _trace_events(build: Build) -> Iterator[Mapping[str, object]]:
     yield _naming("process_name", 2, 0, "critical path")
     for run in critical_path(build.packages):
         yield {**_stretch(run.name, "package", (run.begun, run.seconds), 0, {}), "pid": 2}
+    commands = sorted(
+        ((command, run) for run in build.packages for ninja in run.ninja for command in ninja.commands),
+        key=lambda item: item[0].begun,
+    )
+    yield _naming("process_name", 3, 0, "commands of ninja")
+    for row, (command, run) in zip(packed(command for command, _ in commands), commands, strict=True):
+        details = {"package": run.name, "kind": command.kind}
+        span = command.begun, command.seconds
+        yield {**_stretch(command.name, "command", span, row, details), "pid": 3}
     for moment, count in at_work(build.packages):
         yield _counter("packages at work", moment, count)
     for moment, busy, used in build.use.samples if build.use else ():

@@ -13,7 +13,9 @@ import networkx as nx
 from forge.base.frozen import frozen
 from forge.base.text import counted, duration
 from forge.cache.model import RESTORED
+from forge.plugins.charts.commands import Command, NinjaRun
 from forge.plugins.charts.graph_formats import printable, reduced_among
+from forge.plugins.charts.headers import HeaderTimes
 from forge.toolchain.compiler_launchers import LauncherSummary
 
 FINISHED, FAILED, ABORTED, RESTORED_FROM_CACHE = "finished", "failed", "aborted", "taken"
@@ -52,6 +54,8 @@ class PackageRun:
     steps: tuple[StepRun, ...]
     needs: tuple[str, ...]
     last: float | None
+    ninja: tuple[NinjaRun, ...] = ()
+    """The commands that ninja ran."""
 
     @property
     def seconds(self) -> float:
@@ -60,11 +64,15 @@ class PackageRun:
 
 @frozen
 class MachineUse:
-    """The number of processors, the bytes of memory, and samples: time, busy processors, bytes in use."""
+    """The number of processors, the bytes of memory, and samples: time, busy processors, bytes in use.
+
+    `jobs` is the number of commands that forge ran at the same time.
+    """
 
     processors: int
     memory: int
     samples: tuple[tuple[float, float, int], ...]
+    jobs: int
 
 
 @frozen
@@ -82,6 +90,7 @@ class Build:
     code: int
     use: MachineUse | None
     outcomes: tuple[LauncherSummary, ...] = ()
+    headers: HeaderTimes | None = None
 
 
 def read_build(lines: Iterable[str]) -> Build:
@@ -95,10 +104,19 @@ def read_build(lines: Iterable[str]) -> Build:
     for event in events:
         if "package" in event:
             by_package.setdefault(event["package"], []).append(event)
-    ended = events[-1]["time"] if events else 0.0
     summary = _first(events, "Summary") or {}
     usage = _first(events, "Usage")
-    use = usage and MachineUse(usage["processors"], usage["memory"], tuple(map(tuple, usage["samples"])))
+    use = usage and MachineUse(
+        usage["processors"],
+        usage["memory"],
+        tuple(map(tuple, usage["samples"])),
+        usage.get("jobs", usage["processors"]),
+    )
+    headers = _first(events, "Headers")
+    # What follows the last package, such as the times of headers, is no part of the build.
+    moments = [event["time"] for event in events if "package" in event and event["event"] != "Commands"]
+    samples = use.samples if use else ()
+    ended = max((*moments, *(sample[0] for sample in samples))) if moments else 0.0
     planned = {
         event["package"]: frozenset(event.get("needs", ())) for event in events if event["event"] == "Planned"
     }
@@ -119,6 +137,7 @@ def read_build(lines: Iterable[str]) -> Build:
             for event in events
             if event["event"] == "Launcher"
         ),
+        headers=HeaderTimes.read(headers) if headers else None,
     )
 
 
@@ -143,12 +162,18 @@ def waited(run: PackageRun, runs: Mapping[str, PackageRun]) -> float:
 
 def rows(packages: Iterable[PackageRun]) -> dict[str, int]:
     """Assign each package the first free row at its start; there are as many rows as parallel packages."""
+    found = [*packages]
+    return dict(zip((run.name for run in found), packed(found), strict=True))
+
+
+def packed(spans: Iterable[PackageRun | Command]) -> list[int]:
+    """Return for each of the spans, which are in the order of their start, the first row that is free."""
     ends: list[float] = []
-    found: dict[str, int] = {}
-    for run in packages:
-        row = next((row for row, end in enumerate(ends) if end <= run.begun), len(ends))
-        ends[row : row + 1] = [run.ended]
-        found[run.name] = row
+    found: list[int] = []
+    for span in spans:
+        row = next((row for row, end in enumerate(ends) if end <= span.begun), len(ends))
+        ends[row : row + 1] = [span.ended]
+        found.append(row)
     return found
 
 
@@ -175,16 +200,19 @@ def _package(events: Sequence[Mapping[str, Any]], ended: float, needs: Iterable[
     else:
         outcome = RESTORED_FROM_CACHE if end.get("cache") == RESTORED else FINISHED
     stop = end or _first(events, "Aborted") or {"time": ended}
+    # A package that has been started waits for a job first.
+    begun = started["time"] if end is None else max(started["time"], end["time"] - end["seconds"])
     return PackageRun(
         name=started["package"],
         embedded=started["embedded"],
         reason=started["reason"],
-        begun=started["time"],
+        begun=begun,
         ended=stop["time"],
         outcome=outcome,
         steps=tuple(_steps(events, stop["time"])),
         needs=tuple(sorted(needs)),
         last=planned.get("last"),
+        ninja=tuple(NinjaRun.read(event) for event in events if event["event"] == "Commands"),
     )
 
 
@@ -204,9 +232,29 @@ def _first(events: Iterable[Mapping[str, Any]], word: str) -> Mapping[str, Any] 
     return next((event for event in events if event["event"] == word), None)
 
 
-_KINDS = {"cmake": "configure", "install": "install"}
-STEP_KINDS = {"configure": "configure", "build": "build", "install": "install", "waiting": "begin and end"}
+STEP_KINDS = {
+    "configure": "configure",
+    "build": "build",
+    "install": "install",
+    "test": "test",
+    "waiting": "begin and end",
+}
 """Kinds of steps distinguished in the legend; the last is forge's own work around them."""
+_KINDS = {"cmake": "configure", "install": "install"} | dict.fromkeys(
+    ("ctest", "pytest", "unittest", "test"), "test"
+)
+
+
+def kind_of(step: StepRun) -> str:
+    """Return one of STEP_KINDS."""
+    return _KINDS.get(step.label, "build")
+
+
+def step_kinds(build: Build) -> dict[str, str]:
+    """Return those of STEP_KINDS that the steps of a build have, and the last one."""
+    found = {kind_of(step) for run in build.packages for step in run.steps}
+    return {kind: word for kind, word in STEP_KINDS.items() if kind in found or kind == "waiting"}
+
 
 _SLOWEST_STEPS = 25
 _SIGNS = {True: "+", False: "\N{MINUS SIGN}"}
@@ -242,7 +290,7 @@ def page(build: Build) -> dict[str, Any]:
             "width": _percent(run.seconds, build.ended),
             "pieces": [
                 {
-                    "kind": FAILED if step.code else _KINDS.get(step.label, "build"),
+                    "kind": FAILED if step.code else kind_of(step),
                     "left": _percent(step.begun - run.begun, run.seconds),
                     "width": _percent(step.seconds, run.seconds),
                 }

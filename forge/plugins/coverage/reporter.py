@@ -16,6 +16,7 @@ from pathlib import Path
 from forge.base.errors import HostError, Problem, raise_if_any
 from forge.base.files import remove_tree, text_or_nothing
 from forge.base.frozen import frozen
+from forge.base.layout import forge_command
 from forge.build.tasks import Task
 from forge.build.tests.recipes import DATA_FILE, OMITTED
 from forge.output.reporters import Report, Reporter, Run
@@ -66,7 +67,8 @@ class Coverage(Reporter):
         raise_if_any(problems, HostError)
         if other := [task.name for task in compiled if task.steps and task not in counting]:
             names = ", ".join(f"'{name}'" for name in other)
-            hint = f"forge build --mixin coverage --packages-select {' '.join(other)}"
+            words = f"build --mixin coverage --packages-select {' '.join(other)}"
+            hint = forge_command(words, run.profile)
             run.warn([Problem(f"not built for coverage: {names}", hint=hint)])
         self._run = run
         self._gcovr = str(gcovr)

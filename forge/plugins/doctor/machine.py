@@ -41,7 +41,8 @@ def disk(subject: CheckContext) -> CheckResult:
         seen[device] = None
         free = shutil.disk_usage(folder).free
         summary.append(f"{free / _GIB:.0f} GiB free" if free >= 10 * _GIB else f"{free / _GIB:.1f} GiB free")
-        hint = "free some space: 'forge clean stale' removes results of packages no longer in the workspace"
+        command = subject.layout.command("clean stale")
+        hint = f"free some space: '{command}' removes results of packages no longer in the workspace"
         left = f"{free >> 20} MiB are left"
         if free < _TOO_LITTLE:
             errors.append(Problem(f"the disk is full: {left}", Location(folder), hint))

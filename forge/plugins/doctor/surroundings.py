@@ -88,7 +88,7 @@ def results(subject: CheckContext) -> CheckResult:
         match = _CACHE_HOME.search(text_or_nothing(build / "CMakeCache.txt"))
         if match and Path(match[1]).resolve() != source.resolve():
             message = f"'{build.name}' was built from '{match[1]}' and will be rebuilt"
-            notes.append(Problem(message, Location(build), f"forge clean packages {name}"))
+            notes.append(Problem(message, Location(build), layout.command(f"clean packages {name}")))
     built = (layout.build / ".built_by").is_file()
     summary = f"{layout.build.name}, {layout.install.name}" if built else "nothing built yet"
     return CheckResult("results", summary, tuple(errors), notes=tuple(notes))

@@ -17,8 +17,12 @@ _MIDDLEWARE_GROUP = "rmw_implementation_packages"
 _MIDDLEWARE_USER = "rmw_implementation"
 
 _ICEORYX = ("iceoryx_binding_c", "iceoryx_hoofs", "iceoryx_posh")
-_OPTIONAL = {"cyclonedds": _ICEORYX, "rmw_cyclonedds_cpp": _ICEORYX}
-"""Declared dependencies that are optional: the shared memory transport of Cyclone DDS."""
+_OPTIONAL = {
+    "cyclonedds": _ICEORYX,
+    "rmw_cyclonedds_cpp": _ICEORYX,
+    "tracetools": ("liblttng-ust-dev", "lttng-tools"),
+}
+"""Optional dependencies: the shared memory transport of Cyclone DDS, and tracing, which underlays disable."""
 
 _FOR_TESTS = {
     "ament_cmake_gmock": ("google-mock",),

@@ -27,6 +27,7 @@ from forge.base.errors import (
 from forge.base.files import read_file, read_text, replace_file
 from forge.base.frozen import frozen
 from forge.base.layout import Layout
+from forge.base.names import did_you_mean
 from forge.base.options import flag, option, options_of
 from forge.base.text import counted, listed
 from forge.cli import options as shared
@@ -54,6 +55,7 @@ from forge.plugins.fetch.python import (
     is_system_module,
     lock_modules,
     make_environment,
+    missing_programs,
     sees_system,
     workspace_environment,
 )
@@ -72,9 +74,9 @@ from forge.plugins.fetch.underlay import is_underlay
 from forge.toolchain.interpreter import find_interpreter, own_command
 from forge.workspace.discovery import discover_embedded
 from forge.workspace.load import LoadedWorkspace, load_workspace
-from forge.workspace.manifest import parse_manifest
+from forge.workspace.manifest import declaration, parse_manifest
 from forge.workspace.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS, Package
-from forge.workspace.resolve import provided_names
+from forge.workspace.resolve import is_ros_name, provided_names
 from forge.workspace.selection import Query
 
 
@@ -110,6 +112,7 @@ class Options:
         "interpreter to use instead of '.venv' (default: that of forge.toml)", metavar="PATH"
     )
     install_base: str = shared.install_base_option()
+    profile: str | None = shared.profile_option()
 
 
 @frozen
@@ -137,6 +140,8 @@ def _fetch(options: Options, root: Path, cache: Path) -> int:
     chosen = known_rosdistro(options.rosdistro, root, layout.install)
     distribution = chosen or (before.distribution if before else OLDEST)
     if before and before.distribution != distribution:
+        names = (*before.requested, *options.names)
+        options = replace(options, names=names, rmw=options.rmw or before.middleware)
         before = None
     snapshot = _snapshot(options, distribution, before)
     loaded = load_workspace(root, options.query, {**os.environ, "ROS_DISTRO": distribution})
@@ -146,6 +151,7 @@ def _fetch(options: Options, root: Path, cache: Path) -> int:
     snapshot = replace(snapshot, releases={**snapshot.releases, **imports.releases})
     middleware, requested = _choices(options, snapshot, before, loaded, imports)
     around = _surroundings(layout, cache, distribution)
+    print_warnings(_unknown(loaded, snapshot, around))
     own = loaded.workspace.packages
     needs = resolve(
         {**dict.fromkeys(requested, ()), **_wanted(options, snapshot, loaded)},
@@ -180,7 +186,9 @@ def _fetch(options: Options, root: Path, cache: Path) -> int:
         lock = replace(lock, pip=_pip_names([*sources, *projects], lock))
         ros, python = _requirements(needs, lock, declared, around)
     if not (packages or python):
-        print("nothing to fetch: all dependencies of the workspace are available")
+        print(f"nothing to fetch: no package of ROS {distribution} is missing")
+        if options.export:
+            print(f"did not write '{options.export}': there is nothing to export")
         if before:
             write_lock(root, replace(lock, python=(), modules=()))
         return 0
@@ -192,7 +200,8 @@ def _fetch(options: Options, root: Path, cache: Path) -> int:
         make_environment(environment, interpreter.path, system=system)
     program = environment / "bin/python3" if environment else interpreter.path
     lock = replace(lock, python=python, modules=_modules(options, lock, before, ros, python, program, cache))
-    print_warnings(announced(sources, lock.keys))
+    print_warnings(announced(sources, lock.keys, around.variables))
+    print_warnings(missing_programs(needs.keys, around.variables))
     for line in _system_packages(sources, lock) if sources else ():
         print(line)
     if options.export:
@@ -309,6 +318,22 @@ def _wanted(options: Options, snapshot: Snapshot, loaded: LoadedWorkspace) -> di
     if users.keys() & snapshot.releases.keys() <= embedded and not options.names:
         return {}
     return {name: tuple(sorted(names)) for name, names in sorted(users.items())}
+
+
+def _unknown(loaded: LoadedWorkspace, snapshot: Snapshot, around: _Surroundings) -> Iterator[Problem]:
+    """Yield the dependencies of the workspace that must be misspelled, or packages released elsewhere."""
+    released = {*loaded.workspace.packages, *snapshot.releases}
+    others = {*released, *_embedded(snapshot.distribution), *REQUIREMENTS}
+    for package in (loaded.packages[node] for node in loaded.selection.names):
+        for name in package.manifest.names(BUILD_KINDS | RUN_KINDS):
+            if "-" in name or name in others or around.has(name):
+                continue
+            hint = did_you_mean(name, released, 0.85)
+            if hint or is_ros_name(name):
+                message = (
+                    f"ROS '{snapshot.distribution}' has no package '{name}', which '{package.name}' needs"
+                )
+                yield Problem(message, declaration(package.manifest.path, name), hint)
 
 
 def _embedded(distribution: str) -> frozenset[str]:

@@ -7,13 +7,18 @@ it before. Vendor packages that download in any case are not satisfied by a libr
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Iterator, Sequence
+import subprocess
+import tempfile
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 from forge.base.errors import Problem
 from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
 from forge.base.text import listed
+from forge.toolchain.programs import find_cmake
 from forge.workspace.cmake_text import Call, calls, cmake_files
 from forge.workspace.model import DependencyKind, Package
 
@@ -22,6 +27,9 @@ _URL = re.compile(r"(?:https?|ftp)://\S+")
 _VERSION_LESS = re.compile(r'"?\$\{(.+)_VERSION\}"? VERSION_LESS "?([\d.]+)"?')
 _FORCED = "FORCE_BUILD_VENDOR_PKG"
 """The option of vendor packages that is off by default."""
+_OTHER_SYSTEMS = frozenset({"ANDROID", "APPLE", "MSVC", "WIN32"})
+_NAME = re.compile(r"[\w.+-]+")
+_VARIABLE = re.compile(r"\$\{(\w+)\}")
 
 
 @frozen
@@ -29,13 +37,47 @@ class Download:
     url: str
     library: str = ""
     """The package of CMake that prevents the download, '' if none does."""
-    version: str = ""
-    """Its oldest accepted version, '' for any."""
+    requested: str = ""
+    """The version that find_package() is called with, '' for any."""
+    oldest: str = ""
+    """The oldest version that is accepted of what is found, '' for any."""
+
+
+def linux_calls(text: str) -> list[Call]:
+    """Return the calls that may run on Linux, with the values of variables that are set to a single one."""
+    values: dict[str, str] = {}
+    several: set[str] = set()
+
+    def expanded(word: str) -> str:
+        return _VARIABLE.sub(lambda match: values.get(match[1], match[0]), word)
+
+    def may_run(call: Call) -> bool:
+        terms = {term for each in call.conditions for term in each.split(" AND ") if " OR " not in each}
+        return _OTHER_SYSTEMS.isdisjoint(terms) and all(values.get(term) != "OFF" for term in terms)
+
+    found = [*calls(text)]
+    for call in filter(may_run, found):
+        if call.command == "set" and call.words:
+            name, *words = map(expanded, call.words)
+            value = " ".join(words[: words.index("CACHE")] if "CACHE" in words else words)
+            if values.setdefault(name, value) != value:
+                several.add(name)
+    for name in several:
+        del values[name]
+    running = [call for call in found if may_run(call)]
+    unused = {call.command for call in found} - {call.command for call in running}  # among others, macros
+    return [
+        replace(
+            call, words=tuple(map(expanded, call.words)), conditions=tuple(map(expanded, call.conditions))
+        )
+        for call in running
+        if unused.isdisjoint(each.split(" ")[0].lower() for each in call.conditions)
+    ]
 
 
 def downloads(text: str) -> Iterator[Download]:
     """Yield the literal addresses that a CMakeLists.txt downloads from, except for those of git."""
-    found = [*calls(text)] if "://" in text else []
+    found = linux_calls(text) if "://" in text else []
     optional = {
         call.words[0]: call.words[1] if re.fullmatch(r"[\d.]+", " ".join(call.words[1:2])) else ""
         for call in found
@@ -57,21 +99,21 @@ def is_repository(words: Sequence[str]) -> bool:
     return values.get("VCS_TYPE", "git") == "git"
 
 
-def _replacement(call: Call, found: Collection[Call], optional: dict[str, str]) -> tuple[str, str]:
-    """Return the library whose absence alone triggers a call, and its version; ('', '') without one."""
+def _replacement(call: Call, found: Collection[Call], optional: dict[str, str]) -> tuple[str, str, str]:
+    """Return the library whose absence alone triggers a call, and its versions; '' for each without one."""
     if "SATISFIED" in call.words:
         name = call.words[call.words.index("SATISFIED") + 1].removeprefix("${").removesuffix("_FOUND}")
-        return (name, optional[name]) if name in optional else ("", "")
+        return (name, optional[name], "") if name in optional else ("", "", "")
     names = {each.words[0].lower() for each in found if each.command in {"macro", "function"} and each.words}
     around = [each.split(" ")[0].lower() for each in call.conditions]
     if macro := next((name for name in around if name in names), None):
         uses = [_needed(each.conditions, optional) for each in found if each.command == macro]
     else:
         uses = [_needed(call.conditions, optional)]
-    return uses[0] if uses and len(set(uses)) == 1 else ("", "")
+    return uses[0] if uses and len(set(uses)) == 1 else ("", "", "")
 
 
-def _needed(conditions: Collection[str], optional: dict[str, str]) -> tuple[str, str]:
+def _needed(conditions: Collection[str], optional: dict[str, str]) -> tuple[str, str, str]:
     """Return the library whose absence, or whose age, one of the conditions is about, and nothing else."""
     for condition in conditions:
         library, version, others = "", "", False
@@ -83,19 +125,68 @@ def _needed(conditions: Collection[str], optional: dict[str, str]) -> tuple[str,
             else:
                 others = others or term != _FORCED
         if library and not others:
-            return library, version or optional[library]
-    return "", ""
+            return library, optional[library], version
+    return "", "", ""
 
 
-def announced(packages: Iterable[Package], keys: Collection[str]) -> Iterator[Problem]:
-    """Yield the downloads of each package; `keys` are the rosdep keys of libraries."""
-    for package in packages:
-        found = {each for path in cmake_files(package.path) for each in downloads(text_or_nothing(path))}
-        libraries = sorted(set(keys) & set(package.manifest.names(frozenset({DependencyKind.BUILD}))))
-        for each in sorted(found, key=lambda each: each.url):
-            message, hint = f"'{package.name}' downloads {each.url} while it is built", None
-            if each.library:
-                version = f" {each.version} or newer" if each.version else ""
-                message += f", unless CMake finds '{each.library}'{version}"
-                hint = f"its rosdep key is {listed(libraries)}" if libraries else None
-            yield Problem(message, hint=hint)
+def announced(
+    packages: Iterable[Package], keys: Collection[str], variables: Mapping[str, str]
+) -> Iterator[Problem]:
+    """Yield the downloads of each package, except those that an installed library prevents.
+
+    `keys` are the rosdep keys of libraries, `variables` the environment in which CMake looks for them.
+    """
+    found = {
+        (package, each)
+        for package in packages
+        for path in cmake_files(package.path)
+        for each in downloads(text_or_nothing(path))
+    }
+    needed = {
+        (each.library, each.requested, each.oldest): package.path for package, each in found if each.library
+    }
+    installed = _installed(needed, variables)
+    for package, each in sorted(found, key=lambda pair: (pair[0].name, pair[1].url)):
+        if (each.library, each.requested, each.oldest) in installed:
+            continue
+        message, hint = f"'{package.name}' downloads {each.url} while it is built", None
+        if each.library:
+            version = each.oldest or each.requested
+            newer = f" {version} or newer" if version else ""
+            message += f", unless CMake finds '{each.library}'{newer}"
+            names = sorted(set(keys) & set(package.manifest.names(frozenset({DependencyKind.BUILD}))))
+            if names:
+                hint = f"its rosdep key is {'one of ' * (len(names) > 1)}{listed(names)}"
+        yield Problem(message, hint=hint)
+
+
+def _installed(
+    libraries: Mapping[tuple[str, str, str], Path], variables: Mapping[str, str]
+) -> set[tuple[str, str, str]]:
+    """Return the libraries, with requested and oldest versions, that CMake finds for these packages."""
+    named = {key: path for key, path in libraries.items() if _NAME.fullmatch(key[0])}
+    cmake = find_cmake(variables)
+    if not named or cmake is None:
+        return set()
+    lines = ["cmake_minimum_required(VERSION 3.10)", "project(libraries)"]
+    for (name, requested, oldest), path in named.items():
+        is_new = f' AND NOT "${{{name}_VERSION}}" VERSION_LESS {oldest}' if oldest else ""
+        modules = {Path(file).parent for file in cmake_files(path) if Path(file).name == f"Find{name}.cmake"}
+        lines += [
+            f"set(CMAKE_MODULE_PATH {' '.join(f'[==[{each}]==]' for each in sorted(modules))})",
+            f"find_package({name} {requested} QUIET)",
+            f"if({name}_FOUND{is_new})",
+            f'  file(APPEND found.txt "{name} {requested} {oldest}\\n")',
+            "endif()",
+        ]
+    with tempfile.TemporaryDirectory() as folder:
+        Path(folder, "CMakeLists.txt").write_text("\n".join(lines))
+        subprocess.run(
+            (str(cmake), "-S", folder, "-B", f"{folder}/build", "-Wno-dev", "-Wno-deprecated"),
+            env=dict(variables),
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            check=False,
+        )
+        rows = text_or_nothing(Path(folder, "found.txt")).splitlines()
+    return {key for key in named if " ".join(key) in rows}

@@ -1,10 +1,12 @@
 """Queries with git: commits of tags, the tree of a commit, and a repository with a single commit.
 
 The user's configuration applies, for credentials, proxies and mirrors (`url.<base>.insteadOf`).
+All functions raise OSError if the disk is full.
 """
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 import signal
@@ -45,6 +47,8 @@ _NETWORK = re.compile(
     r"|gnutls|openssl|ssl_|http/2 stream",
     re.IGNORECASE,
 )
+_FULL = re.compile(r"No space left on device|Disk quota exceeded|unable to write file")
+"""Signs of a full disk; git does not say why it cannot write a file of a work tree."""
 
 
 class GitError(ForgeError):
@@ -166,8 +170,13 @@ def _git(*words: str) -> str:
         raise HostError(Problem("git is not installed", hint=hint)) from None
     if done.returncode == -signal.SIGINT:
         raise KeyboardInterrupt
+    if _FULL.search(os.fsdecode(done.stderr)):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), words[0])
     if done.returncode:
-        lines = (line.removeprefix("fatal: ") for line in os.fsdecode(done.stderr).splitlines())
+        lines = (
+            line.removeprefix("fatal: ").removeprefix("error: ")
+            for line in os.fsdecode(done.stderr).splitlines()
+        )
         reason = next((line for line in lines if line and not line.startswith(("warning:", "hint:"))), "")
         kind = NetworkError if _NETWORK.search(os.fsdecode(done.stderr)) else GitError
         raise kind(Problem(without_passwords(reason or f"git failed with exit code {done.returncode}")))

@@ -24,6 +24,7 @@ from forge.plugins.fetch.lock import cache_folder
 from forge.workspace.manifest import parse_manifest
 from forge.workspace.model import Manifest
 
+_WRAPPING = re.compile(r"<urlopen error |\[Errno -?\d+\] ")
 _FORMAT = 1
 """The format of the cached file; files of other formats are read from the index again."""
 
@@ -103,6 +104,8 @@ def _download(distribution: str, url: str | None) -> dict[str, Any]:
         raise
     except Exception as error:  # the library lets exceptions of the standard library through
         reason = " ".join(str(error).split()) or type(error).__name__
+        # Errors of urllib are inside of others.
+        reason = _WRAPPING.sub("", reason.replace(f" ({index_url})", "")).rstrip(">")
         message = f"cannot read the index of ROS distributions '{without_passwords(index_url)}': {reason}"
         hint = "check the network, name a mirror with ROSDISTRO_INDEX_URL, or use the last answer: --offline"
         raise HostError(Problem(message, hint=hint)) from error

@@ -23,10 +23,10 @@ from forge.base.text import duration
 class Report:
     """Collects the events of a nested build; with `status`, a terminal shows its progress.
 
-    `head` is printed when the first package starts.
+    When the first package starts, `head` is printed with the number of packages to build.
     """
 
-    def __init__(self, folder: Path, head: str, *, status: bool) -> None:
+    def __init__(self, folder: Path, head: Callable[[int], str] | None, *, status: bool) -> None:
         self.folder = folder
         self._head = head
         self.good: set[str] = set()
@@ -58,7 +58,7 @@ class Report:
                 self.good.add(name)
             case "Started":
                 if self._head and not self._started:
-                    print(self._head, file=sys.stderr, flush=True)
+                    print(self._head(self._total), file=sys.stderr, flush=True)
                 self._started = True
                 self._running.append(name)
             case "Finished" | "Aborted" | "Skipped" if name in self._running:
@@ -92,7 +92,8 @@ def run(
 ) -> int:
     """Run the command, which prints events, and return its exit code.
 
-    `record` is called with the names of good packages when they are known, and at the end, however it ends.
+    `record` is called with the names of good packages when they are known, after each that is built, and at
+    the end, however it ends.
     An interrupt is passed on, and raised when the nested build has ended its own processes.
     """
     code, interrupted, planned = None, False, False
@@ -114,7 +115,8 @@ def run(
             while code is None:
                 try:
                     for line in process.stdout or ():
-                        if report.take(line) == "Started" and not planned:
+                        kind = report.take(line)
+                        if kind == "Finished" or (kind == "Started" and not planned):
                             planned = True
                             record(report.good)
                     code = process.wait()

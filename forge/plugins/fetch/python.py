@@ -9,6 +9,7 @@ Functions import what takes long, since each build of a workspace with a lock im
 from __future__ import annotations
 
 import configparser
+import errno
 import hashlib
 import os
 import re
@@ -16,14 +17,14 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 
 from forge.base.errors import HostError, Location, Problem, WorkspaceError, print_warnings
 from forge.base.files import delete_tree, replace_file, text_or_nothing
 from forge.base.formats import read_toml
-from forge.base.text import counted
+from forge.base.text import counted, listed
 from forge.plugins.fetch.lock import Lock, Module
 from forge.plugins.fetch.sources import only_download
 from forge.toolchain.interpreter import ENVIRONMENT_FOLDER, Interpreter, ask_python
@@ -54,6 +55,9 @@ REQUIREMENTS = {
 }
 """The distributions on PyPI of rosdep's keys."""
 
+_PROGRAMS = {"python3-pydot": ("dot", "graphviz")}
+"""Programs that modules from PyPI start, and the system packages that have them."""
+
 _STAMP = "forge-modules.txt"
 """The file in an environment that records the installed modules, or the current operation."""
 _CREATING = "# forge makes this environment\n"
@@ -79,6 +83,15 @@ for name in sys.argv[1:]:
     try: print(name, version(name))
     except PackageNotFoundError: pass
 """
+
+
+def missing_programs(keys: Mapping[str, Sequence[str]], variables: Mapping[str, str]) -> Iterator[Problem]:
+    """Yield the programs missing for modules; `keys` maps rosdep keys to the packages that need them."""
+    for key in sorted(keys.keys() & _PROGRAMS.keys()):
+        program, package = _PROGRAMS[key]
+        if not shutil.which(program, path=variables.get("PATH")):
+            hint = f"install it, for example with `apt install {package}`"
+            yield Problem(f"{listed(keys[key])} needs the program '{program}' to run", hint=hint)
 
 
 def is_system_module(key: str) -> bool:
@@ -435,6 +448,8 @@ def _run(command: Sequence[str], purpose: str, place: str | Path, hint: str | No
         reason = errors[-1] if errors else " ".join(line.strip(_DRAWN) for line in lines)
         if "No module named pip" in reason:
             hint = "install uv, or pip for this interpreter"
+        if os.strerror(errno.ENOSPC) in done.stderr:
+            reason, hint = os.strerror(errno.ENOSPC), "free some space, and run 'forge fetch' again"
         reason = re.sub("^error: ", "", reason, flags=re.IGNORECASE) or f"exit code {done.returncode}"
         raise HostError(Problem(f"cannot {purpose} '{place}': {reason}", hint=hint))
     return done.stdout

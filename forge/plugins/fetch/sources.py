@@ -6,6 +6,7 @@ that a package clones while it is built. Both are complete once they have these 
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import os
 import shutil
@@ -19,16 +20,16 @@ from pathlib import Path
 from typing import TypeVar
 
 from forge.base.env_vars import without_passwords
-from forge.base.errors import ForgeError, Problem, SelectionError, raise_if_any
+from forge.base.errors import ForgeError, HostError, Problem, SelectionError, raise_if_any
 from forge.base.files import delete_tree, text_or_nothing
 from forge.base.text import digest, listed
 from forge.plugins.fetch import git
-from forge.plugins.fetch.downloads import is_repository
+from forge.plugins.fetch.downloads import is_repository, linux_calls
 from forge.plugins.fetch.git import NetworkError
 from forge.plugins.fetch.index import Release, Snapshot
 from forge.plugins.fetch.lock import Clone, LockedPackage
 from forge.plugins.fetch.records import write_record
-from forge.workspace.cmake_text import calls, cmake_files
+from forge.workspace.cmake_text import cmake_files
 
 _CONNECTIONS = 8
 _Item = TypeVar("_Item")
@@ -132,8 +133,7 @@ def place_package(tree: Path, package: LockedPackage, cache: Path) -> None:
     """Copy a package from the tree of its commit to its folder in the cache."""
     folder = source_folder(cache, package)
     with _new_folder(folder) as draft:
-        ignored = shutil.ignore_patterns(".git")
-        shutil.copytree(tree / package.path, draft, symlinks=True, dirs_exist_ok=True, ignore=ignored)
+        _copy_tree(tree / package.path, draft)
         _make_read_only(draft)
         write_record(folder, draft)
 
@@ -141,39 +141,39 @@ def place_package(tree: Path, package: LockedPackage, cache: Path) -> None:
 def lock_clones(
     packages: Iterable[LockedPackage], cache: Path, *, tests: bool
 ) -> tuple[list[Clone], list[Problem]]:
-    """Return the repositories that the packages clone by literal addresses, and warnings of those not found.
+    """Return the repositories that the packages clone, and warnings of those that cannot be pinned.
 
     Calls below `if(BUILD_TESTING)` count with `tests`. CMake decides whether a call is made at all.
     """
+    warnings = []
+    hint = "if the build does clone it, that is not locked, and needs the network"
     users: dict[tuple[str, str], set[str]] = {}
     for package in packages:
         for text in map(text_or_nothing, cmake_files(source_folder(cache, package))):
-            for call in calls(text) if "GIT_REPOSITORY" in text or "ament_vendor" in text else ():
+            for call in linux_calls(text) if "GIT_REPOSITORY" in text or "ament_vendor" in text else ():
                 words = dict(zip(call.words, call.words[1:], strict=False))
                 url = words.get("GIT_REPOSITORY") or words.get("VCS_URL") or ""
                 tag = words.get("GIT_TAG") or words.get("VCS_VERSION") or ""
                 for_tests = any("BUILD_TESTING" in each for each in call.conditions)
-                if (
-                    is_repository(call.words)
-                    and "://" in url
-                    and tag
-                    and "$" not in url + tag
-                    and (tests or not for_tests)
-                ):
+                if not (is_repository(call.words) and "://" in url and tag and (tests or not for_tests)):
+                    continue
+                if "$" in url + tag:
+                    message = f"'{package.name}' may clone '{url}': CMake computes the tag '{tag}'"
+                    warnings.append(Problem(message, hint=hint))
+                else:
                     users.setdefault((url, tag), set()).add(package.name)
 
     def look_up(clone: tuple[str, str]) -> str:
         url, tag = clone
         return tag if len(tag) == 40 else git.commits_of(url, [tag]).get(tag, "")
 
-    clones, warnings = [], []
+    clones = []
     for (url, tag), commit in in_parallel(look_up, users):
         names = tuple(sorted(users[url, tag]))
         if isinstance(commit, str) and commit:
             clones.append(Clone(url, tag, commit, names))
         else:
             reason = commit.problems[0].message if isinstance(commit, ForgeError) else f"no tag '{tag}'"
-            hint = "if the build does clone it, that is not locked, and needs the network"
             warnings.append(Problem(f"'{names[0]}' may clone '{url}': {reason}", hint=hint))
     return clones, warnings
 
@@ -211,7 +211,10 @@ def combined_clone(mirrors: Mapping[str, Path], folder: Path) -> Path:
 def in_parallel(
     function: Callable[[_Item], _Result], items: Iterable[_Item]
 ) -> Iterator[tuple[_Item, _Result | ForgeError]]:
-    """Yield each item with the result of the function, or with the error that it raised, in order."""
+    """Yield each item with the result of the function, or with the error that it raised, in order.
+
+    Raises HostError if the disk is full.
+    """
 
     def attempt(item: _Item) -> _Result | ForgeError:
         try:
@@ -222,6 +225,13 @@ def in_parallel(
     waiting, pool = list(items), ThreadPoolExecutor(_CONNECTIONS)
     try:
         yield from zip(waiting, pool.map(attempt, waiting), strict=True)
+    except OSError as error:
+        if error.errno != errno.ENOSPC:
+            raise
+        hint = (
+            "free some space, or set XDG_CACHE_HOME to a folder on another disk: finished downloads are kept"
+        )
+        raise HostError(Problem("no space left on the disk of forge's cache", hint=hint)) from None
     finally:
         pool.shutdown(cancel_futures=True)  # after Ctrl-C, or with a full disk
 
@@ -253,11 +263,23 @@ def copy_sources(packages: Iterable[LockedPackage], cache: Path, folder: Path) -
     raise_if_any((Problem(f"'{path}' exists already", hint=hint) for path in present), SelectionError)
     for path, source in copies.items():
         with _new_folder(path) as draft:
-            shutil.copytree(source, draft, symlinks=True, dirs_exist_ok=True)
+            _copy_tree(source, draft)
             for place, _, names in os.walk(draft):
                 for file in (Path(place, name) for name in names):
                     if not file.is_symlink():
                         file.chmod(file.stat().st_mode | 0o200)
+
+
+def _copy_tree(source: Path, target: Path) -> None:
+    """Copy what is in a folder, except for a repository of git; raises one OSError if the disk is full."""
+    ignored = shutil.ignore_patterns(".git")
+    try:
+        shutil.copytree(source, target, symlinks=True, dirs_exist_ok=True, ignore=ignored)
+    except shutil.Error as error:
+        _, path, reason = error.args[0][0]
+        if os.strerror(errno.ENOSPC) not in reason:
+            raise
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), path) from None
 
 
 def _make_read_only(folder: Path) -> None:

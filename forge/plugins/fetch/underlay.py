@@ -13,8 +13,9 @@ import os
 import shutil
 import sys
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path
 
 from forge import __version__
@@ -59,6 +60,8 @@ _SYSTEM = (
     *("/var/lib/pacman/local", "/lib/apk/db/installed"),
 )
 """Files that package managers write when they install or remove something."""
+_PAUSE = 0.2
+"""Seconds between looks at what another process builds."""
 _NEEDS = "needs.json"
 """Declared dependencies missing from the latest locks, by a digest of the packages."""
 _MAX_STORED_NEEDS = 20
@@ -111,9 +114,10 @@ def build(
                 os.utime(folder / BUILT)
             return (folder / "install",)
         folder.mkdir(parents=True, exist_ok=True)
-        with locked(folder, wait=not options.folders.no_wait):
+        is_built = partial(_is_built, folder, wanted, state)
+        with locked(folder, wait=not options.folders.no_wait, or_until=is_built):
             # The forge that had the lock may have built these packages, or others with the same names.
-            if _is_built(folder, wanted, state) or not _fits(folder, wanted):
+            if is_built() or not _fits(folder, wanted):
                 continue
             _download(lock, cache)
             _extend(folder, lock, cache)
@@ -163,7 +167,8 @@ def lock_path(folder: Path) -> Path:
 
 
 @contextmanager
-def locked(folder: Path, *, wait: bool) -> Iterator[None]:
+def locked(folder: Path, *, wait: bool, or_until: Callable[[], bool] = lambda: False) -> Iterator[None]:
+    """Lock an underlay; without the lock if the condition holds while another process has it."""
     with lock_path(folder).open("w") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -172,7 +177,11 @@ def locked(folder: Path, *, wait: bool) -> Iterator[None]:
                 hint = "try again later, or omit '--no-wait'"
                 raise HostError(Problem(f"another process is building in '{folder}'", hint=hint)) from None
             print(f"waiting for another process that is building in '{folder}'", file=sys.stderr, flush=True)
-            fcntl.flock(file, fcntl.LOCK_EX)
+            while not or_until():
+                with suppress(BlockingIOError):
+                    fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    break
+                time.sleep(_PAUSE)
         folder.mkdir(exist_ok=True)
         yield
 
@@ -255,16 +264,23 @@ def _run_build(
     optional = _declared((folder / "src" / name / "package.xml" for name in sources), own)
     words = ["--rosdistro", lock.distribution, "--python", python, "--json", *_passed_on(options)]
     words += ["--skip-keys", *sorted(optional)]
+    # Those of other workspaces, which may be broken, can wait.
+    words += ["--packages-up-to", *(each.name for each in lock.packages)]
 
     def record(good: set[str]) -> None:
         built = {name: path.name for name, path in sources.items() if name in good}
         replace_file(folder / BUILT, json.dumps({"state": state, "packages": built}, indent=1).encode())
 
     handlers = options.report.handlers
-    what = f"{counted(len(sources), 'package')} of ROS {lock.distribution}"
-    head = f"building {what} in '{folder}', once for all workspaces"
+
+    def what(count: int) -> str:
+        return f"{counted(count, 'package')} of ROS {lock.distribution}"
+
+    def head(count: int) -> str:
+        return f"building {what(count)} in '{folder}', once for all workspaces"
+
     shows = handlers["console_start_end"]
-    report = nested.Report(folder, head if shows else "", status=shows and handlers["status"])
+    report = nested.Report(folder, head if shows else None, status=shows and handlers["status"])
     # Until the build has checked all packages, none counts as built, even if this process is killed.
     (folder / BUILT).unlink(missing_ok=True)
     code = nested.run(own_command("build", *words), own, report, record)
@@ -277,7 +293,9 @@ def _run_build(
         message = f"the packages of '{LOCK_FILE}' could not be built"
         raise HostError(Problem(message, hint=f"see above; the workspace of the packages is '{folder}'"))
     if shows and report.built:
-        print(f"built {what} [{duration(time.monotonic() - began)}]", file=sys.stderr, flush=True)
+        print(
+            f"built {what(report.built)} [{duration(time.monotonic() - began)}]", file=sys.stderr, flush=True
+        )
 
 
 def _clone_settings(folder: Path, lock: Lock, cache: Path, variables: Mapping[str, str]) -> dict[str, str]:

@@ -8,6 +8,7 @@ from forge.base.frozen import frozen
 from forge.base.layout import INTERFACE_PAGES_DIR
 from forge.base.options import flag, option, options_of
 from forge.cli.commands.interface.inputs import IncludeOptions
+from forge.cli.options import profile_option
 
 _OUTPUT = Path("build") / INTERFACE_PAGES_DIR
 
@@ -26,6 +27,7 @@ class Options:
     embedded: bool = flag("also document all interfaces embedded in forge")
     title: str = option("title of the site (default: %(default)s)", default="Interfaces", metavar="TEXT")
     others: IncludeOptions = options_of(IncludeOptions)
+    profile: str | None = profile_option()
 
 
 def run(options: Options) -> int:

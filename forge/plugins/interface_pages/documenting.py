@@ -7,7 +7,7 @@ from contextlib import suppress
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
-from forge.base.ament_index import INDEX, prefixes
+from forge.base.ament_index import prefixes
 from forge.base.distributions import EMBEDDED
 from forge.base.errors import (
     ForgeError,
@@ -21,11 +21,11 @@ from forge.base.errors import (
 from forge.base.files import read_file, text_or_nothing, write_if_changed
 from forge.base.names import LOWER_NAME, did_you_mean
 from forge.build.folder_marks import mark_build_base
-from forge.cli.commands.interface.inputs import distribution_of
+from forge.cli.commands.interface.inputs import distribution_of, installed_definitions
 from forge.environment.installed import underlay_prefixes
 from forge.interfaces.model import Catalog
 from forge.interfaces.read.parsing import parse_all
-from forge.interfaces.read.sources import Library, definition_files, read_source
+from forge.interfaces.read.sources import Library, contradictions, definition_files, read_source
 from forge.interfaces.resolve.resolution import dependency_catalogs, resolve
 from forge.interfaces.writing import Written, unwritable
 from forge.plugins.interface_pages.site import PackageInfo, site
@@ -51,8 +51,8 @@ def make_site(options: Options, default: Path) -> int:
     root = find_root(Path.cwd(), Path.home())
     found = discover(root, ["."], os.environ)
     print_warnings(found.problems)
-    install = find_install(root, Path.home())
-    built = _installed(install, found.packages)
+    install = find_install(root, Path.home(), options.profile)
+    built = installed_definitions(install, found.packages)
     packages = {
         name: package
         for name, package in found.packages.items()
@@ -107,18 +107,6 @@ def make_site(options: Options, default: Path) -> int:
     return 0
 
 
-def _installed(install: Path | None, names: Iterable[str]) -> dict[str, Path]:
-    """Return the folders into which packages of the workspace have installed their definitions."""
-    homes = (
-        ((name, prefix / "share" / name) for name in names for prefix in (install / name, install))
-        if install
-        else ()
-    )
-    return {
-        name: home for name, home in homes if (home.parents[1] / INDEX / "rosidl_interfaces" / name).is_file()
-    }
-
-
 def _wanted(options: Options, own: Mapping[str, Path], library: Library) -> dict[str, Path]:
     """Return the folders of the packages to document completely; raises ForgeError."""
     known = library.packages()
@@ -142,7 +130,10 @@ def _attempt(name: str, library: Library) -> Catalog | InterfaceError:
     """Return a catalog, or the error, so that errors of all packages are reported."""
     try:
         places = library.definitions(name).values()
-        parsed = parse_all(read_source(name, base, relative) for base, relative in places)
+        sources = [read_source(name, base, relative) for base, relative in places]
+        if name not in library.built:
+            print_warnings(contradictions(sources))
+        parsed = parse_all(sources)
         return resolve(name, parsed, library, events=library.has_events)
     except InterfaceError as error:
         return error

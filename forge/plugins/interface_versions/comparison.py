@@ -1,17 +1,16 @@
 """Compare two versions of interfaces: which changes keep the serialized bytes, the type hash, the API; pure.
 
-The *wire* is kept if each value of one version is serialized to the same bytes by the other one, is valid
-there, and reaches the field of its name if that still exists: what two nodes of different versions, or a
-recorded bag, rely on. The *hash* is that of REP 2011, which depends on names too, but not on default values
+The *wire* is kept if both versions write the same bytes and read the same values from them, and each value
+reaches the field of its name if that still exists: what two nodes of different versions, or a recorded bag,
+rely on. The *hash* is that of REP 2011, which depends on names too, but not on default values
 and constants. The *API* is kept if code written for the old version still compiles and means the same.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import field
 from difflib import SequenceMatcher
-from itertools import zip_longest
 
 from forge.base.frozen import frozen
 from forge.base.text import digest
@@ -30,6 +29,7 @@ from forge.interfaces.model import (
     String,
     Type,
     TypeName,
+    element_of,
     nested_types,
     sections_of,
 )
@@ -38,8 +38,6 @@ from forge.interfaces.notation import type_text, value_text
 WIRE, HASH, API = "wire", "hash", "api"
 ASPECTS = (WIRE, HASH, API)
 
-_LONGEST = 4096
-"""The length of an encoding, in characters, above which its digest stands for it."""
 _SAME_BYTES = {"octet": "uint8", "char": "uint8"}
 _SECTIONS = {1: ("",), 2: ("request", "response"), 3: ("goal", "result", "feedback")}
 
@@ -52,8 +50,14 @@ class Version:
     messages: Mapping[TypeName, Message]
     hashers: Mapping[str, Hasher]
     """By package."""
-    encodings: dict[TypeName, str] = field(default_factory=dict)
+    invalid: frozenset[TypeName] = frozenset()
+    """The interfaces that cannot be compared."""
+    layouts: dict[TypeName, _Layout] = field(default_factory=dict)
     """A cache."""
+
+    @property
+    def names(self) -> frozenset[TypeName]:
+        return self.invalid.union(self.interfaces)
 
     def hash(self, name: TypeName) -> str:
         return self.hashers[name.package].hash(name)
@@ -76,10 +80,12 @@ class Difference:
     changes: tuple[Change, ...] = ()
     hashes: tuple[str, str] = ("", "")
     """The old and the new hash; empty for an interface that does not exist there."""
+    invalid_in: tuple[str, ...] = ()
+    """In which versions, 'old' and 'new', the interface is invalid: then it is not compared."""
 
 
-def version_of(catalogs: Iterable[Catalog]) -> Version:
-    """Return the version that consists of the catalogs of packages."""
+def version_of(catalogs: Iterable[Catalog], invalid: Iterable[TypeName]) -> Version:
+    """Return the version that consists of the catalogs of packages, and of invalid interfaces."""
     interfaces: dict[TypeName, Interface] = {}
     messages: dict[TypeName, Message] = {}
     hashers = {}
@@ -87,35 +93,35 @@ def version_of(catalogs: Iterable[Catalog]) -> Version:
         interfaces |= catalog.interfaces
         messages |= catalog.known
         hashers[catalog.package] = Hasher(catalog)
-    return Version(interfaces, messages, hashers)
+    return Version(interfaces, messages, hashers, frozenset(invalid))
 
 
 def compare(old: Version, new: Version) -> list[Difference]:
-    """Return the interfaces that differ, sorted by name."""
-    found = []
-    for name in sorted(old.interfaces.keys() | new.interfaces.keys()):
-        if name not in new.interfaces:
+    """Return the interfaces that differ or cannot be compared, sorted by name."""
+    found, wires = [], _Wires(old, new)
+    for name in sorted(old.names | new.names):
+        if invalid := tuple(each for each, at in (("old", old), ("new", new)) if name in at.invalid):
+            found.append(Difference(name, frozenset(), invalid_in=invalid))
+        elif name not in new.interfaces:
             found.append(Difference(name, frozenset(ASPECTS), (Change("removed"),), (old.hash(name), "")))
         elif name not in old.interfaces:
             found.append(Difference(name, frozenset(), (Change("new"),), ("", new.hash(name))))
-        elif difference := _compared(name, old, new):
+        elif difference := _compared(name, old, new, wires):
             found.append(difference)
     return found
 
 
-def _compared(name: TypeName, old: Version, new: Version) -> Difference | None:
+def _compared(name: TypeName, old: Version, new: Version, wires: _Wires) -> Difference | None:
     hashes = old.hash(name), new.hash(name)
     sections = sections_of(old.interfaces[name]), sections_of(new.interfaces[name])
+    titles = _SECTIONS[len(sections[0])]
+    moves = _moves(titles, *sections)
     changes: list[Change] = []
-    for title, before, after in zip_longest(_SECTIONS[len(sections[0])], *sections):
-        changes += _section_changes(title, before, after)
-    wires = [
-        [_encoding(Named(section.name), version.messages, version.encodings) for section in each]
-        for each, version in zip(sections, (old, new), strict=True)
-    ]
+    for title, before, after in zip(titles, *sections, strict=True):
+        changes += _section_changes(title, before, after, moves)
     breaks = {API} if any(change.api for change in changes) else set()
-    moved = _contents(sections[0], old.messages) & _contents(sections[1], new.messages) & _moved(old, new)
-    breaks |= {WIRE} if wires[0] != wires[1] or moved else set()
+    kept = not moves and all(wires.kept(*pair) for pair in zip(*sections, strict=True))
+    breaks |= set() if kept else {WIRE}
     breaks |= {HASH} if hashes[0] != hashes[1] else set()
     inner = sorted(nested_types(sections[0]) & nested_types(sections[1]))
     hashers = old.hashers[name.package], new.hashers[name.package]
@@ -124,36 +130,70 @@ def _compared(name: TypeName, old: Version, new: Version) -> Difference | None:
     return Difference(name, frozenset(breaks), tuple(changes), hashes) if changes or breaks else None
 
 
-def _moved(old: Version, new: Version) -> frozenset[TypeName]:
-    """Return the messages of both versions in which a field stands at the place of another one."""
+def _moves(
+    titles: tuple[str, ...], old: tuple[Message, ...], new: tuple[Message, ...]
+) -> dict[str, tuple[str, str]]:
+    """Return the old and the new section of each field that has moved to another one."""
 
-    def places(name: TypeName, version: Version) -> dict[str, str]:
-        """Return what precedes each field."""
-        fields = version.messages[name].fields
-        texts = [_encoding(each.type, version.messages, version.encodings) for each in fields]
-        return {each.name: " ".join(texts[:place]) for place, each in enumerate(fields)}
+    def homes(sections: tuple[Message, ...]) -> dict[str, list[str]]:
+        found: dict[str, list[str]] = {}
+        for title, section in zip(titles, sections, strict=True):
+            for each in section.fields:
+                found.setdefault(each.name, []).append(title)
+        return found
 
-    found = set()
-    for name in old.messages.keys() & new.messages.keys():
-        before, after = places(name, old), places(name, new)
-        if any(before[each] != after[each] for each in before.keys() & after.keys()):
-            found.add(name)
-    return frozenset(found)
+    before, after = homes(old), homes(new)
+    common = (name for name in before if len(before[name]) == len(after.get(name, ())) == 1)
+    return {name: (before[name][0], after[name][0]) for name in common if before[name] != after[name]}
 
 
-def _contents(messages: Iterable[Message], known: Mapping[TypeName, Message]) -> set[TypeName]:
-    """Return the names of messages and of all that they contain."""
-    found, waiting = {message.name for message in messages}, [*messages]
-    while waiting:
-        below = nested_types([waiting.pop()]) - found
-        found |= below
-        waiting += [known[name] for name in below]
+class _Wires:
+    """Says whether messages of two versions understand each other; the results are cached."""
+
+    def __init__(self, old: Version, new: Version) -> None:
+        self._versions = old, new
+        self._kept: dict[tuple[TypeName, TypeName], bool] = {}
+
+    def kept(self, old: Message, new: Message) -> bool:
+        """Return whether the bytes are the same, and belong to the same fields as far as both have them."""
+        names = old.name, new.name
+        if names not in self._kept:
+            before, after = map(_places, (old, new), self._versions)
+            types = [{each.name: each.type for each in message.fields} for message in (old, new)]
+            layouts = [*map(_layout, map(Named, names), self._versions)]
+            self._kept[names] = layouts[0] == layouts[1] and all(
+                before[each] == after[each] and self._inside(types[0][each], types[1][each])
+                for each in before.keys() & after.keys()
+            )
+        return self._kept[names]
+
+    def _inside(self, old: Type, new: Type) -> bool:
+        match element_of(old), element_of(new):
+            case Named(one), Named(other):
+                versions = self._versions
+                return self.kept(versions[0].messages[one], versions[1].messages[other])
+            case _:
+                return True
+
+
+def _places(message: Message, version: Version) -> dict[str, tuple[_Layout, _Layout]]:
+    """Return what precedes each field, and its own layout."""
+    at, found = _Layout(), {}
+    for each in message.fields:
+        own = _layout(each.type, version)
+        found[each.name] = at, own
+        at += own
     return found
 
 
-def _section_changes(title: str, old: Message, new: Message) -> Iterator[Change]:
+def _section_changes(
+    title: str, old: Message, new: Message, moves: Mapping[str, tuple[str, str]]
+) -> Iterator[Change]:
     where = f" of the {title}" if title else ""
-    yield from _field_changes(where, old, new)
+    yield from _field_changes(where, old, new, moves.keys())
+    for name, (source, target) in moves.items():
+        if source == title:
+            yield Change(f"field '{name}'{where} has moved to the {target}", api=True)
     yield from _enumeration_changes(where, old, new)
     before, after = ({each.name: each for each in message.constants} for message in (old, new))
     for name in sorted(before.keys() | after.keys()):
@@ -183,9 +223,12 @@ def _constant(constant: Constant) -> str:
     return f"{_type(constant.type, '')} {value_text(constant.value)}"
 
 
-def _field_changes(where: str, old: Message, new: Message) -> Iterator[Change]:
-    """Yield the changes of the fields; a field whose name alone has changed is renamed."""
-    before, after = list(old.fields), list(new.fields)
+def _field_changes(where: str, old: Message, new: Message, moved: Collection[str]) -> Iterator[Change]:
+    """Yield the changes of the fields; a field whose name alone has changed is renamed.
+
+    Without those of fields that have `moved` to or from another section.
+    """
+    before, after = ([each for each in message.fields if each.name not in moved] for message in (old, new))
     names = [[each.name for each in fields] for fields in (before, after)]
     removed, added = list[Field](), list[Field]()
     matcher = SequenceMatcher(a=names[0], b=names[1], autojunk=False)
@@ -247,24 +290,52 @@ def _type(type_: Type, package: str) -> str:
     return f"{text.word}{text.suffix}"
 
 
-def _encoding(type_: Type, messages: Mapping[TypeName, Message], known: dict[TypeName, str]) -> str:
-    """Return everything that determines the bytes and the range of values, without names.
+@frozen
+class _Layout:
+    """Everything that determines the bytes and the range of values, without names.
 
-    XCDR1 aligns primitives only, so that the members of a nested message could as well be its owner's.
+    A polynomial hash of a list of primitives, strings and sequences: arrays and nested messages, of which
+    there may be millions, need not be written out to be compared with those that are. XCDR1 aligns
+    primitives only, so that the members of a nested message could as well be its owner's.
     """
+
+    value: int = 0
+    factor: int = 1
+
+    def __add__(self, other: _Layout) -> _Layout:
+        value = self.value * other.factor + other.value
+        return _Layout(value % _MODULUS, self.factor * other.factor % _MODULUS)
+
+    def times(self, number: int) -> _Layout:
+        doubled, found = self, _Layout()
+        while number:
+            found = found + doubled if number % 2 else found
+            doubled, number = doubled + doubled, number // 2
+        return found
+
+
+_MODULUS = 2**521 - 1
+_BASE = int(digest("base", size=64), 16)
+
+
+def _layout(type_: Type, version: Version) -> _Layout:
     match type_:
         case Array(of, size):
-            return f"({_encoding(of, messages, known)})[{size}]"
+            return _layout(of, version).times(size)
         case Sequence(of, bound):
-            return f"({_encoding(of, messages, known)})[<={bound}]"
+            part = f"{_layout(of, version)}[<={bound}]"
         case Named(name):
-            if name not in known:
-                members = messages[name].fields
-                text = " ".join(_encoding(member.type, messages, known) for member in members) or "zero"
-                # Deeply nested messages could have millions of members.
-                known[name] = text if len(text) <= _LONGEST else digest(text, size=32)
-            return known[name]
+            if name not in version.layouts:
+                fields = version.messages[name].fields
+                layouts = (_layout(each.type, version) for each in fields)
+                version.layouts[name] = sum(layouts, start=_Layout()) if fields else _part("nothing")
+            return version.layouts[name]
         case Primitive(name):
-            return _SAME_BYTES.get(name, name)
+            part = _SAME_BYTES.get(name, name)
         case String(wide, bound):
-            return f"{'wstring' if wide else 'string'}<={bound}"
+            part = f"{'wstring' if wide else 'string'}<={bound}"
+    return _part(part)
+
+
+def _part(text: str) -> _Layout:
+    return _Layout(int(digest(text, size=64), 16) % _MODULUS, _BASE)

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
-from collections.abc import Iterable
-from contextlib import ExitStack
-from pathlib import Path
+from collections.abc import Sequence
 
-from forge.base.errors import Problem, SelectionError
+from forge.base.errors import Problem, SelectionError, print_problem, share_hints
 from forge.base.frozen import frozen
 from forge.base.options import flag, option, options_of
 from forge.cli.commands.interface.inputs import IncludeOptions, known_library
-from forge.interfaces.read.sources import definition_files
+from forge.cli.options import profile_option
 from forge.plugins.interface_versions.comparison import (
     API,
     ASPECTS,
@@ -22,9 +19,8 @@ from forge.plugins.interface_versions.comparison import (
     compare,
     version_of,
 )
-from forge.plugins.interface_versions.versions import catalogs_in, opened
-from forge.workspace.discovery import discover
-from forge.workspace.root import find_root
+from forge.plugins.interface_versions.packages import workspace_packages
+from forge.plugins.interface_versions.versions import read_version
 
 _IN_WORDS = {WIRE: "the wire", HASH: "the hash", API: "the API"}
 
@@ -33,7 +29,8 @@ _IN_WORDS = {WIRE: "the wire", HASH: "the hash", API: "the API"}
 class Options:
     EPILOG = (
         "A version is a folder (of a package, a workspace, an install folder) or a revision of git, as in "
-        "HEAD~1 or v1.2.0:src/my_msgs. The exit code is 1 if an interface breaks what --fail-on names."
+        "HEAD~1 or v1.2.0:src/my_msgs. The exit code is 1 if an interface breaks what --fail-on names, "
+        "and 2 if one is invalid in a version, and so cannot be compared."
     )
     old: str = option("the old version", positional=True, metavar="OLD")
     new: str = option(
@@ -48,42 +45,43 @@ class Options:
     )
     json: bool = flag("print one JSON object")
     others: IncludeOptions = options_of(IncludeOptions)
+    profile: str | None = profile_option()
 
 
 def run(options: Options) -> int:
-    """Print the differences; returns 1 if something broke that must not."""
-    library = known_library(options.others.rosdistro, {**_workspace(), **options.others.folders})
-    with ExitStack() as stack:
-        versions = [
-            version_of(catalogs_in(*stack.enter_context(opened(text)), library, options.package))
-            for text in (options.old, options.new)
-        ]
-    old, new = versions
-    if not (old.interfaces or new.interfaces):
+    """Print the differences; returns 1 if something broke that must not, 2 if something is not comparable."""
+    folders = {**workspace_packages(), **options.others.folders}
+    library = known_library(options.others.rosdistro, folders, options.profile)
+    read = [read_version(text, library, options.package) for text in (options.old, options.new)]
+    old, new = (version_of(*each) for each in read)
+    if not (old.names or new.names):
         what = f"package '{options.package}' with interfaces" if options.package else "interfaces"
         hint = "name folders with packages that have folders msg, srv or action"
         raise SelectionError(Problem(f"found no {what} in '{options.old}' or '{options.new}'", hint=hint))
-    differences = compare(old, new)
+    reasons = (problem for _, invalid in read for problems in invalid.values() for problem in problems)
+    for problem in share_hints(dict.fromkeys(reasons)):
+        print_problem(problem)
+    found = compare(old, new)
+    differences = [each for each in found if not each.invalid_in]
     if options.json:
-        print(json.dumps(_as_json(differences), indent=1))
+        print(json.dumps({str(each.name): _as_json(each) for each in found}, indent=1))
     else:
-        for each in differences:
+        for each in found:
             print(_heading(each))
             if all(each.hashes):
                 print("".join(f"  {change.text}\n" for change in each.changes), end="")
-        total = len(old.interfaces.keys() | new.interfaces.keys())
-        print(_summary(differences, total))
+        incomparable = len(found) - len(differences)
+        print(_summary(differences, len(old.names | new.names) - incomparable, incomparable))
+    if len(differences) < len(found):
+        return 2
     return int(any(each.breaks & {*options.fail_on} for each in differences))
 
 
-def _workspace() -> dict[str, Path]:
-    """Return the packages with interfaces of the enclosing workspace, which need not be built."""
-    found = discover(find_root(Path.cwd(), Path.home()), ["."], os.environ)
-    folders = {name: found.root / each.path for name, each in found.packages.items()}
-    return {name: folder for name, folder in folders.items() if definition_files(folder)}
-
-
 def _heading(difference: Difference) -> str:
+    if difference.invalid_in:
+        first, *more = difference.invalid_in
+        where = "both versions" if more else f"the {first} version"
+        return f"{difference.name}: cannot be compared, because it is invalid in {where}"
     if not difference.hashes[0]:
         return f"{difference.name}: new"
     if not difference.hashes[1]:
@@ -98,22 +96,21 @@ def _effect(difference: Difference) -> str:
     return f"breaks {', '.join(broken[:-1])}{' and ' if broken[1:] else ''}{broken[-1]}"
 
 
-def _summary(differences: Iterable[Difference], total: int) -> str:
+def _summary(differences: Sequence[Difference], total: int, incomparable: int) -> str:
     counts = {each: sum(each in one.breaks for one in differences) for each in ASPECTS}
     broken = ", ".join(f"{count} break {_IN_WORDS[each]}" for each, count in counts.items() if count)
-    changed = sum(1 for _ in differences)
-    if not changed:
-        return f"no difference in {total} interfaces"
-    return f"{changed} of {total} interfaces differ: {broken or 'nothing breaks'}"
+    text = f"{len(differences)} of {total} interfaces differ: {broken or 'nothing breaks'}"
+    if not differences:
+        text = f"no difference in {total} interfaces"
+    return f"{text}; {incomparable} cannot be compared" if incomparable else text
 
 
-def _as_json(differences: Iterable[Difference]) -> dict[str, object]:
+def _as_json(difference: Difference) -> dict[str, object]:
+    if difference.invalid_in:
+        return {"breaks": None, "changes": [], "invalid_in": difference.invalid_in}
     return {
-        str(each.name): {
-            "breaks": [aspect for aspect in ASPECTS if aspect in each.breaks],
-            "changes": [change.text for change in each.changes],
-            "old_hash": each.hashes[0] or None,
-            "new_hash": each.hashes[1] or None,
-        }
-        for each in differences
+        "breaks": [aspect for aspect in ASPECTS if aspect in difference.breaks],
+        "changes": [change.text for change in difference.changes],
+        "old_hash": difference.hashes[0] or None,
+        "new_hash": difference.hashes[1] or None,
     }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Container, Iterable, Iterator, Mapping
 from difflib import unified_diff
 from pathlib import Path, PurePosixPath
 
@@ -11,11 +11,18 @@ from forge.base.errors import InterfaceError, Location, Problem, SelectionError,
 from forge.base.frozen import frozen
 from forge.base.options import flag, option
 from forge.base.text import counted
-from forge.interfaces.model import Source
+from forge.interfaces.model import Source, sections_of
 from forge.interfaces.read.parsing import parse_leniently
 from forge.interfaces.read.sources import read_source
-from forge.plugins.interface_versions.packages import definitions_in, packages_in
-from forge.plugins.interface_versions.rewriting import BUILT_IN, Renamed, rewritten, type_name
+from forge.plugins.interface_versions.packages import definitions_in, packages_in, workspace_packages
+from forge.plugins.interface_versions.rewriting import (
+    BUILT_IN,
+    Renamed,
+    retyped,
+    rewritten,
+    texts_of_ros1,
+    type_name,
+)
 
 
 @frozen
@@ -58,20 +65,24 @@ def run(options: Options) -> int:
     if not any(any(definitions_in(home)) for _, home in packages):
         hint = "name folders with packages that have folders msg, srv or action"
         raise SelectionError(Problem(f"found no interfaces in '{', '.join(options.folders)}'", hint=hint))
-    found = {home: list(_fixes(package, home)) for package, home in packages}
+    sources = {home: [*_sources(package, home)] for package, home in packages}
+    types = dict(pair for home in sources for pair in _new_names(sources[home]))
+    found = {
+        home: [_fix(each, of_package, types) for each in of_package] for home, of_package in sources.items()
+    }
     fixes = [each for of_package in found.values() for each in of_package]
-    changed = [each for each in fixes if each.changes]
+    used = [*_uses_elsewhere(types, {home.resolve() for home in sources})]
+    changed = [each for each in (*fixes, *used) if each.changes]
     raise_if_any(_collisions(changed), WorkspaceError)
     if options.write:
         _write(changed)
+    else:
+        print("".join(map(_preview, changed)), end="")
     for package, home in packages:
-        own = [each for each in found[home] if each.changes]
-        if not options.write:
-            print("".join(map(_preview, own)), end="")
-        for line in _what_follows(package, home, own):
+        for line in _what_follows(package, home, found[home]):
             print(line)
     verb = "changed" if options.write else "would change"
-    print(f"{verb} {counted(len(changed), 'file')} of {len(fixes)}")
+    print(f"{verb} {counted(len(changed), 'file')} of {len(fixes) + len(used)}")
     raise_if_any(_left(fixes, written=options.write), InterfaceError)
     return int(bool(changed) and not options.write)
 
@@ -80,17 +91,37 @@ def _name_of(folder: str) -> str:
     return Path(folder).resolve().name
 
 
-def _fixes(package: str, home: Path) -> Iterator[Fix]:
-    """Yield a fix for each definition of a package, also for valid ones; .idl files stay as they are."""
-    sources = [read_source(package, home, relative) for relative in definitions_in(home)]
-    sources = [each for each in sources if not each.relative.endswith(".idl")]
-    stems = {PurePosixPath(each.relative).stem for each in sources}
-    types = {stem: better for stem in stems if (better := type_name(stem)) != stem and better not in stems}
-    for source in sources:
-        text, names = rewritten(source.text, package, stems, types)
-        path = PurePosixPath(source.relative)
-        relative = path.with_name(f"{types.get(path.stem, path.stem)}{path.suffix}").as_posix()
-        yield Fix(source, relative, text, tuple(names))
+def _sources(package: str, home: Path) -> Iterator[Source]:
+    """Yield the definitions of a package; .idl files stay as they are."""
+    for relative in definitions_in(home):
+        if not relative.endswith(".idl"):
+            yield read_source(package, home, relative)
+
+
+def _new_names(sources: Iterable[Source]) -> Iterator[tuple[str, str]]:
+    """Yield the full names of the types of a package that are invalid, and better ones."""
+    stems = {PurePosixPath(each.relative).stem: each.package for each in sources}
+    for stem, package in stems.items():
+        if (better := type_name(stem)) != stem and better not in stems:
+            yield f"{package}/{stem}", better
+
+
+def _fix(source: Source, siblings: Iterable[Source], types: Mapping[str, str]) -> Fix:
+    """Return the fix of a definition, which may be valid already; `siblings` are those of its package."""
+    own = {PurePosixPath(each.relative).stem for each in siblings}
+    text, names = rewritten(source.text, source.package, own, types)
+    path = PurePosixPath(source.relative)
+    stem = types.get(f"{source.package}/{path.stem}", path.stem)
+    return Fix(source, path.with_name(f"{stem}{path.suffix}").as_posix(), text, tuple(names))
+
+
+def _uses_elsewhere(types: Mapping[str, str], homes: Container[Path]) -> Iterator[Fix]:
+    """Yield the definitions in other packages of the workspace that use types that get other names."""
+    for package, home in workspace_packages().items() if types else ():
+        if home.resolve() not in homes:
+            for source in _sources(package, home):
+                if (text := retyped(source.text, types)) != source.text:
+                    yield Fix(source, source.relative, text, ())
 
 
 def _preview(fix: Fix) -> str:
@@ -138,7 +169,8 @@ def _write(fixes: Iterable[Fix]) -> None:
 
 def _what_follows(package: str, home: Path, fixes: Iterable[Fix]) -> Iterator[str]:
     """Yield further changes that the package needs: in its manifest, CMake code and programs."""
-    fixes = tuple(fixes)
+    definitions = tuple(fixes)
+    fixes = [each for each in definitions if each.changes]
     text = "".join(fix.text for fix in fixes)
     manifest = home / "package.xml"
     declared = manifest.read_text(encoding="utf-8", errors="replace") if manifest.is_file() else ""
@@ -157,6 +189,19 @@ def _what_follows(package: str, home: Path, fixes: Iterable[Fix]) -> Iterator[st
         if fix.names:
             pairs = ", ".join(f"{each.old} -> {each.new}" for each in fix.names)
             yield f"{package}: update code that uses {PurePosixPath(fix.relative).stem}: {pairs}"
+    for fix in definitions if fixes else ():
+        for name, before, now in _other_texts(fix):
+            stem = PurePosixPath(fix.relative).stem
+            yield f"{package}: the constant {name} of {stem} is {now!r}; in ROS 1, it was {before!r}"
+
+
+def _other_texts(fix: Fix) -> Iterator[tuple[str, str, str]]:
+    """Yield the names of constants with other values in ROS 1, these, and those of now."""
+    interface, _ = parse_leniently(Source(fix.source.package, fix.relative, fix.target, fix.text))
+    for section, before in zip(sections_of(interface), texts_of_ros1(fix.text), strict=False):
+        for each in section.constants:
+            if before.get(each.name, each.value) != each.value:
+                yield each.name, before[each.name], str(each.value)
 
 
 def _left(fixes: Iterable[Fix], *, written: bool) -> Iterator[Problem]:

@@ -15,6 +15,9 @@ from forge.base.files import read_file
 from forge.base.layout import IGNORE_MARK
 from forge.base.xml import parse_xml
 from forge.interfaces.read.parsing import SECTIONS
+from forge.interfaces.read.sources import definition_files
+from forge.workspace.discovery import discover
+from forge.workspace.root import find_root, is_root
 
 IGNORED = frozenset({IGNORE_MARK, "AMENT_IGNORE"})
 """Files that hide a folder."""
@@ -43,6 +46,15 @@ def _stated_name(home: Path) -> str:
         root = parse_xml(read_file(path), path)
         return next((each.text.strip() for each in root.children if each.tag == "name"), "")
     return ""
+
+
+def workspace_packages() -> dict[str, Path]:
+    """Return the packages with interfaces of the enclosing workspace, which need not be built."""
+    root = find_root(Path.cwd(), Path.home())
+    if not is_root(root):
+        return {}
+    folders = {name: root / each.path for name, each in discover(root, ["."], os.environ).packages.items()}
+    return {name: folder for name, folder in folders.items() if definition_files(folder)}
 
 
 def definitions_in(home: Path) -> Iterator[str]:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Iterator, Mapping
-from itertools import takewhile
+from collections.abc import Collection, Iterator, Mapping
 
 from forge.base.frozen import frozen
 from forge.base.names import TYPE_NAME
@@ -24,6 +23,9 @@ _DECLARATION = re.compile(
     r"(?P<name>[A-Za-z_]\w*)(?P<rest>[ \t]*(?P<constant>=)?.*)",
     re.DOTALL,
 )
+_FULL_NAME = re.compile(r"^(?P<start>[ \t]*)(?P<type>[A-Za-z]\w*/\w+)", re.MULTILINE)
+_TEXT = re.compile(r"string[ \t]+(?P<name>\w+)[ \t]*=[ \t]*(?P<value>.*)", re.DOTALL)
+_PREFIX = re.compile(r"(?<=enum: )(?P<prefix>[A-Za-z]\w*_)(?=\*\s*$)")
 _SEPARATOR = re.compile(r"-{3,}[ \t]*(?P<end>\r?\n?)")
 
 
@@ -48,43 +50,73 @@ def rewritten(
 ) -> tuple[str, list[Renamed]]:
     """Return the text of a definition with valid types and names, and the names that have changed.
 
-    `own` are the interfaces of the package, `types` those that get other names. Comments, values and blanks
-    stay, and so do errors that cannot be corrected.
+    `own` are the interfaces of the package, `types` the new names of types by their full old ones. Comments,
+    values and blanks stay, and so do errors that cannot be corrected; the prefix of an enumeration changes
+    with its constants.
     """
     renamed: list[Renamed] = []
-    lines: list[str] = []
-    taken: set[str] = set()
-    whole = text.removeprefix("\ufeff").splitlines(keepends=True)
-    for number, line in enumerate(whole):
-        separator = _SEPARATOR.fullmatch(line)
-        if separator or not number:
-            taken = {*_valid_names(whole[number + bool(separator) :])}
-        if separator:
-            lines.append(f"---{separator['end']}")
-            continue
-        code, mark, comment = line.partition("#")
-        declaration = _DECLARATION.fullmatch(code)
-        if declaration is None:
+    found: list[str] = []
+    for start, lines in _sections(text):
+        declarations = [_DECLARATION.fullmatch(line.partition("#")[0]) for line in lines]
+        better = [_better_name(each) if each else "" for each in declarations]
+        taken = {
+            name for each, name in zip(declarations, better, strict=True) if each and each["name"] == name
+        }
+        constants: dict[str, str] = {}
+        for number, declaration in enumerate(declarations):
+            if declaration is None:
+                continue
+            name = declaration["name"]
+            if better[number] not in taken:
+                renamed.append(Renamed(name, better[number]))
+                taken.add(better[number])
+                name = better[number]
+            if declaration["constant"]:
+                constants[declaration["name"]] = name
+            type_ = _type(declaration["type"], package, own, types)
+            code = f"{type_}{declaration['array']}{declaration['gap']}{name}{declaration['rest']}"
+            lines[number] = code + lines[number][declaration.end() :]
+        found += (start, *(_with_prefix(line, constants) for line in lines))
+    return "".join(found), renamed
+
+
+def retyped(text: str, types: Mapping[str, str]) -> str:
+    """Return the text of a definition of another package with the new names of the types."""
+    return _FULL_NAME.sub(lambda each: each["start"] + _type(each["type"], "", (), types), text)
+
+
+def texts_of_ros1(text: str) -> list[dict[str, str]]:
+    """Return the values that ROS 1 gives to the constants of type string in each section, by name.
+
+    Quotes and what follows a '#' belong to them.
+    """
+    matches = [map(_TEXT.fullmatch, map(str.strip, lines)) for _, lines in _sections(text)]
+    return [{each["name"]: each["value"] for each in section if each} for section in matches]
+
+
+def _sections(text: str) -> Iterator[tuple[str, list[str]]]:
+    """Yield the valid separator before each section, and its lines."""
+    start, lines = "", list[str]()
+    for line in text.removeprefix("\ufeff").splitlines(keepends=True):
+        if separator := _SEPARATOR.fullmatch(line):
+            yield start, lines
+            start, lines = f"---{separator['end']}", []
+        else:
             lines.append(line)
-            continue
-        name = declaration["name"]
-        better = _better_name(declaration)
-        if better not in taken:
-            renamed.append(Renamed(name, better))
-            taken.add(better)
-            name = better
-        type_ = _type(declaration["type"], package, own, types)
-        start = f"{type_}{declaration['array']}{declaration['gap']}{name}"
-        lines.append(f"{start}{declaration['rest']}{mark}{comment}")
-    return "".join(lines), renamed
+    yield start, lines
 
 
-def _valid_names(lines: Iterable[str]) -> Iterator[str]:
-    """Yield the unchanged names of a section, which ends with a separator."""
-    for line in takewhile(lambda line: not _SEPARATOR.fullmatch(line), lines):
-        declaration = _DECLARATION.fullmatch(line.partition("#")[0])
-        if declaration and _better_name(declaration) == declaration["name"]:
-            yield declaration["name"]
+def _with_prefix(line: str, constants: Mapping[str, str]) -> str:
+    """Return a line whose comment names an enumeration by the prefix that its constants have now."""
+    code, mark, comment = line.partition("#")
+
+    def better(match: re.Match[str]) -> str:
+        prefix = match["prefix"]
+        members = [new for old, new in constants.items() if old.startswith(prefix)]
+        now = (valid_name(f"{prefix}X", "constant") or prefix).removesuffix("X")
+        return now if members and all(new.startswith(now) for new in members) else prefix
+
+    return code + mark + _PREFIX.sub(better, comment)
 
 
 def _better_name(declaration: re.Match[str]) -> str:
@@ -101,6 +133,6 @@ def _better_name(declaration: re.Match[str]) -> str:
 
 def _type(written: str, package: str, own: Collection[str], types: Mapping[str, str]) -> str:
     home, _, name = written.rpartition("/")
-    if home in {"", package} and name in types and (home or name not in _NAMES_OF_TYPES):
-        return f"{home}{'/' if home else ''}{types[name]}"
+    if (full := f"{home or package}/{name}") in types and (home or name not in _NAMES_OF_TYPES):
+        return f"{home}{'/' if home else ''}{types[full]}"
     return BUILT_IN.get(written, written) if written not in own else written

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import subprocess
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import replace
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path, PurePosixPath
 
 from forge.base.errors import (
-    ForgeError,
     InterfaceError,
     Location,
     Problem,
@@ -18,26 +18,28 @@ from forge.base.errors import (
     print_warnings,
     raise_if_any,
 )
-from forge.interfaces.model import Catalog
-from forge.interfaces.read.parsing import ENDINGS, Parsed, parse_all
-from forge.interfaces.read.sources import Library, read_source
-from forge.interfaces.resolve.resolution import resolve
+from forge.interfaces.model import Catalog, TypeName, nested_types, sections_of
+from forge.interfaces.read.parsing import ENDINGS, Parsed, parse
+from forge.interfaces.read.sources import Library, contradictions, key_of, read_source
+from forge.interfaces.resolve.resolution import nested_messages, resolve
 from forge.plugins.interface_versions.packages import IGNORED, definitions_in, packages_in
+
+Invalid = dict[TypeName, tuple[Problem, ...]]
+"""Interfaces that cannot be read, or contain one that cannot, or an unknown type; with the reasons."""
 
 _SUBMODULE = "160000"
 """The mode of the commit of another repository in a tree of git."""
 
 
-@contextmanager
-def opened(text: str) -> Iterator[tuple[Path, str]]:
-    """Yield the folder and the name of a version; a revision is extracted temporarily.
+def read_version(text: str, others: Library, package: str | None) -> tuple[list[Catalog], Invalid]:
+    """Return the interfaces of each package in a version, or of one `package`, and its invalid ones.
 
     A version is a folder, or REVISION or REVISION:FOLDER as in git, without FOLDER that of the working
-    directory. Raises SelectionError if there is neither, and names files of a revision as git does.
+    directory. `others` has what its definitions refer to elsewhere. Raises SelectionError if there is
+    neither, and names files of a revision as git does.
     """
     if Path(text).is_dir():
-        yield Path(text), Path(text).resolve().name
-        return
+        return _catalogs_in(Path(text), Path(text).resolve().name, others, package, lambda problem: problem)
     # Without ':', git lists the current folder of the tree.
     listed = _git("ls-tree", "-r", "-z", *(("--full-tree",) if ":" in text else ()), "--end-of-options", text)
     if listed.returncode:
@@ -46,10 +48,8 @@ def opened(text: str) -> Iterator[tuple[Path, str]]:
         raise SelectionError(Problem(f"'{text}' is neither a folder nor a git revision: {reason}", hint=hint))
     with tempfile.TemporaryDirectory(prefix="forge-") as folder:
         _extract(listed.stdout, Path(folder), text)
-        try:
-            yield Path(folder), Path(text.partition(":")[2]).absolute().name
-        except ForgeError as error:
-            raise type(error)(*(_renamed(each, Path(folder), text) for each in error.problems)) from None
+        name = Path(text.partition(":")[2]).absolute().name
+        return _catalogs_in(Path(folder), name, others, package, partial(_renamed, Path(folder), text))
 
 
 def _extract(listing: bytes, folder: Path, revision: str) -> None:
@@ -95,7 +95,7 @@ def _git(*words: str, content: bytes = b"") -> subprocess.CompletedProcess[bytes
         raise SelectionError(Problem("git is not installed", hint=hint)) from None
 
 
-def _renamed(problem: Problem, folder: Path, text: str) -> Problem:
+def _renamed(folder: Path, text: str, problem: Problem) -> Problem:
     """Return a problem whose place is in the revision instead of in the extracted folder."""
     place = problem.location
     if place is None or not Path(place.path).is_relative_to(folder):
@@ -104,33 +104,81 @@ def _renamed(problem: Problem, folder: Path, text: str) -> Problem:
     return replace(problem, location=replace(place, path=Path(f"{text}{'/' if ':' in text else ':'}{below}")))
 
 
-def catalogs_in(folder: Path, name: str, others: Library, package: str | None) -> list[Catalog]:
-    """Return the resolved interfaces of each package in a folder, or of one `package`.
+@dataclass
+class _Version(Library):
+    """The library of a version, whose own interfaces come first."""
 
-    Definitions without a package.xml belong to a package with the `name` of the folder. `others` has what
-    they refer to elsewhere. Raises InterfaceError with all problems.
+    invalid: Invalid = field(default_factory=dict)
+    """Types that cannot be used, also those of others that do not exist."""
+
+    def find(self, name: TypeName) -> Parsed | None:
+        if name in self.invalid:
+            raise InterfaceError(*self.invalid[name])
+        return super().find(name)
+
+
+def _catalogs_in(
+    folder: Path, name: str, others: Library, package: str | None, renamed: Callable[[Problem], Problem]
+) -> tuple[list[Catalog], Invalid]:
+    """Return the interfaces of the packages in a folder, and why others are invalid.
+
+    Definitions without a package.xml belong to a package with the `name` of the folder. Raises
+    InterfaceError if two packages have one name.
     """
-    problems: list[Problem] = []
-    parsed: dict[str, tuple[Parsed, ...]] = {}
+    library = _Version(others.includes, others.prefixes, others.embedded, others.rosdistro)
+    packages: dict[str, list[Parsed]] = {}
     for each, home in packages_in(folder, package or name):
-        try:
-            found = parse_all([read_source(each, home, relative) for relative in definitions_in(home)])
-        except InterfaceError as error:
-            problems += error.problems
-            continue
-        if each in parsed and found:
-            problems.append(Problem(f"another package of '{name}' is called '{each}', too", Location(home)))
-        elif found:
-            parsed[each] = found
-    raise_if_any(problems, InterfaceError)
-    here = {one.interface.name: one for found in parsed.values() for one in found}
-    lookup = replace(others, given=here)
-    catalogs = []
-    for each, found in sorted(parsed.items()):
-        if package in {None, each}:
+        found = packages.setdefault(each, [])
+        if found:
+            problem = Problem(f"another package of '{name}' is called '{each}', too", Location(home))
+            raise InterfaceError(renamed(problem))
+        for relative in definitions_in(home):
             try:
-                catalogs.append(resolve(each, found, lookup, events=others.has_events))
+                source = read_source(each, home, relative)
+                interface = parse(source)
             except InterfaceError as error:
-                problems += error.problems
-    raise_if_any(problems, InterfaceError)
-    return catalogs
+                library.invalid[TypeName(each, *key_of(relative))] = error.problems
+                continue
+            print_warnings(map(renamed, contradictions([source])))
+            found.append(Parsed(source, interface))
+    library.given = {one.interface.name: one for found in packages.values() for one in found}
+    own = {*library.given, *library.invalid}
+    catalogs = []
+    for each in sorted(packages) if package is None else {package} & packages.keys():
+        found = packages[each]
+        while found:
+            try:
+                catalogs.append(resolve(each, found, library, events=library.has_events))
+                break
+            except InterfaceError as error:
+                found = _valid_ones(found, library, error)
+    return catalogs, {
+        each: tuple(map(renamed, problems))
+        for each, problems in library.invalid.items()
+        if each in own and package in {None, each.package}
+    }
+
+
+def _valid_ones(parsed: list[Parsed], library: _Version, error: InterfaceError) -> list[Parsed]:
+    """Return the interfaces that are valid although `error` says that not all are; the others become invalid.
+
+    Each unknown type is reported once, where it is used first.
+    """
+    before = len(library.invalid)
+    for each in parsed:
+        try:
+            nested_messages(each, library)
+            continue
+        except InterfaceError as reason:
+            problems = reason.problems
+        library.invalid[each.interface.name] = problems
+        for other in nested_types(sections_of(each.interface)):
+            with suppress(InterfaceError):
+                if library.find(other):
+                    continue
+            library.invalid[other] = problems
+    if len(library.invalid) == before:  # all are valid alone: two of them have one name
+        places = {problem.location.path for problem in error.problems if problem.location}
+        several = [each for each in parsed if each.source.path in places] or parsed
+        library.invalid |= {each.interface.name: error.problems for each in several}
+    return [each for each in parsed if each.interface.name not in library.invalid]

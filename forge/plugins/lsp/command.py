@@ -13,6 +13,7 @@ from forge.base.frozen import frozen
 from forge.base.options import flag
 from forge.base.own_environment import extra_command
 from forge.cli.commands.interface.inputs import distribution_of
+from forge.cli.options import profile_option
 from forge.environment.installed import known_prefixes
 from forge.interfaces.read.sources import Library
 from forge.workspace.root import find_install, find_root
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 class Options:
     stdio: bool = flag("use standard input and output, which is the default; many editors pass this option")
     rosdistro: str | None = distribution_option()
+    profile: str | None = profile_option()
 
 
 def run(options: Options) -> int:
@@ -36,18 +38,18 @@ def run(options: Options) -> int:
             raise
         problem = Problem("'forge lsp' needs pygls 2", hint=f"run: {extra_command('lsp')}")
         raise HostError(problem) from None
-    serve(lambda folder: _open(folder, options.rosdistro))
+    serve(lambda folder: _open(folder, options))
     return 0
 
 
-def _open(folder: Path, rosdistro: str | None) -> Index:
+def _open(folder: Path, options: Options) -> Index:
     """Return the index of the workspace around a folder."""
     from forge.plugins.lsp.index import Index
 
     root = find_root(folder, Path.home())
-    install = find_install(root, Path.home())
+    install = find_install(root, Path.home(), options.profile)
     library = Library(
-        prefixes=known_prefixes(os.environ, install), rosdistro=distribution_of(rosdistro, root)
+        prefixes=known_prefixes(os.environ, install), rosdistro=distribution_of(options.rosdistro, root)
     )
     index = Index(root, library, os.environ)
     index.scan()

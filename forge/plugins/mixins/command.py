@@ -18,7 +18,8 @@ from forge.base.formats import read_yaml, yaml_text
 from forge.base.frozen import frozen
 from forge.base.names import did_you_mean
 from forge.base.options import option
-from forge.cli.mixins import (
+from forge.cli.options import add_verb
+from forge.plugins.mixins.mixins import (
     MIXIN_FOLDER,
     REPOSITORIES,
     Mixin,
@@ -27,7 +28,6 @@ from forge.cli.mixins import (
     parse_mixins,
     read_mixins,
 )
-from forge.cli.options import add_verb
 
 _SIGNS = "+ new, * changed, . unchanged, - renamed to *.obsolete"
 
@@ -86,7 +86,7 @@ def _add(options: _AddOptions) -> None:
 
 
 def _update(options: _UpdateOptions) -> None:
-    """Fetch all repositories despite problems, then raise these."""
+    """Fetch all repositories; raise the problems at the end."""
     repositories = MixinRepositories(home(os.environ))
     problems: list[Problem] = []
     for name in repositories.selected(options.name):

@@ -109,7 +109,9 @@ def run(options: Options) -> int:
         raise SelectionError(Problem(f"no packages found below '{root}'", hint=hint))
     print_warnings(loaded.warnings)
     selected = [loaded.packages[node] for node in loaded.selection.names]
-    layout = shared.FolderOptions(install_base=options.install_base).layout(root)
+    layout = shared.FolderOptions(install_base=options.install_base, profile=options.sources.profile).layout(
+        root
+    )
     found = needs_of(selected, kinds, _provider(loaded.workspace, layout), names.resolve)
     needs = tuple(need for need in found if need.key not in options.skip_keys)
     print_warnings(_unresolved(needs, names, system))

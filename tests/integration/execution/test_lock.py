@@ -1,14 +1,18 @@
 """The locks of build and install folders."""
 
+import getpass
 import re
 import subprocess
 import sys
 import threading
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import pytest
 
-from forge.base.layout import LAYOUT_MARKER, PROCESSES_FILE
+from forge.base.errors import WorkspaceError
+from forge.base.layout import LAYOUT_MARKER, LOCK_FILE, PROCESSES_FILE
 from forge.execution.lock import lock_build_dir, lock_install_dir
 from forge.execution.started import StartedProcesses
 from tests.conftest import Forge, Tree
@@ -47,6 +51,42 @@ def test_processes_left_by_a_finished_build_keep_running(tmp_path: Path) -> None
         with lock_build_dir(tmp_path):
             assert daemon.poll() is None
         daemon.kill()
+
+
+HOLD_INSTALL = HOLD.replace("with lock_build_dir", "with lock_install_dir")
+
+
+@pytest.mark.parametrize(("kind", "lock"), [("build", lock_build_dir), ("install", lock_install_dir)])
+def test_the_message_says_who_has_the_lock(
+    kind: str, lock: Callable[..., AbstractContextManager[float]], tmp_path: Path
+) -> None:
+    argv = [
+        sys.executable,
+        "-c",
+        HOLD if kind == "build" else HOLD_INSTALL,
+        str(tmp_path),
+        "https://me:secret@x",
+    ]
+    with subprocess.Popen(argv, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        with pytest.raises(WorkspaceError) as error, lock(tmp_path, wait=False):
+            pass
+        process.communicate("go\n")
+    (problem,) = error.value.problems
+    assert problem.message.startswith(f"the {kind} folder '{tmp_path}' is locked by process {process.pid} ('")
+    assert re.search(rf"' of user '{getpass.getuser()}', since \d\d:\d\d:\d\d\)$", problem.message)
+    assert "secret" not in problem.message
+
+
+@pytest.mark.parametrize("content", ["4711", "{}", "[]", "nonsense", '{"pid": "x"}', '{"pid": 1, "uid": -5}'])
+def test_a_description_of_another_version_or_of_nobody_is_no_error(content: str, tmp_path: Path) -> None:
+    with holder(tmp_path) as first:
+        (tmp_path / LOCK_FILE).write_text(content, encoding="utf-8")
+        with pytest.raises(WorkspaceError) as error, lock_build_dir(tmp_path, wait=False):
+            pass
+        first.communicate("go\n")
+    assert error.value.problems[0].message.endswith("is locked by another process")
 
 
 @pytest.mark.slow

@@ -5,6 +5,7 @@ from importlib import import_module
 from pathlib import Path
 
 import pytest
+import yaml
 
 from forge.base.files import write_if_changed
 from forge.interfaces.cpp import target as cpp
@@ -70,9 +71,32 @@ def test_classes_of_python_have_the_constants_as_members(tmp_path: Path) -> None
         assert (message.status, message) == (1, battery(status=1, former=77, types=[-1]))
         assert repr(message) == ("cells.msg.Battery(status=<Status.CHARGING: 1>, former=77, types=[-1])")
         convert = import_module("rosidl_runtime_py.convert")
-        assert convert.message_to_yaml(message) == "status: 1\nformer: 77\ntypes:\n- -1\n"
+        text = "status: 1  # CHARGING\nformer: 77\ntypes:\n- -1\n"
+        assert convert.message_to_yaml(message) == text
+        assert convert.message_to_ordereddict(message) == yaml.safe_load(text)
+        assert convert.message_to_csv(message) == "1,77,-1"
         cdr = import_module("forge_cdr")
         assert cdr.serialize(message) == cdr.serialize(battery(status=1, former=77, types=[-1]))
+
+
+def test_yaml_has_names_where_a_comment_can_be(tmp_path: Path) -> None:
+    """Nested ones as well, but not inside of a list on one line."""
+    pack = "Battery main\nBattery[] others\nuint8 A_B=1\nuint8 enumerations  # enum: A_*\nuint8 shown\n"
+    generate(tmp_path, catalog_of("cells", {"msg/Battery.msg": BATTERY, "msg/Pack.msg": pack}))
+    with importable(tmp_path):
+        convert, cells = import_module("rosidl_runtime_py.convert"), import_module("cells.msg")
+        full = cells.Battery(status=2, former=1)
+        message = cells.Pack(main=full, others=[full], enumerations=1)
+        assert convert.message_to_yaml(message) == (
+            "main:\n  status: 2  # ERROR\n  former: 1  # CHARGING\n  types: []\n"
+            "others:\n- status: 2  # ERROR\n  former: 1  # CHARGING\n  types: []\n"
+            "enumerations: 1  # B\nshown: 0\n"
+        )
+        assert convert.message_to_yaml(message, flow_style=True) == (
+            "main:\n  status: 2  # ERROR\n  former: 1  # CHARGING\n  types: []\n"
+            "others: [{status: 2, former: 1, types: []}]\nenumerations: 1  # B\nshown: 0\n"
+        )
+        assert repr(message).endswith("enumerations=<A.B: 1>, shown=0)")
 
 
 @pytest.mark.needs("g++")
@@ -90,6 +114,7 @@ def test_cpp_converts_values_names_and_numbers(tmp_path: Path) -> None:
         "-Wswitch-enum",
         "-Werror",
         "-DERROR=1",
+        "-DUNKNOWN=1",
         "-x",
         "c++",
         "-",

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from forge.workspace.creation import NewPackage, render_package
+from forge.plugins.create.package import NewPackage, render_package
 from forge.workspace.model import Person
 from tests.conftest import Tree
 

@@ -233,6 +233,14 @@ NOT_RECORDED = {
         "    with contextlib.suppress(OSError): socket.socket(socket.AF_UNIX).connect('/run/none')",
         "they use /run/none",
     ),
+    "a message to a server": (
+        "import contextlib, socket\n"
+        "    with contextlib.suppress(OSError):\n"
+        "        socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM).sendto(b'x', '/run/none')",
+        "they use /run/none",
+    ),
+    "a queue": ("import ctypes; ctypes.CDLL(None).mq_open(b'/none', 0)", "they use a message queue"),
+    "a semaphore": ("import ctypes; ctypes.CDLL(None).sem_open(b'/none', 0)", "they use a semaphore"),
     "a file elsewhere": ("(HERE.parent / 'out.txt').write_text('x')", "outside of the build folder"),
     "a temporary file of its own": (
         "(HERE.parent / 'out.txt').write_text('x'); (HERE.parent / 'out.txt').unlink()",

@@ -15,9 +15,9 @@ from hypothesis import example, given
 from forge.base.templating import render
 from forge.plugins.charts.drawing import drawn, facts
 from forge.plugins.charts.graph_formats import PackageGraph, mermaid, printable, reduced_among
-from forge.plugins.charts.reporter import trace
-from forge.plugins.charts.timings import STEP_KINDS, page, read_build
-from forge.plugins.charts.timings import facts as timing_facts
+from forge.plugins.charts.reporter import timings_page, trace
+from forge.plugins.charts.timings import read_build
+from forge.plugins.charts.work import comparison
 from tests.conftest import Forge, Tree
 from tests.hostile import hostile
 from tests.packages import manifest_text, package
@@ -105,6 +105,9 @@ def test_flowcharts_contain_no_foreign_lines(name: str) -> None:
     assert re.sub(r"#(\d+);", lambda code: chr(int(code[1])), said) == printable(name)
 
 
+_TIMES = ("files", "failed", "total", "in_headers", "in_templates")
+
+
 def events_of(text: str, name: str) -> list[str]:
     """Return the events of a build of package `name` with `text` in every field of free text."""
     about: Mapping[str, object] = {"package": name, "embedded": False}
@@ -114,6 +117,8 @@ def events_of(text: str, name: str) -> list[str]:
         {"event": "StepStarted", **about, "step": text, "argv": [text], "cwd": text},
         {"event": "StepFinished", **about, "step": text, "code": 0},
         {"event": "Finished", **about, "code": 0, "seconds": 2.0, "log": text, "test_failures": False},
+        {"event": "Commands", **about, "commands": [["compile", text, 2.0, 2.5]], "chain": [0]},
+        {"event": "Headers", **dict.fromkeys(_TIMES, 1.0), "compiler": text, "headers": [[text, 1.0, 2]]},
         {"event": "Fresh", "package": f"fresh {name}", "embedded": False},
         {"event": "Skipped", "package": f"skipped {name}", "embedded": False, "because": text},
         {"event": "Summary", "code": 0, "seconds": 10.0, "log": text},
@@ -124,8 +129,7 @@ def events_of(text: str, name: str) -> list[str]:
 def timings_of(text: str, name: str) -> str:
     """Return the page about such a build."""
     build = read_build(events_of(text, name))
-    words = {"title": "build", "kinds": STEP_KINDS, "trace": "trace.json"}
-    return render("charts/templates/timings.html.j2", page=page(build), facts=timing_facts(build), **words)
+    return timings_page("build", build, comparison(build, read_build(events_of("x", name)), text))
 
 
 @quick
@@ -143,7 +147,9 @@ def test_build_pages_contain_no_foreign_elements(text: str, name: str) -> None:
     assert {text, name} <= texts(json.loads(json.dumps(trace(read_build(events_of(text, name))))))
 
 
-@pytest.mark.parametrize("page", ["charts/templates/graph.svg.j2", "charts/templates/graph.html.j2"])
+@pytest.mark.parametrize(
+    "page", [f"charts/templates/{name}.j2" for name in ("graph.svg", "graph.html", "live.html")]
+)
 def test_templates_of_charts_escape_values(page: str) -> None:
     empty = drawn(PackageGraph((), {}, {}, frozenset()), {}, {})
     text = render(page, title="<b>&", picture=empty, facts=["</script>"])

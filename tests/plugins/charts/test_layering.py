@@ -7,8 +7,10 @@ from itertools import combinations, pairwise
 from typing import TYPE_CHECKING
 
 from hypothesis import given
+from hypothesis import strategies as st
 
 from forge.base.graph import order, reduced
+from forge.plugins.charts.drawing import critical_path
 from forge.plugins.charts.layering import lay_out
 from tests.strategies import graphs
 
@@ -122,3 +124,22 @@ def test_layouts_of_large_workspaces_have_no_overlaps_and_are_reproducible() -> 
             assert gap >= (sizes[above][1] + sizes[below][1]) / 2
     again, _ = laid_out({name: frozenset(sorted(needs)) for name, needs in graph.items()})
     assert again == layout
+
+
+@given(graphs(), st.dictionaries(st.sampled_from("abcdefgh"), st.integers(1, 9)))
+def test_the_critical_path_is_the_chain_of_lines_that_takes_longest(
+    graph: dict[str, frozenset[str]], seconds: dict[str, int]
+) -> None:
+    ordered = order(graph)
+    assert ordered is not None
+    lines = reduced(graph, ordered)
+
+    def longest(name: str) -> float:
+        return seconds.get(name, 0) + max(map(longest, lines[name]), default=0)
+
+    path = critical_path(lines, seconds)
+    assert all(before in lines[after] for before, after in pairwise(path))
+    assert len(path) != 1
+    if path:
+        assert sum(seconds.get(name, 0) for name in path) == max(map(longest, lines))
+    assert critical_path(lines, {}) == ()

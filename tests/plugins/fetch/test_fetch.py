@@ -90,7 +90,7 @@ FetchContent_Populate(more)"""
     for name in ("build", "install"):
         shutil.rmtree(underlay / name)
     (underlay / "built.json").unlink()
-    ran = forge("build", cwd=two, env=env)
+    ran = forge("build", cwd=one, env=env)
     assert ran.code == 0, ran.err
     assert (underlay / "install/share/lib_vendor/lib.txt").is_file()
 
@@ -122,6 +122,28 @@ def test_packages_may_clone_different_tags_of_one_repository(ros: Ros, forge: Fo
     assert texts == {"old_vendor": "the library\n", "new_vendor": "the new library\n"}
 
 
+def test_a_tag_with_a_variable_is_pinned_if_the_file_sets_it_to_one_value(
+    ros: Ros, forge: Forge, tmp_path: Path
+) -> None:
+    clone = f"""\
+set(MINOR 2)
+set(VERSION "1.${{MINOR}}")
+if(FALSE)
+  {CLONE.format("other", f"{SERVER}lib.git", "v${CMAKE_VERSION}", "careful_vendor")}
+endif()
+{CLONE.format("lib", f"{SERVER}lib.git", "v${VERSION}", "careful_vendor")}"""
+    ros.release("careful_vendor", cmake=clone)
+    workspace, env = tmp_path / "ws", ros.variables()
+    workspace.mkdir()
+    ran = forge("fetch", "careful_vendor", cwd=workspace, env=env)
+    assert ran.code == 0
+    computed = f"'careful_vendor' may clone '{SERVER}lib.git': CMake computes the tag 'v${{CMAKE_VERSION}}'"
+    assert computed in ran.err
+    assert [each["tag"] for each in locked(workspace)["clone"]] == ["v1.2"]
+    shutil.rmtree(tmp_path / "ros/repositories")
+    assert forge("build", cwd=workspace, env=env).code == 0
+
+
 def test_a_missing_repository_that_may_be_cloned_gives_a_warning(
     ros: Ros, forge: Forge, tmp_path: Path
 ) -> None:
@@ -133,6 +155,27 @@ def test_a_missing_repository_that_may_be_cloned_gives_a_warning(
     assert ran.code == 0
     assert f"warning: 'careful_vendor' may clone '{SERVER}gone.git': " in ran.err
     assert forge("build", cwd=workspace, env=env).code == 0
+
+
+def test_a_misspelled_dependency_gives_a_warning(ros: Ros, forge: Forge, tmp_path: Path) -> None:
+    workspace = new_workspace(tmp_path / "ws", *depends("rclmin", "libacl1-dev", "python3-yaml", "curl"))
+    ran = forge("fetch", cwd=workspace, env=ros.variables())
+    assert (ran.code, ran.err.count("warning: ")) == (0, 1)
+    assert "src/hello/package.xml:" in ran.err
+    assert "warning: ROS 'humble' has no package 'rclmin', which 'hello' needs\n" in ran.err
+    assert "hint: did you mean 'rclmini'?" in ran.err
+
+
+def test_another_distribution_gets_the_packages_that_were_requested(
+    ros: Ros, forge: Forge, tmp_path: Path
+) -> None:
+    workspace, env = tmp_path / "ws", ros.variables()
+    workspace.mkdir()
+    assert forge("fetch", "turtle", "--rmw", "fastrtps", cwd=workspace, env=env).code == 0
+    before = (workspace / "forge.lock").read_text()
+    (workspace / "forge.lock").write_text(before.replace('"humble"', '"foxy"'))
+    assert forge("fetch", "--rosdistro", "humble", cwd=workspace, env=env).code == 0
+    assert (workspace / "forge.lock").read_text() == before
 
 
 def test_named_packages_are_added_and_remembered(ros: Ros, forge: Forge, tmp_path: Path) -> None:
@@ -165,6 +208,14 @@ def test_dependencies_used_only_by_tests_are_excluded(ros: Ros, forge: Forge, tm
         assert names.count("ament_cmake_flake8") == expected
         assert lock["system"].count("python3-pytest") == expected
         assert {"ament_cmake_pytest", "rosidl_generator_py"} <= {*names}
+
+
+def test_system_packages_for_tracing_are_not_needed(ros: Ros, forge: Forge, tmp_path: Path) -> None:
+    ros.release("tracetools", *depends("liblttng-ust-dev", "lttng-tools", "pkg-config"))
+    workspace = tmp_path / "ws"
+    workspace.mkdir()
+    assert forge("fetch", "tracetools", cwd=workspace, env=ros.variables()).code == 0
+    assert locked(workspace)["system"] == ["pkg-config"]
 
 
 def test_the_lock_pins_versions_until_update(ros: Ros, forge: Forge, tmp_path: Path) -> None:
@@ -303,7 +354,7 @@ def test_embedded_packages_are_not_fetched(ros: Ros, forge: Forge, tmp_path: Pat
     ros.release("std_msgs")
     workspace = new_workspace(tmp_path / "ws", *depends("std_msgs"))
     ran = forge("fetch", cwd=workspace, env=ros.variables())
-    assert (ran.code, ran.out) == (0, "nothing to fetch: all dependencies of the workspace are available\n")
+    assert (ran.code, ran.out) == (0, "nothing to fetch: no package of ROS humble is missing\n")
     assert not (workspace / "forge.lock").exists()
 
 

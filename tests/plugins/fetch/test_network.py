@@ -1,6 +1,7 @@
 """Downloads of `forge fetch` from a git server that fails, stalls, or is gone; kills and full disks."""
 
 import os
+import re
 import signal
 import subprocess
 import threading
@@ -12,7 +13,8 @@ import pytest
 
 from forge.toolchain.interpreter import own_command
 from tests.conftest import Forge
-from tests.plugins.fetch.ros import Ros
+from tests.e2e.test_faults import grown, small_disk
+from tests.plugins.fetch.ros import Ros, depends
 from tests.plugins.fetch.server import GitServer, git_server
 from tests.plugins.fetch.test_fetch import NEEDED, locked, new_workspace
 
@@ -156,3 +158,30 @@ def test_a_full_disk_gives_one_error(ros: Ros, forge: Forge, tmp_path: Path) -> 
     assert "Traceback" not in done.stderr
     assert sources(ros) == [name for name in NEEDED if name != "rclmini"]
     assert forge("fetch", cwd=workspace, env=env).code == 0
+
+
+@pytest.mark.parametrize("kilobytes", [900, 1800])
+def test_a_full_disk_gives_one_error_and_keeps_what_is_complete(
+    kilobytes: int, ros: Ros, forge: Forge, tmp_path: Path
+) -> None:
+    ros.commit("big-release", {"zeros": "0" * 1_000_000}, "big")
+    ros.release("big")
+    workspace, disk = new_workspace(tmp_path / "ws", *depends("rclmini", "big")), tmp_path / "disk/cache"
+    env = {**ros.variables(), "XDG_CACHE_HOME": str(disk)}
+    with small_disk(disk, kilobytes) as mounted:
+        if not mounted:
+            return
+        ran = forge("fetch", cwd=workspace, env=env)
+        assert (ran.code, ran.err.count("error: ")) == (2, 1), ran.err
+        assert "error: no space left on the disk of forge's cache\nhint: free some space" in ran.err
+        assert not (workspace / "forge.lock").exists()
+        grown(disk, "size=60m")
+        assert forge("fetch", cwd=workspace, env=env).code == 0
+        assert sorted(path.name for path in (disk / "forge/ros/sources").iterdir()) == ["big", *NEEDED]
+
+
+def test_an_unreachable_index_gives_the_plain_reason(ros: Ros, forge: Forge, tmp_path: Path) -> None:
+    url = "https://example.invalid/index-v4.yaml"
+    ran = forge("fetch", "--index", url, cwd=new_workspace(tmp_path / "ws"), env=ros.variables())
+    assert ran.code == 2
+    assert re.match(rf"error: cannot read the index of ROS distributions '{url}': [\w -]+\nhint: ", ran.err)

@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 from uv import find_uv_bin
 
+from forge.plugins.fetch.python import missing_programs
 from tests.conftest import Forge
 from tests.packages import manifest_text, write_files
 from tests.plugins.fetch.ros import Ros, depends
@@ -306,3 +307,12 @@ def test_a_broken_environment_of_the_user_is_kept(ros: Ros, uv: Index, forge: Fo
     assert ran.code == 2
     assert "is not a working Python environment, and was not created by forge" in ran.err
     assert (root / ".venv/notes.txt").read_text() == "mine\n"
+
+
+def test_programs_that_modules_start_are_named_if_they_are_missing(tmp_path: Path) -> None:
+    keys = {"python3-pydot": ["qt_dotgraph"], "python3-yaml": ["rclpy"]}
+    (problem,) = missing_programs(keys, {"PATH": str(tmp_path)})
+    assert problem.message == "'qt_dotgraph' needs the program 'dot' to run"
+    assert problem.hint == "install it, for example with `apt install graphviz`"
+    write_files(tmp_path, {"dot": "#!/bin/sh\n"})
+    assert not [*missing_programs(keys, {"PATH": str(tmp_path)})]

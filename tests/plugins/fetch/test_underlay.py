@@ -68,6 +68,51 @@ def test_building_the_underlay_prints_two_lines(
     assert (log / "rclmini/stdout_stderr.log").is_file()
 
 
+def test_only_packages_that_are_built_are_counted(ros: Ros, forge: Forge, tmp_path: Path) -> None:
+    env = ros.variables()
+    for name, packages in (("rclmini", "4 packages"), ("turtle", "1 package")):
+        workspace = new_workspace(tmp_path / name, name)
+        assert forge("fetch", cwd=workspace, env=env).code == 0
+        head, end = forge("build", cwd=workspace, env=env).err.splitlines()
+        assert head.startswith(f"building {packages} of ROS humble in ")
+        assert end.startswith(f"built {packages} of ROS humble [")
+
+
+def test_a_workspace_does_not_wait_for_packages_of_another_one(
+    ros: Ros, forge: Forge, tmp_path: Path
+) -> None:
+    go, env = tmp_path / "go", ros.variables()
+    waits = f'execute_process(COMMAND sh -c "until [ -e {go} ]; do sleep 0.1; done")'
+    ros.release("slow", *depends("rclmini"), cmake=waits)
+    env = ros.variables()
+    for name in ("slow", "rclmini"):
+        assert forge("fetch", cwd=new_workspace(tmp_path / name, name), env=env).code == 0
+    command, variables = own_command("build"), {**os.environ, **env}
+    with subprocess.Popen(command, cwd=tmp_path / "slow", env=variables, stderr=subprocess.DEVNULL) as other:
+        try:
+            ran = forge("build", cwd=tmp_path / "rclmini", env=env)
+            assert ran.code == 0, ran.err
+            assert other.poll() is None
+        finally:
+            go.touch()
+    assert other.returncode == 0
+
+
+def test_a_package_that_only_another_workspace_needs_may_be_broken(
+    ros: Ros, forge: Forge, tmp_path: Path
+) -> None:
+    ros.release("broken", *depends("rclmini"), cmake='message(FATAL_ERROR "broken on purpose")')
+    env = ros.variables()
+    for name, code in (("broken", 2), ("rclmini", 0)):
+        workspace = new_workspace(tmp_path / name, name)
+        assert forge("fetch", cwd=workspace, env=env).code == 0
+        assert forge("build", cwd=workspace, env=env).code == code
+    # After a change of the system, all packages are checked.
+    (underlay(tmp_path) / "built.json").unlink()
+    ran = forge("build", cwd=tmp_path / "rclmini", env=env)
+    assert (ran.code, ran.err) == (0, "")
+
+
 def test_the_progress_of_the_underlay_is_shown_in_one_line(ros: Ros, forge: Forge, tmp_path: Path) -> None:
     ros.release("rclmini", *depends("lib_vendor"), cmake="execute_process(COMMAND sleep 0.5)")
     workspace, env = new_workspace(tmp_path / "ws"), ros.variables()
@@ -104,10 +149,10 @@ def test_problems_that_prevent_building_the_underlay_are_shown(
     assert forge("fetch", cwd=workspace, env=env).code == 0
     assert forge("build", cwd=workspace, env=env).code == 0
     (underlay(tmp_path) / "built.json").unlink()
-    write_files(underlay(tmp_path), {"src/more/package.xml": "<package>"})
+    write_files(underlay(tmp_path), {"src/more/package.xml": manifest_text("rclmini", build_type="cmake")})
     ran = forge("build", cwd=workspace, env=env)
     assert ran.code == 2
-    assert "src/more/package.xml:1" in ran.err
+    assert "src/more" in ran.err
     assert "error: the packages of 'forge.lock' could not be built" in ran.err
 
 

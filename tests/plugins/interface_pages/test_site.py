@@ -236,6 +236,14 @@ def test_errors_in_all_packages_are_reported_together(forge: Forge, tree: Tree) 
     assert ran.err.count("int9") == 2
 
 
+def test_an_idl_file_beside_another_definition_is_named(forge: Forge, tree: Tree) -> None:
+    root = workspace(tree)
+    (root / "src/a_msgs/msg/Base.idl").write_text("module a_msgs {};\n")
+    ran = forge(*DOCS, cwd=root)
+    assert ran.code == 0, ran.err
+    assert "src/a_msgs/msg/Base.idl: warning: this definition of 'a_msgs/msg/Base' is ignored" in ran.err
+
+
 def test_underlays_and_named_folders_can_be_listed(forge: Forge, tree: Tree) -> None:
     root = tree(
         {

@@ -49,6 +49,12 @@ CASES: Mapping[str, tuple[str, str, str, str]] = {
         "hash api",
         "field 'in1' was removed",
     ),
+    "an array is written out": (
+        "float32[3] v",
+        "float32 v0\nfloat32 v1\nfloat32 v2",
+        "hash api",
+        "field 'v0' is new",
+    ),
     "a default value": ("int16 d 4", "int16 d 5", "", "default value of 'd': 4 -> 5"),
     "a constant is new": ("uint8 K=1", "uint8 K=1\nuint8 L=2", "", "constant 'L' is new"),
     "a constant has another value": ("uint8 K=1", "uint8 K=2", "api", "constant 'K': uint8 1 -> uint8 2"),
@@ -122,6 +128,20 @@ def test_parts_of_services_and_actions_are_named(forge: Forge, tmp_path: Path) -
     assert found["p/srv/New"]["breaks"] == []
 
 
+def test_fields_that_change_sides_break_the_wire(forge: Forge, tmp_path: Path) -> None:
+    """Also if the sides look alike; a name that both sides have has not changed them."""
+    written(tmp_path / "old", {"srv/S.srv": "int8 id\nint8 a\n---\nint8 id\nint8 b\n"})
+    written(tmp_path / "new", {"srv/S.srv": "int8 id\nint8 b\n---\nint8 id\nint8 a\n"})
+    found = diff(forge, tmp_path)["p/srv/S"]
+    assert found["breaks"] == ["wire", "hash", "api"]
+    assert found["changes"] == [
+        "field 'a' of the request has moved to the response",
+        "field 'b' of the response has moved to the request",
+    ]
+    written(tmp_path / "new", {"srv/S.srv": "int8 id\nint8 c\n---\nint8 c\nint8 b\n"})
+    assert diff(forge, tmp_path)["p/srv/S"]["breaks"] == ["hash", "api"]
+
+
 def test_an_idl_file_equals_the_message_that_it_describes(forge: Forge, tmp_path: Path) -> None:
     idl = "module p { module msg { struct M { long x; sequence<octet> data; }; }; };\n"
     written(tmp_path / "old", {"msg/M.msg": "int32 x\nbyte[] data\n"})
@@ -138,12 +158,16 @@ def test_an_idl_file_equals_the_message_that_it_describes(forge: Forge, tmp_path
         ("float64 x\nfloat64 y", "float64 y\nfloat64 x"),
         ("int8 x\nint8 y\nint8 z", "int8 y\nint8 z\nint8 w"),
         ("uint8 e", ""),
+        ("int8[2] x\nint8 y", "int8 x\nint8[2] y"),
+        ("int8[2] x\nint8 y", "int8[3] x"),
+        ("Pair p", "Riap p"),
     ],
 )
 def test_values_that_would_reach_another_field_break_the_wire(
     old: str, new: str, forge: Forge, tmp_path: Path
 ) -> None:
-    user = {"msg/User.msg": "M[] all\n"}
+    pairs = {"msg/Pair.msg": "int8 x\nint8 y\n", "msg/Riap.msg": "int8 y\nint8 x\n"}
+    user = {"msg/User.msg": "M[] all\n", **pairs}
     written(tmp_path / "old", {"msg/M.msg": f"{old}\n", **user})
     written(tmp_path / "new", {"msg/M.msg": f"{new}\n", **user})
     found = diff(forge, tmp_path)
@@ -200,6 +224,24 @@ def test_packages_are_known_by_their_stated_names(forge: Forge, tree: Tree) -> N
     written(root / "new/again", {"package.xml": manifest, "msg/M.msg": "int8 other\n"})
     ran = forge("interface", "diff", "old", "new", cwd=root)
     assert (ran.code, "is called 'p', too" in ran.err) == (2, True)
+
+
+def test_an_idl_file_beside_another_definition_is_named(forge: Forge, tree: Tree) -> None:
+    idl = "module p { module msg { struct M { short a; }; }; };\n"
+    root = tree({"p/package.xml": manifest_text("p"), "p/msg/M.msg": "int8 a\n", "p/msg/M.idl": idl})
+    for words in (("diff", "p", "p"), ("hash", "--package", "p", "p")):
+        ran = forge("interface", *words, cwd=root)
+        assert ran.code == 0, ran.err
+        assert "p/msg/M.idl: warning: this definition of 'p/msg/M' is ignored" in ran.err, words
+
+
+def test_packages_outside_a_workspace_are_not_searched(forge: Forge, tree: Tree) -> None:
+    other = {"q/package.xml": manifest_text("q"), "q/msg/Q.msg": "int8 q\n"}
+    root = tree({"old/msg/M.msg": "q/Q x\n", "new/msg/M.msg": "q/Q x\n", **other})
+    ran = forge("interface", "diff", "old", "new", cwd=root)
+    assert (ran.code, "unknown type 'q/Q'" in ran.err) == (2, True)
+    (root / "forge.toml").touch()
+    assert diff(forge, root) == {}
 
 
 @pytest.mark.needs("git")
@@ -322,6 +364,79 @@ def test_incomparable_inputs_are_named(
     ran = forge("interface", "diff", *words, "--package", "p", cwd=tmp_path)
     assert ran.code == 2
     assert said in ran.err
+
+
+def test_valid_interfaces_are_compared_beside_invalid_ones(forge: Forge, tmp_path: Path) -> None:
+    """Each reason is named once, at the definition that is wrong."""
+    user = {"msg/User.msg": "A[] all\n", "msg/UserOfUser.msg": "User u\n", "srv/S.srv": "Syntax s\n---\n"}
+    gone = {"msg/Z1.msg": "q/Z z\n", "msg/Z2.msg": "q/Z z\nq/Z y\n"}
+    written(tmp_path / "old", {"msg/A.msg": "int8 x\n", "msg/F.msg": "int8 x\n", **user, **gone})
+    written(tmp_path / "old", {"msg/Syntax.msg": "int8 x\n", "msg/Same.msg": "int8 x\n"})
+    written(tmp_path / "new", {"msg/A.msg": "q/Z x\n", "msg/F.msg": "int16 x\n", **user, **gone})
+    written(tmp_path / "new", {"msg/Syntax.msg": "int8\n", "msg/Same.msg": "int8 x\n"})
+    ran = output(forge, tmp_path)
+    assert ran.code == 2
+    assert ran.out == (
+        "p/msg/A: cannot be compared, because it is invalid in the new version\n"
+        "p/msg/F: breaks the wire, the hash and the API\n"
+        "  field 'x': int8 -> int16\n"
+        "p/msg/Syntax: cannot be compared, because it is invalid in the new version\n"
+        "p/msg/User: cannot be compared, because it is invalid in the new version\n"
+        "p/msg/UserOfUser: cannot be compared, because it is invalid in the new version\n"
+        "p/msg/Z1: cannot be compared, because it is invalid in both versions\n"
+        "p/msg/Z2: cannot be compared, because it is invalid in both versions\n"
+        "p/srv/S: cannot be compared, because it is invalid in the new version\n"
+        "1 of 2 interfaces differ: 1 break the wire, 1 break the hash, 1 break the API; "
+        "7 cannot be compared\n"
+    )
+    places = [line.partition(": error: ")[0] for line in ran.err.splitlines() if ": error: " in line]
+    assert places == ["old/msg/Z1.msg:1:1", "new/msg/Syntax.msg:1:5", "new/msg/A.msg:1:1"]
+    ran = output(forge, tmp_path, "--json", "--fail-on", "none")
+    assert ran.code == 2
+    found = json.loads(ran.out)
+    assert found["p/msg/Z1"] == {"breaks": None, "changes": [], "invalid_in": ["old", "new"]}
+    assert found["p/msg/F"]["breaks"] == ["wire", "hash", "api"]
+
+
+@pytest.mark.parametrize(
+    ("files", "names"),
+    [
+        ({"msg/deep/F.msg": "int8 y\n"}, {"F"}),
+        ({"msg/IMUData.msg": "int8 x\n", "msg/ImuData.msg": "int8 x\n"}, {"ImuData"}),
+        ({"msg/R.msg": "S[] s\n", "msg/S.msg": "R[] r\n"}, {"R", "S"}),
+        ({"msg/U.idl": "module p { module msg { union U {}; }; };\n"}, {"U"}),
+        ({"msg/N.msg": "int8 class\n"}, {"N"}),
+        ({"action/A.action": "int8 x\n---\n"}, {"A"}),
+    ],
+)
+def test_all_kinds_of_invalid_interfaces_leave_the_others(
+    files: Mapping[str, str], names: set[str], forge: Forge, tmp_path: Path
+) -> None:
+    for version in ("old", "new"):
+        written(tmp_path / version, {"msg/F.msg": "int8 x\n", "msg/G.msg": "int8 x\n"})
+    written(tmp_path / "new", {**files, "msg/G.msg": "int8 y\n"})
+    ran = output(forge, tmp_path, "--json")
+    assert ran.code == 2
+    found = json.loads(ran.out)
+    assert found["p/msg/G"]["breaks"] == ["hash", "api"]
+    assert {each.rpartition("/")[2] for each, one in found.items() if one["breaks"] is None} == names
+
+
+def test_an_invalid_interface_of_another_package_leaves_the_others(forge: Forge, tmp_path: Path) -> None:
+    """Nor is an installed one of its name used instead."""
+    for version, text in (("old", "int8 x"), ("new", "int8")):
+        package = {"package.xml": manifest_text("std_msgs"), "msg/Header.msg": f"{text}\n"}
+        written(tmp_path / version / "std_msgs", package)
+        user = {"msg/User.msg": "std_msgs/Header h\n", "msg/Other.msg": f"int8 {version}er\n"}
+        written(tmp_path / version / "p", {"package.xml": manifest_text("p"), **user})
+    for words in ((), ("--package", "p")):
+        ran = forge("interface", "diff", "old", "new", *words, "--json", cwd=tmp_path)
+        assert ran.code == 2
+        found = json.loads(ran.out)
+        assert found["p/msg/User"]["breaks"] is None
+        assert found["p/msg/Other"]["breaks"] == ["hash", "api"]
+        assert ("std_msgs/msg/Header" in found) == (not words)
+        assert ran.err.count("error: ") == 1
 
 
 def test_messages_with_millions_of_members_are_compared(forge: Forge, tmp_path: Path) -> None:

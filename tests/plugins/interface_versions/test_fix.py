@@ -30,6 +30,10 @@ LINES: Mapping[str, tuple[str, str]] = {
         "string<=5[<=2] a 'x'\n# Header b\nq/Header c",
         "string<=5[<=2] a 'x'\n# Header b\nq/Header c",
     ),
+    "the prefix of an enumeration": (
+        "# enum: MODE__*\nint8 m\nint8 n  # enum: kMode_*\nint8 MODE__A=1 # enum: X__*\nint8 kMode_B=2",
+        "# enum: MODE_*\nint8 m\nint8 n  # enum: K_MODE_*\nint8 MODE_A=1 # enum: X__*\nint8 K_MODE_B=2",
+    ),
     "a name that is taken": ("int8 aB\nint8 a_b", "int8 aB\nint8 a_b"),
     "two names that become one": ("int8 aB\nint8 AB", "int8 a_b\nint8 ab"),
 }
@@ -38,7 +42,7 @@ LINES: Mapping[str, tuple[str, str]] = {
 @pytest.mark.parametrize("case", LINES)
 def test_invalid_lines_are_corrected(case: str) -> None:
     text, expected = LINES[case]
-    assert rewritten(text, "p", {"my_point"}, {"my_point": "MyPoint"})[0] == expected
+    assert rewritten(text, "p", {"my_point"}, {"p/my_point": "MyPoint"})[0] == expected
 
 
 def test_names_are_unique_per_section() -> None:
@@ -102,6 +106,34 @@ def test_changes_are_shown_and_then_made(forge: Forge, tree: Tree) -> None:
     assert (root / "src/p/msg/Track.msg").read_text() == "std_msgs/Header header\nMyPoint[] points\n"
     assert forge("interface", "hash", "--package", "p", "src/p", cwd=root).code == 0
     assert forge("interface", "fix", "src", cwd=root).out.endswith("would change 0 files of 2\n")
+
+
+def test_other_packages_of_the_workspace_use_the_new_names(forge: Forge, tree: Tree) -> None:
+    """And nothing else of them changes, unless they are named, too."""
+    user = "p/my_point[] points # p/my_point\nint8 X\nHeader h\n"
+    other = {"src/q/package.xml": manifest_text("q"), "src/q/msg/User.msg": user}
+    root = tree({**FILES, **other, "src/q/msg/Other.msg": "int8 Y\n"})
+    ran = forge("interface", "fix", "src/p", cwd=root)
+    assert "+p/MyPoint[] points # p/my_point\n" in ran.out
+    assert ran.out.endswith("would change 3 files of 3\n")
+    assert forge("interface", "fix", "src/p", "--write", cwd=root).code == 0
+    assert (root / "src/q/msg/User.msg").read_text() == user.replace("p/my_point[]", "p/MyPoint[]")
+    root = tree({f"again/{path}": text for path, text in {**FILES, **other}.items()}) / "again"
+    assert forge("interface", "fix", "src", "--write", cwd=root).code == 0
+    assert "p/MyPoint[] points # p/my_point\nint8 x\nstd_msgs" in (root / "src/q/msg/User.msg").read_text()
+
+
+def test_texts_with_another_value_than_in_ros1_are_named(forge: Forge, tree: Tree) -> None:
+    """There, quotes and what looks like a comment belong to a value."""
+    definition = "string A='x'\nstring B= b # c\nstring C=plain\nint8 D=1 # one\n"
+    root = tree({"p/srv/do_it.srv": f"{definition}---\nstring kE=a\\\\b\n"})
+    for words in ((), ("--write",)):
+        said = forge("interface", "fix", "p", *words, cwd=root).out
+        assert said.count("in ROS 1") == 3
+        assert "p: the constant A of DoIt is 'x'; in ROS 1, it was \"'x'\"\n" in said
+        assert "p: the constant B of DoIt is 'b'; in ROS 1, it was 'b # c'\n" in said
+        assert "p: the constant K_E of DoIt is 'a\\\\b'; in ROS 1, it was 'a\\\\\\\\b'\n" in said
+    assert "in ROS 1" not in forge("interface", "fix", "p", cwd=root).out
 
 
 def test_remaining_errors_are_named(forge: Forge, tree: Tree) -> None:

@@ -35,7 +35,7 @@ EULER = System("openeuler", "24.03", "dnf")
         ({"apt": {"packages": 7}}, None),
     ],
 )
-def test_rules_are_interpreted_like_by_rosdep(rule: object, expected: Resolved | None) -> None:
+def test_rules_are_interpreted_as_rosdep_does(rule: object, expected: Resolved | None) -> None:
     assert resolver([{"k": {"ubuntu": rule}}], JAMMY)("k") == expected
 
 

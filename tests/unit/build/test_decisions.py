@@ -19,7 +19,7 @@ from forge.build.inputs.native_graph import Edge, NativeGraph
 from forge.build.model import BuildInputs, BuildRecord, Fingerprint, Snapshot
 from forge.build.reuse import Reuse, decide
 from forge.build.up_to_date import COMMON_OPTIONS, InputChange, InputKind, reason_to_build
-from forge.engine.commands import Accesses, ObservedCommands
+from forge.engine.accesses import Accesses, ObservedCommands
 
 SOURCE, BUILD = "/ws/src/p", "/ws/build/p"
 NAMES = tuple("abcdefgh")

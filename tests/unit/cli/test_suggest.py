@@ -10,7 +10,8 @@ from forge.output.handlers import HANDLERS
 from tests.conftest import Forge
 
 TOPIC = (
-    "error: unknown command 'topic'\nhint: 'ros2 topic' is part of a ROS installation: source that first\n"
+    "error: unknown command 'topic'\nhint: 'ros2' has it: forge shell -- ros2 topic; "
+    "it is part of a ROS installation, and of the packages that 'forge fetch ros2topic' fetches\n"
 )
 CD = (
     "error: unknown command 'cd'\nhint: a program cannot change the folder of its shell; "

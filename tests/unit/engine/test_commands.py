@@ -8,14 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from forge.engine.commands import (
-    Accesses,
-    Folders,
-    ObservedCommands,
-    commands_of,
-    decode_commands,
-    encode_commands,
-)
+from forge.engine.accesses import Accesses, ObservedCommands, decode_commands, encode_commands
+from forge.engine.commands import Folders, commands_of
 from forge.engine.observation import ObservedStep, Process
 
 SEEN = Accesses(

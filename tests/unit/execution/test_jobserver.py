@@ -123,6 +123,44 @@ def test_there_are_never_more_packages_than_jobs() -> None:
     assert len(most) == 40
 
 
+def test_a_package_that_is_alone_waits_for_the_others_and_lets_none_start() -> None:
+    """Two that want to be alone do not wait for each other to end."""
+    running: set[int] = set()
+    alone: list[set[int]] = []
+    with closing(JobPool(4, create_pool(PIPE))) as job_pool:
+
+        def run(number: int) -> None:
+            with job_pool.package():
+                running.add(number)
+                time.sleep(0.01)
+                if number % 3 == 0:
+                    running.discard(number)
+                    with job_pool.alone():
+                        for _ in range(5):
+                            alone.append(set(running))
+                            time.sleep(0.001)
+                running.discard(number)
+
+        threads = [threading.Thread(target=run, args=(number,)) for number in range(9)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join(20)
+            assert not thread.is_alive()
+    assert alone == [set()] * 15
+
+
+def test_a_step_that_is_alone_runs_one_job(tmp_path: Path) -> None:
+    with (
+        closing(JobPool(4, create_pool(FIFO), TOOLS)) as job_pool,
+        job_pool.package(),
+        job_pool.tools(step(tmp_path), {}, alone=True) as (variables, descriptors),
+    ):
+        assert variables["CMAKE_BUILD_PARALLEL_LEVEL"] == "1"
+        assert "MAKEFLAGS" not in variables
+        assert descriptors == ()
+
+
 def test_lost_tokens_are_replaced_when_nothing_runs(tmp_path: Path) -> None:
     """A killed tool does not return its tokens; the next package must not wait for them forever."""
     with closing(JobPool(2, create_pool(FIFO), TOOLS)) as job_pool:

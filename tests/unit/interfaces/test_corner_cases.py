@@ -244,6 +244,17 @@ def test_idl_only_types_have_their_own_namespace(forge: Forge, tree: Tree) -> No
     assert load(folder / "src", "tour")["tour/idl/Only"](a="日", b=["x"]).a == "日"
 
 
+def test_types_named_like_keywords_of_python_are_an_error_there(forge: Forge, tree: Tree) -> None:
+    folder = tree({"src/srv/None.srv": "---\n", "src/msg/Null.msg": ""})
+    ran = forge("interface", "generate", "--package", "tour", "--output", "out", "src", cwd=folder)
+    assert (ran.code, ran.err.splitlines()[0]) == (
+        2,
+        "src/srv/None.srv: error: a Python class cannot be called 'None'",
+    )
+    words = ("generate", "--package", "tour", "--output", "out", "--lang", "cpp", "src")
+    assert forge("interface", *words, cwd=folder).code == 0
+
+
 def test_files_in_other_folders_belong_to_the_generating_package(forge: Forge, tree: Tree) -> None:
     root = tree({"share/files/msg/Inner.msg": "int8 a", "share/files/msg/Outer.msg": "Inner inner"})
     files = [word for name in ("Inner", "Outer") for word in ("--file", f"share/files:msg/{name}.msg")]

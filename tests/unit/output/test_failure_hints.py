@@ -255,6 +255,12 @@ def test_a_package_of_an_earlier_build_gets_no_system_package_hint(tree: Tree) -
     assert "forge clean stale" in hint
 
 
+def test_a_package_that_the_options_leave_out_is_named(tree: Tree) -> None:
+    files = {"ws/install/gone/share/gone/package.sh": "", "ws/src/gone/package.xml": manifest_text("gone")}
+    hint = str(hint_of(NO_CONFIG.format("gone"), scene_in(tree(files) / "ws")))
+    assert hint.startswith("'gone' is in 'src/gone', but left out by '--paths', ")
+
+
 def test_a_missing_submodule_is_named(tree: Tree) -> None:
     modules = '[submodule "up"]\n\tpath = src/up\n\turl = https://x.org/up\n[submodule "b"]\n\tpath = src/b\n'
     root = tree({"ws/.gitmodules": modules, "ws/src/b/README": "", "ws/src/up/.keep": ""}) / "ws"

@@ -31,7 +31,6 @@ ORDERED = ("a", "d", "b", "c")
         (Query(above_depth=(9, ("a",))), ("a", "b", "c")),
         (Query(above_depth=(2, ())), ("a", "d", "b", "c")),
         (Query(select_by_dep=("a",)), ("b", "c")),
-        (Query(select_by_dep=("nobody",)), ()),
         (Query(skip_by_dep=("a",)), ("a", "d")),
         (Query(skip_up_to=("b",)), ("d", "c")),
         (Query(start="d"), ("d", "b", "c")),
@@ -46,19 +45,28 @@ def test_selection_options_narrow_the_selection(query: Query, expected: tuple[st
     assert not warnings
 
 
-def test_unknown_names_in_select_and_skip_give_warnings() -> None:
-    selection, warnings = select(Query(select=("aa",), skip=("x",)), ORDERED, NEEDS)
+def test_unknown_names_to_skip_and_patterns_without_a_match_give_warnings() -> None:
+    selection, warnings = select(Query(select_regex=("x",), skip=("aa",)), ORDERED, NEEDS)
     assert selection.names == ()
     assert [(w.message, w.hint) for w in warnings] == [
-        ("--packages-select: no package named 'aa' in the workspace", "did you mean 'a'?"),
-        ("--packages-skip: no package named 'x' in the workspace", None),
+        ("--packages-skip: no package named 'aa' in the workspace", "did you mean 'a'?"),
+        (
+            "--packages-select-regex 'x' matches no package",
+            "patterns match from the beginning of a name; to match anywhere use '.*x'",
+        ),
     ]
 
 
-def test_unknown_names_in_up_to_and_above_are_errors() -> None:
+def test_unknown_names_of_packages_to_select_are_errors() -> None:
+    query = Query(select=("a", "aa"), up_to=("x",), above=("y",), select_by_dep=("z",))
     with pytest.raises(SelectionError) as error:
-        select(Query(up_to=("x",), above=("y",)), ORDERED, NEEDS)
-    assert len(error.value.problems) == 2
+        select(query, ORDERED, NEEDS)
+    assert [(each.message, each.hint) for each in error.value.problems] == [
+        ("no package named 'aa' in the workspace", "did you mean 'a'?"),
+        ("--packages-up-to: no package named 'x' in the workspace", None),
+        ("--packages-above: no package named 'y' in the workspace", None),
+        ("--packages-select-by-dep: no package named 'z' in the workspace", None),
+    ]
 
 
 def test_limits_apply_in_addition_to_selection_options() -> None:
@@ -76,7 +84,8 @@ def test_limits_apply_in_addition_to_selection_options() -> None:
         Query(start="x"),
         Query(end="x"),
         Query(start="c", end="a"),
-        Query(select=("x",), strict=True),
+        Query(select=("x",)),
+        Query(skip=("x",), strict=True),
         Query(skip_by_dep=("x",), strict=True),
     ],
 )

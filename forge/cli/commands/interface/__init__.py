@@ -15,7 +15,7 @@ from forge.base.ament_index import prefix_of
 from forge.base.distributions import EMBEDDED, distribution_hint, distribution_option
 from forge.base.env_vars import compiled_templates
 from forge.base.errors import ForgeError, InterfaceError, Problem, print_warnings, raise_if_any
-from forge.base.extensions import VERBS, installed
+from forge.base.extensions import VERBS
 from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
 from forge.base.names import did_you_mean
@@ -30,8 +30,8 @@ from forge.cli.commands.interface.inputs import (
     library_of,
     require_built,
 )
-from forge.cli.main import Parser, add_plugin
-from forge.cli.options import add_verb
+from forge.cli.main import Parser, add_verbs_of_plugins
+from forge.cli.options import add_verb, profile_option
 from forge.engine.observed import keep
 from forge.interfaces import writing
 from forge.interfaces.hashing import hashes
@@ -65,6 +65,7 @@ class _ListingOptions:
     only_srvs: bool = flag("list only services", short="-s")
     only_actions: bool = flag("list only actions", short="-a")
     rosdistro: str | None = distribution_option()
+    profile: str | None = profile_option()
 
     @property
     def kinds(self) -> list[str]:
@@ -89,6 +90,7 @@ class _ShowOptions:
     all_comments: bool = flag("show the comments of nested messages, too", conflicts="comments")
     no_comments: bool = flag("omit comments and blank lines", conflicts="comments")
     rosdistro: str | None = distribution_option()
+    profile: str | None = profile_option()
 
 
 @frozen
@@ -96,6 +98,7 @@ class _ProtoOptions:
     type: str = option("full name of the interface", positional=True, parse=_filled, metavar="TYPE")
     no_quotes: bool = flag("print the YAML without surrounding quotes")
     rosdistro: str | None = distribution_option()
+    profile: str | None = profile_option()
 
 
 @frozen
@@ -108,6 +111,7 @@ class _HashOptions:
     )
     json: bool = flag("print one JSON object")
     inputs: InputOptions = options_of(InputOptions)
+    profile: str | None = profile_option()
 
 
 @frozen
@@ -117,6 +121,7 @@ class _SchemaOptions:
         "format of the definitions (default: %(default)s)", default=ENCODINGS[0], choices=tuple(ENCODINGS)
     )
     others: IncludeOptions = options_of(IncludeOptions)
+    profile: str | None = profile_option()
 
 
 def register(parser: Parser) -> None:
@@ -133,15 +138,11 @@ def register(parser: Parser) -> None:
     add_verb(verbs, "schema", summary, _SchemaOptions, _schema)
     summary = "compile definitions to Python, C++, C, IDL, JSON, JSON Schema, TypeScript or Markdown"
     add_verb(verbs, "generate", summary, _GenerateOptions, _generate, fromfile_prefix_chars="@")
-    asked = next((word for word in parser.words if not word.startswith("-")), None)
-    # Builds wait for 'generate': it imports no plugins.
-    if asked not in verbs.choices:
-        for word in sorted({*installed(VERBS), *((asked,) if asked else ())}):
-            add_plugin(verbs, VERBS, word, "verb")
+    add_verbs_of_plugins(parser, verbs, VERBS)
 
 
 def _list(options: _ListingOptions) -> int:
-    names = sorted(known_library(options.rosdistro).names())
+    names = sorted(known_library(options.rosdistro, profile=options.profile).names())
     for kind in options.kinds or _HEADINGS:
         print(_HEADINGS[kind])
         for name in names:
@@ -151,10 +152,10 @@ def _list(options: _ListingOptions) -> int:
 
 
 def _package(options: _PackageOptions) -> int:
-    library = known_library(options.listing.rosdistro)
+    library = known_library(options.listing.rosdistro, profile=options.listing.profile)
     folder = library.folder(options.package)
     if not folder:
-        _check_package(options.package, library)
+        _check_package(options.package, library, options.listing.profile)
         return 0
     for name in sorted(library.names_in(options.package)):
         if not options.listing.kinds or name.kind in options.listing.kinds:
@@ -165,7 +166,7 @@ def _package(options: _PackageOptions) -> int:
 def _packages(options: _ListingOptions) -> int:
     # With several kinds, `ros2 interface packages` uses the first one in this order.
     kinds = options.kinds[:1]
-    library = known_library(options.rosdistro)
+    library = known_library(options.rosdistro, profile=options.profile)
     for package in library.packages():
         names = list(library.names_in(package))
         if any(name.kind in kinds for name in names) if kinds else names:
@@ -174,23 +175,25 @@ def _packages(options: _ListingOptions) -> int:
 
 
 def _show(options: _ShowOptions) -> int:
-    library = known_library(options.rosdistro)
+    library = known_library(options.rosdistro, profile=options.profile)
     text = sys.stdin.readline().strip() if options.type == "-" else options.type
     name = parse_type_name(text, library.names)
-    path = _definition(name, library)
+    path = _definition(name, library, options.profile)
     if path.suffix == ".idl":
         print(path.read_text(encoding="utf-8"), end="")
         return 0
     levels = 0 if options.no_comments else sys.maxsize if options.all_comments else 1
-    for line in show(name, levels, lambda each: _definition(each, library).read_text(encoding="utf-8")):
+    for line in show(
+        name, levels, lambda each: _definition(each, library, options.profile).read_text(encoding="utf-8")
+    ):
         print(line)
     return 0
 
 
 def _proto(options: _ProtoOptions) -> int:
-    library = known_library(options.rosdistro)
+    library = known_library(options.rosdistro, profile=options.profile)
     name = parse_type_name(options.type, library.names)
-    path = _definition(name, library)
+    path = _definition(name, library, options.profile)
     parsed = library.find(name)
     if not parsed:
         raise InterfaceError(Problem(f"'{path}' does not define the interface '{name}'"))
@@ -201,7 +204,7 @@ def _proto(options: _ProtoOptions) -> int:
 
 def _hash(options: _HashOptions) -> int:
     inputs = options.inputs
-    library = known_library(inputs.others.rosdistro, inputs.others.folders)
+    library = known_library(inputs.others.rosdistro, inputs.others.folders, options.profile)
     if not (inputs.package or inputs.files or options.what):
         hint = "name types, or a folder of definitions with --package"
         raise ForgeError(Problem("missing names of types", hint=hint))
@@ -211,9 +214,12 @@ def _hash(options: _HashOptions) -> int:
         if options.what[1:]:
             hint = "without --package, arguments are names of types"
             raise ForgeError(Problem("--package accepts only one folder of definitions", hint=hint))
-        found = hashes(catalog_of(inputs, options.what[0] if options.what else None, library))
+        folder = options.what[0] if options.what else None
+        found = hashes(catalog_of(inputs, folder, library, options.profile))
     else:
-        found = {name: _hash_of(name, library) for name in map(parse_type_name, options.what)}
+        found = {
+            name: _hash_of(name, library, options.profile) for name in map(parse_type_name, options.what)
+        }
     if options.json:
         print(json.dumps({str(name): text for name, text in found.items()}, indent=1))
     else:
@@ -223,15 +229,15 @@ def _hash(options: _HashOptions) -> int:
 
 
 def _schema(options: _SchemaOptions) -> int:
-    library = known_library(options.others.rosdistro, options.others.folders)
+    library = known_library(options.others.rosdistro, options.others.folders, options.profile)
     name = parse_type_name(options.type)
-    parsed = library.find(name) or _missing(name, library)
+    parsed = library.find(name) or _missing(name, library, options.profile)
     nested_messages(parsed, library)
     print(schema_text(parsed, lambda below: require(below, library), options.encoding), end="")
     return 0
 
 
-def _hash_of(name: TypeName, library: Library) -> str:
+def _hash_of(name: TypeName, library: Library, profile: str | None) -> str:
     """Return the type hash of an interface or of a type derived from one; raises InterfaceError."""
     # A struct of an .idl file may have '_' in its name without being a derived type.
     for base in dict.fromkeys((name, TypeName(name.package, name.kind, name.name.partition("_")[0]))):
@@ -242,18 +248,18 @@ def _hash_of(name: TypeName, library: Library) -> str:
             found = hashes(catalog).get(name)
             if found:
                 return found
-    return _missing(name, library)
+    return _missing(name, library, profile)
 
 
-def _missing(name: TypeName, library: Library) -> NoReturn:
-    require_built(name.package, library)
+def _missing(name: TypeName, library: Library, profile: str | None) -> NoReturn:
+    require_built(name.package, library, profile)
     hint = did_you_mean(str(name), [str(each) for each in library.names()])
     raise InterfaceError(Problem(f"unknown type '{name}'", hint=hint))
 
 
-def _definition(name: TypeName, library: Library) -> Path:
+def _definition(name: TypeName, library: Library, profile: str | None) -> Path:
     """Return the file of an interface; raises InterfaceError with the message of `ros2 interface`."""
-    folder = library.folder(name.package) or _check_package(name.package, library)
+    folder = library.folder(name.package) or _check_package(name.package, library, profile)
     path = library.file(name)
     if path:
         return path
@@ -262,7 +268,7 @@ def _definition(name: TypeName, library: Library) -> Path:
     raise InterfaceError(Problem(f"Could not find the interface '{missing}'", hint=near))
 
 
-def _check_package(package: str, library: Library) -> Path:
+def _check_package(package: str, library: Library, profile: str | None) -> Path:
     """Return the share folder of a package without interfaces; raises InterfaceError if it does not exist."""
     prefix = prefix_of(package, library.prefixes)
     if prefix:
@@ -270,7 +276,7 @@ def _check_package(package: str, library: Library) -> Path:
     hint = distribution_hint(package, library.rosdistro)
     if not hint and (EMBEDDED / package / "package.xml").is_file():
         return EMBEDDED / package
-    require_built(package, library)
+    require_built(package, library, profile)
     hint = hint or did_you_mean(package, library.packages())
     raise InterfaceError(Problem(f"Unknown package '{package}'", hint=hint))
 

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
-from pathlib import Path
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path, PurePosixPath
 
-from forge.base.ament_index import prefixes
+from forge.base.ament_index import INDEX, prefixes
 from forge.base.distributions import VARIABLE, check_distribution, distribution_in, distribution_option
-from forge.base.errors import ForgeError, InterfaceError, Problem, raise_if_any
+from forge.base.errors import ForgeError, InterfaceError, Location, Problem, print_warnings, raise_if_any
+from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
+from forge.base.layout import forge_command
 from forge.base.names import LOWER_NAME
 from forge.base.options import flag, option, options_of
 from forge.cli.preparation import known_rosdistro
 from forge.environment.installed import known_prefixes
-from forge.interfaces.model import Catalog
-from forge.interfaces.read.parsing import parse_all
-from forge.interfaces.read.sources import Library, read_folder, read_source
+from forge.environment.prefixes import package_prefixes
+from forge.interfaces.model import Catalog, Source
+from forge.interfaces.read.parsing import ENDINGS, parse_all
+from forge.interfaces.read.sources import Library, contradictions, read_folder, read_source
 from forge.interfaces.resolve.resolution import resolve
 from forge.workspace.root import find_install, find_root, is_root, source_packages
 
@@ -77,22 +80,26 @@ def library_of(options: IncludeOptions, recorded: Mapping[str, Path] | None = No
     )
 
 
-def known_library(rosdistro: str | None, includes: Mapping[str, Path] | None = None) -> Library:
-    """Return the definitions that can be queried, including those of the enclosing workspace."""
-    install = find_install(Path.cwd(), Path.home())
+def known_library(
+    rosdistro: str | None, includes: Mapping[str, Path] | None = None, profile: str | None = None
+) -> Library:
+    """Return the definitions that can be queried: those of the enclosing workspace, then sourced ones."""
+    install = find_install(Path.cwd(), Path.home(), profile)
+    own = package_prefixes(install) if install else ()
     return Library(
         includes=includes or {},
-        prefixes=known_prefixes(os.environ, install),
+        prefixes=tuple(dict.fromkeys((*own, *known_prefixes(os.environ, install)))),
         rosdistro=distribution_of(rosdistro),
     )
 
 
-def require_built(package: str, library: Library) -> None:
+def require_built(package: str, library: Library, profile: str | None) -> None:
     """Raise InterfaceError for a package of the enclosing workspace whose interfaces are not installed."""
     root = find_root(Path.cwd(), Path.home())
     if not library.folder(package) and is_root(root) and package in source_packages(root / "install"):
         message = f"package '{package}' is in this workspace, but not built"
-        raise InterfaceError(Problem(message, hint=f"run: forge build --packages-up-to {package}"))
+        command = forge_command(f"build --packages-up-to {package}", profile)
+        raise InterfaceError(Problem(message, hint=f"run: {command}"))
 
 
 def distribution_of(rosdistro: str | None, folder: Path | None = None) -> str:
@@ -106,13 +113,54 @@ def distribution_of(rosdistro: str | None, folder: Path | None = None) -> str:
     check_distribution(rosdistro)
     chosen = rosdistro or os.environ.get(VARIABLE)
     if not chosen:
-        install = find_install(folder, Path.home())
-        root = install.parent if install else folder
+        root, install = find_root(folder, Path.home()), find_install(folder, Path.home())
         chosen = known_rosdistro(None, root, install or root / "install")
     return distribution_in({VARIABLE: chosen} if chosen else {})
 
 
-def catalog_of(options: InputOptions, folder: str | None, library: Library) -> Catalog:
+def installed_definitions(install: Path | None, names: Iterable[str]) -> dict[str, Path]:
+    """Return the folders into which packages of a workspace have installed their definitions."""
+    homes = (
+        ((name, prefix / "share" / name) for name in names for prefix in (install / name, install))
+        if install
+        else ()
+    )
+    return {
+        name: home for name, home in homes if (home.parents[1] / INDEX / "rosidl_interfaces" / name).is_file()
+    }
+
+
+def _built_from(package: str, folder: Path, profile: str | None) -> Path | None:
+    """Return the folder with the installed definitions of a package of a workspace, if that was built."""
+    if not (folder / "package.xml").is_file():
+        return None
+    install = find_install(folder.resolve(), Path.home(), profile)
+    return installed_definitions(install, [package]).get(package)
+
+
+def _warnings_before_a_build(path: Path, sources: Iterable[Source]) -> Iterator[Problem]:
+    """Yield the definitions that a build adds to those of a folder or leaves out, as far as CMake says."""
+    from forge.workspace.cmake_text import calls  # builds read no folder
+
+    read = {each.path.name: each.path for each in sources}
+    words: dict[str, int] = {}
+    for call in calls(text_or_nothing(path)):
+        if call.command == "rosidl_generate_interfaces" and "SKIP_INSTALL" not in call.words:
+            words |= dict.fromkeys(call.words[1:], call.line)
+    listed = {word: PurePosixPath(word).name for word in words if word.rpartition(".")[2] in ENDINGS}
+    for word, name in listed.items():
+        if name not in read:
+            hint = "before a package is built, only definitions below msg, srv and action are found"
+            yield Problem(f"'{word}' is left out", Location(path, words[word]), hint)
+    if words and not any("$" in word for word in words.keys() - listed.keys()):
+        for name in sorted(read.keys() - {*listed.values()}):
+            text = "builds leave this definition out: it is not in rosidl_generate_interfaces()"
+            yield Problem(text, Location(read[name]))
+
+
+def catalog_of(
+    options: InputOptions, folder: str | None, library: Library, profile: str | None = None
+) -> Catalog:
     """Return the resolved definitions named on the command line; raises ForgeError."""
     package = options.package
     if not package:
@@ -122,7 +170,12 @@ def catalog_of(options: InputOptions, folder: str | None, library: Library) -> C
         raise ForgeError(Problem(f"'{package}' is not a valid name of an interface package", hint=hint))
     sources = tuple(read_source(package, Path(base), relative) for base, relative in options.files)
     if folder:
-        sources += read_folder(package, Path(folder), library.rosdistro)
+        built = _built_from(package, Path(folder), profile)
+        found = read_folder(package, Path(folder), library.rosdistro, built)
+        print_warnings(contradictions(found))
+        if not built:
+            print_warnings(_warnings_before_a_build(Path(folder) / "CMakeLists.txt", found))
+        sources += found
     if not sources:
         hint = "name a folder that contains msg, srv or action"
         raise ForgeError(Problem("no interface definitions found", hint=hint))

@@ -6,6 +6,7 @@ const packages = JSON.parse(document.getElementById("packages").textContent);
 const $ = (id) => document.getElementById(id);
 const svg = $("graph"), world = $("world");
 const nodes = [...svg.querySelectorAll(".node")];
+const rows = [...$("list").querySelectorAll("li")];
 const lines = [...svg.querySelectorAll(".line")];
 const users = packages.map(() => []);
 packages.forEach((item, number) => item.lines.forEach((need) => users[need].push(number)));
@@ -30,7 +31,11 @@ function room() {
   return width < 700 ? { width, height: height * 0.55 } : { width: width - 360, height };
 }
 
+// Whether the list is shown in place of the drawing.
+const narrow = () => getComputedStyle(svg).display === "none";
+
 function lookAtAll() {
+  if (narrow()) return;
   const { width, height } = room();
   const scale = Math.min(width / size.width, height / size.height, 1.25);
   look((width - size.width * scale) / 2, (height - size.height * scale) / 2, scale, true);
@@ -47,6 +52,10 @@ function zoom(factor, x, y) {
 // Move as little as possible to show a node outside of the card. From the overview, also zoom in as far as the
 // neighbours of the node remain visible.
 function bringIntoView(number) {
+  if (narrow()) {
+    rows[number].scrollIntoView({ block: "nearest" });
+    return;
+  }
   const { width, height } = room();
   const box = boxOf([number]), around = boxOf([number, ...left(number), ...right(number)]);
   const fitting = Math.min(width / around.width, height / around.height, 1.25);
@@ -106,6 +115,9 @@ function choose(number, { focus = false } = {}) {
     node.classList.toggle("below", below.has(index));
     node.classList.toggle("above", above.has(index));
     node.setAttribute("aria-pressed", String(index === number));
+    rows[index].classList.toggle("chosen", index === number);
+    rows[index].classList.toggle("below", below.has(index));
+    rows[index].classList.toggle("above", above.has(index));
   });
   for (const line of lines) {
     const [need, user] = [Number(line.dataset.need), Number(line.dataset.user)];
@@ -125,7 +137,7 @@ function choose(number, { focus = false } = {}) {
   tell(number, below, above);
   makeReachable(number);
   bringIntoView(number);
-  if (focus) nodes[number].focus({ preventScroll: true });
+  if (focus) (narrow() ? rows[number].querySelector("button") : nodes[number]).focus({ preventScroll: true });
 }
 
 function tell(number, below, above) {
@@ -134,7 +146,7 @@ function tell(number, below, above) {
   $("what").textContent = [item.type, item.version].filter(Boolean).join(" · ");
   $("about").textContent = item.description;
   $("path").textContent = item.path;
-  $("time").textContent = item.time ?? "unknown";
+  $("time").textContent = [item.time ?? "unknown", rows[number].classList.contains("critical") ? "on the critical path" : ""].filter(Boolean).join(", ");
   $("layer").textContent = `${Number(nodes[number].dataset.layer) + 1} of ${layers}`;
   $("command").textContent = `forge build --packages-up-to ${item.name}`;
   const direct = new Set(item.needs);
@@ -176,6 +188,7 @@ function search(text) {
   const found = new Set(hits);
   svg.classList.toggle("searching", wanted !== "");
   nodes.forEach((node, number) => node.classList.toggle("found", found.has(number)));
+  rows.forEach((row, number) => { row.hidden = wanted !== "" && !found.has(number); });
   $("count").textContent = wanted ? `${hits.length} of ${packages.length}` : "";
   $("found").replaceChildren(...hits.slice(0, 8).map(button));
   return hits;
@@ -268,6 +281,10 @@ svg.addEventListener("wheel", (event) => {
 $("closer").addEventListener("click", () => zoom(1.25));
 $("farther").addEventListener("click", () => zoom(0.8));
 $("whole").addEventListener("click", lookAtAll);
+$("list").addEventListener("click", (event) => {
+  const hit = event.target.closest("button");
+  if (hit) choose(Number(hit.dataset.number) === chosen ? null : Number(hit.dataset.number));
+});
 $("close").addEventListener("click", () => choose(null));
 
 // --- start

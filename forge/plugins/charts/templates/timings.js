@@ -10,6 +10,12 @@ const scroll = $("scroll"), sheet = $("sheet"), axis = $("axis").querySelector("
 const users = packages.map(() => []);
 packages.forEach((item, number) => item.needs.forEach((need) => users[need].push(number)));
 
+// The width of the names that cover the left of the tracks; on narrow screens they stand above them.
+const covered = () => {
+  const name = bars[0]?.querySelector(".name");
+  return name && getComputedStyle(bars[0]).display === "flex" ? name.offsetWidth : 0;
+};
+
 const spoken = (seconds) => {
   if (seconds < 60) return `${Number(seconds.toFixed(2))}s`;
   const minutes = Math.floor(seconds / 60), rest = Number((seconds % 60).toFixed(1));
@@ -74,7 +80,7 @@ scroll.addEventListener("pointermove", (event) => {
   const frame = axis.getBoundingClientRect();
   const time = ((event.clientX - frame.left) / frame.width) * facts.seconds;
   const row = event.target.closest("#bars .row");
-  const outside = time < 0 || time > facts.seconds || event.clientX < scroll.getBoundingClientRect().left + bars[0]?.querySelector(".name").offsetWidth;
+  const outside = time < 0 || time > facts.seconds || event.clientX < scroll.getBoundingClientRect().left + covered();
   $("cursor").hidden = outside;
   if (outside) return row ? read(Number(row.dataset.number)) : undefined;
   $("cursor").style.left = `${event.clientX - sheet.getBoundingClientRect().left}px`;
@@ -162,7 +168,7 @@ function goTo(number) {
   bars[number].scrollIntoView({ block: "center", inline: "nearest" });
   // The names cover the left of the sheet and hide bars below them.
   const room = scroll.getBoundingClientRect(), box = bar.getBoundingClientRect();
-  const names = bars[number].querySelector(".name").offsetWidth;
+  const names = covered();
   if (box.right < room.left + names || box.left > room.right) scroll.scrollLeft += box.left - room.left - names - 40;
   $("chart").scrollIntoView({ block: "nearest" });
 }

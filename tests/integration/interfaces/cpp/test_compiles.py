@@ -227,6 +227,58 @@ def test_a_ros_style_program_compiles_and_runs(
     assert (ran.returncode, ran.stderr) == (0, "")
 
 
+@pytest.mark.parametrize("standard", ["c++17", "c++20"])
+@pytest.mark.needs("g++")
+def test_messages_can_be_hashed_and_formatted(standard: str, include: Path, tmp_path: Path) -> None:
+    """In both standards; `std::hash` and `std::format` only in the newer one."""
+    program = tmp_path / "extras"
+    compile_cleanly("g++", standard, include, HERE / "extras.cpp", "-o", program)
+    ran = subprocess.run([program], capture_output=True, text=True, check=False)
+    assert (ran.returncode, ran.stderr) == (0, "")
+
+
+@pytest.mark.needs("g++")
+def test_programs_can_ask_for_definitions_and_units(tmp_path: Path) -> None:
+    """Also of the parts of services and actions; the text is that of the file, with all its signs."""
+    odd = '# \u00e4 \U0001f600 ??/ "q" \\u \\\r\n#\t*/ %s \x1b\n\n'
+    texts = {
+        "msg/A.msg": f"{odd}int8 speed  # how fast [m/s]\nint8 other\nint8 small  # [\u00b5m]\n",
+        "msg/E.msg": "",
+        "srv/S.srv": f"int8 a  # [m]\n---\n{odd}int8 b  # [K]\n",
+        "action/G.action": "int8 a\n---\nint8 b  # [s]\n---\nint8 c",
+    }
+    sources = [Source("p", path, Path(path), text) for path, text in texts.items()]
+    for file in cpp.files(resolve("p", parse_all(sources), Library())):
+        write_if_changed(tmp_path / file.path, file.text)
+    for catalog in catalogs():
+        if catalog.package in {"action_msgs", "builtin_interfaces", "unique_identifier_msgs"}:
+            for file in cpp.files(catalog):
+                write_if_changed(tmp_path / file.path, file.text)
+    program, source = tmp_path / "program", tmp_path / "main.cpp"
+    asked = (
+        *("msg::A", "msg::E", "srv::S", "srv::S::Response"),
+        *("action::G", "action::G::Feedback", "action::G::Impl::SendGoalService::Request"),
+    )
+    headers = ("action/g.hpp", "msg/a.hpp", "msg/e.hpp", "srv/s.hpp")
+    source.write_text(
+        "#include <iostream>\n"
+        + "".join(f'#include "p/{each}"\n' for each in headers)
+        + "using namespace rosidl_generator_traits;\n"
+        + 'static_assert(unit<p::msg::A>("speed") == "m/s" && unit<p::msg::A>("other").empty());\n'
+        + 'static_assert(unit<p::msg::A>("small") == "\\302\\265m" && unit<p::msg::E>("x").empty());\n'
+        + 'static_assert(unit<p::srv::S::Response>("b") == "K" && unit<p::action::G::Result>("b") == "s");\n'
+        + 'static_assert(unit<p::srv::S::Response>("a").empty() && unit<p::srv::S>("a").empty());\n'
+        + "int main()\n{\n"
+        + "".join(f"  std::cout << definition<p::{each}>() << '\\0';\n" for each in asked)
+        + "}\n",
+        encoding="utf-8",
+    )
+    compile_cleanly("g++", "c++17", tmp_path, "-DROSIDL_RUNTIME_CPP_DEFINITIONS", source, "-o", program)
+    ran = subprocess.run([program], capture_output=True, check=True)
+    a, e, s, g = texts.values()
+    assert ran.stdout.decode().split("\0") == [a, e, s, s, g, g, g, ""]
+
+
 @pytest.mark.needs("g++")
 def test_each_header_compiles_alone(include: Path, tmp_path: Path) -> None:
     sources = []
@@ -244,6 +296,7 @@ def test_each_header_compiles_alone(include: Path, tmp_path: Path) -> None:
     "header",
     [
         *("std_msgs/msg/string.hpp", "probe/msg/bounded.hpp", "rosidl_runtime_cpp/yaml.hpp"),
+        "rosidl_runtime_cpp/format.hpp",
         *sorted(path.relative_to(RUNTIME).as_posix() for path in RUNTIME.glob("forge_cdr/**/*.hpp")),
     ],
 )

@@ -32,6 +32,18 @@ def test_with_o_values_are_converted_without_checks(probe: Path) -> None:
     assert run_python(probe, code, "-O") == "x array ndarray"
 
 
+def test_with_o_no_fraction_is_cut_off(probe: Path) -> None:
+    code = (
+        "from probe.msg import Fixed\nimport numpy\n"
+        "fixed = Fixed(a_int8=[1, 2, 3])\n"
+        "for value in [1.5] * 3, numpy.array([1.5] * 3), [300] * 3, numpy.array([300] * 3):\n"
+        "    try:\n        fixed.a_int8 = value\n"
+        "    except (TypeError, OverflowError) as error:\n        print(type(error).__name__, end=' ')\n"
+        "print(fixed.a_int8)"
+    )
+    assert run_python(probe, code, "-O") == "TypeError TypeError OverflowError OverflowError [1 2 3]"
+
+
 def test_with_o_an_array_of_another_type_code_is_converted(probe: Path) -> None:
     """Its bytes would be written as they are."""
     code = (

@@ -228,7 +228,7 @@ def test_generate_takes_idl_files_and_folders_of_them(forge: Forge, tree: Tree) 
             "src/msg/A.idl": "module tour { module msg { struct A { long a; }; }; };",
             "src/deep/B.idl": "module tour { module deep { struct B { tour::msg::C c; }; }; };",
             "src/msg/C.msg": "A a\nstd_msgs/String text",
-            "src/msg/C.idl": "not read, for it was made of C.msg",
+            "src/msg/C.idl": "// generated from tour/msg/C.msg, and not read",
         }
     )
     arguments = ["--package", "tour", "--lang", "idl", "--lang", "json", "--output"]

@@ -288,6 +288,7 @@ def test_a_single_placeholder_member_is_not_a_field() -> None:
         ("", "'}' is not expected here"),
         ("int8 _a;", "'_a' is not expected here"),
         ("int8 a", "'}' is not expected here"),
+        ("int8 a; /* b", "the comment is not closed"),
         ("int8 class;", "field name 'class' is a keyword of Python and C++"),
         ("int8 restrict;", "field name 'restrict' is a keyword of C"),
         ("int8 a; int16 a;", "'a' is already declared"),

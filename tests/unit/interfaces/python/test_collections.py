@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import math
 from array import array
 from collections import UserList, UserString
@@ -102,6 +103,10 @@ def test_assigning_numbers_converts_them_to_an_array(
         assert repr(list(map(float, getattr(message, name)))) == repr(list(map(float, value)))
 
 
+def view_of(values: Any) -> memoryview:
+    return memoryview(values)
+
+
 IMAGE = np.arange(24, dtype=np.uint8).reshape(2, 3, 4)
 BUFFERS = [
     ("a_uint8", IMAGE),
@@ -121,6 +126,11 @@ BUFFERS = [
     ("a_float32", np.array([3], np.uint8)),
     ("a_float64", np.array([1.5, math.nan], np.float32)),
     ("a_float64", memoryview(array("d", [2.5]))),
+    ("a_uint64", np.array([True, False, True])),
+    ("a_int16", view_of(np.array([1, -2, 3], ">i2"))),
+    ("a_int8", view_of(np.array([1, -2, 3], ">i8"))),
+    ("a_float32", view_of(np.array([1.5], np.float16))),
+    ("a_int32", (ctypes.c_int.__ctype_be__ * 3)(1, 2, -3)),
 ]
 
 
@@ -147,6 +157,10 @@ def test_numbers_in_buffers_are_copied_in_c_order(msg: ModuleType, name: str, va
         ("a_int64", np.array([2**63], np.uint64)),
         ("a_float32", np.array([1e39])),
         ("a_float32", np.array([1j])),
+        ("a_uint8", view_of(np.array([1, 256], ">i2"))),
+        ("a_uint8", view_of(np.array([1.0], np.float16))),
+        ("a_uint8", view_of(np.zeros(2, "i1, i2"))),
+        ("a_uint16", view_of(np.full((2, 2), -1))),
         ("a_uint8", np.uint8(5)),
         ("a_uint8", np.array(["1"])),
         ("a_uint8", np.array(["2026-01-01"], "datetime64[D]")),

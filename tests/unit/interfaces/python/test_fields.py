@@ -143,6 +143,17 @@ def test_numeric_fields_with_a_default_check_arguments(msg: ModuleType) -> None:
         msg.Defaults(pair=[1, 2])
 
 
+def test_the_largest_number_of_a_float32_may_be_rounded() -> None:
+    """As FLT_MAX in C is; numbers beyond are no defaults."""
+    name = TypeName("idl", "msg", "Largest")
+    fields = (
+        Field("x", Primitive("float"), 3.4028235e38),
+        Field("y", Array(Primitive("float"), 1), (-3.40282347e38,)),
+    )
+    largest = classes_of(Message(name, fields))["Largest"]()
+    assert (largest.x, largest.y.tolist()) == (3.4028234663852886e38, [-3.4028234663852886e38])
+
+
 def test_a_default_out_of_range_fails_at_construction() -> None:
     name = TypeName("idl", "msg", "Huge")
     message = Message(name, (Field("x", Primitive("float"), 1e39),))

@@ -15,7 +15,7 @@ import pytest
 
 from forge.interfaces.python import target as python
 from tests.conftest import GOLDEN, Golden
-from tests.generated import PROBE, catalog_of, refused
+from tests.generated import PROBE, catalog_of, generate, importable, refused
 
 
 def test_packages_have_a_module_per_file_and_kind() -> None:
@@ -65,6 +65,29 @@ def test_constants_are_listed_without_defaults(msg: ModuleType) -> None:
     assert {"YES": True, "LOW": -128, "WORD": "it's"}.items() <= msg.Constants.get_constants().items()
     assert any(name.endswith("__DEFAULT") for name in dir(msg.Defaults))
     assert msg.Defaults().get_constants() == {}
+
+
+def test_classes_know_their_definitions_and_units(tmp_path: Path) -> None:
+    """Those of a service and its parts are one file."""
+    wheel = '# A wheel, "round".\nfloat64 speed  # [m/s]\n\nfloat64 from  # over ground [m]\nWheel2 other'
+    texts = {
+        "msg/Wheel.msg": wheel,
+        "msg/Wheel2.msg": "",
+        "srv/Turn.srv": "float32 by  # [rad]\n---\n",
+        "action/Go.action": "---\nint8 code\n---\nfloat32 left  # [\u00b5m]\n",
+    }
+    generate(tmp_path, catalog_of("units", texts))
+    with importable(tmp_path):
+        wheel_class, other = import_module("units.msg").Wheel, import_module("units.msg").Wheel2
+        turn, go = import_module("units.srv").Turn, import_module("units.action").Go
+        assert wheel_class.get_definition() == wheel_class().get_definition() == wheel
+        assert wheel_class.get_units() == {"speed": "m/s", "from": "m"}
+        assert (other.get_definition(), other.get_units()) == ("", {})
+        for each in (turn, turn.Request, turn.Response()):
+            assert each.get_definition() == texts["srv/Turn.srv"]
+        assert (turn.Request.get_units(), turn.Response.get_units()) == ({"by": "rad"}, {})
+        assert go.get_definition() == go.Feedback.get_definition() == texts["action/Go.action"]
+        assert go.Feedback.get_units() == {"left": "\u00b5m"}
 
 
 def test_constants_cannot_be_changed(msg: ModuleType) -> None:

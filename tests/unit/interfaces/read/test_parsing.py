@@ -44,7 +44,7 @@ def problems(text: str, relative: str = "msg/Walk.msg") -> list[str]:
     return [f"{problem.location}: {problem.message}" for problem in caught.value.problems]
 
 
-def test_a_byte_order_mark_is_rejected_as_by_rosidl_adapter() -> None:
+def test_a_byte_order_mark_is_rejected_as_in_rosidl_adapter() -> None:
     """rosidl_adapter reads it as part of the first type. The rest of the file is parsed."""
     assert problems("\ufeff# A walk.\nint8 A\n") == [
         "msg/Walk.msg:1: the file starts with a byte-order mark, which ROS's own generators reject",

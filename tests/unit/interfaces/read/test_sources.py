@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from forge.base.distributions import EMBEDDED
-from forge.base.errors import InterfaceError
+from forge.base.errors import InterfaceError, Location
 from forge.interfaces.model import TypeName
-from forge.interfaces.read.sources import Library, read_folder, read_runtime, read_source
+from forge.interfaces.read.sources import Library, contradictions, read_folder, read_runtime, read_source
 from tests.conftest import Tree
 
 INDEX = "share/ament_index/resource_index/rosidl_interfaces"
@@ -115,6 +115,21 @@ def test_installed_interfaces_are_those_in_the_index(tree: Tree) -> None:
     assert list(map(str, library.names_in("p"))) == ["p/msg/A", "p/msg/Own", "p/srv/S"]
     assert fields(library, "p/msg/A") == ["fresh"]
     assert fields(library, "p/msg/Own") == ["x"]
+
+
+def test_an_idl_file_that_is_ignored_is_named_with_what_overrides_it(tree: Tree) -> None:
+    """Unless it says the same, or was generated."""
+    idl = "module p { module msg { struct A { short a; }; }; };\n"
+    for other in ({"msg/A.idl": idl}, {"msg/A.idl": "no IDL"}):
+        folder = tree({"msg/A.msg": "int8 a", **other})
+        (problem,) = contradictions(read_folder("p", folder))
+        assert problem.location == Location(folder / "msg/A.idl")
+        assert f"'p/msg/A' is ignored, because '{folder}/msg/A.msg' is another one" in problem.message
+    for other in (
+        {"msg/A.idl": f"// generated from A.msg\n{idl}"},
+        {"msg/A.idl": idl, "msg/A.msg": "int16 a"},
+    ):
+        assert not [*contradictions(read_folder("p", tree(other)))]
 
 
 def test_runtime_files_depend_on_the_language() -> None:

@@ -5,6 +5,10 @@
 
 #include <type_traits>
 
+#ifdef ROSIDL_RUNTIME_CPP_DEFINITIONS
+#include <string_view>
+#endif
+
 namespace rosidl_generator_traits
 {
 
@@ -15,6 +19,19 @@ constexpr const char * data_type();
 /// The ROS name: "pkg/msg/Name".
 template<typename T>
 constexpr const char * name();
+
+#ifdef ROSIDL_RUNTIME_CPP_DEFINITIONS
+/// The text of the .msg, .srv, .action or .idl file in which the type is defined; not in rosidl.
+template<typename T>
+constexpr std::string_view definition();
+
+/// The unit of a field whose comment has one, as in 'speed [m/s]', otherwise empty; not in rosidl.
+template<typename T>
+constexpr std::string_view unit(std::string_view)
+{
+  return {};
+}
+#endif
 
 /// True if the type contains no string or sequence, at any depth.
 template<typename T>

@@ -29,9 +29,11 @@ def array(name: str, value: Any, type_name: str, size: int) -> np.ndarray[Any, A
         assert value.size == size, f"The '{name}' numpy.ndarray() must have a size of {size}"
         if value.dtype == dtype:
             return value
-        wanted = f"numpy.{dtype.name}"
-        copied = checks.copy_of(value, type_name)
+        wanted, copied = f"numpy.{dtype.name}", checks.copy_of(value, type_name)
         assert copied is not None, f"The '{name}' numpy.ndarray() must have the dtype of '{wanted}'"
-        return np.array(value if copied is None else copied, dtype)
-    checks.elements(name, value, type_name, size=size)
-    return np.array(list(value), dtype)
+    else:
+        checks.elements(name, value, type_name, size=size)
+        copied = checks.copy_of(value, type_name)
+    if copied is None:  # numpy would cut off fractions under -O, which removes the checks
+        copied = checks.array(checks.NUMBERS[type_name].code, list(value))
+    return np.array(copied, dtype)

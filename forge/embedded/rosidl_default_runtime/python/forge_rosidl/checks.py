@@ -205,7 +205,13 @@ def copy_of(value: Any, type_name: str) -> array[Any] | None:
     kind = NUMBERS[type_name]
     made = array(kind.code)
     if view.itemsize != made.itemsize or view.format not in _FORMATS[kind.code]:
-        if not hasattr(value, "astype") or not _is_convertible(value, kind):
+        if not hasattr(value, "astype"):
+            if _is_iterable(view):
+                return None
+            from numpy import asarray
+
+            value = asarray(value)
+        if not _is_convertible(value, kind):
             return None
         view = memoryview(value.astype(kind.code))
     if view.nbytes:  # no view of nothing can be cast
@@ -213,6 +219,7 @@ def copy_of(value: Any, type_name: str) -> array[Any] | None:
     return made
 
 
+_READABLE: Final = frozenset("?cbBhHiIlLqQnNfdP")
 _FORMATS: Final = {
     **{code: frozenset(same) for same in ("bhilq", "BHILQ") for code in same},
     **{code: frozenset({code}) for code in "fd"},
@@ -220,10 +227,17 @@ _FORMATS: Final = {
 """The formats of buffers whose elements, if of the same size, are those of an array with this type code."""
 
 
+def _is_iterable(view: memoryview) -> bool:
+    """Return False for a buffer of which only numpy can read elements, such as one in another byte order."""
+    return view.ndim == 1 and view.format in _READABLE
+
+
 def _is_convertible(values: Any, kind: Number) -> bool:
     """Tell whether all elements of a numpy array are in the range of a type, and none loses a fraction."""
+    if kind.python is int and values.dtype.kind == "b":
+        return True
     if kind.python is int:
-        return values.dtype.kind in "biu" and not ((values < kind.low) | (values > kind.high)).any()
+        return values.dtype.kind in "iu" and not ((values < kind.low) | (values > kind.high)).any()
     if values.dtype.kind != "f" or kind.code == "d" or values.itemsize <= array(kind.code).itemsize:
         return values.dtype.kind in "iuf"
     return not ((abs(values) > kind.high) & (abs(values) != inf)).any()
@@ -248,6 +262,8 @@ def _fits(value: Any, size: int | None, bound: int | None) -> bool:
 
 
 def _is_collection(value: object) -> bool:
+    if isinstance(value, memoryview) and not _is_iterable(value):
+        return False
     return isinstance(value, Sequence | AbstractSet | UserList) and not isinstance(value, str | UserString)
 
 

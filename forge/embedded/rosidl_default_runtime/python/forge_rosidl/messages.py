@@ -107,13 +107,26 @@ class ActionType(InterfaceType):
                 type(part).__import_type_support__()
 
 
-class Message:
+class Interface:
+    """The base class of messages, services and actions."""
+
+    __slots__: tuple[str, ...] = ()
+    _DEFINITION: ClassVar[str] = ""
+
+    @classmethod
+    def get_definition(cls) -> str:
+        """Return the text of the .msg, .srv, .action or .idl file in which this class is defined."""
+        return cls._DEFINITION
+
+
+class Message(Interface):
     """The base class of all message classes."""
 
     __slots__: tuple[str, ...] = ()
     _fields_and_field_types: ClassVar[dict[str, str]] = {}
     SLOT_TYPES: ClassVar[tuple[Any, ...]] = ()
-    _enumerations: ClassVar[dict[str, type[IntEnum]]] = {}
+    _UNITS: ClassVar[dict[str, str]] = {}
+    _ENUMERATIONS: ClassVar[dict[str, type[IntEnum]]] = {}
 
     @classmethod
     def get_fields_and_field_types(cls) -> dict[str, str]:
@@ -126,6 +139,11 @@ class Message:
         metaclass = cast("type[MessageType]", type(cls))
         constants = metaclass._CONSTANTS.items()
         return {name: value for name, value in constants if not name.endswith("__DEFAULT")}
+
+    @classmethod
+    def get_units(cls) -> dict[str, str]:
+        """Return the units of fields whose comments have one, such as 'speed [m/s]', by their names."""
+        return dict(cls._UNITS)
 
     def __eq__(self, other: object) -> bool:
         """Return True if the other is a message of this class with equal fields."""
@@ -145,19 +163,11 @@ class Message:
     def __repr__(self) -> str:
         """Return the message as a constructor call, with arrays as lists."""
         names = [*self.__class__.__module__.split(".")[-3:-1], self.__class__.__name__]
-        values = ", ".join(f"{slot[1:]}={self._shown(slot[1:])}" for slot in self.__slots__)
+        values = ", ".join(f"{slot[1:]}={_shown(self, slot)}" for slot in self.__slots__)
         return f"{'.'.join(names)}({values})"
 
-    def _shown(self, name: str) -> str:
-        """Return the text of a field; values of an enumeration have their names."""
-        value = getattr(self, f"_{name}")
-        if name in self._enumerations:
-            with suppress(ValueError):
-                return repr(self._enumerations[name](value))
-        return _shown(value)
 
-
-class Service:
+class Service(Interface):
     """The base class of all service classes, which cannot be instantiated."""
 
     def __init__(self) -> None:
@@ -165,7 +175,7 @@ class Service:
         raise NotImplementedError("Service classes can not be instantiated")
 
 
-class Action:
+class Action(Interface):
     """The base class of all action classes, which cannot be instantiated."""
 
     def __init__(self) -> None:
@@ -233,5 +243,11 @@ def _nested_messages(message: type[Message]) -> list[Any]:
     return found
 
 
-def _shown(value: object) -> str:
+def _shown(message: Message, slot: str) -> str:
+    """Return the text of a field; values of an enumeration have their names."""
+    value = getattr(message, slot)
+    enumeration = message._ENUMERATIONS.get(slot[1:])
+    if enumeration:
+        with suppress(ValueError):
+            return repr(enumeration(value))
     return repr(value.tolist() if isinstance(value, array) else value)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from array import array
 from collections import OrderedDict
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import IntEnum
 from itertools import dropwhile
@@ -45,13 +46,19 @@ def message_to_yaml(
 ) -> str:
     """Return a message as YAML, with one field per line; `flow_style` writes each list on one line.
 
-    The other options are those of `message_to_ordereddict`. Raises ImportError without PyYAML.
+    The names of values of enumerations are comments. The other options are those of `message_to_ordereddict`.
+    Raises ImportError without PyYAML.
     """
-    fields = message_to_ordereddict(msg, truncate_length=truncate_length, no_arr=no_arr, no_str=no_str)
+    fields = _Abridgement(truncate_length, no_arr, no_str, with_names=True).dictionary(msg)
     yaml = _yaml()
 
     class Dumper(yaml.Dumper):  # type: ignore[misc, name-defined]
-        """A dumper that keeps the order of dictionaries."""
+        """A dumper that keeps the order of dictionaries, and writes comments after numbers."""
+
+        def process_scalar(self) -> None:
+            super().process_scalar()
+            if isinstance(self.event.value, _Commented) and not self.flow_level:
+                self.write_indicator(f" # {self.event.value.comment}", need_whitespace=True)
 
     Dumper.add_representer(
         OrderedDict,
@@ -59,6 +66,9 @@ def message_to_yaml(
             "tag:yaml.org,2002:map",
             [(dumper.represent_data(key), dumper.represent_data(value)) for key, value in data.items()],
         ),
+    )
+    Dumper.add_multi_representer(
+        IntEnum, lambda dumper, data: dumper.represent_scalar("tag:yaml.org,2002:int", _Commented(data))
     )
     text: str = yaml.dump(
         fields, Dumper=Dumper, allow_unicode=True, width=sys.maxsize, default_flow_style=flow_style
@@ -104,11 +114,18 @@ class _Abridgement:
     length: int | None
     without_arrays: bool
     without_strings: bool
+    with_names: bool = False
+    """Whether values of enumerations are members of these, not numbers."""
 
     def dictionary(self, msg: Any) -> OrderedDict[str, Any]:
         """Return a message's fields."""
         types = get_message_slot_types(msg)
-        return OrderedDict((name, self.plain(getattr(msg, name), type_)) for name, type_ in types.items())
+        fields = OrderedDict((name, self.plain(getattr(msg, name), type_)) for name, type_ in types.items())
+        if self.with_names:
+            for name, enumeration in getattr(msg, "_ENUMERATIONS", {}).items():
+                with suppress(ValueError):
+                    fields[name] = enumeration(fields[name])
+        return fields
 
     def values(self, msg: Any) -> Iterator[str]:
         """Yield the text of each of a message's fields."""
@@ -164,6 +181,19 @@ class _Abridgement:
 
     def _fits(self, value: str | bytes) -> bool:
         return self.length is None or len(value) <= self.length
+
+
+class _Commented(str):
+    """The text of a number, and the name of its value."""
+
+    __slots__ = ("comment",)
+    comment: str
+
+    def __new__(cls, value: IntEnum) -> _Commented:
+        """Return the text of a member."""
+        text = super().__new__(cls, int(value))
+        text.comment = value.name
+        return text
 
 
 def _joined(parts: Any) -> str:

@@ -10,6 +10,20 @@ from rosidl_parser import definition as _definition
 from forge_rosidl.empty import no_float as _no_float
 from std_msgs.msg._header import Header
 
+_TEXT = (
+    '# One reading of a thermometer.\n'
+    '\n'
+    'uint8 KIND_AIR=1\n'
+    'string UNIT="°C"\n'
+    '\n'
+    'std_msgs/Header header\n'
+    'uint8 kind 1\n'
+    'float64 value     # in degrees\n'
+    'float64[4] covariance\n'
+    'float32[] history\n'
+    'string<=8[<=2] tags ["a", \'it\\\'s\']\n'
+)
+
 
 class Metaclass_Reading(_messages.MessageType):
     """Metaclass of message 'Reading'."""
@@ -51,6 +65,8 @@ class Reading(_messages.Message, metaclass=Metaclass_Reading):
         _definition.UnboundedSequence(_definition.BasicType('float')),
         _definition.BoundedSequence(_definition.BoundedString(8), 2),
     )
+
+    _DEFINITION = _TEXT
 
     KIND_AIR = 1
     UNIT = '°C'

@@ -388,6 +388,80 @@ template<>
 struct is_action<::robot::action::Fetch>
   : std::true_type {};
 
+#ifdef ROSIDL_RUNTIME_CPP_DEFINITIONS
+template<>
+constexpr std::string_view definition<::robot::action::Fetch>()
+{
+  return
+    "string item\n"
+    "---\n"
+    "RobotStatus status\n"
+    "---\n"
+    "float32 progress 0.0\n";
+}
+
+template<>
+constexpr std::string_view definition<::robot::action::Fetch_Goal>()
+{
+  return definition<::robot::action::Fetch>();
+}
+
+template<>
+constexpr std::string_view definition<::robot::action::Fetch_Result>()
+{
+  return definition<::robot::action::Fetch>();
+}
+
+template<>
+constexpr std::string_view definition<::robot::action::Fetch_Feedback>()
+{
+  return definition<::robot::action::Fetch>();
+}
+
+template<>
+constexpr std::string_view definition<::robot::action::Fetch_SendGoal_Request>()
+{
+  return definition<::robot::action::Fetch>();
+}
+
+template<>
+constexpr std::string_view definition<::robot::action::Fetch_SendGoal_Response>()
+{
+  return definition<::robot::action::Fetch>();
+}
+
+template<>
+constexpr std::string_view definition<::robot::action::Fetch_GetResult_Request>()
+{
+  return definition<::robot::action::Fetch>();
+}
+
+template<>
+constexpr std::string_view definition<::robot::action::Fetch_GetResult_Response>()
+{
+  return definition<::robot::action::Fetch>();
+}
+
+template<>
+constexpr std::string_view definition<::robot::action::Fetch_FeedbackMessage>()
+{
+  return definition<::robot::action::Fetch>();
+}
+
+template<>
+constexpr std::string_view definition<::robot::action::Fetch_SendGoal>()
+{
+  return definition<::robot::action::Fetch>();
+}
+
+template<>
+constexpr std::string_view definition<::robot::action::Fetch_GetResult>()
+{
+  return definition<::robot::action::Fetch>();
+}
+
+#endif
+
 }  // namespace rosidl_generator_traits
 
 #endif  // ROBOT__ACTION__DETAIL__FETCH__TRAITS_HPP_

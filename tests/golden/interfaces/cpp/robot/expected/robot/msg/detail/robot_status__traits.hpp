@@ -63,6 +63,44 @@ template<>
 struct is_message<::robot::msg::RobotStatus>
   : std::true_type {};
 
+#ifdef ROSIDL_RUNTIME_CPP_DEFINITIONS
+template<>
+constexpr std::string_view definition<::robot::msg::RobotStatus>()
+{
+  return
+    "# What a robot tells about itself.\n"
+    "#\n"
+    "# A path such as C:\\robots\\\n"
+    "\n"
+    "uint32 STATUS_MOVING = 1   # on its way\n"
+    "byte ERROR = 255\n"
+    "string GREETING = \"hi\\tthere\"\n"
+    "wstring FAREWELL = \"gr\303\274\303\237 dich\"\n"
+    "float64 NOWHERE = nan\n"
+    "\n"
+    "# Who is it?\n"
+    "string name \"unknown\"\n"
+    "uint32 status\n"
+    "geometry_msgs/Pose pose\n"
+    "geometry_msgs/Point[2] corners\n"
+    "geometry_msgs/Point[<=8] path   # way ahead [m]\n"
+    "float32[3] color [1, 0.5, 0]\n"
+    "float64[] weights [0.25]\n"
+    "bool[] flags\n"
+    "byte[4] address\n";
+}
+
+template<>
+constexpr std::string_view unit<::robot::msg::RobotStatus>(std::string_view field)
+{
+  if (field == "path") {
+    return "m";
+  }
+  return {};
+}
+
+#endif
+
 }  // namespace rosidl_generator_traits
 
 #endif  // ROBOT__MSG__DETAIL__ROBOT_STATUS__TRAITS_HPP_

@@ -120,6 +120,38 @@ template<>
 struct is_service<::robot::srv::MoveRobot>
   : std::true_type {};
 
+#ifdef ROSIDL_RUNTIME_CPP_DEFINITIONS
+template<>
+constexpr std::string_view definition<::robot::srv::MoveRobot>()
+{
+  return
+    "float32 distance   # how far to go [m]\n"
+    "---\n";
+}
+
+template<>
+constexpr std::string_view definition<::robot::srv::MoveRobot_Request>()
+{
+  return definition<::robot::srv::MoveRobot>();
+}
+
+template<>
+constexpr std::string_view unit<::robot::srv::MoveRobot_Request>(std::string_view field)
+{
+  if (field == "distance") {
+    return "m";
+  }
+  return {};
+}
+
+template<>
+constexpr std::string_view definition<::robot::srv::MoveRobot_Response>()
+{
+  return definition<::robot::srv::MoveRobot>();
+}
+
+#endif
+
 }  // namespace rosidl_generator_traits
 
 #endif  // ROBOT__SRV__DETAIL__MOVE_ROBOT__TRAITS_HPP_

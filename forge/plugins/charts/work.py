@@ -1,0 +1,265 @@
+"""Why a build took as long as it did: its work by kind and by file, the least possible time, other builds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from itertools import zip_longest
+from typing import Any
+
+import networkx as nx
+
+from forge.base.frozen import frozen
+from forge.base.text import counted, duration
+from forge.plugins.charts.commands import COMPILE, CONFIGURE, GENERATE, LINK, Command
+from forge.plugins.charts.graph_formats import printable
+from forge.plugins.charts.headers import HeaderTimes
+from forge.plugins.charts.timings import Build, PackageRun, kind_of, waited
+
+KINDS = {
+    CONFIGURE: "configure",
+    COMPILE: "compile",
+    LINK: "link",
+    GENERATE: "generate",
+    "build": "other build work",
+    "install": "install",
+    "test": "test",
+    "waiting": "begin and end",
+}
+"""Kinds of work, in the order of their display."""
+_FILES = 25
+_CHANGES = 25
+_LEAST_CHANGE = 0.05
+_ROUNDED = 0.001
+"""The precision of times of commands in events."""
+_LISTED = 3
+"""The number of files in the terminal."""
+
+
+@frozen
+class Bounds:
+    """The seconds of all work, and of the longest chain of work that depends on each other."""
+
+    work: float
+    chain: float
+    jobs: int
+
+    @property
+    def least(self) -> float:
+        """The seconds below which no schedule with so many jobs gets."""
+        return max(self.work / self.jobs, self.chain)
+
+
+def phases(run: PackageRun) -> dict[str, float]:
+    """Return the seconds of work by kind: those of commands, which ran in parallel, are added up."""
+    found = dict.fromkeys(KINDS, 0.0)
+    for step, following in zip_longest(run.steps, run.steps[1:]):
+        until = following.begun - _ROUNDED if following else step.ended
+        ninja = [ran for ran in run.ninja if step.begun - _ROUNDED <= ran.commands[0].begun < until]
+        found[kind_of(step)] += max(0.0, step.seconds - sum(ran.seconds for ran in ninja))
+        for command in (command for ran in ninja for command in ran.commands):
+            found[command.kind if command.kind in found else GENERATE] += command.seconds
+    found["waiting"] += max(0.0, run.seconds - sum(step.seconds for step in run.steps))
+    return found
+
+
+def bounds(build: Build) -> Bounds | None:
+    """Return the bounds of a successful build, None if nothing was built or the machine is unknown."""
+    if not build.packages or build.use is None or build.code:
+        return None
+    chart: nx.DiGraph[str] = nx.DiGraph()
+    for run in build.packages:
+        least = run.seconds - sum(ran.seconds - ran.least for ran in run.ninja)
+        chart.add_edges_from(((need, run.name) for need in ("", *run.needs)), seconds=max(0.0, least))
+    work = sum(sum(phases(run).values()) for run in build.packages)
+    return Bounds(work, nx.dag_longest_path_length(chart, "seconds"), build.use.jobs)
+
+
+def work(build: Build) -> dict[str, Any]:
+    """Return the values of the template: sentences, work of packages, files and headers.
+
+    All bars of a table have the same scale.
+    """
+    numbers = {run.name: number for number, run in enumerate(build.packages)}
+    by_package = {run.name: phases(run) for run in build.packages}
+    totals = {name: sum(found.values()) for name, found in by_package.items()}
+    longest = max(totals.values(), default=0.0)
+    files = _slowest(build)
+    longest_file = files[0][1].seconds if files else 0.0
+    sums = {kind: sum(found[kind] for found in by_package.values()) for kind in KINDS}
+    return {
+        "remarks": [*_sentences(build)],
+        "kinds": [
+            (kind, KINDS[kind], duration(seconds)) for kind, seconds in sums.items() if round(seconds, 2)
+        ],
+        "packages": [
+            {
+                "number": numbers[name],
+                "name": printable(name),
+                "took": duration(totals[name]),
+                "pieces": [
+                    {
+                        "kind": kind,
+                        "width": _percent(seconds, longest),
+                        "title": f"{KINDS[kind]} {duration(seconds)}",
+                    }
+                    for kind, seconds in by_package[name].items()
+                    if seconds > 0
+                ],
+            }
+            for name in sorted(totals, key=lambda name: (-totals[name], name))
+        ],
+        "files": [
+            {
+                "number": numbers[run.name],
+                "name": printable(run.name),
+                "file": printable(command.name),
+                "kind": command.kind,
+                "took": duration(command.seconds),
+                "width": _percent(command.seconds, longest_file),
+            }
+            for run, command in files
+        ],
+        "headers": build.headers and _headers(build.headers),
+    }
+
+
+def lines(build: Build) -> Iterator[str]:
+    """Yield the most important of this for a terminal."""
+    if found := _slowest(build)[:_LISTED]:
+        yield "slowest: " + ", ".join(
+            f"{printable(command.name)} of {printable(run.name)} {duration(command.seconds)}"
+            for run, command in found
+        )
+    if sentence := _least(build):
+        yield sentence
+
+
+def comparison(build: Build, earlier: Build, name: str) -> dict[str, Any]:
+    """Return the values of the template about the differences from an earlier build."""
+    now, then = ({run.name: run.seconds for run in each.packages} for each in (build, earlier))
+    numbers = {run.name: number for number, run in enumerate(build.packages)}
+    packages = [
+        {"number": numbers.get(package), "name": printable(package), "file": "", **change}
+        for package, change in _changes(now, then)
+    ]
+    files = [
+        {"number": numbers.get(package), "name": printable(package), "file": printable(file), **change}
+        for (package, file), change in _changes(_by_file(build), _by_file(earlier))
+    ]
+    words = "less" if build.seconds < earlier.seconds else "more"
+    change = duration(abs(build.seconds - earlier.seconds))
+    return {
+        "name": printable(name),
+        "sentence": f"This build took {duration(build.seconds)}, {change} {words} than that one "
+        f"({duration(earlier.seconds)}).",
+        "packages": packages,
+        "files": files,
+    }
+
+
+def _changes(now: Mapping[Any, float], then: Mapping[Any, float]) -> Iterator[tuple[Any, dict[str, object]]]:
+    """Yield the greatest differences first; what only one build has comes last."""
+    common = [key for key in now if key in then and abs(now[key] - then[key]) >= _LEAST_CHANGE]
+    common.sort(key=lambda key: -abs(now[key] - then[key]))
+    longest = max((abs(now[key] - then[key]) for key in common), default=0.0)
+    for key in common[:_CHANGES]:
+        change = now[key] - then[key]
+        yield (
+            key,
+            {
+                "then": duration(then[key]),
+                "now": duration(now[key]),
+                "change": ("+" if change > 0 else "\N{MINUS SIGN}") + duration(abs(change)),
+                "slower": change > 0,
+                "width": _percent(abs(change), longest),
+            },
+        )
+    only = sorted((now.keys() ^ then.keys()), key=lambda key: -max(now.get(key, 0.0), then.get(key, 0.0)))
+    for key in only[: _CHANGES - len(common)]:
+        seconds = duration(now.get(key, then.get(key, 0.0)))
+        new = key in now
+        change_word = "only now" if new else "only then"
+        yield (
+            key,
+            {
+                "then": "" if new else seconds,
+                "now": seconds if new else "",
+                "change": change_word,
+                "slower": False,
+                "width": "0%",
+            },
+        )
+
+
+def _by_file(build: Build) -> dict[tuple[str, str], float]:
+    return {
+        (run.name, command.name): command.seconds
+        for run in build.packages
+        for ran in run.ninja
+        for command in ran.commands
+        if command.kind != CONFIGURE
+    }
+
+
+def _slowest(build: Build) -> list[tuple[PackageRun, Command]]:
+    found = ((run, command) for run in build.packages for ran in run.ninja for command in ran.commands)
+    return sorted(found, key=lambda item: -item[1].seconds)[:_FILES]
+
+
+def _least(build: Build) -> str:
+    found = bounds(build)
+    if found is None or found.work < 0.1:
+        return ""
+    with_jobs = f"with {counted(found.jobs, 'job')}, at best about {duration(found.least)}"
+    reason = f"{duration(found.work)} of work, and {duration(found.chain)} for the longest chain of it"
+    return f"{with_jobs}: {reason}"
+
+
+def _sentences(build: Build) -> Iterator[str]:
+    if sentence := _least(build):
+        found = bounds(build)
+        assert found is not None
+        yield f"{sentence[0].upper()}{sentence[1:]}."
+        if found.chain >= found.work / found.jobs:
+            yield "More processors would not help: the packages and files of the chain wait for each other."
+        else:
+            enough = max(1, round(found.work / found.chain)) if found.chain else found.jobs
+            yield f"More processors would help, up to about {enough}."
+    runs = {run.name: run for run in build.packages}
+    waiting = sum(waited(run, runs) for run in build.packages)
+    working = sum(run.seconds for run in build.packages)
+    if waiting >= _LEAST_CHANGE:
+        yield (
+            f"Packages worked for {duration(working)} in total, and waited for {duration(waiting)} "
+            "for a free job after their dependencies had finished."
+        )
+    if not any(run.ninja for run in build.packages):
+        yield "There are no times of files: only Ninja records them."
+
+
+def _headers(found: HeaderTimes) -> dict[str, Any]:
+    longest = found.headers[0].seconds if found.headers else 0.0
+    share = f"{found.in_headers / found.total:.0%}" if found.total else "0%"
+    files, in_templates = counted(found.files, "slowest source file"), duration(found.in_templates)
+    sentences = [
+        f"After the build, clang read the {files} again in {duration(found.total)}: {share} of this time in "
+        f"headers, {in_templates} of it to instantiate templates."
+    ]
+    if found.failed:
+        sentences.append(f"It could not compile {counted(found.failed, 'more file')}.")
+    return {
+        "sentences": sentences,
+        "rows": [
+            {
+                "path": printable(each.path),
+                "took": duration(each.seconds),
+                "files": each.files,
+                "width": _percent(each.seconds, longest),
+            }
+            for each in found.headers
+        ],
+    }
+
+
+def _percent(part: float, whole: float) -> str:
+    return f"{100 * part / whole:.2f}%" if whole else "0%"

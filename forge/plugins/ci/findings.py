@@ -1,0 +1,184 @@
+"""Errors, warnings and failed tests of a run, with their places in the repository, and its numbers."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from forge.base.files import text_or_nothing
+from forge.base.frozen import frozen
+from forge.base.layout import IGNORE_MARK
+from forge.build.events import Event
+from forge.output.reporters import Reporter, Run
+
+_DIAGNOSTIC = re.compile(
+    r"^(?P<file>[^\s:][^:\n]*):(?P<line>\d+)(?::(?P<column>\d+))?: (?:fatal )?"
+    r"(?P<severity>error|warning): (?P<message>.*)$"
+    r"|^CMake (?P<kind>Error|Warning)(?: \(dev\))? at (?P<list>[^:\n]+):(?P<number>\d+) \(.*\):\n"
+    r"(?P<text>(?:[ \t]*\n)*(?:  .*\n)*)",
+    re.MULTILINE,
+)
+"""Messages of GCC, Clang, forge's interface compiler and CMake."""
+_PLACE = r"(?P<file>[^\s:][^:\n]*):(?P<line>\d+)(?::(?P<column>\d+))?"
+_ORIGINS = (
+    re.compile(
+        rf"^{_PLACE}:(?:\s+required from here| note: in instantiation of .* requested here)$", re.MULTILINE
+    ),
+    re.compile(rf"^(?:In file included|\s+) from {_PLACE}[:,]$", re.MULTILINE),
+)
+"""Lines that tell from where an error in a header comes; those of Clang about templates come after it."""
+_ERROR = re.compile(r"^.*: error: ", re.MULTILINE)
+_COLOUR = re.compile(r"\x1b\[[0-9;]*[A-Za-z]")
+_LOG = "stdout_stderr.log"
+_MOST_LINES = 1000
+"""Lines of a log that are printed; the log folder has all of them."""
+_LONGEST = 500
+"""Characters of a line in a message; GitHub refuses long annotations and summaries."""
+
+
+@frozen
+class Finding:
+    """An error or warning; `file` is relative to the repository, '' without a place in it."""
+
+    severity: str
+    title: str
+    message: str
+    file: str = ""
+    line: int = 0
+    column: int = 0
+
+
+@frozen
+class Place:
+    file: str
+    line: int
+    column: int
+    severity: str
+    message: str
+
+
+def diagnostics(text: str) -> Iterator[Place]:
+    """Yield the errors and warnings in the output of a package, as it spells their files."""
+    for match in _DIAGNOSTIC.finditer(_COLOUR.sub("", text)):
+        if match["kind"]:
+            message = " ".join(match["text"].split())
+            yield Place(match["list"], int(match["number"]), 0, match["kind"].lower(), message)
+        else:
+            column = int(match["column"] or 0)
+            yield Place(match["file"], int(match["line"]), column, match["severity"], match["message"])
+
+
+class CiReporter(Reporter):
+    """Collects the events of a run; subclasses write them as a service expects them."""
+
+    checkout = ""
+    """The variable with the folder of the repository."""
+
+    def __init__(self, run: Run) -> None:
+        self.run = run
+        self.events: list[Mapping[str, Any]] = []
+        self.findings: list[Finding] = []
+        self._repository = _repository(run.root, run.variables.get(self.checkout))
+        self._warned: set[tuple[str, int, str]] = set()
+
+    def observe(self, event: Event | Mapping[str, Any]) -> Iterator[str]:
+        if not isinstance(event, Mapping):
+            return
+        event = {**event, **{key: [*map(_cut, event[key])] for key in ("error", "message") if key in event}}
+        if event["event"] in {"Finished", "TestFailure", "Launcher", "Summary"}:
+            self.events.append(event)
+        found: list[Finding] = []
+        match event["event"]:
+            case "Finished" if not event["embedded"] or event["code"]:
+                is_bad = event["code"] or event["test_failures"]
+                if is_bad and (lines := self._text(event["package"]).splitlines()[-_MOST_LINES:]):
+                    yield from self.log(f"log of {event['package']}", lines)
+                found += self._failure(event) if event["code"] else ()
+                found += self._warnings(event["package"]) if self.run.command == "build" else ()
+            case "TestFailure":
+                found.append(self._failed_test(event))
+        self.findings += found
+        for finding in found:
+            yield from self.announce(finding)
+
+    def log(self, title: str, lines: Iterable[str]) -> Iterable[str]:
+        """Return the lines of a log, folded."""
+        return ()
+
+    def announce(self, finding: Finding) -> Iterable[str]:
+        """Return lines to print for a finding."""
+        return ()
+
+    def _failure(self, event: Mapping[str, Any]) -> Iterator[Finding]:
+        lines, name, step = event["error"], event["package"], event["step"]
+        title = f"{name}: step '{step}' failed" if step else f"{name} failed"
+        more = [f"hint: {event['hint']}"] if event["hint"] else []
+        text = "".join(f"{line}\n" for line in lines)
+        place = next((each for each in diagnostics(text) if each.severity == "error"), None)
+        whole = "\n".join((*lines, *more)) or title
+        if place and (file := self._relative(place.file, name)):
+            # The place is shown beside the message; CMake's message is in the lines after it.
+            rest = () if lines[0].startswith("CMake Error") else lines[1:]
+            message = "\n".join((place.message, *rest, *more))
+            yield Finding("error", title, message, file, place.line, place.column)
+        else:
+            yield Finding("error", title, whole, *(self._origin(name, lines[0]) if place else ()))
+
+    def _origin(self, name: str, error: str) -> tuple[str, int, int] | tuple[()]:
+        """Return the nearest place in the repository that an error in a header outside of it comes from."""
+        before, _, after = _COLOUR.sub("", self._text(name)).partition(error)
+        before, after = _ERROR.split(before)[-1], _ERROR.split(after)[0]
+        for pattern in _ORIGINS:
+            for match in (*reversed([*pattern.finditer(before)]), *pattern.finditer(after)):
+                if file := self._relative(match["file"], name):
+                    return file, int(match["line"]), int(match["column"] or 0)
+        return ()
+
+    def _warnings(self, name: str) -> Iterator[Finding]:
+        """Yield the warnings of a package in files of the repository that no package has printed before."""
+        for place in diagnostics(self._text(name)):
+            file = self._relative(place.file, name) if place.severity == "warning" else ""
+            key = (file, place.line, place.message)
+            if file and key not in self._warned:
+                self._warned.add(key)
+                yield Finding("warning", name, place.message, file, place.line, place.column)
+
+    def _failed_test(self, event: Mapping[str, Any]) -> Finding:
+        title = f"{event['package']}: {event['test']}"
+        file = self._relative(event["file"], event["package"]) if event["file"] else ""
+        message = "\n".join(event["message"]) or "the test failed"
+        return Finding("error", title, message, file, event["line"] or 0 if file else 0)
+
+    def _text(self, name: str) -> str:
+        return text_or_nothing(self.run.log_folder / name / _LOG) if self.run.log_folder else ""
+
+    def _relative(self, file: str, name: str) -> str:
+        """Return the path of a file in the repository, '' if it is elsewhere or generated."""
+        task = self.run.plan.tasks.get(name)
+        folders = (self.run.root / task.package.path, self.run.root, task.build_dir) if task else ()
+        for folder in (*folders, self.run.root):
+            path = Path(os.path.realpath(folder / file))
+            if path.is_file() and path.is_relative_to(self._repository):
+                below = path.relative_to(self._repository)
+                generated = any((self._repository / each / IGNORE_MARK).exists() for each in below.parents)
+                return "" if generated else below.as_posix()
+        return ""
+
+    @property
+    def summary(self) -> Mapping[str, Any]:
+        return next((event for event in self.events if event["event"] == "Summary"), {})
+
+
+def _cut(line: str) -> str:
+    return line if len(line) <= _LONGEST else f"{line[:_LONGEST]}..."
+
+
+def _repository(root: Path, checkout: str | None) -> Path:
+    """Return the folder of the repository: that of the service if the workspace is in it, else git's."""
+    real = Path(os.path.realpath(root))
+    if checkout and real.is_relative_to(os.path.realpath(checkout)):
+        return Path(os.path.realpath(checkout))
+    return next((folder for folder in (real, *real.parents) if (folder / ".git").exists()), real)

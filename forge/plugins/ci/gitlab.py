@@ -1,0 +1,69 @@
+"""Collapsible sections of GitLab's job log, and its code quality report of errors and warnings."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+import time
+from collections import Counter
+from collections.abc import Iterable, Iterator
+
+from forge.base.files import replace_file
+from forge.base.layout import CODE_QUALITY_FILE
+from forge.output.reporters import Run
+from forge.plugins.ci.findings import CiReporter
+
+_CLEAR = "\x1b[0K"
+_SEVERITIES = {"error": "critical", "warning": "minor"}
+
+
+class GitLab(CiReporter):
+    checkout = "CI_PROJECT_DIR"
+
+    def __init__(self, run: Run) -> None:
+        super().__init__(run)
+        self._sections = 0
+
+    def fold(self, title: str, block: str) -> str:
+        return "".join(f"{line}\n" for line in self.log(title, block.rstrip("\n").split("\n")))
+
+    def log(self, title: str, lines: Iterable[str]) -> Iterator[str]:
+        """Yield a collapsed section; its name must be unique in a job."""
+        self._sections += 1
+        now = int(time.time())
+        words = re.sub(r"[^\w.-]+", "_", title, flags=re.ASCII)
+        name = f"forge_{self.run.command}_{now}_{self._sections}_{words}"
+        yield f"{_CLEAR}section_start:{now}:{name}[collapsed=true]\r{_CLEAR}{title}"
+        yield from lines
+        yield f"{_CLEAR}section_end:{int(time.time())}:{name}\r{_CLEAR}"
+
+    def write(self) -> Iterator[str]:
+        """Write the report of a build beside the logs of all runs, where its path is always the same."""
+        if self.run.command == "build" and self.run.log_folder is not None:
+            path = self.run.log_folder.parent / CODE_QUALITY_FILE
+            replace_file(path, (json.dumps(self._report(), indent=1) + "\n").encode())
+            yield f"code quality report: {self.run.displayed(path)}"
+
+    def _report(self) -> list[dict[str, object]]:
+        rows: list[dict[str, object]] = []
+        seen = Counter[str]()
+        for finding in self.findings:
+            if not finding.file:
+                continue
+            # Without the line, so that a finding that only moves is not a new one.
+            description = finding.message.partition("\n")[0]
+            what = f"{finding.severity}\n{finding.file}\n{description}"
+            seen[what] += 1
+            row: dict[str, object] = {
+                "description": description,
+                "check_name": f"forge {finding.severity}",
+                "fingerprint": hashlib.sha256(f"{what}\n{seen[what]}".encode()).hexdigest(),
+                "severity": _SEVERITIES[finding.severity],
+                "location": {"path": finding.file, "lines": {"begin": finding.line}},
+            }
+            rows.append(row)
+        return rows
+
+
+start = GitLab

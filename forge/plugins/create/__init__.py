@@ -1,0 +1,1 @@
+"""New packages from templates, for `forge pkg create`."""

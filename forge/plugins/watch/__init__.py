@@ -1,0 +1,1 @@
+"""Builds that follow changes of source files, for `forge build --watch`."""

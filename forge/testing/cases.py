@@ -1,0 +1,217 @@
+"""Single tests: how they are named in the summary and on the command line, and how they run alone."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import field
+
+from forge.base.errors import Problem, SelectionError
+from forge.base.files import text_or_nothing
+from forge.base.frozen import Pairs, frozen
+from forge.base.names import did_you_mean
+from forge.base.text import listed
+from forge.build.tasks import StepKind
+from forge.build.tests.recipes import ChosenTests, TestContext
+from forge.testing.collecting import collect, test_ids
+from forge.testing.outcomes import Case
+from forge.toolchain.programs import CMAKE_TYPES, PYTHON_TYPES
+from forge.workspace.model import Package
+
+SEPARATOR = "::"
+_PYTEST_NAME = re.compile(r"test\w*(\[.*\])?")
+_IN_GTEST = re.compile(r"[\w/]+\.[\w/]+")
+_SECONDS = 60
+
+
+def label(case: Case, package: str) -> str:
+    """Return the name of a test in the summary: its suite and name, without that of the package."""
+    return f"{case.suite}.{case.name}".removeprefix(f"{package}.").removeprefix(".")
+
+
+def variables_for(path: str, case: Case, package: str) -> Pairs:
+    """Return the variables by which a program that CTest starts runs one test; () if there are none.
+
+    `path` is the JUnit file of the program, whose name tells what wrote it.
+    """
+    if path.endswith(".gtest.xml") and case.suite and case.suite != package:
+        return (("GTEST_FILTER", label(case, package)),)
+    if path.endswith(".xunit.xml") and _PYTEST_NAME.fullmatch(case.name):
+        return (("PYTEST_ADDOPTS", f"-k {case.name.partition('[')[0]}"),)
+    return ()
+
+
+def selector(case: Case, package: str, kind: StepKind, exists: Callable[[str], bool]) -> tuple[str, ...]:
+    """Return the arguments by which pytest or unittest run one test."""
+    parts = case.suite.split(".") if case.suite else []
+    if kind is StepKind.UNITTEST:
+        whole = not case.suite or " " in case.name or "_FailedTest" in case.suite
+        return () if whole else (f"{case.suite}.{case.name}",)
+    if parts[:1] == [package]:
+        parts = parts[1:]
+    for length in range(len(parts), 0, -1):
+        file = "/".join(parts[:length]) + ".py"
+        if exists(file):
+            return ("::".join((file, *parts[length:], case.name)),)
+    return ("-k", case.name.partition("[")[0])
+
+
+@frozen
+class NamedTests:
+    """The packages that the command line names, and the tests of those that are not tested as a whole."""
+
+    packages: tuple[str, ...] = ()
+    cases: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+
+def parse_names(words: Iterable[str]) -> NamedTests:
+    """Return the packages and tests that words such as 'PACKAGE' and 'PACKAGE::TEST' name."""
+    cases: dict[str, tuple[str, ...]] = {}
+    whole = []
+    for word in words:
+        package, separator, case = word.partition(SEPARATOR)
+        if not separator:
+            whole.append(package)
+        elif not (package and case):
+            hint = f"write PACKAGE{SEPARATOR}TEST, as the summary of 'forge test' prints them"
+            raise SelectionError(Problem(f"'{word}' names no test", hint=hint))
+        else:
+            cases[package] = (*cases.get(package, ()), case)
+    cases = {name: found for name, found in cases.items() if name not in whole}
+    return NamedTests(tuple(dict.fromkeys((*whole, *cases))), cases)
+
+
+def choose(
+    package: Package, names: tuple[str, ...], context: TestContext, variables: Mapping[str, str]
+) -> ChosenTests:
+    """Return the arguments by which only these tests of a package run; raises SelectionError."""
+    if package.build_type in PYTHON_TYPES:
+        return _of_python(package, (_dotted(name) for name in names), context)
+    if package.build_type not in CMAKE_TYPES:
+        return ChosenTests(cargo_args=names)
+    programs = _ctest_names(context, package, variables)
+    results = context.results_of(package.name) / "test_results" / package.name
+    known = [*test_ids(results)] if set(names) - set(programs) else []
+    chosen: list[tuple[str, Case | None, str]] = []
+    for name in names:
+        found = [(test, case, path) for test, case, path in known if name in _names(test, case, package.name)]
+        if not found and _IN_GTEST.fullmatch(name):
+            # The last run may have left out this test of a program.
+            suite, _, test = name.rpartition(".")
+            gtests = {(program, path) for program, _, path in known if path.endswith(".gtest.xml")}
+            # Names of tests with parameters and types have further parts.
+            cases = Case(test, suite), Case(f"{test}/*", f"*/{suite}"), Case(test, f"{suite}/*")
+            found = [(program, case, path) for program, path in sorted(gtests) for case in cases]
+        if name in programs:
+            chosen.append((name, None, ""))
+        elif found:
+            chosen += found
+        else:
+            labels = (label(case, package.name) for _, case, _ in known)
+            hint = did_you_mean(name, (*programs, *labels)) or f"its tests are {listed(programs)}"
+            if not known and programs and "did you mean" not in hint:
+                hint += "; tests inside of these programs are known after their first run"
+            raise SelectionError(Problem(f"'{package.name}' has no test '{name}'", hint=hint))
+    return _of_cmake(package.name, chosen)
+
+
+def _names(test: str, case: Case, package: str) -> tuple[str, ...]:
+    """Return what may name a test inside of a CTest test: also its suite, and its last part."""
+    own, suite = label(case, package), case.suite.removeprefix(f"{package}.")
+    return own, suite, case.name, f"{test}{SEPARATOR}{own}"
+
+
+def last_failed(package: Package, context: TestContext, variables: Mapping[str, str]) -> ChosenTests | None:
+    """Return the arguments by which the tests of a package run that failed last, None if none is known.
+
+    Tests of CTest that no longer exist are left out. Of a Python file that does not contain the name of a
+    failed test, which may be renamed or inherited, all tests run.
+    """
+    outcomes = [one for one in collect(context.results_of(package.name)).outcomes if one.counts.bad]
+    if package.build_type in PYTHON_TYPES:
+        cases = [case for one in outcomes if not one.is_unreadable for case in one.cases]
+        return _of_python(package, cases, context, if_missing_all=True) if cases else None
+    if package.build_type not in CMAKE_TYPES:
+        return None
+    programs = _ctest_names(context, package, variables)
+    junits = {one.test: one for one in outcomes if not one.by_name}
+    chosen: list[tuple[str, Case | None, str]] = []
+    for name in (case.name for one in outcomes if one.by_name for case in one.cases):
+        if name not in programs:
+            continue
+        junit = junits.get(name)
+        chosen += [(name, case, junit.path) for case in junit.cases] if junit else [(name, None, "")]
+    return _of_cmake(package.name, chosen) if chosen else None
+
+
+def _dotted(name: str) -> Case:
+    """Return the test that 'suite.test[parameters]' names; pytest understands names with '::' itself."""
+    head, bracket, parameters = name.partition("[")
+    suite, _, test = ("", "", head) if "::" in head else head.rpartition(".")
+    return Case(f"{test}{bracket}{parameters}", suite)
+
+
+def _of_python(
+    package: Package, cases: Iterable[Case], context: TestContext, *, if_missing_all: bool = False
+) -> ChosenTests:
+    """Return the arguments for some tests; `if_missing_all`, a file without such a test runs whole."""
+    source, cases = context.source(package), list(cases)
+    exists = lambda path: (source / path).is_file()  # noqa: E731  (a question, not a function)
+    names = [case.name.partition("[")[0] for case in cases]
+    nodes: list[str] = []
+    by_names = False
+    for case, name in zip(cases, names, strict=True):
+        if SEPARATOR in name:
+            nodes.append(case.name)
+            continue
+        *keyword, node = selector(case, package.name, StepKind.PYTEST, exists)
+        file = node.partition(SEPARATOR)[0]
+        whole = if_missing_all and not keyword and name not in text_or_nothing(source / file)
+        nodes.append(file if whole else node)
+        by_names |= bool(keyword)
+    # pytest runs what is in both, so one test whose file is unknown makes all be named without their files.
+    keywords = " or ".join(dict.fromkeys(name.rpartition(SEPARATOR)[2] for name in names))
+    pytest_args = ("-k", keywords) if by_names else (*dict.fromkeys(nodes),)
+    named = [f"{case.suite}.{case.name}" if case.suite else case.name for case in cases]
+    unittest_args = [word for name in named for word in ((name,) if "." in name else ("-k", name))]
+    return ChosenTests(pytest_args=pytest_args, unittest_args=tuple(unittest_args))
+
+
+def _of_cmake(package: str, chosen: Iterable[tuple[str, Case | None, str]]) -> ChosenTests:
+    """Return the arguments for programs, and for cases in the JUnit files at a path.
+
+    Variables are for all programs, so they are set only if there is one for each chosen program.
+    """
+    chosen = list(chosen)
+    names = "|".join(re.escape(name) for name in dict.fromkeys(name for name, _, _ in chosen))
+    found = [dict(variables_for(path, case, package)) if case else {} for _, case, path in chosen]
+    variables: list[tuple[str, str]] = []
+    if all(found) and len({name for each in found for name in each}) == 1:
+        (variable,) = found[0]
+        values = list(dict.fromkeys(each[variable] for each in found))
+        if variable == "GTEST_FILTER":
+            variables.append((variable, ":".join(values)))
+        else:
+            words = " or ".join(value.removeprefix("-k ") for value in values)
+            variables.append((variable, f"-k '{words}'"))
+    return ChosenTests(ctest_args=("-R", f"^({names})$"), env=tuple(variables))
+
+
+def _ctest_names(context: TestContext, package: Package, variables: Mapping[str, str]) -> list[str]:
+    """Return the names of a package's tests, as CTest lists them."""
+    argv = (str(context.ctest), "--show-only=json-v1", *context.of(package).options.ctest_args)
+    try:
+        done = subprocess.run(
+            argv,
+            cwd=context.layout.build_dir(package.name),
+            env=dict(variables),
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            timeout=_SECONDS,
+            check=False,
+        )
+        return [test["name"] for test in json.loads(done.stdout)["tests"]]
+    except (OSError, ValueError, LookupError, TypeError, subprocess.SubprocessError):
+        return []

@@ -1,0 +1,184 @@
+"""Single tests by name: in the summary, in the command that repeats one, and on the command line."""
+
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from tests.conftest import Forge, Ran, Tree
+from tests.testable import PYTEST, UNITTEST, cmake_package, python_package
+
+pytestmark = pytest.mark.needs("cmake")
+
+GTEST = r"""#!/bin/sh
+# Like a program of Google Test: it runs what GTEST_FILTER names, and writes a result file.
+out="$1"
+cases=""
+failed=0
+set -f
+for case in Math.adds Math.subtracts Other.fails All/Param.below/0 Typed/1.size; do
+  for filter in $(echo "${GTEST_FILTER:-*}" | tr : ' '); do
+    case $case in $filter) break ;; *) false ;; esac
+  done || continue
+  echo "ran $case"
+  failure=""
+  case $case in Math.adds | Other.fails)
+    if [ ! -f "$2" ]; then failure='<failure message="no luck"/>'; failed=1; fi ;;
+  esac
+  cases="$cases<testcase classname=\"p.${case%.*}\" name=\"${case#*.}\">$failure</testcase>"
+done
+mkdir -p "$(dirname "$out")"
+echo "<testsuites><testsuite name=\"p\">$cases</testsuite></testsuites>" > "$out"
+exit $failed
+"""
+TESTS = (
+    "set(run sh ${CMAKE_SOURCE_DIR}/gtest.sh)",
+    "set(result ${CMAKE_BINARY_DIR}/test_results/p/math.gtest.xml)",
+    "add_test(NAME math COMMAND ${run} ${result} ${CMAKE_SOURCE_DIR}/fixed)",
+    'add_test(NAME plain COMMAND sh -c "echo plain && exit 1")',
+    'add_test(NAME good COMMAND sh -c "true")',
+)
+
+
+@pytest.fixture
+def root(forge: Forge, tree: Tree) -> Path:
+    root = tree(
+        {
+            **cmake_package("p", *TESTS),
+            "src/p/gtest.sh": GTEST,
+            **python_package("y", PYTEST.format(name="y"), pytest=True),
+            **python_package("u", UNITTEST.format(name="u"), pytest=False),
+        }
+    )
+    assert forge("build", cwd=root).code == 0
+    return root
+
+
+def failed(ran: Ran) -> list[str]:
+    table = ran.out.partition(" failed test")[2]
+    return [line.strip() for line in table.splitlines() if line.startswith("  ") and line[2] != " "]
+
+
+def test_a_failed_case_is_named_with_the_command_that_runs_it_alone(forge: Forge, root: Path) -> None:
+    ran = forge("test", cwd=root)
+    names = ["p: Math.adds", "p: Other.fails", "p: plain"]
+    names += ["u: tests.test_u.Values.test_bad", "y: tests.test_y.test_value[2]"]
+    assert failed(ran) == names
+    command = next(line for line in ran.out.splitlines() if "Other.fails ctest" in line).partition(
+        "repeat: "
+    )[2]
+    done = subprocess.run(["sh", "-c", command], cwd=root, capture_output=True, text=True, check=False)
+    assert done.returncode
+    assert [line for line in done.stdout.splitlines() if "ran" in line] == ["1: ran Other.fails"]
+
+
+@pytest.mark.parametrize(
+    ("words", "counts", "names"),
+    [
+        ("p::Math.adds", "1 test, 0 errors, 1 failure", ["p: Math.adds"]),
+        ("p::Math.subtracts", "1 test, 0 errors, 0 failures", []),
+        ("p::Math", "2 tests, 0 errors, 1 failure", ["p: Math.adds"]),
+        ("p::math::Other.fails", "1 test, 0 errors, 1 failure", ["p: Other.fails"]),
+        ("p::math", "5 tests, 0 errors, 2 failures", ["p: Math.adds", "p: Other.fails"]),
+        (
+            "p::plain p::Math.adds",
+            "6 tests, 0 errors, 3 failures",
+            ["p: Math.adds", "p: Other.fails", "p: plain"],
+        ),
+        ("p::good", "1 test, 0 errors, 0 failures", []),
+        ("p::Param.below p::Typed.size", "2 tests, 0 errors, 0 failures", []),
+        ("p", "7 tests, 0 errors, 3 failures", ["p: Math.adds", "p: Other.fails", "p: plain"]),
+        ("y::tests.test_y.test_value[2]", "1 test, 0 errors, 1 failure", ["y: tests.test_y.test_value[2]"]),
+        ("y::tests/test_y.py::test_good", "1 test, 0 errors, 0 failures", []),
+        ("y::test_good p::good", "2 tests, 0 errors, 0 failures", []),
+        (
+            "u::tests.test_u.Values.test_bad",
+            "1 test, 0 errors, 1 failure",
+            ["u: tests.test_u.Values.test_bad"],
+        ),
+        ("u::test_good", "1 test, 0 errors, 0 failures", []),
+    ],
+)
+def test_a_test_runs_alone_by_its_name(
+    forge: Forge, root: Path, words: str, counts: str, names: list[str]
+) -> None:
+    forge("test", cwd=root)
+    ran = forge("test", *words.split(), cwd=root)
+    assert ran.code == 0, ran.err
+    assert counts in ran.out, ran.out
+    assert failed(ran) == names
+
+
+def test_a_case_that_the_last_run_left_out_is_found(forge: Forge, root: Path) -> None:
+    forge("test", "p", cwd=root)
+    forge("test", "p::Math.adds", cwd=root)
+    assert "1 test, 0 errors, 0 failures" in forge("test", "p::Math.subtracts", cwd=root).out
+
+
+def test_the_last_failed_tests_run_again_until_none_is_left(forge: Forge, root: Path) -> None:
+    forge("test", cwd=root)
+    ran = forge("test", "--last-failed", cwd=root)
+    assert len(failed(ran)) == 5
+    (root / "src/p/fixed").touch()
+    forge("test", "p::Math.adds", "p::Other.fails", cwd=root)
+    assert "0 packages finished" in forge("test", "p", "--last-failed", cwd=root).out
+    ran = forge("test", "--last-failed", cwd=root)
+    assert failed(ran) == ["u: tests.test_u.Values.test_bad", "y: tests.test_y.test_value[2]"]
+    assert "2 tests, 0 errors, 2 failures" in ran.out
+
+
+@pytest.mark.parametrize(
+    ("word", "message"),
+    [
+        ("p::goood", "error: 'p' has no test 'goood'\nhint: did you mean 'good'?\n"),
+        (
+            "p::xyz",
+            "hint: its tests are 'math', 'plain', 'good'; tests inside of these programs are known after",
+        ),
+        ("p::", "error: 'p::' names no test\n"),
+        ("q::x", "error: no package named 'q' in the workspace\n"),
+    ],
+)
+def test_a_name_without_a_test_is_an_error(forge: Forge, root: Path, word: str, message: str) -> None:
+    ran = forge("test", word, cwd=root)
+    assert (ran.code, message in ran.err) == (2, True), ran.err
+
+
+def test_a_named_test_that_does_not_run_is_an_error(forge: Forge, root: Path) -> None:
+    ran = forge("test", "y::test_missing", "p::good", cwd=root)
+    assert (ran.code, "1 test, 0 errors, 0 failures" in ran.out) == (2, True), ran.out
+    message = "error: no test of 'y' has such a name\nhint: all tests of the package: forge test y\n"
+    assert ran.err.endswith(message)
+
+
+def test_failed_tests_that_are_renamed_stop_no_others(forge: Forge, root: Path) -> None:
+    tests = root / "src/y/tests/test_y.py"
+    tests.write_text(f"{tests.read_text()}\n\ndef test_old():\n    assert 0\n")
+    forge("test", "y", "p", cwd=root)
+    tests.write_text(tests.read_text().replace("test_old", "test_new"))
+    lists = root / "src/p/CMakeLists.txt"
+    lists.write_text(lists.read_text().replace("NAME plain", "NAME fancy"))
+    forge("build", cwd=root)
+    ran = forge("test", "--last-failed", cwd=root)
+    in_y = ["y: tests.test_y.test_value[2]", "y: tests.test_y.test_new"]
+    assert failed(ran) == ["p: Math.adds", "p: Other.fails", *in_y]
+
+
+def test_a_failed_test_that_a_class_inherits_runs_again(forge: Forge, root: Path) -> None:
+    tests = root / "src/y/tests"
+    (tests / "base.py").write_text("class Base:\n    def test_inherited(self):\n        assert 0\n")
+    (tests / "test_x.py").write_text("from .base import Base\n\n\nclass TestOfIt(Base):\n    pass\n")
+    for words in (["y"], ["--last-failed"]):
+        assert "y: tests.test_x.TestOfIt.test_inherited" in failed(forge("test", *words, cwd=root))
+
+
+def test_parameters_may_contain_colons(forge: Forge, root: Path) -> None:
+    tests = root / "src/y/tests/test_y.py"
+    tests.write_text(
+        "import pytest\n\n\n@pytest.mark.parametrize('v', ['a::b', 'c d'])\n"
+        "def test_value(v):\n    assert v == 'c d'\n"
+    )
+    forge("test", "y", cwd=root)
+    for words in (["--last-failed"], ["y::tests.test_y.test_value[a::b]"]):
+        ran = forge("test", *words, cwd=root)
+        assert failed(ran) == ["y: tests.test_y.test_value[a::b]"], ran.out
