@@ -8,17 +8,19 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from contextlib import suppress
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 from forge.base.errors import ForgeError
-from forge.base.files import read_file
+from forge.base.files import read_file, text_or_nothing
 from forge.base.layout import IGNORE_MARK
 from forge.base.xml import parse_xml
-from forge.interfaces.read.parsing import SECTIONS
-from forge.interfaces.read.sources import definition_files
+from forge.interfaces.read.parsing import ENDINGS, SECTIONS
+from forge.interfaces.read.sources import definition_files, key_of
+from forge.workspace.cmake_text import calls
 from forge.workspace.discovery import discover
 from forge.workspace.root import find_root, is_root
 
+CMAKE_FILE = "CMakeLists.txt"
 IGNORED = frozenset({IGNORE_MARK, "AMENT_IGNORE"})
 """Files that hide a folder."""
 
@@ -58,14 +60,33 @@ def workspace_packages() -> dict[str, Path]:
 
 
 def definitions_in(home: Path) -> Iterator[str]:
-    """Yield the definitions of a package, also those in deeper folders, as paths below its folder.
+    """Yield the definitions of a package, as paths below its folder: those below msg, srv and action, at any
+    depth, and those in other folders that its CMakeLists.txt names.
 
     An .idl file beside a definition of the same name was generated from it.
     """
+    found: list[str] = []
     for kind in SECTIONS:
         paths = (path for path in (home / kind).rglob("*") if not path.name.startswith("."))
         files = sorted(path for path in paths if path.suffix in {f".{kind}", ".idl"})
         own = {path.with_suffix("") for path in files if path.suffix != ".idl"}
-        for path in files:
-            if path.suffix != ".idl" or path.with_suffix("") not in own:
-                yield path.relative_to(home).as_posix()
+        found += (
+            path.relative_to(home).as_posix()
+            for path in files
+            if path.suffix != ".idl" or path.with_suffix("") not in own
+        )
+    keys = {*map(key_of, found)}
+    yield from found
+    yield from (path for path in _named_in_cmake(home) if key_of(path) not in keys)
+
+
+def _named_in_cmake(home: Path) -> list[str]:
+    """Return the definitions whose literal paths are arguments in CMakeLists.txt, except those for tests."""
+    words = {
+        word.removeprefix("${CMAKE_CURRENT_SOURCE_DIR}").lstrip(":/")
+        for call in calls(text_or_nothing(home / CMAKE_FILE))
+        if not any("BUILD_TESTING" in condition for condition in call.conditions)
+        for word in call.words
+    }
+    paths = {PurePosixPath(word) for word in words if word.rpartition(".")[2] in ENDINGS}
+    return sorted(path.as_posix() for path in paths if ".." not in path.parts and (home / path).is_file())

@@ -22,7 +22,7 @@ from forge.interfaces.model import Catalog, TypeName, nested_types, sections_of
 from forge.interfaces.read.parsing import ENDINGS, Parsed, parse
 from forge.interfaces.read.sources import Library, contradictions, key_of, read_source
 from forge.interfaces.resolve.resolution import nested_messages, resolve
-from forge.plugins.interface_versions.packages import IGNORED, definitions_in, packages_in
+from forge.plugins.interface_versions.packages import CMAKE_FILE, IGNORED, definitions_in, packages_in
 
 Invalid = dict[TypeName, tuple[Problem, ...]]
 """Interfaces that cannot be read, or contain one that cannot, or an unknown type; with the reasons."""
@@ -57,18 +57,23 @@ def _extract(listing: bytes, folder: Path, revision: str) -> None:
 
     Raises SelectionError if a clone lacks one.
     """
-    objects: dict[str, str] = {}
+    objects, cmake_files = dict[str, str](), dict[str, str]()
     links: list[Problem] = []
     for entry in filter(None, listing.decode(errors="surrogateescape").split("\0")):
         (mode, _, name), path = entry.partition("\t")[0].split(" "), entry.partition("\t")[2]
         if mode.startswith("100") and _is_read(PurePosixPath(path)):
             objects[path] = name
+        elif mode.startswith("100") and PurePosixPath(path).name == CMAKE_FILE:
+            cmake_files[path] = name
         elif mode == _SUBMODULE:
             hint = "compare its own revisions in its folder, or folders instead of revisions"
             print_warnings([Problem(f"the submodule '{path}' of '{revision}' is left out", hint=hint)])
         elif _is_read(PurePosixPath(path)):
             links.append(Problem(f"'{path}' of '{revision}' is a symbolic link", hint="compare folders"))
     raise_if_any(links, SelectionError)
+    for path, name in cmake_files.items():
+        if PurePosixPath(path).with_name("package.xml").as_posix() in objects:
+            objects[path] = name
     contents = _git("cat-file", "--batch", content="\n".join(objects.values()).encode()).stdout
     at = 0
     for path in objects:

@@ -226,6 +226,33 @@ def test_packages_are_known_by_their_stated_names(forge: Forge, tree: Tree) -> N
     assert (ran.code, "is called 'p', too" in ran.err) == (2, True)
 
 
+@pytest.mark.needs("git")
+def test_definitions_that_cmake_names_are_compared_in_any_folder(forge: Forge, tree: Tree) -> None:
+    cmake = """set(files system/msg/State.msg)
+rosidl_generate_interfaces(p ${files} "${CMAKE_CURRENT_SOURCE_DIR}/system/srv/Stop.srv" msg/M.msg dds/D.idl)
+if(BUILD_TESTING)
+  rosidl_generate_interfaces(p_tests test/msg/Tested.msg)
+endif()
+"""
+    before = {
+        "msg/M.msg": "int8 x\n",
+        "system/msg/State.msg": "M m\n",
+        "system/msg/Unused.msg": "int8 x\n",
+        "system/srv/Stop.srv": "---\nint8 code\n",
+        "dds/D.idl": "module p { module dds { struct D { int8 x; }; }; };\n",
+        "test/msg/Tested.msg": "int8 x\n",
+    }
+    root = tree({"package.xml": manifest_text("p"), "CMakeLists.txt": cmake, **before})
+    git = ("git", "-c", "user.name=n", "-c", "user.email=e@example.com")
+    for words in (("init", "-q"), ("add", "."), ("commit", "-q", "-m", "first")):
+        subprocess.run((*git, *words), cwd=root, check=True)
+    shutil.copytree(root, root / "old")
+    (root / "old/COLCON_IGNORE").touch()
+    written(root, {path: text.replace("int8", "int16") for path, text in before.items()})
+    for old in ("old", "HEAD"):
+        assert diff(forge, root, old, ".").keys() == {"p/dds/D", "p/msg/M", "p/msg/State", "p/srv/Stop"}, old
+
+
 def test_an_idl_file_beside_another_definition_is_named(forge: Forge, tree: Tree) -> None:
     idl = "module p { module msg { struct M { short a; }; }; };\n"
     root = tree({"p/package.xml": manifest_text("p"), "p/msg/M.msg": "int8 a\n", "p/msg/M.idl": idl})
