@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import json
 import os
 import re
-import shutil
 import stat
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 from forge.base.errors import NotRegularFileError
 
@@ -106,6 +108,25 @@ def text_or_nothing(path: str | Path, errors: str = "replace") -> str:
         return read_text(path, errors)
     except OSError:
         return ""
+
+
+def read_json(path: Path) -> Mapping[str, Any]:
+    """Return the JSON object in a file, or {} if it is missing or invalid."""
+    try:
+        status = path.stat()
+        return _object(path, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns)
+    except OSError:
+        return {}
+
+
+@lru_cache(maxsize=8)
+def _object(path: Path, *_state_of_file: int) -> Mapping[str, Any]:
+    """Return the object in a file of this state: several stages of a build read the same notes."""
+    try:
+        data = json.loads(path.read_bytes())
+    except (ValueError, RecursionError):
+        return {}
+    return data if isinstance(data, dict) else {}
 
 
 def names_in(folder: str | Path) -> list[str]:
@@ -261,6 +282,8 @@ def remove_tree(path: str) -> None:
             return
         if any(mounts_below(path)):
             return
+        import shutil  # takes 3 ms to import
+
         shutil.rmtree(path, ignore_errors=True)
         if os.path.isdir(path):  # contains folders that are not writable
             with contextlib.suppress(OSError):

@@ -64,7 +64,7 @@ from forge.build.up_to_date import changed_input
 from forge.engine.accesses import NOT_OBSERVED, Accesses, ObservedCommands
 from forge.engine.commands import Folders, commands_of
 from forge.engine.world import PACKAGE_FOUND, PROCESSOR, World
-from forge.toolchain.programs import CMAKE_TYPES
+from forge.workspace.model import CMAKE_TYPES
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

@@ -56,7 +56,7 @@ from forge.build.journal import open_journal
 from forge.build.model import BuildRecord
 from forge.build.prefix import PrefixExchange, leftover_backups, remove_empty_folders, tidy
 from forge.environment.prefixes import PACKAGES
-from forge.environment.scripts import SHELLS
+from forge.environment.shells import SHELLS
 
 BASES = ("build", "install", "log")
 

@@ -34,7 +34,7 @@ from forge.base.layout import (
 )
 from forge.build.installed_lists import listed_files
 from forge.environment.prefixes import PACKAGES
-from forge.environment.scripts import SHELLS
+from forge.environment.shells import SHELLS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping

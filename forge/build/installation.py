@@ -33,9 +33,9 @@ from forge.environment.dsv import PackageEdits
 from forge.environment.hooks import package_hooks
 from forge.environment.install_state import recorded_state, recorded_underlays
 from forge.environment.prefixes import PACKAGES
-from forge.environment.scripts import SHELLS
+from forge.environment.shells import SHELLS
 from forge.environment.sourcing import own_edits, package_edits, packages_in_order
-from forge.toolchain.programs import CMAKE_TYPES
+from forge.workspace.model import CMAKE_TYPES
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping

@@ -17,7 +17,7 @@ from forge.base.files import listed_paths, replace_file
 from forge.base.frozen import frozen
 from forge.base.layout import INSTALLED_LISTS_DIR, LAYOUT_MARKER, Layout
 from forge.environment.prefixes import PACKAGES
-from forge.environment.scripts import SHELLS
+from forge.environment.shells import SHELLS
 
 _VERSION = 1
 MANIFESTS = ("install_manifest.txt", "symlink_install_manifest.txt")

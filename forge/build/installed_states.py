@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from pathlib import Path
 
-from forge.base.files import replace_file
+from forge.base.files import read_json, replace_file
 from forge.base.layout import INSTALLED_STATES_DIR
-from forge.build.inputs.elf_abi import SHARED_LIBRARY, abi_digest
 from forge.build.inputs.fingerprints import Changes, compare
-from forge.build.records import read_json
 
+_SHARED_LIBRARY = re.compile(r"/lib[^/]+\.so(\.[\d.]+)?$")
+"""Paths of shared libraries, by the names that linkers look for."""
 _KEPT = 8
 """The number of states kept per package: dependents may have been built with different ones."""
 _INTERFACES = "interfaces"
@@ -31,8 +32,10 @@ class InstalledStates:
         """Record the contents of a package's installed files by absolute path; remove old states."""
         folder = self._home / name
         replace_file(folder / f"{digest}.json", json.dumps(contents).encode())
-        libraries = {content: path for path, content in contents.items() if SHARED_LIBRARY.search(path)}
+        libraries = {content: path for path, content in contents.items() if _SHARED_LIBRARY.search(path)}
         if libraries:
+            from forge.build.inputs.elf_abi import abi_digest
+
             known = read_json(folder / _INTERFACES)
             now = {content: known.get(content) or abi_digest(path) for content, path in libraries.items()}
             older = {content: interface for content, interface in known.items() if content not in now}
@@ -69,7 +72,7 @@ class InstalledStates:
         one, other = (self.contents(name, digest) or {} for digest in (then, now))
         known = read_json(self._home / name / _INTERFACES)
         return all(
-            SHARED_LIBRARY.search(path)
+            _SHARED_LIBRARY.search(path)
             and (interface := known.get(one[path]))
             and interface == known.get(other[path])
             for path in changes.modified

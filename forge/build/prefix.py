@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from forge.base.errors import Problem
-from forge.base.files import BYTECODE, mount_points, remove_tree, replace_file, tree_below
+from forge.base.files import BYTECODE, mount_points, read_json, remove_tree, replace_file, tree_below
 from forge.base.layout import BACKUP_DIR, INSTALL_BASE_FILES, INSTALLED_LISTS_DIR, LOCK_FILE, Layout
 from forge.build.copies import (
     MODE,
@@ -51,7 +51,6 @@ from forge.build.installed_lists import (
     read_list,
 )
 from forge.build.observed_writes import ObservedWrites, append, begin_log, read_writes, remove_log
-from forge.build.records import read_json
 from forge.environment.prefixes import PACKAGES
 
 if TYPE_CHECKING:

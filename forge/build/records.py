@@ -14,9 +14,7 @@ import json
 import os
 from collections.abc import Mapping
 from dataclasses import field
-from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
 from forge.base.files import naming, replace_file
 from forge.base.frozen import frozen
@@ -126,25 +124,6 @@ def read_record(build: Path) -> FolderRecord | None:
         )
     except (OSError, *_INVALID):
         return None
-
-
-def read_json(path: Path) -> Mapping[str, Any]:
-    """Return the JSON object in a file, or {} if it is missing or invalid."""
-    try:
-        status = path.stat()
-        return _object(path, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns)
-    except OSError:
-        return {}
-
-
-@lru_cache(maxsize=8)
-def _object(path: Path, *_state_of_file: int) -> Mapping[str, Any]:
-    """Return the object in a file of this state: several stages of a build read the same notes."""
-    try:
-        data = json.loads(path.read_bytes())
-    except (ValueError, RecursionError):
-        return {}
-    return data if isinstance(data, dict) else {}
 
 
 def _manifest(data: Mapping[str, tuple[str, str]]) -> Manifest:

@@ -25,7 +25,6 @@ from forge.build.inputs.fingerprints import (
 )
 from forge.build.installed_states import InstalledStates
 from forge.build.model import BuildRecord, Snapshot
-from forge.build.records import FolderRecord, read_record
 from forge.build.up_to_date import UNKNOWN_INSTALLED, UNKNOWN_SOURCES, InputChange, InputKind
 from forge.engine.world import KIND, LIBRARY, MODULES, OUTPUT, PACKAGE_FOUND, PROCESSOR, PROGRAM, VARIABLE
 
@@ -35,6 +34,7 @@ if TYPE_CHECKING:
 
     from forge.base.layout import Layout
     from forge.build.journal import Journal
+    from forge.build.records import FolderRecord
     from forge.workspace.model import Package
 
 
@@ -65,6 +65,8 @@ def take_snapshot(
     @cache
     def last_record(name: str) -> FolderRecord | None:
         """Return the record of the build folder, None if the package came from the cache."""
+        from forge.build.records import read_record
+
         return read_record(layout.build_dir(name)) if records[name].began else None
 
     for package in packages:

@@ -21,7 +21,15 @@ from pathlib import Path
 from typing import Any
 
 from forge.base.errors import Problem
-from forge.base.files import BYTECODE, capabilities, listed_paths, remove_tree, replace_file, tree_below
+from forge.base.files import (
+    BYTECODE,
+    capabilities,
+    listed_paths,
+    read_json,
+    remove_tree,
+    replace_file,
+    tree_below,
+)
 from forge.base.layout import INSTALLED_STATES_DIR, SCRATCH_DIR, Layout
 from forge.base.text import digest
 from forge.build.copies import is_folder, is_same_file, status_of
@@ -46,7 +54,6 @@ from forge.build.prefix import (
     stage_folder,
     written_log,
 )
-from forge.build.records import read_json
 from forge.build.tasks import Step, StepKind, Task
 
 _NEXT = "install_next.json"

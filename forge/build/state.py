@@ -15,7 +15,6 @@ from forge.build.file_conflicts import MergedPrefix
 from forge.build.inputs.fingerprints import FileTable, contents_of, digest_of, stamp_inputs
 from forge.build.installed_states import InstalledStates
 from forge.build.journal import open_journal
-from forge.build.prefix import copy_others_of_merged, drop_others_of_merged
 from forge.build.snapshot import find_changed_externals
 from forge.build.up_to_date import UNKNOWN, DependencyHashes, changed_input
 from forge.build.workspace_scripts import WorkspaceScripts
@@ -63,6 +62,8 @@ class BuildState:
     def begin(self) -> None:
         """Back up unowned files in a merged prefix, which a package could overwrite."""
         if self.layout.merged:
+            from forge.build.prefix import copy_others_of_merged
+
             records = self.journal.records.values()
             owned = (path.rstrip("/") for record in records for path in (*record.files, *record.folders))
             copy_others_of_merged(self.layout, owned)
@@ -147,6 +148,8 @@ class BuildState:
     def finish(self, plan: BuildPlan, variables: Mapping[str, str]) -> None:
         """Write the workspace's scripts if they may have changed, and the stamps for the next build."""
         if self.layout.merged and plan.tasks:
+            from forge.build.prefix import drop_others_of_merged
+
             drop_others_of_merged(self.layout)
         self.scripts.write(self._interpreter.path, variables, built=self._ran or bool(plan.tasks))
         if self._ran:

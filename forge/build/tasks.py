@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shlex
-import shutil
 from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -163,6 +162,8 @@ def step_line(step: Step, environment: Path | None = None) -> str:
 
 def short_step_line(step: Step, environment: Path, displayed: Callable[[Path], str]) -> str:
     """Return `step_line` for a terminal: in a subshell, with displayed paths, programs on PATH by name."""
+    import shutil  # takes 3 ms
+
     program, *arguments = step.argv
     name = Path(program).name
     argv = (name if shutil.which(name) == program else program, *arguments)

@@ -35,7 +35,8 @@ from forge.cache.trees import (
     scan_tree,
     unrecorded_files,
 )
-from forge.toolchain.programs import CMAKE_TYPES, condensed, program_of
+from forge.toolchain.programs import condensed, program_of
+from forge.workspace.model import CMAKE_TYPES
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Mapping

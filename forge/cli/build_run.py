@@ -37,10 +37,12 @@ from forge.execution.started import StartedProcesses
 from forge.execution.task_setup import TaskSetup
 from forge.toolchain.cmake_variables import defined
 from forge.toolchain.compiler_launchers import LauncherStats
-from forge.toolchain.programs import CMAKE_TYPES, any_enables_cxx, ninja_first, program_of
+from forge.toolchain.languages import any_enables_cxx
+from forge.toolchain.programs import ninja_first, program_of
 from forge.toolchain.resources import LIBRARY_PATH_BELOW, gcc_heap, memory
 from forge.workspace.cmake_text import announced_downloads
 from forge.workspace.missing import missing_dependencies, whereabouts
+from forge.workspace.model import CMAKE_TYPES
 from forge.workspace.resolve import GENERATORS
 
 if TYPE_CHECKING:

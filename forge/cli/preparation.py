@@ -50,10 +50,10 @@ from forge.execution.makeflags import read_make_flags
 from forge.toolchain.cmake_variables import builds_tests, suspicious_arguments, unset_definitions
 from forge.toolchain.compiler_launchers import selected_launcher
 from forge.toolchain.interpreter import Interpreter, find_interpreter, other_than_recorded, own_command
-from forge.toolchain.programs import CMAKE_TYPES, PYTHON_TYPES, condensed, find_tools, identities
+from forge.toolchain.programs import condensed, find_tools, identities
 from forge.workspace.discovery import ROS_DEFAULTS, special_files
 from forge.workspace.load import LoadedWorkspace, find_packages, load_workspace
-from forge.workspace.missing import submodule_remedy, unchecked_submodules
+from forge.workspace.model import CMAKE_TYPES, PYTHON_TYPES
 from forge.workspace.resolve import INTERFACE_GROUP
 
 if TYPE_CHECKING:
@@ -450,6 +450,7 @@ def require_packages(loaded: LoadedWorkspace) -> None:
     """Raise WorkspaceError if there are no packages at all, as outside of a workspace."""
     if not loaded.workspace.packages:
         from forge.workspace.ignoring import ignored_packages
+        from forge.workspace.missing import submodule_remedy, unchecked_submodules
 
         hint = "change to the root of the workspace, or create a package: forge pkg create my_package"
         if empty := unchecked_submodules(loaded.workspace.root):

@@ -49,8 +49,7 @@ from forge.environment.sourcing import build_environment
 from forge.execution.runner import TaskLifecycle, changed_variables
 from forge.execution.started import BUILD_FOLDER_VARIABLE
 from forge.toolchain.interpreter import Interpreter, own_command
-from forge.toolchain.programs import CMAKE_TYPES
-from forge.workspace.model import RUN_KINDS
+from forge.workspace.model import CMAKE_TYPES, RUN_KINDS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping

@@ -21,7 +21,7 @@ from forge.build.events import Aborted, Finished, Fresh, Output, Skipped, Starte
 from forge.build.tasks import CACHED, NOT_CACHED, TEST_FAILURES, StepKind, environment_file, step_line
 from forge.cache.model import RESTORED
 from forge.toolchain.cmake_variables import UnusedVariables, probable_variable
-from forge.toolchain.programs import CMAKE_TYPES
+from forge.workspace.model import CMAKE_TYPES
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping

@@ -17,8 +17,7 @@ from forge.build.tasks import StepKind
 from forge.build.tests.recipes import ChosenTests, TestContext
 from forge.testing.collecting import collect, test_ids
 from forge.testing.outcomes import Case
-from forge.toolchain.programs import CMAKE_TYPES, PYTHON_TYPES
-from forge.workspace.model import Package
+from forge.workspace.model import CMAKE_TYPES, PYTHON_TYPES, Package
 
 SEPARATOR = "::"
 _PYTEST_NAME = re.compile(r"test\w*(\[.*\])?")

@@ -43,10 +43,11 @@ from forge.execution.runner import TaskLifecycle
 from forge.testing.domains import is_isolated
 from forge.toolchain.cmake_variables import was_built_without_tests
 from forge.toolchain.interpreter import find_interpreter
-from forge.toolchain.programs import CMAKE_TYPES, PYTHON_TYPES, compiled_packages, find_ctest
+from forge.toolchain.languages import compiled_packages
+from forge.toolchain.programs import find_ctest
 from forge.toolchain.python_modules import install_command, missing_modules
 from forge.workspace.load import LoadedWorkspace
-from forge.workspace.model import Package
+from forge.workspace.model import CMAKE_TYPES, PYTHON_TYPES, Package
 
 _TEST_MODULES = ("pytest", "pytest_cov", "pytest_repeat")
 

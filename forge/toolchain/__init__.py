@@ -7,6 +7,7 @@ __all__ = [
     "cmake_variables",
     "compiler_launchers",
     "interpreter",
+    "languages",
     "programs",
     "python_modules",
     "resources",

@@ -14,8 +14,7 @@ from forge.base.cmake_syntax import cmake_arguments, definitions
 from forge.base.errors import Problem
 from forge.base.files import text_or_nothing
 from forge.base.names import nearest
-from forge.toolchain.programs import CMAKE_TYPES
-from forge.workspace.model import Package
+from forge.workspace.model import CMAKE_TYPES, Package
 
 _WITHOUT_D = re.compile(r"[A-Za-z_]\w*(?::[A-Z]+)?=")
 _DEFINED_WITHIN = re.compile(r"\s-D\s*([A-Za-z_]\w*)(?::[A-Z]+)?=")

@@ -10,6 +10,10 @@ from pathlib import Path
 from forge.base.errors import Problem
 from forge.base.frozen import frozen
 
+CMAKE_TYPES = frozenset({"ament_cmake", "cmake"})
+PYTHON_TYPES = frozenset({"ament_python", "python"})
+"""The build types of packages that CMake builds, and of those that Python's build backends do."""
+
 
 class DependencyKind(Enum):
     """The type of a dependency tag (REP 149)."""

@@ -38,7 +38,8 @@ from forge.environment import sourcing
 from forge.environment.dsv import PackageEdits
 from forge.environment.install_state import recorded_python, recorded_underlays
 from forge.environment.prefixes import installed_packages
-from forge.environment.scripts import SHELLS, local_setup, package_setup
+from forge.environment.scripts import local_setup, package_setup
+from forge.environment.shells import SHELLS
 from forge.execution.jobserver import join_pool
 from forge.execution.makeflags import read_make_flags
 from forge.interfaces.hashing import hashes

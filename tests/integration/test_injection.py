@@ -188,6 +188,6 @@ def test_make_reads_hostile_paths_in_depfiles(tmp_path: Path) -> None:
 
 
 def test_all_shells_are_covered() -> None:
-    from forge.environment.scripts import SHELLS
+    from forge.environment.shells import SHELLS
 
     assert SHELLS.keys() == _SHELLS.keys()

@@ -20,9 +20,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from mmap import mmap
 
-SHARED_LIBRARY = re.compile(r"/lib[^/]+\.so(\.[\d.]+)?$")
-"""Paths of shared libraries, by the names that linkers look for."""
-
 _IDENT = b"\x7fELF\x02\x01\x01"
 """64 bits, little-endian; libraries of other machines have no known interface."""
 _HEADER = struct.Struct("<16xHHIQQQIHHHHHH")

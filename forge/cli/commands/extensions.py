@@ -7,7 +7,7 @@ from forge.base import extensions as groups
 from forge.base.env_vars import EXECUTORS
 from forge.build.build_types import OWN as BUILD_TYPES
 from forge.cli.options import NoOptions
-from forge.environment.scripts import SHELLS
+from forge.environment.shells import SHELLS
 from forge.interfaces.writing import TARGETS
 from forge.output.handlers import HANDLERS
 

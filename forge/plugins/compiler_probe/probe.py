@@ -20,12 +20,11 @@ import shutil
 import threading
 from typing import TYPE_CHECKING
 
-from forge.base.files import has_text, remove_tree, replace_file, text_or_nothing
+from forge.base.files import has_text, read_json, remove_tree, replace_file, text_or_nothing
 from forge.base.frozen import frozen
 from forge.base.layout import TOOLCHAIN_DIR
 from forge.base.text import digest
 from forge.build.inputs.fingerprints import contents_of
-from forge.build.records import read_json
 from forge.engine.commands import Folders
 from forge.engine.observer import run_observed
 from forge.toolchain.cmake_variables import unused_variables

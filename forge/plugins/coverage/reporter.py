@@ -20,8 +20,9 @@ from forge.base.layout import forge_command
 from forge.build.tasks import Task
 from forge.build.tests.recipes import DATA_FILE, OMITTED
 from forge.output.reporters import Report, Reporter, Run
-from forge.toolchain.programs import CMAKE_TYPES, PYTHON_TYPES, find_program
+from forge.toolchain.programs import find_program
 from forge.toolchain.python_modules import install_command, missing_modules
+from forge.workspace.model import CMAKE_TYPES, PYTHON_TYPES
 
 _XML, _PAGES = "coverage.xml", "coverage.html"
 _ROOT = re.compile(r"<coverage\s[^>]*>")

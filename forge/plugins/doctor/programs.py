@@ -11,13 +11,12 @@ from collections.abc import Iterator, Sequence
 from forge.base.errors import GroupedProblems, HostError, Location, Problem, reason_of
 from forge.base.own_environment import extra_command, install_beside_forge
 from forge.environment.install_state import recorded_python
-from forge.environment.scripts import SHELLS
+from forge.environment.shells import SHELLS
 from forge.plugins.doctor.model import CheckContext, CheckResult, graded
 from forge.toolchain.interpreter import ask_python, find_interpreter, other_than_recorded
+from forge.toolchain.languages import compiled_packages
 from forge.toolchain.programs import (
-    CMAKE_TYPES,
     COMPILERS,
-    compiled_packages,
     find_cmake,
     find_ninja,
     find_program,
@@ -27,7 +26,7 @@ from forge.toolchain.programs import (
 )
 from forge.toolchain.python_modules import missing_modules_problem
 from forge.workspace.cmake_text import calls
-from forge.workspace.model import Package
+from forge.workspace.model import CMAKE_TYPES, Package
 from forge.workspace.resolve import INTERFACE_GROUP
 
 _OLDEST_CMAKE = (3, 18)

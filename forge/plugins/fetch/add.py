@@ -14,11 +14,10 @@ from forge.base.names import did_you_mean, is_safe_name
 from forge.base.options import flag, option, options_of
 from forge.base.xml import parse_xml
 from forge.cli import options as shared
-from forge.toolchain.programs import CMAKE_TYPES
 from forge.workspace.cmake_text import calls
 from forge.workspace.load import LoadedWorkspace, load_workspace
 from forge.workspace.manifest import DEPENDENCY_KINDS, parse_manifest
-from forge.workspace.model import Package
+from forge.workspace.model import CMAKE_TYPES, Package
 from forge.workspace.selection import Query
 
 _BEFORE_EXPORT = re.compile(r"^[ \t]*(?:<export\b|</package>)", re.MULTILINE)

@@ -26,11 +26,11 @@ from forge.build.inputs.fingerprints import file_state, source_folders
 from forge.cli.build_options import for_rebuild
 from forge.cli.preparation import BuildMode, forge_stamp
 from forge.environment.sourcing import clear_edit_cache
-from forge.toolchain.programs import PYTHON_TYPES
 from forge.workspace.forge_toml import FORGE_TOML
 from forge.workspace.identification import MARKER_FILES
 from forge.workspace.ignoring import MARKS
 from forge.workspace.load import find_packages
+from forge.workspace.model import PYTHON_TYPES
 from forge.workspace.resolve import INTERFACE_GROUP
 from forge.workspace.source_names import folders_to_search, is_source, may_contain_packages
 
