@@ -12,9 +12,11 @@ import os
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
+from typing import NamedTuple
 
 from forge.base.files import text_or_nothing, tree_below
 from forge.base.frozen import frozen
+from forge.build.inputs.fingerprints import file_state
 from forge.workspace.cmake_text import Call, calls
 
 SCRIPT = "cmake_install.cmake"
@@ -51,6 +53,14 @@ class InstallRule:
     options: tuple[str, ...]
     is_copy: bool
     block: str
+
+
+class InstalledEntry(NamedTuple):
+    """One installed path: the rule that installs it, its source, and the stat of the source as text."""
+
+    rule: InstallRule
+    source: str
+    state: str
 
 
 @frozen
@@ -177,28 +187,30 @@ def _all_calls(text: str) -> Iterator[Call | None]:
         yield None
 
 
-def installed_entries(rules: Iterable[InstallRule]) -> Mapping[str, tuple[InstallRule, str]] | None:
-    """Return the rule and the source of each path below the prefix; folders are looked into.
+def installed_entries(rules: Iterable[InstallRule]) -> Mapping[str, InstalledEntry] | None:
+    """Return what is installed at each path below the prefix; folders are looked into.
 
     None if a source is missing, or if two rules install to the same path: then their order decides.
     """
-    found: dict[str, tuple[InstallRule, str]] = {}
+    found: dict[str, InstalledEntry] = {}
     for rule in rules:
         for source in rule.sources:
             name = rule.name or os.path.basename(source)
             top = "/".join(filter(None, (rule.folder, name)))
             if not os.path.lexists(source):
                 return None
-            entries = [(top, source)]
+            entries: list[tuple[str, str, os.stat_result | None]] = [(top, source, None)]
             if rule.kind == "DIRECTORY" and os.path.isdir(source):
                 files, empty = tree_below(source.rstrip("/"))
                 start = len(source.rstrip("/")) + 1
-                paths = (*(path for path, _ in files), *empty)
-                entries = [("/".join(filter(None, (top, path[start:]))), path) for path in paths]
-            for path, each in entries:
+                below = (*files, *((path, None) for path in empty))
+                entries = [
+                    ("/".join(filter(None, (top, path[start:]))), path, status) for path, status in below
+                ]
+            for path, each, status in entries:
                 if path in found:
                     return None
-                found[path] = rule, each
+                found[path] = InstalledEntry(rule, each, file_state(each, status))
     return found
 
 

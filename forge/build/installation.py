@@ -109,6 +109,8 @@ class InstalledFiles:
     files: tuple[str, ...]
     folders: tuple[str, ...] = ()
     unclaimed: frozenset[str] = frozenset()
+    written: frozenset[str] | None = None
+    """Those that may differ from the last build; None if all may."""
 
 
 def installed_files(package: Package, layout: Layout, earlier: Collection[str] = ()) -> InstalledFiles:

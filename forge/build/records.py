@@ -14,6 +14,7 @@ import json
 import os
 from collections.abc import Mapping
 from dataclasses import field
+from functools import lru_cache
 from pathlib import Path
 
 from forge.base.files import naming, replace_file
@@ -104,8 +105,19 @@ def _append(build: Path, data: Mapping[str, object]) -> None:
 
 def read_record(build: Path) -> FolderRecord | None:
     """Return the record of a build folder, None without a valid one."""
+    path = build / SCRATCH_DIR / RECORD_FILE
     try:
-        first, *more = (build / SCRATCH_DIR / RECORD_FILE).read_bytes().splitlines()
+        status = path.stat()
+    except OSError:
+        return None
+    return _record(path, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns)
+
+
+@lru_cache(maxsize=8)
+def _record(path: Path, *_state_of_file: int) -> FolderRecord | None:
+    """Return the record in a file of this state: several stages of a build read it."""
+    try:
+        first, *more = path.read_bytes().splitlines()
         data = json.loads(first)
         if data.pop("version") != _VERSION or not 0 <= data["began"] < 1 << 63:
             return None

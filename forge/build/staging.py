@@ -33,8 +33,7 @@ from forge.base.files import (
 from forge.base.layout import INSTALLED_STATES_DIR, SCRATCH_DIR, Layout
 from forge.base.text import digest
 from forge.build.copies import is_folder, is_same_file, status_of
-from forge.build.inputs.fingerprints import file_state
-from forge.build.install_scripts import InstallRule, folder_modes, installed_entries, read_install_scripts
+from forge.build.install_scripts import InstalledEntry, folder_modes, installed_entries, read_install_scripts
 from forge.build.installation import InstalledFiles
 from forge.build.installed_lists import (
     MANIFESTS,
@@ -210,7 +209,7 @@ def next_install(step: Step, task: Task) -> Step:
     now: dict[str, Any] = {"scripts": digest(scripts.digest if scripts else "", *map("=".join, step.env))}
     now["code"] = not step.prefix and (scripts is None or scripts.rules is None)
     if entries is not None and scripts and scripts.rules is not None:
-        now["sources"] = {path: file_state(source) for path, (_, source) in entries.items()}
+        now["sources"] = {path: entry.state for path, entry in entries.items()}
         now["modes"] = folder_modes(scripts.rules)
     changed = _changed(read_json(notes), now) if step.stage else None
     following.parent.mkdir(parents=True, exist_ok=True)
@@ -240,11 +239,11 @@ def _changed(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str] | N
     return [path for path, state in current.items() if then[path] != state and path in installed]
 
 
-def _calls_for(changed: Iterable[str], entries: Mapping[str, tuple[InstallRule, str]]) -> Iterator[str]:
+def _calls_for(changed: Iterable[str], entries: Mapping[str, InstalledEntry]) -> Iterator[str]:
     """Yield the CMake code that installs some files; what CMake also does with them is not taken apart."""
     blocks = dict[str, None]()
     for path in changed:
-        rule, source = entries[path]
+        rule, source = entries[path].rule, entries[path].source
         if not rule.is_copy or rule.options or rule.kind not in {"FILE", "DIRECTORY"}:
             blocks[rule.block] = None
             continue
@@ -272,7 +271,11 @@ def commit(task: Task, layout: Layout) -> tuple[InstalledFiles, tuple[Problem, .
     )
     kept: tuple[Problem, ...] = ()
     if read_json(task.build_dir / SCRATCH_DIR / _NEXT)["partial"]:
-        installed = InstalledFiles(tuple(sorted(before)), tuple(sorted(folders_before)))
+        written = {*(_target(task, path) for path, _ in files)}
+        written |= {f"{folder}/" for folder in _folders(task, files, empty)}
+        installed = InstalledFiles(
+            tuple(sorted(before)), tuple(sorted(folders_before)), written=frozenset(written)
+        )
     else:
         now = frozenset(_target(task, path) for path, _ in files)
         folders = frozenset(f"{_target(task, path)}/" for path in empty)

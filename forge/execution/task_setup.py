@@ -28,6 +28,7 @@ from forge.build.inputs.fingerprints import (
     contents_of,
     digest_of,
     digest_strings,
+    fingerprint_again,
     fingerprint_files,
     fingerprint_tree,
 )
@@ -265,7 +266,8 @@ class TaskSetup(TaskLifecycle):
                 task.package, self.layout, tuple(sorted(needs)), self.interpreter, installed.files
             )
             files = tuple(sorted({*installed.files, *own}))
-            installed = replace(installed, files=files)
+            written = None if installed.written is None else installed.written.union(own)
+            installed = replace(installed, files=files, written=written)
             if task.stage:
                 self.kept.extend(staging.remove_other_stale(task, self.layout, installed))
         build = task.build_dir
@@ -336,7 +338,11 @@ class TaskSetup(TaskLifecycle):
         with self._alone:
             remove_stale(task, files, self.layout, state.journal.records)
         state.scripts.end(task.name, files)
-        found, contents = fingerprint_files(paths, state.table)
+        known, again = state.journal.records.get(task.name), None
+        if known and installed.written is not None:
+            then = state.installed_states.contents(task.name, known.installed.digest)
+            again = fingerprint_again(paths, state.table, then, installed.written)
+        found, contents = again or fingerprint_files(paths, state.table)
         state.installed_states.keep(task.name, found.digest, contents)
         own = {path: contents[path] for path in files}
         unclaimed, root = installed.unclaimed, str(state.root)

@@ -114,11 +114,18 @@ class FileTable:
         """Files that forge has just written. Their digests are known, but their stats are not saved."""
         self.changed_files: dict[str, str | None] = {}
         """Files with a new content digest, with their previous digest or None if it was unknown."""
+        self.trees: dict[str, tuple[Fingerprint, Manifest]] = {}
+        """The last result of `fingerprint_tree` by root, if it has a stamp."""
+        self.stats: dict[Sequence[str], Sequence[str]] = {}
+        """The stats of the files for which `fingerprint_files` was called with a known fingerprint."""
 
-    def digest(self, path: str, status: os.stat_result) -> str:
-        """Return the content digest of a file with the stat `status`; raises OSError like open()."""
+    def digest(self, path: str, status: os.stat_result, stat_text: str = "") -> str:
+        """Return the content digest of a file with the stat `status`; raises OSError like open().
+
+        `stat_text` is the stat as text, if the caller has it.
+        """
         known = self._load()
-        stat_text = _stat_text(status)
+        stat_text = stat_text or _stat_text(status)
         entry = known.get(path)
         if entry is not None and entry[0] == stat_text:
             return entry[1]
@@ -178,25 +185,53 @@ def fingerprint_tree(
     stamp = _digest(lines.encode(errors="surrogateescape")) if is_stable else ""
     if known is not None and stamp and known.stamp == stamp:
         return known, {}
-    manifest = {path: FileState(stats, _content(path, status, table)) for path, status, stats in entries}
+    if stamp and root in table.trees and table.trees[root][0].stamp == stamp:
+        return table.trees[root]
+    manifest = {
+        path: FileState(stats, _content(path, status, table, stats)) for path, status, stats in entries
+    }
     lines = "".join(f"{path[cut:]}\0{state.content}\n" for path, state in manifest.items())
-    return Fingerprint(stamp, _digest(lines.encode(errors="surrogateescape"))), manifest
+    found = Fingerprint(stamp, _digest(lines.encode(errors="surrogateescape")))
+    if stamp:
+        table.trees[root] = found, manifest
+    return found, manifest
 
 
 def fingerprint_files(
-    paths: Sequence[str], table: FileTable, known: Fingerprint | None = None
+    paths: tuple[str, ...], table: FileTable, known: Fingerprint | None = None
 ) -> tuple[Fingerprint, dict[str, str]]:
     """Return the fingerprint of `paths` in this order, and their contents; missing files are part of it.
 
     If the stamp is the `known` one, no contents are read and returned.
     """
-    entries = [(path, _status(path)) for path in paths]
-    lines = "".join(f"{path}\0{_stats(path, status)}\n" for path, status in entries)
+    statuses = map(_status, paths)
+    entries = [(path, status, _stats(path, status)) for path, status in zip(paths, statuses, strict=True)]
+    lines = "".join(f"{path}\0{stats}\n" for path, _, stats in entries)
     stamp = _digest(lines.encode(errors="surrogateescape"))
     if known is not None and known.stamp == stamp:
+        table.stats[paths] = [stats for _, _, stats in entries]
         return known, {}
-    contents = {path: _content(path, status, table) for path, status in entries}
+    contents = {path: _content(path, status, table, stats) for path, status, stats in entries}
     return Fingerprint(stamp, digest_of(paths, contents)), contents
+
+
+def fingerprint_again(
+    paths: tuple[str, ...], table: FileTable, contents: Mapping[str, str] | None, written: Collection[str]
+) -> tuple[Fingerprint, dict[str, str]] | None:
+    """Return the same as `fingerprint_files` if of `paths` only the `written` ones were written meanwhile.
+
+    `contents` are those with the fingerprint that `fingerprint_files` has confirmed before. None if it has
+    not. Whatever else was written since does not have the stats of this fingerprint.
+    """
+    if paths not in table.stats or contents is None or not all(path in contents for path in paths):
+        return None
+    now, found = dict(zip(paths, table.stats[paths], strict=True)), {path: contents[path] for path in paths}
+    for path in now.keys() & written:
+        status = _status(path)
+        now[path] = _stats(path, status)
+        found[path] = _content(path, status, table, now[path])
+    lines = "".join(f"{path}\0{stats}\n" for path, stats in now.items())
+    return Fingerprint(_digest(lines.encode(errors="surrogateescape")), digest_of(paths, found)), found
 
 
 def tree_stats(root: str) -> dict[str, str]:
@@ -212,9 +247,12 @@ def stamp_files(paths: Iterable[str]) -> str:
     return stamp.hexdigest()
 
 
-def file_state(path: str) -> str:
-    """Return the stat of a file or folder as text, of a link also that of its target; '' if missing."""
-    status = _status(path)
+def file_state(path: str, status: os.stat_result | None = None) -> str:
+    """Return the stat of a file or folder as text, of a link also that of its target; '' if missing.
+
+    `status` is the stat of the path itself, if the caller has it.
+    """
+    status = status or _status(path)
     folder = status is not None and stat.S_ISDIR(status.st_mode)
     return _stats(f"{path}/" if folder else path, status)
 
@@ -360,8 +398,11 @@ def _digest(text: bytes) -> str:
     return hashlib.blake2b(text, digest_size=16).hexdigest()
 
 
-def _content(path: str, status: os.stat_result | None, table: FileTable) -> str:
-    """Return the mode and content digest of a file as text, for a link also its target."""
+def _content(path: str, status: os.stat_result | None, table: FileTable, stats: str = "") -> str:
+    """Return the mode and content digest of a file as text, for a link also its target.
+
+    `stats` is the result of `_stats`, if the caller has it.
+    """
     if not path.startswith("/"):
         return table.answer(path)
     if status is None or stat.S_ISCHR(status.st_mode) or stat.S_ISBLK(status.st_mode):
@@ -372,7 +413,7 @@ def _content(path: str, status: os.stat_result | None, table: FileTable) -> str:
         if path.endswith(DIR_LISTING_SUFFIX):
             return f"names {_digest(os.fsencode(chr(0).join(_listing(path))))}"
         if stat.S_ISREG(status.st_mode):
-            return f"{stat.S_IMODE(status.st_mode):o} {table.digest(path, status)}"
+            return f"{stat.S_IMODE(status.st_mode):o} {table.digest(path, status, stats)}"
         return _target(path, table) if stat.S_ISLNK(status.st_mode) else "special"
     except OSError:
         return "unreadable"

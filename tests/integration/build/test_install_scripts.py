@@ -73,9 +73,9 @@ def test_installed_files_match_the_install_scripts(tree: Tree, *, newest: bool) 
         os.path.relpath(f"{folder}/{name}", prefix) for folder, _, names in os.walk(prefix) for name in names
     }
     assert {*entries} == installed
-    for path, (rule, source) in entries.items():
-        if rule.is_copy:
-            assert (prefix / path).read_bytes() == Path(source).read_bytes()
+    for path, entry in entries.items():
+        if entry.rule.is_copy:
+            assert (prefix / path).read_bytes() == Path(entry.source).read_bytes()
     configure(root, cmake, EVERYTHING)
     scripts = read_install_scripts(build)
     assert scripts is not None

@@ -8,7 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from forge.build.inputs.fingerprints import FileTable, fingerprint_tree, source_files
+from forge.build.inputs.fingerprints import (
+    FileTable,
+    fingerprint_again,
+    fingerprint_files,
+    fingerprint_tree,
+    source_files,
+)
 from forge.build.model import Fingerprint
 from tests.conftest import Tree
 
@@ -154,3 +160,49 @@ def test_build_results_inside_a_single_package_workspace_are_not_sources(package
         for name in (marker, "COLCON_IGNORE", "result"):
             (package / folder / name).touch()
     assert [path for path in source_files(str(package)) if path.endswith("/result")] == []
+
+
+def test_a_tree_that_has_not_changed_is_not_read_again(package: Path) -> None:
+    table = FileTable(package / "table")
+    first = fingerprint_tree(str(package), table)
+    assert fingerprint_tree(str(package), table)[1] is first[1]
+    (package / "src/x.cpp").write_text("int y;")
+    settle(package)
+    changed = fingerprint_tree(str(package), table)
+    assert changed[0].digest != first[0].digest
+    assert changed == fingerprint_tree(str(package), FileTable(package / "other"))
+
+
+@pytest.mark.parametrize("change", ["content", "mode", "removal", "link"])
+def test_a_fingerprint_of_written_files_equals_one_of_all_files(package: Path, change: str) -> None:
+    paths = (str(package / "package.xml"), str(package / "src/x.cpp"), f"{package}/src/")
+    table = FileTable(package / "table")
+    known, contents = fingerprint_files(paths, table)
+    assert fingerprint_again(paths, table, contents, ()) is None  # not confirmed
+    assert fingerprint_files(paths, table, known) == (known, {})
+    source = package / "src/x.cpp"
+    match change:
+        case "content":
+            source.write_text("int y;")
+        case "mode":
+            source.chmod(0o600)
+        case "removal":
+            source.unlink()
+        case _:
+            source.unlink()
+            source.symlink_to("../package.xml")
+    again = fingerprint_again(paths, table, contents, {str(source), "/elsewhere"})
+    assert again == fingerprint_files(paths, FileTable(package / "other"))
+    assert again is not None
+    assert again[0].digest != known.digest
+
+
+def test_files_that_others_write_meanwhile_differ_from_the_fingerprint(package: Path) -> None:
+    paths = (str(package / "package.xml"), str(package / "src/x.cpp"))
+    table = FileTable(package / "table")
+    known, contents = fingerprint_files(paths, table)
+    fingerprint_files(paths, table, known)
+    (package / "package.xml").write_text("<other/>")
+    again = fingerprint_again(paths, table, contents, ())
+    assert again is not None
+    assert fingerprint_files(paths, table, again[0])[0].digest != again[0].digest
