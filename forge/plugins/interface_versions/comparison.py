@@ -168,9 +168,12 @@ class _Wires:
         return self._kept[names]
 
     def _inside(self, old: Type, new: Type) -> bool:
+        """Return whether the values inside a field, whose layout is kept, reach the fields of their names."""
+        versions = self._versions
         match element_of(old), element_of(new):
-            case Named(one), Named(other):
-                versions = self._versions
+            case (Named(one) as before, Named(other) as after):
+                if type(old) is not type(new) and _layout(before, versions[0]) != _layout(after, versions[1]):
+                    return True  # a sequence, and a message that contains it, have no fields in common
                 return self.kept(versions[0].messages[one], versions[1].messages[other])
             case _:
                 return True

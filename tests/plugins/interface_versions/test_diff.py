@@ -161,6 +161,7 @@ def test_an_idl_file_equals_the_message_that_it_describes(forge: Forge, tmp_path
         ("int8[2] x\nint8 y", "int8 x\nint8[2] y"),
         ("int8[2] x\nint8 y", "int8[3] x"),
         ("Pair p", "Riap p"),
+        ("Pair p", "Riap[1] p"),
     ],
 )
 def test_values_that_would_reach_another_field_break_the_wire(
@@ -173,6 +174,23 @@ def test_values_that_would_reach_another_field_break_the_wire(
     found = diff(forge, tmp_path)
     assert "wire" in found["p/msg/M"]["breaks"]
     assert "wire" in found["p/msg/User"]["breaks"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new"), [("Pair[] p", "PairSequence p"), ("Pair[2] p", "PairArray p"), ("Pair p", "Pair[1] p")]
+)
+def test_a_field_and_a_message_that_contains_it_have_the_same_bytes(
+    old: str, new: str, forge: Forge, tmp_path: Path
+) -> None:
+    pairs = {
+        "msg/Pair.msg": "int8 x\nint8 y\n",
+        "msg/PairArray.msg": "Pair a\nPair p\n",
+        "msg/PairSequence.msg": "Pair[] p\n",
+    }
+    written(tmp_path / "old", {"msg/M.msg": f"{old}\n", **pairs})
+    written(tmp_path / "new", {"msg/M.msg": f"{new}\n", **pairs})
+    assert diff(forge, tmp_path)["p/msg/M"]["breaks"] == ["hash", "api"]
+    assert diff(forge, tmp_path, "new", "old")["p/msg/M"]["breaks"] == ["hash", "api"]
 
 
 @pytest.mark.parametrize(
