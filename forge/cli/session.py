@@ -86,14 +86,10 @@ class Session:
             self.reporters[name] = reporter = ask(name, start, run)
             self.opened.callback(ask, name, reporter.close)
             self.report.folds.append(partial(ask, name, reporter.fold))
-        self.json_events.observers.append(self._observe)
+            self.json_events.observers.append(partial(ask, name, self._tell, reporter))
         self.report.folds_on_stderr = self.json_events.printed
 
-    def _observe(self, event: Event | Mapping[str, Any]) -> None:
-        for name, reporter in self.reporters.items():
-            ask(name, self._tell, reporter, event)
-
-    def _tell(self, reporter: Reporter, event: Event | Mapping[str, Any]) -> None:
+    def _tell(self, reporter: Reporter, event: Mapping[str, Any]) -> None:
         for line in reporter.observe(event):
             self.write(f"{line}\n", stderr=self.json_events.printed)
 
@@ -144,7 +140,8 @@ class Session:
                 self.view.show(event)
                 self.report.show(event)
                 self.json_events.write(event, self.report)
-                self._observe(event)
+                for name, reporter in self.reporters.items():
+                    ask(name, reporter.follow, event)
                 failed = isinstance(event, Finished) and event.code
                 if failed and scheduler.stopped and scheduler.running and not waits:
                     waits = True

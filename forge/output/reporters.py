@@ -61,12 +61,12 @@ class Report:
 class Reporter:
     """Reports on one run; subclasses override what they need."""
 
-    def observe(self, event: Event | Mapping[str, Any]) -> Iterable[str]:
-        """Observe an event in the main thread; return lines to print after it.
-
-        Events of packages are passed twice: with the members of docs/reference/events.md, then as objects.
-        """
+    def observe(self, event: Mapping[str, Any]) -> Iterable[str]:
+        """Observe an event of docs/reference/events.md in the main thread; return lines to print after it."""
         return ()
+
+    def follow(self, event: Event) -> None:
+        """Follow a package: its steps with their commands, and their output; in the main thread."""
 
     def fold(self, title: str, block: str) -> str:
         """Return the output of a package that did not fail, as it is to be displayed."""

@@ -9,7 +9,7 @@ import threading
 import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem
 from forge.base.files import write_if_changed
@@ -128,12 +128,10 @@ class Timings(Reporter):
             self._server = LiveServer(self._live, f"{printable(run.root.name)}: {run.command}")
             run.say(f"live: {self._server.address}")
 
-    def observe(self, event: Event | Mapping[str, Any]) -> tuple[str, ...]:
-        if not isinstance(event, Mapping):
-            self._logs.show(event)
-            if self._live:
-                self._live.show(event)
-        return ()
+    def follow(self, event: Event) -> None:
+        self._logs.show(event)
+        if self._live:
+            self._live.show(event)
 
     def _usage(self) -> Mapping[str, object]:
         """Return the use of the machine according to the last sample."""

@@ -11,7 +11,6 @@ from typing import Any
 from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
 from forge.base.layout import IGNORE_MARK
-from forge.build.events import Event
 from forge.output.reporters import Reporter, Run
 
 _DIAGNOSTIC = re.compile(
@@ -84,9 +83,7 @@ class CiReporter(Reporter):
         self._repository = _repository(run.root, run.variables.get(self.checkout))
         self._warned: set[tuple[str, int, str]] = set()
 
-    def observe(self, event: Event | Mapping[str, Any]) -> Iterator[str]:
-        if not isinstance(event, Mapping):
-            return
+    def observe(self, event: Mapping[str, Any]) -> Iterator[str]:
         event = {**event, **{key: [*map(_cut, event[key])] for key in ("error", "message") if key in event}}
         if event["event"] in {"Finished", "TestFailure", "Launcher", "Summary"}:
             self.events.append(event)
