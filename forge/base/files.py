@@ -17,7 +17,8 @@ from typing import Any
 from forge.base.errors import NotRegularFileError
 
 BYTECODE = "__pycache__"
-_DRAFT = ".forge-draft"
+DRAFT = ".forge-draft"
+"""The suffix of hidden files and folders that forge has begun to write."""
 
 _CHUNK = 65536
 """Bytes read at a time."""
@@ -190,7 +191,7 @@ def replace_file(path: Path, content: bytes, *, mode: int | None = None) -> None
     Creates folders as needed. A symbolic link at `path` is replaced, not followed. Raises OSError as the
     system does.
     """
-    temporary = path.with_name(f".{path.name}.{os.urandom(4).hex()}{_DRAFT}")
+    temporary = path.with_name(f".{path.name}.{os.urandom(4).hex()}{DRAFT}")
     flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL
     try:
         descriptor = os.open(temporary, flags, 0o666)
@@ -300,7 +301,7 @@ def remove_drafts(root: Path) -> None:
     """Remove temporary files of an interrupted `replace_file` below `root`."""
     for folder, _, names in os.walk(root):
         for name in names:
-            if name.startswith(".") and name.endswith(_DRAFT):
+            if name.startswith(".") and name.endswith(DRAFT):
                 with contextlib.suppress(OSError):
                     os.unlink(os.path.join(folder, name))
 

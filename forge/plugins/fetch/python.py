@@ -22,7 +22,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from forge.base.errors import HostError, Location, Problem, WorkspaceError, print_warnings
-from forge.base.files import delete_tree, replace_file, text_or_nothing
+from forge.base.files import DRAFT, delete_tree, replace_file, text_or_nothing
 from forge.base.formats import read_toml
 from forge.base.text import counted, listed
 from forge.plugins.fetch.lock import Lock, Module
@@ -383,7 +383,7 @@ class _Installer:
         self._files.mkdir(parents=True, exist_ok=True)
         known = {(each.name, each.version): each.hashes for each in pinned}
         found = {}
-        with tempfile.TemporaryDirectory(prefix=".new-", dir=self._files) as draft:
+        with tempfile.TemporaryDirectory(DRAFT, ".", self._files) as draft:
             words = [self._python, "-m", "pip", "--no-input", "download", "--quiet", "--dest", draft]
             words += ["--requirement", str(wanted), "--constraint", str(constraints)]
             words += ["--find-links", str(self._files), *(["--no-index"] if self._offline else [])]

@@ -17,7 +17,7 @@ from forge.base.errors import (
     print_warnings,
     raise_if_any,
 )
-from forge.base.files import read_file, read_text
+from forge.base.files import DRAFT, read_file, read_text
 from forge.base.formats import read_yaml, yaml_text
 from forge.base.frozen import frozen
 from forge.plugins.fetch import git
@@ -134,7 +134,7 @@ def _packages(
     """Download a repository, and store each package in it as if it was downloaded alone."""
     found = []
     (cache / "sources").mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=".", dir=cache / "sources") as folder:
+    with tempfile.TemporaryDirectory(DRAFT, ".", cache / "sources") as folder:
         tree = Path(folder, "tree")
         tree.mkdir()
         git.check_out(url, tag, commit, tree)

@@ -21,7 +21,7 @@ from typing import TypeVar
 
 from forge.base.env_vars import without_passwords
 from forge.base.errors import ForgeError, HostError, Problem, SelectionError, raise_if_any
-from forge.base.files import delete_tree, text_or_nothing
+from forge.base.files import DRAFT, delete_tree, text_or_nothing
 from forge.base.text import digest, listed
 from forge.plugins.fetch import git
 from forge.plugins.fetch.downloads import is_repository, linux_calls
@@ -54,8 +54,8 @@ def only_download(cache: Path) -> Iterator[None]:
         except BlockingIOError:
             print("waiting for another process that is downloading packages", file=sys.stderr, flush=True)
             fcntl.flock(file, fcntl.LOCK_EX)
-        for pattern in ("sources/.*", "sources/*/.*", "clones/.*", "modules/.*"):
-            for draft in cache.glob(pattern):
+        for folder in ("sources", "sources/*", "clones", "modules"):
+            for draft in cache.glob(f"{folder}/.*{DRAFT}"):
                 delete_tree(draft)
         yield
 
@@ -110,7 +110,7 @@ def download_packages(
     def download(package: LockedPackage) -> None:
         parent = source_folder(cache, package).parent
         parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=".", dir=parent) as tree:
+        with tempfile.TemporaryDirectory(DRAFT, ".", parent) as tree:
             size = git.check_out(package.repository, package.tag, package.commit, Path(tree))
             place_package(Path(tree), package, cache)
         done(package.name, size)
@@ -244,7 +244,7 @@ class _new_folder:
 
     def __enter__(self) -> Path:
         self._path.parent.mkdir(parents=True, exist_ok=True)
-        self._draft = Path(tempfile.mkdtemp(prefix=f".{self._path.name}.", dir=self._path.parent))
+        self._draft = Path(tempfile.mkdtemp(DRAFT, f".{self._path.name}.", self._path.parent))
         return self._draft
 
     def __exit__(self, kind: object, *_: object) -> None:

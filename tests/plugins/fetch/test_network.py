@@ -97,13 +97,16 @@ def test_a_killed_fetch_leaves_no_partial_files(
     assert not (workspace / "forge.lock").exists()
     server.stalled = ""
     server.sent.clear()
-    left = ros.root / "user cache/forge/ros/sources/.import/tree"  # by a killed 'forge fetch --import'
+    own = ros.root / "user cache/forge/ros/sources"
+    left = own / ".import.forge-draft/tree"  # by a killed 'forge fetch --import'
     left.mkdir(parents=True)
+    (own / ".git").mkdir()  # by somebody else
     ran = forge("fetch", cwd=workspace, env=env)
     assert ran.code == 0, ran.err
     assert sources(ros) == NEEDED
     assert sorted(server.sent) == ["lib.git", "rclmini-release.git"]
     assert not left.parent.exists()
+    assert (own / ".git").is_dir()
     assert [each["name"] for each in locked(workspace)["package"]] == NEEDED
 
 
