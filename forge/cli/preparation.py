@@ -47,7 +47,12 @@ from forge.environment import install_state
 from forge.environment.prefixes import PACKAGES, find_underlays, spellings, tidy_prefixes
 from forge.environment.underlays import lacks_modules, lost_underlays, other_distributions, unusable_overlays
 from forge.execution.makeflags import read_make_flags
-from forge.toolchain.cmake_variables import builds_tests, suspicious_arguments, unset_definitions
+from forge.toolchain.cmake_variables import (
+    OLDEST_POLICY,
+    builds_tests,
+    suspicious_arguments,
+    unset_definitions,
+)
 from forge.toolchain.compiler_launchers import selected_launcher
 from forge.toolchain.interpreter import Interpreter, find_interpreter, other_than_recorded, own_command
 from forge.toolchain.programs import condensed, find_tools, identities
@@ -406,7 +411,8 @@ def build_variables(
     sourced = find_underlays(own, layout.install).chain
     recorded = tuple(dict.fromkeys((*install_state.recorded_underlays(layout.install), *locked)))
     known = rosdistro or own.get(VARIABLE) or _recorded_rosdistro((*recorded, *sourced), layout.install)
-    variables = {**ROS_DEFAULTS, "COLCON": "1", **own, **({VARIABLE: known} if known else {})}
+    defaults = {**ROS_DEFAULTS, "COLCON": "1", "CMAKE_POLICY_VERSION_MINIMUM": OLDEST_POLICY}
+    variables = {**defaults, **own, **({VARIABLE: known} if known else {})}
     real = {root.resolve() for root in sourced}
     forgotten = [root for root in recorded if root.resolve() not in real and root.is_dir()]
     incomplete = [root for root in sourced if lacks_modules(root, variables)]

@@ -20,6 +20,8 @@ _WITHOUT_D = re.compile(r"[A-Za-z_]\w*(?::[A-Z]+)?=")
 _DEFINED_WITHIN = re.compile(r"\s-D\s*([A-Za-z_]\w*)(?::[A-Z]+)?=")
 _HOLDS_FLAGS = re.compile(r".*(FLAGS|OPTIONS|DEFINITIONS|ARGS|COMMAND)", re.IGNORECASE)
 _SIMILAR = 0.85
+OLDEST_POLICY = "3.5"
+"""The oldest version that CMake 4 supports. Projects that require an older one, as many do, use this one."""
 _POLICY_DEFAULT = "CMAKE_POLICY_DEFAULT_"
 _UNUSED = re.compile(
     rb"CMake Warning(?: \(unused-cli\))?:\r?\n"

@@ -2,6 +2,7 @@
 
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -327,6 +328,29 @@ def test_missing_targets_can_be_skipped(forge: Forge, tree: Tree, generator: str
     assert ran.code == 1
     assert "Failed   <<< with " in ran.err
     assert "Failed   <<< without" not in ran.err
+
+
+INNER = """include(ExternalProject)
+ExternalProject_Add(inner SOURCE_DIR ${CMAKE_CURRENT_SOURCE_DIR}/inner INSTALL_COMMAND ""
+  BUILD_COMMAND ${CMAKE_COMMAND} -E touch ${CMAKE_CURRENT_BINARY_DIR}/built)"""
+
+
+def test_the_newest_cmake_builds_projects_written_for_old_ones(forge: Forge, tree: Tree) -> None:
+    """Those that a package builds itself are included."""
+    package = files("a", more=INNER)
+    package["src/a/CMakeLists.txt"] = package["src/a/CMakeLists.txt"].replace(
+        "VERSION 3.18", "VERSION 2.8.12"
+    )
+    old = "cmake_minimum_required(VERSION 2.8.12)\nproject(inner NONE)\n"
+    root = tree({**package, "src/a/inner/CMakeLists.txt": old})
+    newest = str(Path(sys.executable).with_name("cmake"))
+    ran = forge("build", cwd=root, env={"CMAKE_COMMAND": newest})
+    assert ran.code == 0, ran.err
+    assert (root / "build/a/built").is_file()
+    # As in CMake, the user's value is used.
+    ran = forge("build", cwd=root, env={"CMAKE_COMMAND": newest, "CMAKE_POLICY_VERSION_MINIMUM": "2.8"})
+    assert ran.code == 1
+    assert "CMake < 3.5" in ran.err
 
 
 def test_an_unused_variable_is_reported_once(forge: Forge, tree: Tree) -> None:

@@ -30,8 +30,6 @@ from forge.workspace.model import CMAKE_TYPES, Package
 from forge.workspace.resolve import INTERFACE_GROUP
 
 _OLDEST_CMAKE = (3, 18)
-_POLICIES_GONE, _LEAST_POLICY = (4, 0), (3, 5)
-"""From the former CMake version on, projects written for versions before the latter are rejected."""
 
 _PROGRAM = "#include <optional>\nint main() { if constexpr (true) { return std::optional(0).value(); } }\n"
 _TRAITS = """import importlib.metadata as m, importlib.util as u, os, sys, sysconfig
@@ -175,7 +173,7 @@ def _rejected_by_cmake(
     call = next((call for call in calls(text) if call.command == "cmake_minimum_required"), None)
     if call is None or call.words[:1] != ("VERSION",) or not call.words[1:]:
         return
-    least, _, most = call.words[1].partition("...")
+    least = call.words[1].partition("...")[0]
     if not _VERSION.fullmatch(least):
         return
     place = Location(package.path / "CMakeLists.txt", call.line)
@@ -183,11 +181,6 @@ def _rejected_by_cmake(
     if _numbers(least) > version:
         hint = f"install a newer one, for example with `{install_beside_forge(f'cmake>={least}')}`"
         yield Problem(f"'{package.name}' requires CMake {least}, but CMake {shown} is installed", place, hint)
-    elif version >= _POLICIES_GONE and _numbers(most or least) < _LEAST_POLICY:
-        hint = f"use VERSION {least}...3.10, or build with --cmake-args -DCMAKE_POLICY_VERSION_MINIMUM=3.5"
-        what = f"compatibility with CMake {most or least}, which CMake {shown} no longer supports"
-        group = GroupedProblems(f"{{}} request {what}", package.name, hint)
-        yield Problem(f"'{package.name}' requests {what}", place, hint, group)
 
 
 def _version(subject: CheckContext, words: Sequence[str]) -> str:
