@@ -14,18 +14,18 @@ HOME = os.path.dirname(os.path.abspath(__file__))  # noqa: PTH100, PTH120  (path
 
 
 def main() -> int:
-    """Carry out the command of this process, which ends then; returns its exit code."""
+    """Run the command line of this process and return its exit code."""
     try:
         own_modules_first()
         from forge.__main__ import main as command
 
         return command()
-    except KeyboardInterrupt:  # before the command could take care of it
+    except KeyboardInterrupt:  # before the command handles interrupts
         return 130
 
 
 def own_modules_first() -> None:
-    """Let imports find this forge and its libraries before what PYTHONPATH and the current folder have."""
+    """Put this forge and its libraries before PYTHONPATH and the current folder on the module search path."""
     sys.path.insert(0, HOME)
     import forge  # noqa: F401  (the one beside this file, wherever that is)
 
@@ -33,9 +33,9 @@ def own_modules_first() -> None:
 
 
 def _ordered(paths: "list[str]") -> "list[str]":
-    """Return the folders of modules without the one that the program lies in, those of PYTHONPATH last.
+    """Return the module search path without the program's own folder, with the PYTHONPATH folders last.
 
-    Of these, the one with this forge comes right after Python's own modules: there are its libraries, too.
+    The folder of this forge, which also contains its libraries, comes right after Python's own modules.
     """
     if paths[:1] and paths[0] in {"", os.path.dirname(os.path.realpath(sys.argv[0])), _current()}:  # noqa: PTH120
         paths = paths[1:]

@@ -1,4 +1,4 @@
-"""Makes the README that a package index shows: its links lead to the project's site, or are plain words."""
+"""Creates the README for package indexes: its links lead to the project's site, or become plain text."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 from hatchling.metadata.plugin.interface import MetadataHookInterface
 
 _LINK = re.compile(r"(!?)\[([^]\[]*)\]\((?!https?:|#)([^)]*)\)")
-"""A link to a file of the repository; with '!' a picture."""
+"""A link to a file of the repository; with '!', a picture."""
 
 
 class Readme(MetadataHookInterface):
@@ -23,7 +23,10 @@ class Readme(MetadataHookInterface):
 
 
 def absolute(text: str, site: str) -> str:
-    """Return Markdown whose links to files lead below `site`; without one, their words and no pictures."""
+    """Return Markdown whose links to files lead below `site`.
+
+    Without a site, links become text and pictures are removed.
+    """
     if site:
         return _LINK.sub(rf"\1[\2]({site.rstrip('/')}/\3)", text)
     return _LINK.sub(lambda link: "" if link[1] else link[2], text)

@@ -10,20 +10,20 @@ def main() -> int:
     _insist_on_utf8()
     # Startup creates many objects and no garbage; collecting would take a tenth of a short command's time.
     gc.set_threshold(50_000)
-    # Import late: only now is the search path for modules known.
+    # Import late: the module search path is complete only now.
     from forge.base.signals import open_standard_streams
     from forge.cli import main
 
     open_standard_streams()
     code = main.main()
-    # At the end the interpreter looks for cycles among all that is left, for 20 ms after a large build. What
-    # has to be closed is closed by now.
+    # At exit, the interpreter would search all remaining objects for cycles: 20 ms after a large build. All
+    # resources are already closed.
     gc.freeze()
     return code
 
 
 def _insist_on_utf8() -> None:
-    """Restart in UTF-8 mode if Python encodes paths in another way: all output of forge is UTF-8.
+    """Restart in UTF-8 mode if Python uses another encoding for paths: all output of forge is UTF-8.
 
     This happens in old locales, and in the C locale with PYTHONUTF8=0.
     """

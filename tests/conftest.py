@@ -206,7 +206,7 @@ def golden(request: pytest.FixtureRequest) -> Golden:
         else:
             differences = "".join(_differences(_read(expected), files))
             if differences:
-                pytest.fail(f"{differences}\nif that is right: pytest --accept", pytrace=False)
+                pytest.fail(f"{differences}\nif this is intended: pytest --accept", pytrace=False)
 
     return hold
 

@@ -55,7 +55,7 @@ def test_tables_match_the_code(page: Path, request: pytest.FixtureRequest) -> No
     if request.config.getoption("--accept"):
         page.write_text(reference.updated(text), encoding="utf-8")
     else:
-        assert reference.updated(text) == text, "if that is right: pytest tests/test_reference.py --accept"
+        assert reference.updated(text) == text, "if this is intended: pytest tests/test_reference.py --accept"
 
 
 def test_every_option_is_documented_once() -> None:

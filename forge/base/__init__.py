@@ -1,6 +1,6 @@
 """Foundations of all other packages: errors, files, text formats, templates, graphs of names.
 
-Knows nothing of ROS, packages or builds, and imports nothing else of forge.
+Independent of ROS, packages and builds; imports no other package of forge.
 """
 
 __all__ = [

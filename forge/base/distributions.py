@@ -1,7 +1,8 @@
 """The ROS distributions whose standard interfaces forge includes, and the definitions of each.
 
-The folders msg, srv and action of an embedded package have the definitions of the oldest distribution. Those
-that a later one added or changed are in since/DISTRIBUTION; its file `removed` names those that it removed.
+The folders msg, srv and action of an embedded package have the definitions of the oldest distribution.
+Definitions that a later one added or changed are in since/DISTRIBUTION; its file `removed` lists removed
+ones.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from forge.base.names import did_you_mean
 from forge.base.options import option
 
 DISTRIBUTIONS = ("humble", "jazzy", "kilted", "rolling")
-"""From the oldest to the newest, which is also their alphabetical order, as conditions compare them."""
+"""From the oldest to the newest; this is also their alphabetical order, by which conditions compare them."""
 
 OLDEST = DISTRIBUTIONS[0]
 VARIABLE = "ROS_DISTRO"
@@ -47,9 +48,9 @@ def check_distribution(name: str | None, argument: str = "--rosdistro") -> None:
 
 
 def distribution_in(variables: Mapping[str, str]) -> str:
-    """Return the distribution of an environment whose interfaces to use.
+    """Return the distribution whose interfaces an environment uses.
 
-    If it is another one, ROS itself is expected to provide the interfaces; otherwise, the oldest is used.
+    For an unknown one, ROS itself is expected to provide the interfaces; without one, the oldest is used.
     """
     name = variables.get(VARIABLE, "")
     return name if name in DISTRIBUTIONS else OLDEST
@@ -73,7 +74,7 @@ def definition_folders(folder: Path, rosdistro: str) -> tuple[Path, ...]:
 
 
 def removed_definitions(folder: Path) -> frozenset[str]:
-    """Return the definitions that are removed with one of these folders, such as 'msg/Pose2D.msg'."""
+    """Return the definitions that one of these folders removes, such as 'msg/Pose2D.msg'."""
     path = folder / REMOVED
     in_distribution = folder.parent.name == SINCE and path.is_file()
     return frozenset(path.read_text(encoding="utf-8").split() if in_distribution else ())
@@ -123,7 +124,7 @@ def distributions_with(package: str, relative: str = "") -> tuple[str, ...]:
 
 
 def distribution_hint(package: str, rosdistro: str, relative: str = "") -> str | None:
-    """Return a hint that names the distributions with what `rosdistro` lacks, or None."""
+    """Return a hint that names the distributions with a definition that `rosdistro` lacks, or None."""
     distributions = distributions_with(package, relative)
     if not distributions or rosdistro in distributions:
         return None

@@ -6,8 +6,8 @@
       InterfaceError      an interface definition is wrong
       HostError           the machine lacks something: a compiler, CMake, numpy, a writable folder
 
-`problem_from_oserror` tells which OSErrors are for users, too. Any other exception is a bug in forge and is
-reported as such.
+`problem_from_oserror` converts the OSErrors that are also for users. Any other exception is a bug in forge
+and is reported as such.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ class Location:
 
 @frozen
 class GroupedProblems:
-    """The report that replaces many similar problems: `message` with the names in place of '{}'."""
+    """The report that replaces many similar problems: in `message`, the names replace '{}'."""
 
     message: str
     name: str
@@ -167,7 +167,7 @@ class NotRegularFileError(OSError):
 
 
 def joined(problems: Iterable[Problem]) -> list[Problem]:
-    """Return the problems with many of one kind joined at the place of the first."""
+    """Return the problems; many of one kind are joined into one at the position of the first."""
     groups: dict[object, list[Problem]] = {}
     for problem in problems:
         kind = problem.group
@@ -198,7 +198,7 @@ def print_problem(problem: Problem, severity: Severity = "error") -> None:
 
 
 class WarningReporter:
-    """Prints warnings on stderr; a watch does not repeat those of the previous build."""
+    """Prints warnings on stderr; watch mode does not repeat warnings of the previous build."""
 
     def __init__(self) -> None:
         self._current: set[str] = set()

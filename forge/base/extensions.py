@@ -2,7 +2,7 @@
 
 The core finds a plugin by the group and the name of its entry point and never imports one by module name.
 Finding the entry points of other distributions reads the metadata of all installed ones, which takes longer
-than most builds. So this is done only for a name that neither the core nor `OWN` knows.
+than most builds. So this is done only for names that are neither in the core nor in `OWN`.
 docs/how-to/plugins.md describes the groups.
 """
 
@@ -142,7 +142,7 @@ def absent(group: str, name: str, kind: str) -> Problem | None:
     plugin = OWN[group][name].split(".")[2]
     extra = f" with the extra '{_EXTRAS[plugin]}'" if plugin in _EXTRAS else ""
     message = f"the {kind} '{name}' needs the plugin '{plugin}', which is not installed"
-    # No command: the name of forge's distribution on a package index might belong to somebody else.
+    # No command: on a package index, another project may own the name of forge's distribution.
     page = docs_url("how-to/upgrading.md#extras")
     return Problem(message, hint=f"reinstall forge{extra}; see {page}")
 
@@ -177,7 +177,7 @@ def load(entry: EntryPoint, kind: str, functions: tuple[str, ...]) -> Any:
 
 
 def call(what: str, function: Callable[..., _Result], *arguments: object) -> _Result:
-    """Call a function of a plugin; raises ForgeError, with `what` failed and where, if it raises."""
+    """Call a function of a plugin; if it raises, raise ForgeError with `what` failed and where."""
     try:
         return function(*arguments)
     except ForgeError:

@@ -41,7 +41,7 @@ def read_file(path: str | Path) -> bytes:
     Never blocks, for example on a named pipe. The null device reads as an empty file. Raises
     NotRegularFileError for other files that are not regular, OSError as the system does.
     """
-    # No file object, which would stat the file twice more: builds read thousands of small files.
+    # Avoid a file object, which would stat the file two more times: builds read thousands of small files.
     descriptor = open_regular(os.fspath(path), os.O_RDONLY | os.O_CLOEXEC)
     try:
         chunks = []
@@ -83,7 +83,7 @@ def capabilities(path: str) -> bytes:
 def read_text(path: str | Path, errors: str = "replace") -> str:
     """Return the text of a regular file, as by `read_file`, with universal newlines.
 
-    Invalid UTF-8 is replaced, or handled as `errors` says.
+    Invalid UTF-8 is replaced, or handled according to `errors`.
     """
     text = read_file(path).decode(errors=errors)
     return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
@@ -139,7 +139,7 @@ def names_in(folder: str | Path) -> list[str]:
 
 
 def current_umask() -> int:
-    """Return the umask; /proc provides it without changing it temporarily."""
+    """Return the umask; unlike os.umask, /proc provides it without a temporary change."""
     if found := re.search(r"^Umask:\s*([0-7]+)$", text_or_nothing("/proc/self/status"), re.MULTILINE):
         return int(found[1], 8)
     mask = os.umask(0o077)
@@ -212,8 +212,8 @@ def replace_file(path: Path, content: bytes, *, mode: int | None = None) -> None
 def tree_below(root: str, device: int | None = None) -> tuple[list[tuple[str, os.stat_result]], list[str]]:
     """Return the files and links below a folder with their stats, and the empty folders.
 
-    Bytecode caches of Python are left out. A missing folder has no files. With a `device`, a mount counts as
-    an empty folder, and so does what is on another device.
+    Bytecode caches of Python are left out. A missing folder has no files. With a `device`, mounts and folders
+    on other devices count as empty folders.
     """
     files: list[tuple[str, os.stat_result]] = []
     empty: list[str] = []
@@ -259,7 +259,7 @@ def mounts_below(folder: str) -> Iterator[str]:
 
 
 def delete_tree(path: str | Path) -> None:
-    """Remove a folder recursively; raises OSError with the full path of what cannot be removed.
+    """Remove a folder recursively; raises OSError with the full path of the entry that cannot be removed.
 
     Nothing is removed if a file system is mounted there or below, or if the folder is a link.
     """
@@ -272,7 +272,7 @@ def delete_tree(path: str | Path) -> None:
 
 
 def remove_tree(path: str) -> None:
-    """Remove a file, link or folder recursively, ignoring errors, except if something is mounted below."""
+    """Remove a file, link or folder recursively, ignoring errors; keep it if something is mounted below."""
     try:
         os.unlink(path)
     except FileNotFoundError:

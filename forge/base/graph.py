@@ -26,7 +26,7 @@ def ordered_names(needs: Mapping[str, frozenset[str]]) -> tuple[str, ...]:
 def order(needs: Mapping[str, frozenset[str]]) -> tuple[str, ...] | None:
     """Return all names, each after its dependencies, or None if there is a cycle.
 
-    As in colcon: names without open dependencies form a layer, sorted by name; then follows the next layer.
+    As in colcon, names without open dependencies form a layer, sorted by name; the next layer follows.
     Dependencies that are not keys of the graph are ignored.
     """
     sorter = TopologicalSorter({name: below & needs.keys() for name, below in needs.items()})
@@ -71,7 +71,7 @@ class RecursiveDependencies(Set[str]):
     __slots__ = ("bits", "place")
 
     def __init__(self, place: Mapping[str, int], bits: int) -> None:
-        """`place` has the position of each name of the graph, in topological order."""
+        """`place` maps each name of the graph to its position in topological order."""
         self.place = place
         self.bits = bits
 

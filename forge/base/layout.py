@@ -24,7 +24,7 @@ INSTALLED_STATES_DIR = ".forge_installed"
 TOOLCHAIN_DIR = "forge_toolchain"
 """Cached results of CMake's checks of compilers and Python."""
 MEMORY_FILE = "forge_memory.json"
-"""The most memory that each package has used."""
+"""The peak memory use of each package."""
 TEST_FILE_TABLE = "forge_test_files.json"
 """The same as FILE_TABLE for the inputs of tests."""
 COMPILE_COMMANDS = "compile_commands.json"
@@ -135,7 +135,7 @@ def docs_url(page: str) -> str:
 
 
 NO_CODE = ("embedded", "_docs")
-"""Folders of the package whose files do not change what forge does: source packages and documentation."""
+"""Folders of the package whose files do not affect forge's behaviour: source packages and documentation."""
 
 
 def own_folders() -> list[Path]:
@@ -153,9 +153,9 @@ class Layout:
     merged: bool = False
     symlink: bool = False
     target: str = ""
-    """The platform whose folders these are, below those of this machine; '' for this machine."""
+    """The platform of these folders, which are below those of this machine; '' for this machine."""
     profile: str = ""
-    """The profile whose folders these are, usually beside those of builds without one."""
+    """The profile of these folders, which are usually beside those of builds without a profile."""
     root: Path = Path()
     """The root of the workspace."""
 

@@ -40,13 +40,13 @@ def is_package_name(text: str) -> bool:
 def is_safe_name(text: str) -> bool:
     """Return whether a name is safe in paths, scripts and CMake.
 
-    All valid names of packages are, and most names of Python projects and folders.
+    This holds for all valid names of packages, and most names of Python projects and folders.
     """
     return _WORD.fullmatch(text) is not None
 
 
 def is_safe_relative_path(path: str) -> bool:
-    """Return whether a relative path stays in its folder, judging by its text, and has no line break."""
+    """Return whether a relative path has no line break and, without looking at links, stays in its folder."""
     return bool(path) and path.isprintable() and not path.startswith("/") and ".." not in path.split("/")
 
 

@@ -4,10 +4,9 @@
     class JobOptions:
         jobs: int = option("maximum number of jobs", default=0, parse=positive_number, metavar="N")
 
-forge.cli.options adds an argument for each such field, and fills the dataclass. Other packages see only
-the dataclass. A field without an option gets the parser's value of that name, if there is one. GROUP is the
-title of the options in the help, PREFIX what their names begin with instead of '--'. USAGE and EPILOG replace
-argparse's.
+forge.cli.options adds an argument for each such field, and fills the dataclass. Other packages see only the
+dataclass. A field without an option gets the parser's value of that name, if there is one. GROUP is the title
+of the options in the help; PREFIX replaces '--' in their names. USAGE and EPILOG replace argparse's.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from typing import Any
 from forge.base.frozen import frozen
 
 OPTION, NESTED = "option", "options"
-"""The keys of an Option, or of a dataclass with further ones, in the metadata of a field."""
+"""The keys in the metadata of a field: its Option, or a dataclass with further options."""
 
 
 @frozen
@@ -43,7 +42,7 @@ class Option:
     combine: Callable[[Sequence[Any]], object] = tuple
     """Converts the list of values."""
     group: str = ""
-    """The title of the group in the help, if it is not that of the other fields."""
+    """The title of the group in the help, if it differs from that of the other fields."""
     conflicts: str = ""
     """Options with the same text cannot be combined."""
     required: bool = False

@@ -1,4 +1,4 @@
-"""Tells how to install further Python packages beside forge, with the tool that installed forge."""
+"""Suggests commands that install further Python packages beside forge, with the tool that installed forge."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def install_beside_forge(*requirements: str, prefix: Path | None = None) -> str:
 
 
 def has_no_pip(environment: Path) -> bool:
-    """Return whether a virtual environment was made by uv, without pip."""
+    """Return whether a virtual environment was created by uv, without pip."""
     by_uv = any(line.startswith("uv =") for line in text_or_nothing(environment / "pyvenv.cfg").splitlines())
     return by_uv and not any(environment.glob("lib/python*/site-packages/pip"))
 

@@ -117,7 +117,7 @@ def place_in(content: bytes, path: Path, line: int, column: int | None) -> Locat
 
 
 def as_utf8(content: bytes, path: Path) -> bytes:
-    """Return an XML document in UTF-8, decoded as its byte order mark or its declaration says.
+    """Return an XML document in UTF-8, decoded according to its byte order mark or declaration.
 
     Raises WorkspaceError if the encoding is unknown or the document is not in it.
     """

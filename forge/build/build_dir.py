@@ -1,7 +1,8 @@
-"""Prepare the build folder of a package for its next build: keep what its record says is still valid.
+"""Prepare the build folder of a package for its next build.
 
-A folder whose products are to be reused in a newly configured folder is renamed until CMake has configured
-the new one. If that fails, the next build starts from the renamed folder again.
+Keep the contents that are still valid according to its record. A folder whose products are to be reused in a
+newly configured folder is renamed until CMake has configured the new one. If that fails, the next build
+starts from the renamed folder again.
 """
 
 from __future__ import annotations
@@ -83,12 +84,12 @@ _GENERATED = (
     "CMakeFiles/Makefile2",
     "cmake_install.cmake",
 )
-"""Files that CMake generates for the native tool, which may fail to read a damaged one."""
+"""Files that CMake generates for the native tool; it may fail if one is damaged."""
 _KEPT = (
     *(BUILD_RESULT, TEST_RESULT, TEST_SCRATCH_DIR, "test_results", "Testing"),
     *("pytest.xml", "unittest.xml", ".coverage", "coverage.html", "coverage.xml", ".pytest_cache"),
 )
-"""Results of tests and other tools, which are kept when the folder is emptied, as JUnit files are."""
+"""Results of tests and other tools, which are kept when the folder is emptied, like JUnit files."""
 _CACHES = ("~/.cache", "~/.ccache")
 _CACHE_VARIABLES = ("CCACHE_DIR", "SCCACHE_DIR")
 _PACKAGE = re.compile(r"^([^/#:]+)_DIR:PATH=", re.MULTILINE)
@@ -121,8 +122,8 @@ def prepare_build_dir(
 ) -> tuple[Reuse, FolderRecord]:
     """Prepare a build folder for the steps that follow; return how much of it is reused, and its record.
 
-    `last` is its last record, `now` has the current inputs. `kept` are names that stay when the folder is
-    emptied. `can_reuse` is False for build types that always start from empty, except for these;
+    `last` is its last record, `now` contains the current inputs. `kept` are names that remain when the folder
+    is emptied. `can_reuse` is False for build types that always start from empty, except for these;
     `reconfigure` runs CMake in any case.
     """
     decision = _NOTHING
@@ -168,7 +169,7 @@ def restore_outputs(build: Path) -> None:
     before = set_aside_path(build)
     if before.is_dir():
         _restore(build, before)
-    # Ninja would run CMake over and over if a file that CMake read is dated in the future.
+    # Ninja would rerun CMake endlessly if a file that CMake read is dated in the future.
     _touch_build_ninja(build)
 
 
@@ -233,13 +234,13 @@ def _decision(
         or not graph.tool
         # The clock was set back since the last build, so file times are unreliable.
         or max(last.began, _modified(str(build / ".ninja_log"))) > time.time_ns() + _CLOCK_NANOSECONDS
-        # Damaged, or written by a run of CMake that forge does not know.
+        # Damaged, or written by a run of CMake outside of forge.
         or (last.complete and last.generated != generated_digest(build))
         or _externals_changed(build, last, graph, table)
         or dict(seen.answers) != contents_of(dict(seen.answers), table)
     ):
         return _NOTHING
-    # After a build that did not finish, a file that was written since may have had other content in between.
+    # After an unfinished build, a file written since then may have had different content in between.
     differ = content_differs if last.complete else ne
     edited = {path for path, state in last.products.items() if _state(path) != state}
     made = (each.written for each in (*seen.edges.values(), *filter(None, (seen.configure,))))
@@ -275,8 +276,8 @@ def relinking_is_redundant(
 ) -> bool:
     """Return True if building a task would only link it with shared libraries whose interfaces are unchanged.
 
-    All that the package has installed would stay the same, byte for byte. `record` is that of its last build,
-    which succeeded. `needs` has a digest of what each dependency has installed.
+    All installed files of the package would stay the same, byte for byte. `record` describes its last,
+    successful build. `needs` has a digest of each dependency's installed files.
     """
     only_needs_changed = changed_input(replace(task.inputs, needs=record.inputs.needs), record.inputs) is None
     if task.package.build_type not in CMAKE_TYPES or not only_needs_changed:
@@ -294,8 +295,8 @@ def relinking_is_redundant(
 def _externals_changed(build: Path, last: FolderRecord, graph: NativeGraph, table: FileTable) -> bool:
     """Return True if a file outside the package that the contents depend on has changed.
 
-    A build that did not finish recorded no contents of such files: of those that its commands read, the ones
-    written since it started count as changed.
+    An unfinished build recorded no contents of such files: files that its commands read and that were written
+    since it started count as changed.
     """
     if last.externals is not None and contents_of(last.externals, table) != last.externals:
         return True
@@ -326,9 +327,9 @@ def observed_commands(
     workspace: Path | None = None,
     began: int = 0,
 ) -> ObservedCommands:
-    """Return the accesses of a package's steps, which `began` then, merged with those `before` them.
+    """Return the accesses of a package's steps, merged with those `before`; the steps `began` at this time.
 
-    CMake found the results of a run elsewhere there, which has `detected` them from other inputs.
+    CMake reused results of a run elsewhere, which `detected` them from its own inputs.
     """
     if not steps.kinds:
         return NOT_OBSERVED
@@ -356,7 +357,7 @@ def observed_commands(
     )
     found = commands_of(steps.observed, steps.kinds, outputs_of, folders)
     if detected and found.configure:
-        # A dependency on the processor would be observed here, too.
+        # A dependency on the processor would be observed here as well.
         others = (PROCESSOR, cmake_root(build))
         inputs = frozenset(each for each in detected if not each.startswith(others))
         paths = frozenset(each for each in inputs if each.startswith("/"))
@@ -379,7 +380,7 @@ def saved_during_build(
     table: FileTable,
     observed: frozenset[str],
 ) -> frozenset[str]:
-    """Return the inputs that were written since the build has begun, even if with the same content.
+    """Return the inputs that were written since the build began, even if with the same content.
 
     Files that the steps were `observed` to write, or a build backend, are excluded, and so are files that
     were also written during the `last` build and have the same content: the build writes them.
@@ -426,7 +427,7 @@ def _begin_empty(build: Path, reuse: Reuse, more: tuple[str, ...]) -> None:
     if build.is_dir() and not build.is_symlink():
         target.parent.mkdir(exist_ok=True)
         build.rename(target)
-    # Create the mark first: if this build is killed, the next one knows that the folder is forge's.
+    # Create the mark first: if this build is killed, the next one recognizes the folder as forge's.
     (build / SCRATCH_DIR).mkdir(parents=True, exist_ok=True)
     # A build that reuses nothing tries again to compile generated sources together.
     kept = (*_KEPT, UNITS_FAILED_FILE) if reuse is Reuse.PRODUCTS else _KEPT
@@ -441,7 +442,7 @@ def _begin_empty(build: Path, reuse: Reuse, more: tuple[str, ...]) -> None:
 
 
 def _test_results(build: Path) -> Iterator[str]:
-    """Yield the JUnit files in a build folder, as relative paths; test programs choose their places."""
+    """Yield the JUnit files in a build folder, as relative paths; test programs choose their locations."""
     for folder, folders, files in os.walk(build):
         folders[:] = [name for name in folders if not name.startswith(".")]
         for path in (f"{folder}/{name}" for name in files if name.endswith(".xml")):
@@ -477,9 +478,9 @@ def _move(path: str, source: str) -> None:
 
 
 def _generated_changes(build: Path, before: Path, graph: NativeGraph, seen: ObservedCommands) -> Changes:
-    """Return how the files that CMake has generated differ from those in the folder that was set aside.
+    """Return how CMake's generated files differ from those in the folder that was set aside.
 
-    Of those that are gone, the ones count that commands have read and not made.
+    A missing file counts only if commands read it and did not create it.
     """
     commands = [seen.edges[edge.outputs[0]] for edge in graph.edges if is_known(edge, seen)]
     made = {path for edge in graph.edges for path in edge.outputs}.union(*(each.written for each in commands))

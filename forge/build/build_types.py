@@ -54,7 +54,7 @@ class BuildType:
     ) = None
     """Returns the name of the toolchain of some packages, and a text that changes if the toolchain does.
 
-    Raises HostError if it is not installed. The last parameter are the variables of the build.
+    Raises HostError if it is not installed. The last parameter is the environment of the build.
     """
     staged: bool = False
     """Nothing but `install_tree` writes into the prefix, so that forge need not observe the steps."""

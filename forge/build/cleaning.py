@@ -1,9 +1,9 @@
 """Find and remove the files that forge and colcon created in a workspace, and nothing else.
 
 A build folder is removed as a whole if it is forge's own (see forge.build.folder_marks). In a prefix, merged
-or isolated, lists, records and install manifests determine which files belong to a package; without them, an
-isolated prefix contains what is not newer than the package's own scripts, which builds write last. All other
-files stay, and so does whatever is mounted or lies behind a link.
+or isolated, lists, records and install manifests determine which files belong to a package; without them,
+files in an isolated prefix belong to it if they are not newer than its own scripts, which builds write last.
+All other files are kept, including mounts and files behind links.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ def built_packages(layout: Layout, records: Mapping[str, BuildRecord]) -> frozen
 def is_of_workspace(name: str, root: Path, layout: Layout, records: Mapping[str, BuildRecord]) -> bool:
     """Return whether a package was built from this workspace, which may share folders with others.
 
-    Without a list that tells, it is one of this workspace if its sources were, or else if the folders are.
+    Without a list that names the workspace, the location of its sources decides, or else that of the folders.
     """
     real, kept, record = os.path.realpath(root), read_installed_list(name, layout), records.get(name)
     if kept and kept.workspace:
@@ -116,7 +116,7 @@ def is_of_workspace(name: str, root: Path, layout: Layout, records: Mapping[str,
 def packages_of_others(root: Path, layout: Layout, records: Mapping[str, BuildRecord]) -> frozenset[str]:
     """Return the packages that were built from another workspace, which shares a folder and still exists.
 
-    Without a list, the record of the package decides, or its absence.
+    Without a list, it depends on whether the package has a record.
     """
     real, found = os.path.realpath(root), set()
     for name in built_packages(layout, records):
@@ -154,7 +154,7 @@ def workspace_removables(
 ) -> Iterator[Removable]:
     """Yield everything that was created below the chosen bases, packages first.
 
-    If other workspaces built packages there, only those of the workspace at `root`.
+    If other workspaces built packages there, only the files of the workspace at `root`.
     """
     of_others = packages_of_others(root, layout, records)
     names = sorted(built_packages(layout, records) - of_others)
@@ -164,7 +164,7 @@ def workspace_removables(
         ("install", layout.install, is_own_install_base, INSTALL_BASE_FILES),
     ):
         targets = tuple(_targets(layout))
-        # An install folder that contains only those of targets has no other mark.
+        # An install folder that contains only folders of targets has no other mark.
         if base in bases and (is_own(chosen) or any(target.install.parent == chosen for target in targets)):
             yield from (removable for removable in found if removable.base == chosen)
             for target in targets:
@@ -184,7 +184,7 @@ def workspace_removables(
         links = tuple(filter(is_own_log_link, layout.logs.glob("latest*")))
         links += tuple(filter(Path.is_file, (layout.logs / CODE_QUALITY_FILE,)))
         mark = layout.logs / IGNORE_MARK
-        # If there are unowned files, which the mark hides from discovery, it may belong to their owner.
+        # With unowned files in the folder, the mark may belong to their owner: it hides them from discovery.
         others = {*_entries(layout.logs)} - {*runs, *links, mark}
         yield from _own_files("log", layout.logs, (*links, *(() if others else (mark,))))
 
@@ -213,7 +213,8 @@ def remove(removables: Iterable[Removable]) -> None:
         if removable.prefix is not None and removable.layout is not None:
             remove_empty_folders(f"{removable.prefix}/x", str(removable.base))
             if removable.prefix.is_dir():
-                # This tells the next build that it may install here, and that all of this must stay.
+                # This tells the next build that it may install here, and that the remaining files must be
+                # kept.
                 write_installed_list(removable.prefix.name, removable.layout, {}, ())
     for base in sorted(dict.fromkeys(bases), key=lambda base: -len(base.parts)):
         if base.is_dir() and not base.is_symlink() and not any(base.iterdir()):

@@ -18,8 +18,8 @@ _INCLUDED = re.compile(r'^#include "([^"]+)"', re.MULTILINE)
 def merge_compile_commands(build: Path, *, force: bool = False) -> bool:
     """Join the packages' files into `build`/compile_commands.json; return True if it was written.
 
-    Nothing is read if no package was configured since, except with `force`, needed after a package was
-    removed. Files are joined as text, since they may be large; only those with units are parsed.
+    No file is read if no package was configured since, except with `force`, which is needed after a package
+    was removed. Files are joined as text, since they may be large; only those with units are parsed.
     """
     target = build / COMPILE_COMMANDS
     sources = sorted(build.glob(f"*/{COMPILE_COMMANDS}"))

@@ -27,7 +27,10 @@ class Copies:
     folder: Path
 
     def make(self, paths: Iterable[str], *, of_others: bool = False) -> None:
-        """Copy files, unless older copies exist. Of others, folders are listed, and special files linked."""
+        """Copy files unless older copies exist.
+
+        With `of_others`, also list folders and hard-link special files.
+        """
         if (self.folder / _LIST).is_file():
             return
         remove_tree(str(self.folder))
@@ -42,7 +45,7 @@ class Copies:
                     with contextlib.suppress(OSError):  # fails on another file system
                         target.hardlink_to(path)
                 elif not of_others:
-                    continue  # not installed by a build: the installed file is gone
+                    continue  # not installed by a build: the installed file no longer exists
                 kept.append((str(number), path, *stats_of(path)))
         replace_file(self.folder / _LIST, json.dumps(kept).encode())
 
@@ -53,7 +56,7 @@ class Copies:
                 yield self.folder / number, path, status
 
     def restore(self) -> None:
-        """Restore the files that have changed, and those whose times have changed."""
+        """Restore the files whose contents or times have changed."""
         for copy, path, status in self.entries():
             if stats_of(path) != status or not is_same_file(path, copy):
                 give_back(path, status, copy)
@@ -73,12 +76,12 @@ def remove_empty_tree(path: str) -> None:
 
 
 def is_folder(path: str) -> bool:
-    """Tell whether there is a folder, not a link to one."""
+    """Return whether the path is a folder, not a link to one."""
     return os.path.isdir(path) and not os.path.islink(path)
 
 
 def status_of(path: str) -> os.stat_result | None:
-    """Return the stat of a file or link, None without one."""
+    """Return the stat of a file or link, None if it does not exist."""
     try:
         return os.lstat(path)
     except OSError:
@@ -94,7 +97,7 @@ def stats_of(path: str) -> list[int]:
 def is_same_file(path: str, other: Path) -> bool:
     """Return whether two files have the same content, or two links the same target.
 
-    One that cannot be read is not the same.
+    A file that cannot be read differs from all others.
     """
     try:
         if os.path.islink(path) or other.is_symlink():
@@ -107,13 +110,13 @@ def is_same_file(path: str, other: Path) -> bool:
 def has_same_content(path: str | Path, other: Path) -> bool:
     """Return whether two files have the same content.
 
-    `filecmp` would not read a file again in which somebody changes a letter and sets its time back.
+    `filecmp` would not read a file again whose content changed while its size and time stayed the same.
     """
     return os.path.getsize(path) == other.stat().st_size and begins_with(path, other)
 
 
 def begins_with(path: str | Path, other: Path) -> bool:
-    """Return whether a file contains another one, perhaps with more at its end."""
+    """Return whether a file begins with the content of another one."""
     try:
         with open(path, "rb") as now, other.open("rb") as then:
             return all(now.read(len(part)) == part for part in iter(partial(then.read, _CHUNK), b""))
@@ -128,7 +131,7 @@ def give_back(path: str, status: Sequence[int], kept: Path) -> None:
     """
     now = stats_of(path)
     if now and stat.S_ISREG(now[MODE]) and now[INODE] == status[INODE]:
-        with contextlib.suppress(OSError):  # not writable, or a program that runs
+        with contextlib.suppress(OSError):  # not writable, or a running program
             shutil.copyfile(kept, path)
             shutil.copystat(kept, path)
             return
@@ -156,7 +159,7 @@ def give_back(path: str, status: Sequence[int], kept: Path) -> None:
 
 
 def keep_beside(copy: Path, path: str) -> str:
-    """Keep a copy in a file with a free name beside its path; return this, '' if such a file exists."""
+    """Keep a copy beside its path under a free name; return its path, '' if there is such a copy already."""
     name, number = f"{path}.before_build", 0
     while not is_same_file(name, copy):
         if not os.path.lexists(name):

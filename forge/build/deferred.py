@@ -19,7 +19,7 @@ from forge.workspace.model import Package
 
 @frozen
 class DeferredBuild:
-    """The steps of a build without its installation, their files, and variables that differ from the user's.
+    """The steps of a build except its installation, their files, and variables that differ from the user's.
 
     There are no steps if the package has no tests. `done` is True after they ran successfully.
     """

@@ -1,6 +1,6 @@
 """Decide which package owns a file that several install into a merged tree with different contents.
 
-The last package in the order of the build has it. Digests of each package's own files are in its last
+The last package in build order owns it. Digests of each package's own files are in its last
 installed state.
 """
 
@@ -90,7 +90,7 @@ class MergedPrefix:
     def packages_to_reinstall(self, plan: BuildPlan) -> frozenset[str]:
         """Return the up-to-date packages that install a file differently from one that is built.
 
-        They must be installed again in order, so that the result is that of a clean build.
+        They must be installed again in order, so that the result matches a clean build.
         """
         found = self.conflicting_files(plan.tasks).values()
         return frozenset(name for owners in found for name in owners).intersection(plan.fresh)
@@ -107,9 +107,10 @@ class MergedPrefix:
     def refresh_stamps(self, plan: BuildPlan, table: FileTable) -> bool:
         """Accept files that a later package has just overwritten as unchanged.
 
-        The digest of the package remains that of its own files; only the stamp is updated. The next build
-        compares the content of a file that the later package no longer installs. Return True if packages have
-        installed or removed the same file in any order, which the next build does in the right one.
+        The digest of the package still covers its own files; only the stamp is updated. The next build
+        compares the content of a file that the later package no longer installs. Return True if packages
+        installed or removed the same file in an arbitrary order; the next build repeats this in the right
+        one.
         """
         if not self._layout.merged:
             return False
@@ -121,7 +122,7 @@ class MergedPrefix:
             for before, name in pairwise(built):
                 have_run = name in self._before and before in self._before
                 if have_run and before not in self._before[name]:
-                    # Either may have recorded what the other one had installed.
+                    # Either may have recorded the other one's file.
                     deprived.update((before, name))
         for path, owners in self.conflicting_files(plan.tasks).items():
             built = [name for name in plan.tasks if name in owners and records[name].complete]

@@ -1,8 +1,8 @@
 """Mark folders and decide who owns them: only folders marked by forge or colcon are ever emptied.
 
-A path alone proves nothing: '--build-base src' names folders as '--build-base build' does. A folder of a
-package belongs to forge if it does not exist, is empty, or has a mark that forge makes before anything else,
-or one of colcon's below a base that is marked, too. Sources are never forge's, whatever marks they carry.
+A path alone proves nothing: a user may pass '--build-base src' instead of '--build-base build'. A folder of a
+package belongs to forge if it does not exist, is empty, or has a mark, which forge creates before anything
+else, or one of colcon's marks below a marked base. Sources are never forge's, whatever marks they carry.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ _RUN = re.compile(r"[a-z][a-z_-]*_\d{4}-\d\d-\d\d_\d\d-\d\d-\d\d(_\d+)?")
 _LATEST = re.compile(r"latest_[a-z][a-z_-]*")
 _RESULTS_MARK = ".forge_results"
 _LEVELS = 3
-"""How deep a folder that is to become a base is searched for sources that no command discovered."""
+"""The depth to which a future base is searched for sources that no command discovered."""
 
 
 def builder(build: Path) -> str | None:
@@ -80,7 +80,7 @@ def is_own_install_base(install: Path) -> bool:
 
 
 def recorded_layout(install: Path) -> str | None:
-    """Return the layout of an install folder; if its marker is damaged, as the packages in it say."""
+    """Return the layout of an install folder; if its marker is damaged, that of the packages in it."""
     word = text_or_nothing(install / LAYOUT_MARKER).strip()
     if word in {"merged", "isolated"} or not is_own_install_base(install):
         return word or None
@@ -95,7 +95,7 @@ def is_own_log_base(logs: Path) -> bool:
 
 
 def is_run_name(name: str) -> bool:
-    """Return whether this is a name that forge or colcon give to the log folder of a run."""
+    """Return whether forge or colcon give such a name to the log folder of a run."""
     return _RUN.fullmatch(name) is not None
 
 
@@ -136,7 +136,7 @@ def mark_result_dir(folder: Path) -> None:
 
 
 def has_package_marks(prefix: Path) -> bool:
-    """Return whether an isolated prefix has the marks of the package that it is named after."""
+    """Return whether an isolated prefix contains the marks of the package that it is named after."""
     share = prefix / "share" / prefix.name
     marks = (prefix / PACKAGES, prefix / INDEX / "packages")
     return any((mark / prefix.name).is_file() for mark in marks) or (share / "package.dsv").is_file()
@@ -145,7 +145,7 @@ def has_package_marks(prefix: Path) -> bool:
 def is_own_prefix(prefix: Path) -> bool:
     """Return whether a folder is the isolated prefix of a package, perhaps with unowned files.
 
-    Its base has a list of what forge installed in it, or what a killed build left.
+    Its base contains a list of the files that forge installed in it, or leftovers of a killed build.
     """
     base, name = prefix.parent, prefix.name
     notes = (
@@ -179,7 +179,7 @@ def is_source_of(folder: Path, record: BuildRecord | None) -> bool:
 
 
 def contents(folder: Path) -> str:
-    """Return a short description of what a folder contains, the most telling names first."""
+    """Return a short description of the contents of a folder, the most characteristic names first."""
     names = sorted(os.listdir(folder), key=lambda name: (name not in {".git", "package.xml"}, name))
     more = f" and {len(names) - 1} more" if len(names) > 1 else ""
     return f"'{names[0]}'{more}" if names else "nothing"
@@ -205,7 +205,7 @@ class SourceFolders:
             self._sources[real] = path
 
     def conflict(self, folder: Path) -> str:
-        """Return what is wrong with an output folder, as the end of a sentence; '' if nothing is."""
+        """Return why a folder cannot be an output folder, as the end of a sentence; '' if it can."""
         real, sources = os.path.realpath(folder), self._sources
         if real == os.sep:
             return "is the root of the file system"
@@ -234,9 +234,10 @@ def bases_of(layout: Layout) -> dict[str, Path]:
 def base_problems(
     bases: Mapping[str, Path], sources: SourceFolders, *, thorough: bool = False
 ) -> Iterator[Problem]:
-    """Yield a problem for each base that must not be one; `bases` maps options to folders.
+    """Yield a problem for each unsuitable base; `bases` maps options to folders.
 
-    Marked bases are searched for sources, which a mark hides from discovery, only if it must be `thorough`.
+    Marked bases are searched for sources, which a mark hides from discovery, only if the check must be
+    `thorough`.
     """
     for option, base in bases.items():
         top = f"contains '{found}'" if (found := sources_in(base)) else ""
@@ -285,7 +286,7 @@ def _unfit_base(base: Path, *, thorough: bool) -> str:
         and real in mount_points()
     ):
         return f"is the root of a mount that contains {contents(base)}"
-    # Sources that this command does not discover would not be discovered by any other from now on.
+    # Once the folder is marked, no command would discover these sources.
     waiting = [(real, 0)]
     while waiting:
         folder, level = waiting.pop()
@@ -341,7 +342,7 @@ def folder_problems(
 ) -> Iterator[Problem]:
     """Yield a problem for each build folder and isolated prefix of these packages that is not forge's.
 
-    `records` returns those of the journal, which is only read if a prefix has no marks.
+    `records` returns the records of the journal, which is only read if a prefix has no marks.
     """
     prefixes = prefixes and not layout.merged
     is_own_install = prefixes and is_own_install_base(layout.install)
@@ -373,7 +374,7 @@ def _other_workspace(link: Path, kind: str) -> str:
 
 
 def _is_plain(folder: str, mark: str) -> bool:
-    """Return quickly whether a folder, not a link, has a mark and needs no closer inspection."""
+    """Return whether a folder, not a link, has a mark and needs no closer inspection; fast."""
     exists = os.path.lexists
     return (
         exists(f"{folder}/{mark}")
@@ -396,7 +397,7 @@ def is_usable_prefix(prefix: Path, layout: Layout, records: Callable[[], Mapping
             return False
     if is_own_prefix(prefix):
         return True
-    # The marks of a package are written last: what failed before them belongs to the build that wrote it.
+    # The marks of a package are written last: without them, the files belong to a failed build.
     return is_own_install_base(prefix.parent) and (
         name in records() or is_own_build_dir(layout.build_dir(name))
     )

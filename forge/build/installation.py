@@ -1,4 +1,4 @@
-"""What builds install: the files of packages, their hooks and indexes, and the workspace's scripts."""
+"""Install the files of packages, their hooks and indexes, and the workspace's scripts."""
 
 from __future__ import annotations
 
@@ -58,8 +58,8 @@ def install_package(
     """Finish a package's prefix after its own install step: implicit files, hooks, scripts, index.
 
     `installed` are the absolute paths of the package's files; by default, `installed_files` finds them.
-    Returns the absolute paths of what forge itself has installed. Raises WorkspaceError if a file of somebody
-    else lies there.
+    Returns the absolute paths of the files that forge itself installed. Raises WorkspaceError if an unowned
+    file is in their place.
     """
     prefix = layout.prefix(package.name)
     paths = installed_files(package, layout).files if installed is None else installed
@@ -114,12 +114,12 @@ class InstalledFiles:
 
 
 def installed_files(package: Package, layout: Layout, earlier: Collection[str] = ()) -> InstalledFiles:
-    """Return what the steps of a package have just installed.
+    """Return the files that the steps of a package have just installed.
 
     These are the files in install manifests, and files and folders that its steps were observed to write. If
-    some process could not be observed, all that has appeared in an isolated prefix during the build counts,
-    and so does what an earlier build counted.
-    Raises WorkspaceError if a file of somebody else lay where the package has installed one.
+    some process could not be observed, all files that appeared in an isolated prefix during the build count,
+    and so do those that an earlier build counted. Raises WorkspaceError if the package has overwritten an
+    unowned file.
     """
     name, prefix = package.name, layout.prefix(package.name)
     exchange = PrefixExchange(name, layout)
@@ -251,8 +251,8 @@ def remove_stale(
 ) -> None:
     """Remove files that a package no longer installs, unless another package does.
 
-    Those in its own prefix were moved aside before the build: whatever is there now was written by another
-    package or by somebody else.
+    Those in its own prefix were moved aside before the build: any file there now was written by another
+    package or is unowned.
     """
     stale = PrefixExchange(task.name, layout).copied_files().intersection(task.earlier).difference(files)
     left = frozenset(path for path in stale if os.path.islink(path) or os.path.isfile(path))

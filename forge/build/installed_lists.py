@@ -1,6 +1,6 @@
-"""Read and write the lists of what forge has installed for each package; it removes nothing else.
+"""Read and write the lists of the files that forge has installed for each package; it removes no others.
 
-Without them, the install manifests in build folders say what was installed, such as by colcon.
+Without them, for example after a build with colcon, the install manifests in build folders list the files.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ MANIFESTS = ("install_manifest.txt", "symlink_install_manifest.txt")
 
 @frozen
 class InstalledList:
-    """What forge installed for a package: the content of each file by absolute path, and empty folders.
+    """The files that forge installed for a package: their contents by absolute path, and empty folders.
 
     `links` are the links that lead from the prefix to these files, with their targets: a link that appears
-    there later belongs to somebody else. `unclaimed` files appeared during the build, but it is unknown
-    whether the package or another program has written them: they count as installed, and are never removed.
-    `workspace` is the root of the workspace that built the package, relative to the install folder, which it
-    may share with others; '' if an earlier version wrote the list.
+    there later is unowned. `unclaimed` files appeared during the build, but it is unknown whether the package
+    or another program has written them: they count as installed, and are never removed. `workspace` is the
+    root of the workspace that built the package, relative to the install folder, which it may share with
+    others; '' if an earlier version wrote the list.
     """
 
     files: Mapping[str, str]
@@ -129,7 +129,7 @@ def folders_above(path: str, root: str) -> tuple[str, ...]:
     return _with_folders_above(path.rpartition("/")[0], root)
 
 
-@lru_cache(maxsize=4096)  # many files are in the same folder
+@lru_cache(maxsize=4096)  # many files share a folder
 def _with_folders_above(folder: str, root: str) -> tuple[str, ...]:
     inside = folder.startswith(f"{root}/")
     return (folder, *_with_folders_above(folder.rpartition("/")[0], root)) if inside else ()

@@ -47,13 +47,13 @@ class InstalledStates:
             path.unlink(missing_ok=True)
 
     def contents(self, name: str, digest: str) -> Mapping[str, str] | None:
-        """Return the installed files of a package in one of its states, None if it is not known."""
+        """Return the installed files of a package in one of its states, None if it is unknown."""
         return read_json(self._home / name / f"{digest}.json") or None
 
     def changes(self, name: str, then: str, now: str) -> Changes | None:
-        """Return how two states of a package differ, by their digests; None when one of them is not known.
+        """Return how two states of a package differ, by their digests; None if one of them is unknown.
 
-        An empty digest stands for a package that was not installed.
+        An empty digest means that the package was not installed.
         """
         key = (name, then, now)
         if key not in self._compared:
@@ -62,9 +62,9 @@ class InstalledStates:
         return self._compared[key]
 
     def only_library_code_changed(self, name: str, then: str, now: str) -> bool:
-        """Return whether two states of a package differ, and only in the code of shared libraries.
+        """Return whether two states of a package differ only in the code of shared libraries.
 
-        A program that is linked with either is the same: the libraries have equal interfaces.
+        Linking with either gives the same program: the libraries have equal interfaces.
         """
         changes = self.changes(name, then, now)
         if not changes or changes.names:

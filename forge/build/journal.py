@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 _HEADER = {"forge_journal": 7}
 _MUCH = 1 << 20
-"""The number of characters of obsolete lines that are tolerated."""
+"""The tolerated number of characters in obsolete lines."""
 _INVALID_ENTRY = (ArithmeticError, LookupError, TypeError, ValueError)
 """Exceptions raised by torn lines and lines that forge did not write."""
 
@@ -55,7 +55,7 @@ class Journal:
         self._size = 0
         """The number of characters in the file."""
         self._sizes: dict[str, int] = {}
-        """Those of the last record of each package."""
+        """The number of characters of each package's last record."""
         self._stream: FileIO | None = None
 
     def record(self, event: Event, plan: BuildPlan) -> None:
@@ -81,7 +81,7 @@ class Journal:
         return list(self._externals)
 
     def end(self, *, ended: bool) -> None:
-        """Record that a build started to change the install folder, or that it finished doing so."""
+        """Record that a build started or finished changing the install folder."""
         if ended != self.ended:
             self.ended = ended
             self._append({"ended": ended})

@@ -75,7 +75,7 @@ class BuildRecord:
 
     @property
     def source(self) -> str:
-        """The folder from which the package was built, '' if no build got that far."""
+        """The source folder of the last build, '' if no build recorded it."""
         return self.inputs.options[1] if self.inputs.options[1:] else ""
 
 
@@ -85,7 +85,7 @@ class Snapshot:
 
     `sources` and `installed` are current fingerprints, the latter of the files listed in the record.
     `present` are the packages whose prefix is marked as complete. `changed_externals`, `source_changes` and
-    `installed_changes` name what changed for a package: inputs outside it, its sources, its installed files.
+    `installed_changes` name the changes of a package: inputs outside it, its sources, its installed files.
     """
 
     records: Mapping[str, BuildRecord] = field(default_factory=dict)

@@ -1,7 +1,7 @@
 """Read the log of the files that the steps of a package wrote below its prefix.
 
-The library of forge/engine logs what the processes of a step do. forge's own installers run without it and
-note what they write in a file beside the log: a letter and a word that ends with NUL for each.
+The library of forge/engine logs the accesses of the processes of a step. forge's own installers run without
+it and note their writes in a file beside the log: a letter and a word that ends with NUL for each.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ W path   a file that forge has written
 
 @frozen
 class ObservedWrites:
-    """What the steps wrote and `removed`, as absolute paths; a folder renamed away stands for what was in it.
+    """The paths that the steps wrote and `removed`, absolute; a folder renamed away stands for its contents.
 
-    They tried to change what is `refused`, behind links of somebody else. `started` is True if steps were
+    `refused` are paths behind unowned links that they tried to change. `started` is True if steps were
     observed, and `complete` is False if some process could not be.
     """
 
@@ -52,8 +52,9 @@ class ObservedWrites:
 
 @frozen
 class ObservedSteps:
-    """What a log and the notes beside it say of the steps of a package; `kinds` has the kind of each by its
-    process, `files` are what forge itself has written.
+    """The contents of a log and the notes beside it.
+
+    `kinds` maps the process of each step to its kind, `files` are those that forge itself wrote.
     """
 
     observed: ObservedStep
@@ -87,7 +88,7 @@ def read_writes(log: Path, prefix: Path) -> ObservedWrites:
     real = os.path.realpath(prefix)
 
     def below(paths: frozenset[str]) -> frozenset[str]:
-        """Return those in the prefix, as paths below its name without resolved links."""
+        """Return the paths inside the prefix, spelled with its unresolved name."""
         found = {path for path in paths if f"{path}/".startswith(f"{prefix}/")}
         if real != str(prefix):
             found |= {f"{prefix}{path[len(real) :]}" for path in paths if f"{path}/".startswith(f"{real}/")}
@@ -121,7 +122,7 @@ def note_written(path: str) -> None:
 def note_start(variables: Mapping[str, str]) -> None:
     """Log that this process is about to start a program of a step that the library observes.
 
-    The library itself logs the programs that an observed process starts; forge's worker is none.
+    The library itself logs the programs that an observed process starts, but forge's worker is not observed.
     """
     if "LD_PRELOAD" not in variables:
         return
@@ -133,7 +134,7 @@ def note_start(variables: Mapping[str, str]) -> None:
 
 
 def append(log: str | None, *notes: bytes) -> None:
-    """Append notes to those of a log that exists."""
+    """Append notes to those of an existing log."""
     with contextlib.suppress(FileNotFoundError):
         descriptor = os.open(f"{log}{NOTES}", os.O_WRONLY | os.O_APPEND | os.O_CLOEXEC) if log else -1
         if descriptor >= 0:

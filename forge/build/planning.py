@@ -42,9 +42,9 @@ def make_plan(
 ) -> tuple[BuildPlan, DependencyHashes]:
     """Return the tasks for `names`, which are in topological order, and the dependency hashes.
 
-    `shared` are the inputs of all packages, and `forced` the packages that are built in any case, with the
-    option that says so. A package of `names` without a task is up to date. Raises WorkspaceError for unknown
-    build types and for dependencies that are not installed.
+    `shared` are the inputs of all packages, and `forced` maps packages that are built in any case to the
+    option that requests it. A package of `names` without a task is up to date. Raises WorkspaceError for
+    unknown build types and for dependencies that are not installed.
     """
     ordered = ordered_names(resolution.needs)
     read_from = _read_from(resolution, snapshot)
@@ -81,7 +81,7 @@ def make_plan(
             )
         record = snapshot.records.get(name)
         option = forced.get(name)
-        # Dependents of pending packages are decided once these have ended.
+        # Dependents of pending packages are decided after these have ended.
         now = replace(inputs, needs=record.inputs.needs) if need_hashes is None and record else inputs
         change = reason_to_build(name, now, record, snapshot)
         reason = change.text if change else (f"requested by {option}" if option else None)

@@ -1,13 +1,13 @@
-"""Exchange the files of a package in its prefix: all are of the last successful build, or of the new one.
+"""Exchange the files of a package in its prefix.
 
-A package is always installed as if built for the first time. Before its build, the files that forge installed
-are moved aside, so that the build does not find them and none remains that is no longer installed. If the
-build fails or is interrupted, they are moved back; after a kill, the next build begins from them.
+All come from the last successful build, or all from the new one. A package is always installed as if built
+for the first time. Before its build, the files that forge installed are moved aside, so that the build does
+not find them and obsolete ones do not remain. If the build fails or is interrupted, they are moved back;
+after a kill, the next build begins from them.
 
-forge owns only what it installed. Each prefix has a list of these files with their contents; files that
-several packages installed, and those outside the prefix, are copied instead of moved. Whatever else is there
-belongs to somebody else: it stays where it is, and is copied as well, since a step of the package could
-overwrite it.
+forge owns only the files that it installed. Each prefix has a list of these files with their contents; files
+that several packages installed, and those outside the prefix, are copied instead of moved. All other entries
+are unowned: they stay in place and are copied as well, since a step of the package could overwrite them.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ _SCRIPTS = frozenset({".bash", ".bat", ".dsv", ".fish", ".ps1", ".sh", ".zsh"})
 
 
 def written_log(name: str, layout: Layout) -> Path:
-    """Return the log of what the steps of a package write below its prefix."""
+    """Return the log of the writes of a package's steps below its prefix."""
     return _folder(name, layout, "written")
 
 
@@ -94,9 +94,9 @@ class PrefixExchange:
     """The exchange of one package's files; its state is on disk, so that a later build can continue it.
 
     In the backup folder are, for a package P: `P`, the moved files; `P.part`, the same while they are being
-    moved; `P.copies`, the copies of shared files; `P.others`, those of other people's files; `P.state`, the
-    folders before the build; `P.list`, the list of files before the build; `P.written`, the log of what the
-    steps write; `P.links`, the links through which they must not write.
+    moved; `P.copies`, the copies of shared files; `P.others`, the copies of unowned files; `P.state`, the
+    folders before the build; `P.list`, the list of files before the build; `P.written`, the log of the writes
+    of the steps; `P.links`, the links through which they must not write.
     """
 
     def __init__(self, name: str, layout: Layout) -> None:
@@ -113,7 +113,7 @@ class PrefixExchange:
     def begin(self, earlier: Iterable[str], shared: Collection[str] = ()) -> tuple[Problem, ...]:
         """Move the package's files aside, unless a killed build has done so.
 
-        Return a problem for each file of somebody else that the killed build may have changed.
+        Return a problem for each unowned file that the killed build may have changed.
 
         `earlier` are the files of earlier builds in records and install manifests, as absolute paths; other
         packages also installed the `shared` ones.
@@ -142,7 +142,7 @@ class PrefixExchange:
         self._move_aside(movable, folders)
         begin_log(written_log(self._name, self._layout))
         if not self._layout.merged:
-            # The remaining files belong to somebody else, and a step could overwrite them.
+            # The remaining files are unowned, and a step could overwrite them.
             files_of_others, empty = foreign_entries(self._prefix)
             if files_of_others or empty:
                 self._others.make((*files_of_others, *empty), of_others=True)
@@ -167,7 +167,7 @@ class PrefixExchange:
         return frozenset(path for _, path, _ in self._copies.entries())
 
     def others(self) -> dict[str, list[int]]:
-        """Return the stats of what was in the prefix when the build started without being the package's."""
+        """Return the stats of the entries that were in the prefix before the build and belong to others."""
         return {path: status for _, path, status in self._others.entries()}
 
     def writes(self) -> ObservedWrites:
@@ -242,8 +242,8 @@ class PrefixExchange:
     def commit(self) -> tuple[Problem, ...]:
         """Drop the backup, once the new files are listed.
 
-        Files that the package no longer installs, but that somebody has edited, are given back: return a
-        problem for each, and for files of others that it may have changed.
+        Edited files that the package no longer installs are restored: return a problem for each, and for
+        unowned files that it may have changed.
         """
         listed = read_list(self._list, str(self._layout.install))
         kept = [*self._keep_changed()]
@@ -260,9 +260,9 @@ class PrefixExchange:
         return tuple(kept)
 
     def roll_back(self) -> tuple[Problem, ...]:
-        """Remove what the build has written, and move the package's files back.
+        """Remove the files that the build has written, and move the package's files back.
 
-        Return a problem for each file of somebody else that the build may have changed.
+        Return a problem for each unowned file that the build may have changed.
         """
         if self._part.is_dir():
             self._move_back(self._part)
@@ -292,9 +292,9 @@ class PrefixExchange:
     def _keep_changed(self) -> tuple[Problem, ...]:
         """Keep the earlier contents of unowned files that an unobserved step may have changed.
 
-        Their owner may have changed them instead, so the new contents are kept, too. What was appended
-        changes nothing.
-        Where no step is observed, files in a merged prefix may be the package's own, which no manifest lists.
+        Their owner may have changed them instead, so the new contents are kept, too. Appended content does
+        not count as a change. Where no step is observed, files in a merged prefix may be the package's own,
+        which no manifest lists.
         """
         writes = self.writes()
         if writes.complete or (self._layout.merged and not writes.started):
@@ -323,7 +323,7 @@ class PrefixExchange:
             file.unlink(missing_ok=True)
 
     def _recover(self) -> tuple[Problem, ...]:
-        """Continue after a kill: remove what the killed build has written, or undo a half-done move."""
+        """Continue after a kill: remove the files that the killed build wrote, or undo a partial move."""
         kept: tuple[Problem, ...] = ()
         remove_tree(str(stage_folder(self._name, self._layout)))
         remove_tree(f"{self._moved}.trash")
@@ -345,7 +345,7 @@ class PrefixExchange:
         return kept
 
     def _remove_written(self) -> None:
-        """Remove what the steps wrote below the prefix; give back other files that they overwrote."""
+        """Remove the files that the steps wrote below the prefix; restore other files that they overwrote."""
         writes = self.writes()
         others = {**self.others(), **(self._of_other_packages() if writes.files else {})}
         for path in sorted(writes.files):
@@ -464,7 +464,7 @@ class PrefixExchange:
     def _known_others(self) -> tuple[Mapping[str, list[int]], Collection[str]]:
         """Return the entries that certainly did not belong to the package, and those of unknown owners.
 
-        Which files belong to a package that another tool or an older forge installed is unknown.
+        It is unknown which files belong to a package that another tool or an older forge installed.
         """
         others = self.others() if self._noted("state").get("listed") else {}
         known = read_list(self._list, str(self._layout.install)) if others else None
@@ -478,7 +478,7 @@ class PrefixExchange:
 
 
 def copy_others_of_merged(layout: Layout, owned: Iterable[str]) -> None:
-    """Copy what is in a merged prefix without being `owned`, once for all packages of a build.
+    """Copy the entries of a merged prefix that are not `owned`, once for all packages of a build.
 
     Without lists of installed files, another tool or an older forge installed the packages, and the
     owners of files are unknown.
@@ -561,7 +561,7 @@ def blocking_paths(task: Task, layout: Layout) -> Iterator[Problem]:
             hint = f"remove it, or choose another folder with '--{kind}-base'"
             yield Problem(f"the {kind} folder '{folder}' of '{name}' is a file", hint=hint)
     if not task.earlier or leftover_backups(name, layout):
-        return  # the latter: a killed build may have created it
+        return  # the latter may come from a killed build
     listed = read_installed_list(name, layout)
     files = {path for path in (listed.files if listed else task.earlier) if not path.endswith("/")}
     for path in sorted(files & {*mount_points()}):

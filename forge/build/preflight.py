@@ -159,7 +159,7 @@ _SHOWN = 5
 def announcements(plan: BuildPlan, snapshot: Snapshot) -> Iterator[str]:
     """Yield a line for each changed option, variable, tool or external file with the number of packages.
 
-    Embedded packages are not counted, nor those that are only rebuilt if a dependency changes.
+    Embedded packages, and packages that are only rebuilt if a dependency changes, are not counted.
     """
     groups: dict[object, list[InputChange]] = {}
     for task in plan.tasks.values():

@@ -1,10 +1,10 @@
 """The record of a build folder: the inputs of its contents, and the accesses of its commands.
 
 The journal records the inputs of successful builds only. A build that failed or was killed leaves objects
-made from other inputs. Therefore each build folder has a record of its own. The first line of the file is
-written before the first step, after everything that does not match it was removed. Further lines are appended
-when the steps have ended, and when the build has succeeded. A record of another version, or a damaged one, is
-none: then the next build begins in an empty folder.
+made from other inputs. Therefore each build folder has its own record. The first line of the file is
+written before the first step, after mismatching files were removed. Further lines are appended
+when the steps have ended, and when the build has succeeded. A damaged record, or one of another version, is
+ignored: the next build begins in an empty folder.
 """
 
 from __future__ import annotations
@@ -47,21 +47,20 @@ class FolderRecord:
     unplanned: bool = False
     """The sources have changed between the plan and the start of the package."""
     dropped: frozenset[str] = frozenset()
-    """Products in the folder that was set aside which are not restored after CMake has run."""
+    """Products in the renamed folder that are not restored after CMake has run."""
     commands: ObservedCommands = NOT_OBSERVED
-    """Accesses of CMake and the commands that made the contents; those of killed steps are unknown."""
+    """Accesses of CMake and the commands that created the contents; those of killed steps are unknown."""
     complete: bool = False
     """The build has succeeded."""
     externals: Mapping[str, str] | None = None
-    """What the last successful build with these contents read outside of the package, with the contents; None
-    without one.
+    """The files outside the package that the last successful build read, with digests; None without one.
     """
     saved: frozenset[str] = frozenset()
     """Inputs that were written while the build ran."""
     generated: str = ""
-    """A digest of what CMake generated for the native tool."""
+    """A digest of the files that CMake generated for the native tool."""
     products: Mapping[str, str] = field(default_factory=dict)
-    """Kind, size and time of what the commands of the native tool wrote, after the build."""
+    """Kind, size and time of the files that native commands wrote, as of the end of the build."""
 
 
 def begin_record(build: Path, record: FolderRecord) -> None:
@@ -78,7 +77,7 @@ _AT_BEGIN = ("base", "shape", "needs", "sources", "began", "externals")
 
 
 def add_commands(build: Path, commands: ObservedCommands) -> None:
-    """Record what the steps did, successful or not; they have ended."""
+    """Record the accesses of the steps after they have ended, successful or not."""
     _append(build, {"commands": encode_commands(commands)})
 
 

@@ -1,14 +1,15 @@
-"""How much of a build folder the next build may reuse, so that the result is that of an empty folder.
+"""Decide how much of a build folder the next build may reuse and still match a build from an empty folder.
 
-It was observed what CMake and each command of the native tool read, listed, looked for in vain and wrote:
+The last build observed which files CMake and each command of the native tool read, listed, looked for in vain
+and wrote:
 
-- A command that could now see something else, or whose declared inputs changed, runs again. All that it wrote
-  is removed before, so that it begins as in an empty folder.
+- A command that could now see something else, or whose declared inputs changed, runs again. All files that it
+  wrote are removed before, so that it begins as in an empty folder.
 - If CMake could see something else, it runs in an empty folder, and the results of unchanged commands that
   are still in the graph are moved back. No cache entry and no generated file survives this.
-- A command of which not all is known runs again after any change, in a folder that CMake makes anew.
+- A partially observed command runs again after any change, in a folder that CMake configures from scratch.
 
-Other native tools than ninja do not tell which process runs which command: then nothing is reused.
+Native tools other than ninja do not reveal which process runs which command: then nothing is reused.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
 
 
 _STEPS = re.compile(r"/src/[^/]+-stamp/[^/]+$")
-"""The stamps of an ExternalProject, in whose folder a native tool of its own knows what it did."""
+"""The stamps of an ExternalProject, whose own native tool keeps track of its folder."""
 
 
 class Reuse(enum.Enum):
@@ -37,7 +38,7 @@ class Reuse(enum.Enum):
 
     NOTHING = "nothing"
     PRODUCTS = "products"
-    """CMake begins in an empty folder; what the native tool made and still names is brought back."""
+    """CMake begins in an empty folder; outputs that are still in the build graph are moved back."""
     EVERYTHING = "everything"
 
 
@@ -83,8 +84,8 @@ def is_affected(accesses: Accesses, seen: ObservedCommands, changes: Changes) ->
 def affected_outputs(graph: NativeGraph, changes: Changes, seen: ObservedCommands) -> frozenset[str]:
     """Return the outputs of commands that are affected by the changes or partially observed.
 
-    What was made from the latter is made again, too: the native tool does not notice an output that a command
-    writes later than its rule says, as ExternalProject does.
+    Outputs made from the latter are made again, too: the native tool does not notice an output that a command
+    writes later than declared, as ExternalProject does.
     """
     unknown = {output for edge in graph.edges if not is_known(edge, seen) for output in edge.outputs}
     users, waiting = graph.users(), [*unknown]
@@ -103,14 +104,14 @@ def affected_outputs(graph: NativeGraph, changes: Changes, seen: ObservedCommand
 
 
 def with_all_written(graph: NativeGraph, dropped: frozenset[str], seen: ObservedCommands) -> frozenset[str]:
-    """Add what the commands of `dropped` outputs wrote beside them, and what was made from that.
+    """Add the side outputs of the commands of `dropped` outputs, and everything that was made from these.
 
-    The native tool knows neither. A command that runs again because of its inputs begins without its side
-    outputs, too, and without what other commands made only after it.
+    The native tool tracks neither. A command that runs again because of its inputs also begins without its
+    side outputs, and without later outputs of other commands.
     """
     known = [(edge, seen.edges[edge.outputs[0]]) for edge in graph.edges if is_known(edge, seen)]
     users = graph.users() if known and dropped else {}
-    # For example in the sources: the native tool checks such files before the commands run.
+    # For example, sources: the native tool checks such files before the commands run.
     unknown = (edge for edge in graph.edges if dropped and not is_known(edge, seen))
     beside = frozenset(
         path
@@ -153,9 +154,10 @@ def with_all_written(graph: NativeGraph, dropped: frozenset[str], seen: Observed
 
 
 def would_only_link(graph: NativeGraph, needed: Changes, seen: ObservedCommands) -> bool:
-    """Return True if the only work after a change of shared libraries is to link again.
+    """Return True if a change of shared libraries only requires linking again.
 
-    `needed` are the changes of installed files. False if anything else read them, or not all is known.
+    `needed` are the changes of installed files. False if anything else read them, or if some process was not
+    observed.
     """
     if graph.tool != "ninja" or needed.names or seen.configure is None or seen.rest is None:
         return False

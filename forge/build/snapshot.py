@@ -1,7 +1,7 @@
-"""Take a snapshot of the sources and installed files before a build, and name what differs from the last one.
+"""Take a snapshot of the sources and installed files before a build, and name the changes since the last.
 
-The digests of the journal tell that something changed. Which files those are is read from the records of the
-build folders, since the file table only knows what changed since the last run of forge.
+The digests of the journal show that something changed. The names of the changed files come from the records
+of the build folders, since the file table only covers changes since the last run of forge.
 """
 
 from __future__ import annotations
@@ -42,12 +42,12 @@ _MISSING = "missing"
 _QUESTIONS = (
     (InputKind.VARIABLE, "environment variable", VARIABLE),
     (InputKind.TOOL, "tool", PROGRAM),
-    (InputKind.OUTSIDE, "place in LD_LIBRARY_PATH of the library", LIBRARY),
-    (InputKind.OTHER, "place of the package", PACKAGE_FOUND),
+    (InputKind.OUTSIDE, "position in LD_LIBRARY_PATH of the library", LIBRARY),
+    (InputKind.OTHER, "location of the package", PACKAGE_FOUND),
     (InputKind.OTHER, "processor", PROCESSOR),
     (InputKind.OUTSIDE, "kind, mode or size of", KIND),
     (InputKind.OUTSIDE, "existence of the output", OUTPUT),
-    (InputKind.OTHER, "place of one of Python's modules", MODULES),
+    (InputKind.OTHER, "location of a Python module", MODULES),
 )
 UNKNOWN_EXTERNAL = "a file outside of the package that its last build read has changed"
 
@@ -139,7 +139,8 @@ def changed_installed_files(
 ) -> str:
     """Return which installed files differ from those of the last build, whose contents were `then`.
 
-    Links to sources change with them: then `sources`, the change of the package's sources, is the reason.
+    A changed source also changes links to it: then `sources`, the change of the package's sources, is the
+    reason.
     """
     paths = (*record.files, *record.folders)
     now = contents_of(paths, table)
@@ -158,7 +159,7 @@ def changed_installed_files(
 def changed_external_files(
     last: FolderRecord | None, record: BuildRecord, table: FileTable, root: Path, recent: Iterable[str]
 ) -> InputChange:
-    """Return which files outside the package changed; `recent` are files known to have changed lately."""
+    """Return which files outside the package changed; `recent` are files that are known to have changed."""
     now = contents_of(record.externals, table)
     then = last.externals if last else None
     if then is not None:
@@ -186,7 +187,7 @@ def changed_external_files(
 
 
 def _changed_answers(questions: Collection[str], before: Mapping[str, str]) -> InputChange:
-    """Return how answers about the environment changed; `before` has the previous ones."""
+    """Return how answers about the environment changed; `before` contains the previous ones."""
     kind, what, start = next(
         row for row in _QUESTIONS if any(question.startswith(row[-1]) for question in questions)
     )
@@ -220,7 +221,7 @@ def _from(root: Path) -> Callable[[str], str]:
 
 
 def _leads_as_before(path: str, content: str) -> bool:
-    """Return whether a path was and is a link to the same file, which must have changed."""
+    """Return whether a path was and is a link to the same file, so that the target must have changed."""
     try:
         return content.startswith(f"link {os.readlink(path)} ")  # noqa: PTH115
     except OSError:

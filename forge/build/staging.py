@@ -1,9 +1,9 @@
 """Reinstall a package into a stage, from where changed files are renamed into the prefix.
 
-Until its steps have succeeded, the prefix stays as it is and can be used. The steps find an empty stage in
-its place, as if the package was built for the first time: the library of forge.engine leads each path below
-the prefix there. Then each changed file is renamed into place; what has not changed is not touched. After a
-kill, every file is of the last build or of the new one, and the next build finishes.
+Until its steps have succeeded, the prefix is unchanged and can be used. The steps find an empty stage in its
+place, as if the package was built for the first time: the library of forge.engine redirects each path below
+the prefix to it. Then each changed file is renamed into place; unchanged files are not touched. After a kill,
+every file comes from the last build or the new one, and the next build completes the rest.
 
 A step that uses the prefix nevertheless needs the new files in place. Then all files are exchanged by
 forge.build.prefix, as they are without the library.
@@ -56,10 +56,10 @@ from forge.build.prefix import (
 from forge.build.tasks import Step, StepKind, Task
 
 _NEXT = "install_next.json"
-"""The notes of the install step that runs."""
+"""The notes of the running install step."""
 _CHANGED = "install_changed.cmake"
 _FOUND = frozenset("RYTLWDUX")
-"""The kinds of records of what exists."""
+"""The kinds of records of existing paths."""
 _OF_STAGING = frozenset({".links", ".notes", ".stage", ".written"})
 """Leftovers of a killed build that had a stage."""
 
@@ -124,10 +124,10 @@ def end(task: Task, layout: Layout) -> None:
 
 
 def in_place(task: Task, layout: Layout, steps: ObservedSteps, failed: Step | None) -> Task | None:
-    """Return the task as it has to run again in place, or None if the stage has what it installs.
+    """Return the task as it has to run again in place, or None if the stage is complete.
 
-    That is so if it may have used the prefix itself, or if what it has installed does not fit in there. The
-    next builds with the same install scripts run in place then.
+    It runs again if it may have used the prefix itself, or if its files do not fit into the prefix. Later
+    builds with the same install scripts then run in place from the start.
     """
     own = tuple(f"{path}/" for path in {str(task.prefix), os.path.realpath(task.prefix)})
     roots = [each for each in steps.observed.processes if steps.kinds.get(each.pid) == StepKind.INSTALL.value]
@@ -181,7 +181,7 @@ def _fits(task: Task, layout: Layout, *, has_code: bool) -> bool:
         if is_new and os.fsencode(stage) in Path(path).read_bytes():
             return False
         if has_code and stat.S_ISLNK(status.st_mode):
-            # Such a link may have been followed, to a file of the last build.
+            # Such a link may have been followed to a file of the last build.
             leads_to = os.path.normpath(os.path.join(os.path.dirname(target), os.readlink(path)))
             is_inside = f"{leads_to}/".startswith(f"{task.prefix}/")
             if os.readlink(path).startswith("/") and is_inside:
@@ -197,10 +197,10 @@ def _fits(task: Task, layout: Layout, *, has_code: bool) -> bool:
 
 
 def next_install(step: Step, task: Task) -> Step:
-    """Return an install step as it is to be run, and note what it will have installed from.
+    """Return the install step to run, and note the sources that it installs.
 
-    In a stage, it installs what has changed since the last build, if CMake's scripts tell what that is, or
-    else everything.
+    In a stage, it installs only what changed since the last build if this can be derived from CMake's
+    scripts, else everything.
     """
     build = task.build_dir
     notes, following = _notes_file(build), build / SCRATCH_DIR / _NEXT
@@ -240,7 +240,7 @@ def _changed(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str] | N
 
 
 def _calls_for(changed: Iterable[str], entries: Mapping[str, InstalledEntry]) -> Iterator[str]:
-    """Yield the CMake code that installs some files; what CMake also does with them is not taken apart."""
+    """Yield the CMake code that installs some files; rules other than plain copies keep their block."""
     blocks = dict[str, None]()
     for path in changed:
         rule, source = entries[path].rule, entries[path].source
@@ -259,9 +259,9 @@ def _calls_for(changed: Iterable[str], entries: Mapping[str, InstalledEntry]) ->
 
 
 def commit(task: Task, layout: Layout) -> tuple[InstalledFiles, tuple[Problem, ...]]:
-    """Rename the changed files of the stage into the prefix, and remove what is no longer installed.
+    """Rename the changed files of the stage into the prefix, and remove files that are no longer installed.
 
-    Return all files that the steps have installed, and a problem for each edited file that stays.
+    Return all files that the steps have installed, and a problem for each edited file that is kept.
     """
     os.makedirs(str(task.stage), exist_ok=True)
     files, empty = tree_below(str(task.stage))
@@ -306,7 +306,10 @@ def commit(task: Task, layout: Layout) -> tuple[InstalledFiles, tuple[Problem, .
 
 
 def _announce(task: Task, layout: Layout, staged_files: Iterable[str]) -> None:
-    """Add new files to the list of the package before they appear: after a kill they are known as its own."""
+    """Add new files to the list of the package before they appear.
+
+    After a kill they are known to belong to it.
+    """
     file = list_file(task.name, layout)
     data = json.loads(file.read_bytes())
     skip = len(str(layout.install)) + 1
@@ -321,7 +324,7 @@ def remove_stale(
 ) -> tuple[Problem, ...]:
     """Remove files of the package, and its empty folders, which end with '/', but not `folders`.
 
-    Return a problem for each file that was edited and stays.
+    Return a problem for each edited file, which is kept.
     """
     listed = read_installed_list(task.name, layout) or InstalledList({})
     own = {folder.rstrip("/") for folder in folders}
@@ -340,16 +343,16 @@ def remove_stale(
 
 
 def remove_other_stale(task: Task, layout: Layout, installed: InstalledFiles) -> tuple[Problem, ...]:
-    """Remove files that neither the steps nor forge install any more."""
+    """Remove files that neither the steps nor forge install any longer."""
     listed = read_installed_list(task.name, layout) or InstalledList({})
     stale = listed.files.keys() - listed.unclaimed - {*installed.files}
     return remove_stale(task, layout, stale, installed.folders)
 
 
 def note_installed(task: Task, installed: InstalledFiles, *, observed: bool) -> None:
-    """Record what the install step installed, and from which files, for the next build.
+    """Record the files that the install step installed, and their sources, for the next build.
 
-    Steps of which not all was observed are not run in a stage the next time.
+    Incompletely observed steps are not run in a stage the next time.
     """
     following, notes = task.build_dir / SCRATCH_DIR / _NEXT, _notes_file(task.build_dir)
     data = read_json(following)
@@ -368,7 +371,7 @@ def note_installed(task: Task, installed: InstalledFiles, *, observed: bool) -> 
 
 
 def _notes_file(build: Path) -> Path:
-    """Return the file that records what the install step installed, and from which files."""
+    """Return the file that records the installed files of the install step, and their sources."""
     return build.parent / INSTALLED_STATES_DIR / build.name / "install_step"
 
 

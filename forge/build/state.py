@@ -48,10 +48,10 @@ class BuildState:
         self._hashes: DependencyHashes | None = None
         self._ran = False
         self.is_final = True
-        """False after a build in which a package has overwritten a file that is a later one's."""
+        """False after a build in which a package has overwritten a file that belongs to a later one."""
 
     def confirm_up_to_date(self, plan: BuildPlan, snapshot: Snapshot, hashes: DependencyHashes) -> None:
-        """Record the new stamps of the up-to-date packages, so that the next build compares equal."""
+        """Record the new stamps of the up-to-date packages, so that they match in the next build."""
         self._hashes = hashes
         for name in plan.fresh:
             record = self.journal.records[name]
@@ -131,7 +131,7 @@ class BuildState:
                 pass
 
     def record_trees(self, trees: Mapping[str, str]) -> None:
-        """Record the tree digests of installed packages whose records have none yet."""
+        """Record the tree digests of installed packages whose records lack one."""
         for name, tree in trees.items():
             record = self.journal.records[name]
             if not record.tree:

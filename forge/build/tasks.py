@@ -21,16 +21,16 @@ TEST_FAILURES = "test failures"
 """A possible meaning of an exit code. colcon writes the same text to a package's test result file."""
 
 REPEATED_ALONE = "building again, alone and with one job"
-"""What the output of a build step says after a program was killed for lack of memory."""
+"""The end of a message about a build step after a program was killed for lack of memory."""
 KILLED_ALONE = "was killed again, although nothing else ran"
-"""What the output of a build step says of a program for which there is not enough memory."""
+"""The end of a message about a build step after a program was killed again, although nothing else ran."""
 
 CACHED, NOT_CACHED = "cached", "tests ran: "
-"""Remarks of `forge test --cached` about a package: its pass was replayed, or why not."""
+"""Remarks of `forge test --cached` about a package: its pass was replayed, or the reason why not."""
 
 
 TIMED_OUT = 124
-"""The exit code of a step that took too long, as of timeout(1)."""
+"""The exit code of a step that timed out, as in timeout(1)."""
 
 
 class StepKind(Enum):
@@ -74,15 +74,15 @@ class Step:
     """Nonzero exit codes that do not fail the task, and their meanings."""
     condition: StepCondition = StepCondition.ALWAYS
     prefix: Path | None = None
-    """The prefix if it is an argument of a program of forge, which itself is not observed."""
+    """The prefix if it is an argument of a program of forge, which is not observed itself."""
     stage: Path | None = None
-    """The folder into which it installs instead."""
+    """The folder into which the step installs instead."""
     target: str = ""
     """The target of a BUILD_TARGET step."""
     seconds: float = 0
-    """After this time the program and all that it has started are stopped, with the exit code TIMED_OUT."""
+    """The time limit: after it, the program and its descendants are stopped, with the exit code TIMED_OUT."""
     tests_at_once: int = 0
-    """How many tests CTest may run at once if the package gets as many jobs; 0 if forge does not tell it."""
+    """The maximum number of concurrent tests of CTest, job limit permitting; 0 if forge does not set it."""
 
     @property
     def label(self) -> str:
@@ -106,7 +106,7 @@ class Task:
     steps: Sequence[Step]
     reason: str
     change: InputChange | None = None
-    """The change of its inputs for which it is built, if there is one."""
+    """The input change that requires the build, if there is one."""
     inputs: BuildInputs = BuildInputs()  # without `needs` while the task is conditional
     sources: Fingerprint = Fingerprint()
     files: Sequence[tuple[Path, str]] = ()
@@ -126,11 +126,11 @@ class Task:
     intact: bool = False
     """The installed files are those of the last build."""
     stage: Path | None = None
-    """The folder into which the steps install, if the prefix stays whole until they have succeeded."""
+    """The folder into which the steps install, if the prefix is kept until they have succeeded."""
     prepared: bool = False
     """Only the install step runs, after the others have succeeded."""
     kept: Sequence[str] = ()
-    """Names in the build folder that stay when it is emptied, unless the task is `from_empty`."""
+    """Names in the build folder that are kept when it is emptied, unless the task is `from_empty`."""
     scratch_dir: str = SCRATCH_DIR
     """The folder below `build_dir` for the steps' environment and the command that repeats the last step."""
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from forge.build.model import BuildInputs, BuildRecord, Snapshot
 
 UNKNOWN = "unknown"
-"""The digest of a package without a record, for example one that another tool built."""
+"""The digest of a package without a record, for example one built by another tool."""
 
 
 class DependencyHashes:
@@ -66,14 +66,14 @@ class DependencyHashes:
 
 UNKNOWN_SOURCES = "its sources changed"
 UNKNOWN_INSTALLED = "an installed file was changed or removed"
-"""The reasons if it is not known which files changed."""
+"""The reasons if the changed files are unknown."""
 
 
 class InputKind(enum.Enum):
     """The kind of a changed input."""
 
     OWN = "own"
-    """The package itself, its dependencies or its results: what somebody did in the workspace."""
+    """The package itself, its dependencies or its results: changes within the workspace."""
     FORGE = "forge"
     TOOL = "tool"
     VARIABLE = "variable"
@@ -88,7 +88,7 @@ class InputKind(enum.Enum):
 class InputChange:
     """The most significant change of a package's inputs: a sentence, and the names of all of its kind.
 
-    `added` are those names that the last build did not have.
+    `added` are the names that are new since the last build.
     """
 
     kind: InputKind
@@ -108,7 +108,7 @@ def reason_to_build(
     # Check the folders first: otherwise, files in the previous ones would seem to be removed.
     for option, old, new in zip(COMMON_OPTIONS, record.inputs.options, now.options, strict=False):
         if old != new:
-            # Paths of folders differ from package to package, the name does not.
+            # The paths of folders differ between packages, their name does not.
             return InputChange(InputKind.OTHER, f"the {option} changed from '{old}' to '{new}'", (option,))
     if name not in snapshot.present or snapshot.installed[name].digest != record.installed.digest:
         return InputChange(InputKind.OWN, snapshot.installed_changes.get(name, UNKNOWN_INSTALLED))
@@ -179,7 +179,7 @@ def _changed_options(now: Sequence[str], then: Sequence[str]) -> InputChange:
         [option for option in options if not option.startswith(_DIGESTED)] for options in (added, removed)
     )
     for one, other in ((added, removed), (removed, added)):
-        if FAST_ROSIDL in one:  # recorded where the user gave no option
+        if FAST_ROSIDL in one:  # recorded if the user gave no option
             one.remove(FAST_ROSIDL)
             other.append("--no-fast-rosidl")
             break
@@ -203,7 +203,7 @@ COMMON_OPTIONS = (
     *("install layout", "source folder", "build folder", "install folder"),
     *("Python interpreter", "folder of Python modules"),
 )
-"""The meaning of the first recorded options of every package. The layout explains changes of the others."""
+"""The meaning of the first recorded options of every package; the others change only with the layout."""
 
 ROSDISTRO = "--rosdistro="
 TARGET, UMASK = "--cmake-target=", "umask="

@@ -1,4 +1,4 @@
-"""The setup scripts of the workspace: whether they may have changed, and writing them."""
+"""The setup scripts of the workspace: detect possible changes, and write them."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ _HOOKS = (".dsv", ".sh", ".bash", ".zsh", ".fish")
 
 
 class WorkspaceScripts:
-    """The scripts below the install folder, and which packages may have changed what they contribute."""
+    """The scripts below the install folder, and the packages whose contribution may have changed."""
 
     def __init__(self, layout: Layout, journal: Journal, table: FileTable) -> None:
-        """Start without changes, except those of a build that was killed."""
+        """Start without changes, except those of a killed build."""
         self._layout = layout
         self._journal = journal
         self._table = table
@@ -33,7 +33,7 @@ class WorkspaceScripts:
         """Packages whose contribution may change, with the previous digest."""
 
     def begin(self, name: str, files: tuple[str, ...]) -> None:
-        """Note the contribution of a package, of which `files` are installed, before it is built."""
+        """Note the contribution of a package with these installed `files` before it is built."""
         self._changing[name] = self._digest(name, files)
 
     def end(self, name: str, files: tuple[str, ...]) -> None:
@@ -46,7 +46,7 @@ class WorkspaceScripts:
         self._changing[name] = ""
 
     def write(self, python: Path, variables: Mapping[str, str], *, built: bool) -> None:
-        """Write the scripts if they may have changed; `built` tells whether this build made anything."""
+        """Write the scripts if they may have changed; `built` is True if this build built anything."""
         install = self._layout.install
         scripts = workspace_scripts(install)
         untouched = self._journal.scripts == stamp_files(scripts)

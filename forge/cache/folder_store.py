@@ -39,7 +39,7 @@ class FolderStore:
         """Existing folders whose permissions have been checked, and the mark."""
 
     def foreign_entry(self) -> Path | None:
-        """Return an entry that would be in the way in a folder without the mark of a cache, or None."""
+        """Return an entry that prevents an unmarked folder from becoming a cache, or None."""
         if os.path.lexists(self.folder / _MARK):
             return None
         folders = (self.folder / kind for kind in ("ac", "cas"))
@@ -48,7 +48,7 @@ class FolderStore:
     def result(self, key: str) -> ActionResult | None:
         """Return the result stored for a key, or None.
 
-        A result that is invalid, or that others could have written to a private folder, counts as missing.
+        An invalid result, or one in a private folder that others could have written, counts as missing.
         """
         path = self._path("ac", key)
         try:

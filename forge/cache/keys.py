@@ -3,10 +3,10 @@
 The files that a build reads outside the workspace are known only after it ran. Therefore a package has two
 keys. The first covers all inputs known before the build; its entry contains lists of external files recorded
 by earlier builds. The second covers the first key and the current contents of the files in one list; its
-entry is a result, and where it was built. A further key covers the path of the workspace, too: its entry is a
-result for that path only. Whether a result depends on its path is decided by build scripts, options and what
-they make: if these are the same as for a result that was shown not to depend on it, that of other source code
-does not depend on it either.
+entry is a result and its origin. A further key covers the path of the workspace, too: its entry is a result
+for that path only. Only build scripts, options and the files that they make can make a result depend on its
+path: if these are the same as for a result that was shown to be independent of it, a result of other source
+code is independent, too.
 """
 
 from __future__ import annotations
@@ -44,10 +44,11 @@ _MAX_LISTS = 4
 
 @frozen
 class Origin:
-    """The workspace in which a result was built, and what builds in other ones have shown.
+    """The workspace in which a result was built, and what builds elsewhere have shown.
 
-    `shown` is True if one whose path differs enough had the same result, `different` is a file that was not
-    the same. `scripts` is the key for results of other source code that the same build scripts make, if any.
+    `shown` is True if a build at a sufficiently different path had the same result; `different` is a file
+    that differed. `scripts` is the key for results of other source code that the same build scripts make, if
+    any.
     """
 
     root: str
@@ -56,7 +57,7 @@ class Origin:
     scripts: str = ""
 
     def is_unlike(self, root: str) -> bool:
-        """Return True if what depends on the path would differ in `root`: length, depth and name differ."""
+        """Return True if path-dependent output would differ in `root`: length, depth and name differ."""
         here, there = Path(self.root), Path(root)
         return len(self.root) != len(root) and len(here.parts) != len(there.parts) and here.name != there.name
 
@@ -81,7 +82,8 @@ def shared_inputs(tools: Pairs, table: FileTable) -> tuple[str, ...]:
 def settings_key(task: Task, shared: tuple[str, ...], relocator: Relocator, values: Mapping[str, str]) -> str:
     """Return the key of the inputs of a task that are known before it runs, without sources and dependencies.
 
-    `values` are those of variables that may contain paths of the workspace; tasks have only digests of them.
+    `values` are the values of variables that may contain paths of the workspace; tasks contain only their
+    digests.
     """
     inputs = task.inputs
     return _key(
@@ -100,7 +102,7 @@ def input_key(settings: str, task: Task, needs: Sequence[tuple[str, str]]) -> st
 
 
 def scripts_key(settings: str, words: Sequence[str], contents: Mapping[str, str], scripts: str) -> str:
-    """Return the key for what is known about build scripts, by their digest; '' without one."""
+    """Return the key of the origin record of build scripts, given their digest; '' without one."""
     return _key(settings, digest_of(words, contents), "scripts", scripts) if scripts else ""
 
 
@@ -128,7 +130,7 @@ def decode_lists(data: bytes) -> tuple[tuple[str, ...], ...]:
 
 
 def encode_origin(origin: Origin) -> bytes:
-    """Return where a result was built as JSON."""
+    """Return the origin of a result as JSON."""
     return json.dumps(asdict(origin)).encode()
 
 
@@ -149,7 +151,7 @@ def _key(*data: object) -> str:
 
 
 class ExternalInputs:
-    """Files outside one workspace that builds have read, such as system headers, by relocatable path.
+    """Files outside the workspace that builds have read, such as system headers, by relocatable path.
 
     Many packages read the same files. While a build only restores packages, each file is checked once; from
     the first step that runs, it is checked each time, since a step may write anywhere.
@@ -189,7 +191,7 @@ def scripts_digest(build: Path, source: Path, tree: Tree, relocator: Relocator) 
     """Return a digest of all inputs of a build, except compiled sources and copied files.
 
     It is '' if that is unknown, or if compilers could see a path of the workspace: in a definition, or in a
-    file that is no source of the package. Then other code may depend on it, even if only on its length.
+    file that is not a source of the package. Then other code may depend on that path, if only on its length.
     """
     graph, record = read_native_graph(build), read_record(build)
     seen = record.commands if record else NOT_OBSERVED

@@ -64,7 +64,7 @@ def prune(store: FolderStore, size: int, since: float = 0.0) -> tuple[int, int]:
     left, kept, referenced = size, set[str](), set[str]()
     removed = []
     for result in contents.results:
-        blobs = set[str]()  # none if the result cannot be read
+        blobs = set[str]()  # no blobs if the result cannot be read
         with contextlib.suppress(OSError, ValueError):
             blobs = {file.digest.hash for file in decode_result(result.path.read_bytes()).files}
         needed = result.size + sum(
@@ -93,8 +93,8 @@ def prune_entries(
 ) -> list[CacheEntry]:
     """Remove the least recently used entries until they take at most `size` bytes, and return them.
 
-    Entries that were not used `since` then are removed as well. Those of the last hour are kept, since a
-    build may use them; `remove` tells whether it could remove an entry.
+    Entries that were not used `since` then are removed as well. Entries used in the last hour are kept, since
+    a build may use them; `remove` returns whether it could remove an entry.
     """
     ordered = sorted(entries, key=lambda entry: entry.used)
     left, young = sum(entry.size for entry in ordered), time.time() - _YOUNG_SECONDS
@@ -121,7 +121,7 @@ def _files(folder: Path) -> Iterator[StoredFile]:
 
 @frozen
 class VerifyResult:
-    """The number and size of files read, and the removed files with reasons."""
+    """The number and size of the files read, and the removed files with reasons."""
 
     files: int
     size: int
@@ -170,7 +170,7 @@ def add_counts(folder: Path, counts: Counts, rights: int) -> None:
         return
     mode = rights & 0o666
     with open(folder / ".lock", "a", opener=partial(os.open, mode=mode)) as lock:
-        with contextlib.suppress(PermissionError):  # owned by another user of the group
+        with contextlib.suppress(PermissionError):  # another user of the group owns it
             os.fchmod(lock.fileno(), mode)
         fcntl.flock(lock, fcntl.LOCK_EX)
         before = read_counts(folder)

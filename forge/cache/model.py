@@ -17,7 +17,7 @@ _SHA256 = re.compile(r"[0-9a-f]{64}")
 
 @frozen
 class CacheEntry:
-    """An entry of a plugin in the user's cache, which can be recreated."""
+    """An entry of a plugin in the user's cache; it can be recreated."""
 
     kind: str
     """A noun in the singular, such as 'source'."""
@@ -92,10 +92,10 @@ class BlobError(StoreError):
 
 @frozen
 class RemoteOptions:
-    """How to use a remote store.
+    """The parameters of a remote store.
 
-    Each request may take `seconds`, and one more for each mebibyte. `variables` are those of the environment,
-    which may contain credentials. `warn` shows a message to the user.
+    Each request may take `seconds`, and one more for each mebibyte. `variables` is the environment, which may
+    contain credentials. `warn` shows a message to the user.
     """
 
     seconds: float
@@ -107,8 +107,8 @@ class RemoteOptions:
 class RemoteStore(Protocol):
     """Stores results by key and blobs by digest on a server; keys are 64 lower-case hex digits.
 
-    Several threads use it. It raises no StoreError but BlobError: after any other fault it warns once, and
-    appears to be empty from then on.
+    Several threads use it. The only StoreError that it raises is BlobError: after any other fault it warns
+    once, and appears to be empty from then on.
     """
 
     name: str
@@ -130,4 +130,4 @@ class RemoteStore(Protocol):
         """Wait for the uploads; return how many results were not uploaded."""
 
     def close(self) -> None:
-        """Abort what is not finished and close all connections."""
+        """Abort unfinished requests and close all connections."""

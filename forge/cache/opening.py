@@ -95,7 +95,7 @@ def cache_folder(option: str | None, variables: Mapping[str, str]) -> Path:
 
 
 def foreign_store(folder: Path) -> Iterator[Problem]:
-    """Yield a problem if a folder has files where a cache has its own, but was not made by forge."""
+    """Yield a problem for a folder that is not a cache, but contains files at paths that a cache uses."""
     from forge.cache.folder_store import FolderStore
 
     if entry := FolderStore(folder).foreign_entry():
@@ -152,7 +152,7 @@ def open_cache(
 def open_remote(url: str, options: RemoteOptions) -> RemoteStore:
     """Return the store for a URL without connecting to it; raises ForgeError for an invalid URL.
 
-    A plugin has the name of the scheme, or else takes all schemes of fsspec.
+    The plugin is the one named like the scheme, or else that of fsspec, which supports many schemes.
     """
     scheme, what = _scheme(url), "remote cache backend"
     plugin = find(STORES, scheme, what, ("connect",)) or find(STORES, "fsspec", what)

@@ -56,8 +56,8 @@ class CacheContext:
     """The shared state of one build: folders, dependencies, programs, records, the file table.
 
     `needs` are the direct dependencies of each package; `records` change during the build. `forced` are
-    packages to build even if the cache has them. `values` are those of variables that affect all packages.
-    Builds that are not `observed` do not know all of their inputs: only such builds use their results.
+    packages to build even if the cache has them. `values` are the values of variables that affect all
+    packages. The inputs of builds that are not `observed` are incomplete: only such builds use their results.
     """
 
     layout: Layout
@@ -73,7 +73,7 @@ class CacheContext:
 
 @frozen
 class PendingResult:
-    """A result to publish after checking what else was written between `began` and `ended`, in seconds."""
+    """A result to publish after checking other writes between `began` and `ended`, in seconds."""
 
     package: str
     first: str
@@ -123,7 +123,7 @@ class PackageCache:
         self.restored: set[str] = set()
         self.missed: set[str] = set()
         self.has_grown = False
-        """True if something was added to the local folder."""
+        """True if entries were added to the local folder."""
 
     def find(self, task: Task) -> CachedTree | None:
         """Return the cached result of a task, downloaded and verified, or None if it must be built."""
@@ -232,7 +232,7 @@ class PackageCache:
     def _dependencies(self, task: Task) -> tuple[tuple[str, str], ...]:
         """Return the direct dependencies of a task with the keys of their installed files.
 
-        A key covers the package's own tree and the keys of its dependencies, and no path. If a rebuilt
+        A key covers the package's own tree and the keys of its dependencies, but no path. If a rebuilt
         package has an identical tree, the keys of its dependents do not change.
         """
         context = self._context
@@ -268,7 +268,7 @@ class PackageCache:
         Without `remote`, the store is the local folder.
         """
         store, relocator = remote or self._local, self._context.relocator
-        # Scripts for a path without blanks may lack the quotes that another path needs.
+        # Scripts for a path without blanks may lack quotes that another path needs.
         roots = ("", relocator.root) if relocator.is_plain else (relocator.root,)
         try:
             known = store.result(first)
@@ -357,9 +357,10 @@ class PackageCache:
         return tree
 
     def _publish(self, pending: PendingResult) -> None:
-        """Store a result locally and in the remote store: for any path if that was shown, or for this one.
+        """Store a result locally and in the remote store.
 
-        If a build elsewhere had another result, its own is marked, so that no further build shows anything.
+        For any path if path independence was shown, else for this one. If a build elsewhere had another
+        result, that result is marked, so that no later build counts as proof.
         """
         root, first, words = self._context.relocator.root, pending.first, pending.words
         contents = self._external_inputs.contents(words)
@@ -373,14 +374,14 @@ class PackageCache:
         if not self._context.relocator.is_plain:
             key, note = own, "cached for this path only: it contains blanks or special characters"
         elif before and different and different != origin.different:
-            note = f"cached for this path only: '{different}' is another in '{origin.root}'"
+            note = f"cached for this path only: '{different}' differs from the one built in '{origin.root}'"
             doubted = keys.encode_origin(replace(origin, shown=False, different=different))
             self._store(first, second, words, replace(before, stdout=doubted))
             for each in {origin.scripts, scripts} - {""}:
                 self._put_result(each, ActionResult(stdout=doubted))
         elif is_here and not origin.different and (known := self._known_scripts(scripts)) and known.shown:
             here = replace(here, shown=True)
-            note = "cached for any path, which did not matter to the same build scripts"
+            note = "cached for any path: the same build scripts did not depend on it"
         elif is_here:
             here = replace(here, different=origin.different)
             note = "cached for this path"
@@ -429,7 +430,7 @@ class PackageCache:
         self._local.put_result(key, result)
         if self._remote is not None and upload:
             paths = {file.digest: self._local.blob_path(file.digest.hash) for file in result.files}
-            # Missing blobs are already where the result came from.
+            # Missing blobs are already in the store that the result came from.
             here = {digest: path for digest, path in paths.items() if path.is_file()}
             self._remote.upload(key, result, here)
 

@@ -1,7 +1,8 @@
 """Replace workspace paths in installed files by placeholders before caching, and insert them when restoring.
 
 This alone does not make a result valid at another path: paths are written in many ways, and a result may
-depend on one without containing it. Builds at different paths show that, see `forge.cache.package_cache`.
+depend on a path without containing it. Builds at different paths reveal this, see
+`forge.cache.package_cache`.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 _MARK = b"@FORGE_"
 """The prefix of all placeholders. A file that already contains it is stored as it is."""
 _NAME_CONTINUES = rb"(?:[\w\x80-\xff-]|\.[\w\x80-\xff-])"
-"""Text after a match that is only the beginning of another folder's name."""
+"""Text after a match that shows that it is only the beginning of another folder's name."""
 
 
 class Relocator:
@@ -68,16 +69,17 @@ class Relocator:
         return self.absolutize(text.encode(errors="surrogateescape")).decode(errors="surrogateescape")
 
     def relativize_input(self, path: str) -> str:
-        """Return a file that a build read or looked for as other users name it, or a question unchanged.
+        """Return the name that other users have for a file that a build read or looked for.
 
-        In the home folder only for what is missing: a result may contain the path of what is there.
+        Questions are unchanged. In the home folder, only missing files are renamed: a result may contain the
+        path of an existing one.
         """
         word = self.relativize_word(path)
         is_others = word.startswith(self._home) and not os.path.lexists(word)
         return f"~/{word.removeprefix(self._home)}" if is_others else word
 
     def absolutize_input(self, word: str) -> str:
-        """Return the path of this user for the result of `relativize_input`."""
+        """Return this user's path for the result of `relativize_input`."""
         return self._home + word[2:] if word.startswith("~/") else self.absolutize_word(word)
 
     def _with_placeholders(self, content: bytes) -> bytes:

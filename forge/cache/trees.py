@@ -1,6 +1,6 @@
-"""The installed files of a package as a relocatable tree, its encoding as blobs, and how it is restored.
+"""The installed files of a package as a relocatable tree, its encoding as blobs, and its restoration.
 
-Small files are concatenated into one blob, the pack; each large file is a blob of its own. A further blob,
+Small files are concatenated into one blob, the pack; each large file is a separate blob. A further blob,
 the index, lists the files.
 """
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from forge.cache.relocation import Relocator
 
 LARGE = 1 << 20
-"""The size in bytes from which a file is a blob of its own."""
+"""The size in bytes from which a file is a separate blob."""
 
 _SPECIAL = stat.S_ISUID | stat.S_ISGID | stat.S_ISVTX
 """Permissions that are never restored."""
@@ -50,8 +50,8 @@ class Leaf:
     """An installed file: `path` relative to the prefix, mode, size and hash (with placeholders for paths).
 
     `offset` is its position in the pack; it is -1 for a large file, whose bytes are the blob `hash`.
-    `relocatable` is True if the content has placeholders. A symbolic link has a `target` instead.
-    `linked` is a digest of what does not depend on the run path with which a program or library was linked.
+    `relocatable` is True if the content contains placeholders. A symbolic link has a `target` instead.
+    `linked` is a digest of a program or library that does not depend on its run path.
     """
 
     path: str
@@ -139,7 +139,7 @@ def scan_tree(
 
 
 def unrecorded_files(install: Path, records: Mapping[str, BuildRecord], since: float) -> dict[str, float]:
-    """Return files that appeared in a merged prefix without being in any install manifest, with their times.
+    """Return files that appeared in a merged prefix and are in no install manifest, with their times.
 
     Workspace-level files of forge and Python bytecode are excluded.
     """
@@ -208,7 +208,7 @@ def _folders(prefix: str, names: Iterable[str], empty: Iterable[str]) -> tuple[t
 
 
 def _leaf(path: str, name: str, relocator: Relocator, offset: int, owner: int) -> tuple[Leaf, bytes | None]:
-    """Return a file as a leaf, and its bytes for the pack; `owner` is that of the prefix."""
+    """Return a file as a leaf, and its bytes for the pack; `owner` is the owner of the prefix."""
     status = os.lstat(path)
     if stat.S_ISLNK(status.st_mode):
         target = os.readlink(path)
@@ -348,7 +348,7 @@ class TreeWriter:
     def write_tree(self, found: CachedTree) -> None:
         """Write a whole tree; files that are already identical keep their time.
 
-        Raises OSError, also if a symbolic link leads out of the prefix.
+        Raises OSError, for example if a symbolic link leads out of the prefix.
         """
         for leaf in found.tree.leaves:
             new = self._folder(leaf.path.rpartition("/")[0])
@@ -390,7 +390,7 @@ class TreeWriter:
         return new
 
     def _write(self, path: str, leaf: Leaf, found: CachedTree, *, new: bool) -> None:
-        """Write a file, unless it is small and identical; `new` tells that its folder was empty."""
+        """Write a file, unless it is small and identical; `new` is True if its folder was empty."""
         content = None
         if leaf.offset >= 0:
             content = found.small(leaf)

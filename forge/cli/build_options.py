@@ -121,8 +121,8 @@ class BuildOptions:
     )
     watch: bool = flag("build, then rebuild whenever a source file changes, until Ctrl-C", group=_OUTPUT)
     timings: str | None = option(
-        "write an HTML report of build times and a trace file into the log folder; with 'headers' it has the "
-        "time that clang needs for each header, with 'live' another page shows the build while it runs",
+        "write an HTML report of build times and a trace file into the log folder; 'headers' adds the time "
+        "that clang needs for each header, 'live' serves a page that shows the running build",
         nargs="?",
         const=_PAGE,
         parse=_timings,
@@ -142,8 +142,8 @@ class BuildOptions:
         group=_OUTPUT,
     )
     no_observer: bool = flag(
-        "run the steps without the library that observes what they read and write: after any change of a "
-        "package or its dependencies, it is built from an empty folder",
+        "do not observe what the steps read and write: after any change of a package or its dependencies, it "
+        "is built from an empty folder",
     )
     dry_run: bool = flag("print the build plan and all commands without running them", group=_OUTPUT)
     print_command: str | None = option(
@@ -188,7 +188,7 @@ class BuildOptions:
 
     @property
     def forced_by(self) -> str:
-        """Return the option that rebuilds packages even if they are up to date, '' if none does."""
+        """Return the option that rebuilds packages even if they are up to date, '' if there is none."""
         if self.is_rebuild:
             return ""
         forcing = {
@@ -222,8 +222,8 @@ class BuildOptions:
         }
         if self.audit and any(without_audit.values()):
             words = ", ".join(word for word, given in without_audit.items() if given)
-            message = f"--audit cannot be combined with {words}: all steps must run on this machine, observed"
-            hint = "remove these options, also from forge.toml and the environment"
+            message = f"--audit cannot be combined with {words}: all steps must be observed on this machine"
+            hint = "remove these options, including those in forge.toml and the environment"
             raise SelectionError(Problem(message, hint=hint))
         for word, value in (("--dry-run", self.dry_run), ("--print-command", self.print_command)):
             if self.watch and value:
@@ -237,7 +237,7 @@ class BuildOptions:
 
 
 def for_rebuild(options: _Options) -> _Options:
-    """Return the options of a build after the first one of `--watch`, to which some options do not apply."""
+    """Return the options for later builds of `--watch`, to which some options do not apply."""
     changed: dict[str, Any] = {}
     for each in fields(options):  # type: ignore[arg-type]
         value, declared = getattr(options, each.name), each.metadata.get(OPTION)

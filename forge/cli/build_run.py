@@ -101,7 +101,7 @@ def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
             **worker_variables,
         }
         if not (audit or context.launcher):
-            # By these variables compilers run faster.
+            # These variables make compilers faster.
             variables[LIBRARY_PATH_BELOW] = build.variables.get("LD_LIBRARY_PATH", "")
             if compiles and not remote and job_pool.local:
                 variables |= gcc_heap(memory(), job_pool.local)

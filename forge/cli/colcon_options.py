@@ -49,7 +49,7 @@ COLCON_OPTIONS = {
 """The options of colcon for each command with options in PASSED_ON."""
 
 NO_ABBREVIATIONS = frozenset({"--python"})
-"""Options of forge that colcon would take for abbreviations of its own."""
+"""Options of forge that colcon would take for abbreviations of its own options."""
 
 
 def classified(verb: str | None, arguments: Iterable[str]) -> Iterator[tuple[str, bool]]:

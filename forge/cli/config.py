@@ -36,10 +36,10 @@ GENERAL = ("log_base", "log_level")
 _BEFORE_FILES = {"rosdistro": VARIABLE}
 """Environment variables that take precedence over files, by the destination of the option."""
 _AGREE_WITH_BUILD = frozenset({"deps", "doctor", "ignore"})
-"""Commands about the next build, which read options shared with `forge build` from its tables."""
+"""Commands that report on the next build; they read options shared with `forge build` from its tables."""
 _OF_ONE_COMMAND = frozenset({"json", "mixin", "mixin-files"})
 _FOLDERS = {"build-base": "build", "install-base": "install", "log-base": "log"}
-"""Options that name folders of which each profile has its own, and their defaults."""
+"""Options that name folders which are separate for each profile, and their defaults."""
 _FLAGS = (argparse._StoreTrueAction, argparse._StoreFalseAction)
 
 
@@ -71,7 +71,7 @@ def configured(
             agreed = {key: value for key, value in options.items() if key in shared}
             values.update(_checked((path, agreed), known, "build"))
     of_profile: Mapping[str, Any] = {}
-    # Those commands have the folders of the profile from the tables of `forge build`.
+    # Those commands take the folders of the profile from the tables of `forge build`.
     folders = () if verb in _AGREE_WITH_BUILD else known.keys()
     for source in option_files(verb, given, root, variables, folders):
         of_profile = _checked(source, known, verb)
@@ -109,7 +109,7 @@ def configured(
 
 
 def misspelt_tables(root: Path, commands: Iterable[str]) -> Iterator[Problem]:
-    """Yield the tables of forge.toml that no command reads, but whose names are almost those of commands."""
+    """Yield the tables of forge.toml that no command reads because a command's name is misspelled."""
     content, path = read_forge_toml(root), root / FORGE_TOML
     known = {*commands, "packages", "profiles"}
     profiles = table_of(content, "profiles", path)
@@ -121,7 +121,7 @@ def misspelt_tables(root: Path, commands: Iterable[str]) -> Iterator[Problem]:
 
 
 def configured_word(option: str, root: Path, variables: Mapping[str, str]) -> str | None:
-    """Return the value that files set for an option of `forge build`, for commands that agree with it."""
+    """Return the value of an option of `forge build` in files, for commands that must agree with it."""
     sources = option_files("build", {}, root, variables)
     values = [value for _, options in sources if isinstance(value := options.get(option), str)]
     return values[-1] if values else None
@@ -136,7 +136,7 @@ def option_files(
 ) -> Iterator[OptionFile]:
     """Yield the files with options of the command, in order of increasing priority.
 
-    The last one is that of the profile, if there is one: it contains its folders that are `known` options.
+    The last one represents the profile, if any, and contains its folders that are `known` options.
     """
     lower: dict[str, Any] = {}
     defaults = Path(setting("DEFAULTS_FILE", variables) or home(variables) / "defaults.yaml")
@@ -167,7 +167,7 @@ def option_files(
         if key in of_build:
             folders[key] = of_build[key]
         elif key == "log-base" and key not in lower and setting("LOG_PATH", variables):
-            pass  # the runs of all profiles have different names there
+            pass  # runs of all profiles have different names in it
         elif isinstance(base, str) and base != os.devnull:
             folders[key] = folder_of_profile(base, name)
     yield path, {**folders, **table_of(profile, verb, path)}

@@ -42,7 +42,7 @@ COMMANDS = {
     "graph": "show the dependency graph of the packages",
     "info": "show details of packages",
     "init": "write settings for the workspace, its editor, CI and containers",
-    "ignore": "leave packages out of the workspace, and list those that are ignored",
+    "ignore": "ignore packages of the workspace, and list ignored packages",
     "doctor": "diagnose problems of the machine, the shell and the workspace",
     "fetch": "lock and download the ROS packages that the workspace needs",
     "add": "add dependencies to a package",
@@ -55,7 +55,7 @@ COMMANDS = {
     "run": "run an executable of an installed package",
     "env": "print the environment variables that sourcing the workspace sets",
     "shell": "start a shell or a command in the environment of the workspace",
-    "cache": "inspect, prune and verify what forge keeps for all workspaces",
+    "cache": "inspect, prune and verify cached data shared by all workspaces",
     "bundle": "pack the install folder into an archive for deployment",
     "help": "print the help of a command",
 }
@@ -121,7 +121,7 @@ def _report_bug() -> int:
 
 
 def _split(arguments: Sequence[str]) -> tuple[Path, list[str]]:
-    """Return the folder of -C, where several are resolved in sequence, and the words from the command on."""
+    """Return the folder of -C (several are resolved in sequence), and the words from the command on."""
     folder, words = Path(), iter(arguments)
     for word in words:
         if not word.startswith("-"):
@@ -206,7 +206,7 @@ class Parser(argparse.ArgumentParser):
             options, rest = super().parse_known_args(words, namespace)
         except UnicodeDecodeError:
             self.error("the argument file after '@' is not valid UTF-8")
-        # argparse assigns those before the first option: 'clean packages -y P' would lose P.
+        # argparse assigns only arguments before the first option: 'clean packages -y P' would lose P.
         lists = [action.dest for action in self._actions if not action.option_strings and action.nargs == "*"]
         if lists and rest and not any(word.startswith("-") for word in rest):
             before = getattr(options, lists[-1])
@@ -327,9 +327,9 @@ def add_plugin(commands: Any, group: str, word: str, kind: str) -> None:
 
 
 def add_verbs_of_plugins(parser: Parser, verbs: Any, group: str) -> None:
-    """Add the verbs of plugins, unless the command line has one of the command's own.
+    """Add the verbs of plugins, unless the command line contains a built-in verb.
 
-    Builds wait for 'forge interface generate', which imports no plugins.
+    Builds wait for 'forge interface generate', so this imports no plugins.
     """
     asked = next((word for word in parser.words if not word.startswith("-")), None)
     if asked not in verbs.choices:
@@ -338,7 +338,7 @@ def add_verbs_of_plugins(parser: Parser, verbs: Any, group: str) -> None:
 
 
 def _add_own(command: Parser, module: Any) -> None:
-    """Add the options and the function of a command or verb of forge; verbs have a function of their own."""
+    """Add the options and the function of a command or verb of forge; each verb has its own function."""
     if hasattr(module, "Options"):
         from forge.cli.options import set_command
 

@@ -131,7 +131,7 @@ class _Accumulate(argparse.Action):
 
 
 def _argument_type(parse: Callable[[str], object]) -> Callable[[str], object]:
-    """Return a converter for argparse, which shows only the messages of its own error to users."""
+    """Return a converter for argparse, which shows only messages of its own exception type to users."""
     if isinstance(parse, type):
         return parse
 
@@ -176,7 +176,7 @@ def build_base_option() -> Any:
 
 
 def profile_option() -> Any:
-    """Return the option for commands that have no other options from files."""
+    """Return the option --profile for commands that read no other options from files."""
     return option(
         "use the folders of this profile: install-NAME and so on", metavar="NAME", group="options from files"
     )
@@ -184,7 +184,7 @@ def profile_option() -> Any:
 
 @frozen
 class NoOptions:
-    """The options of a command that has none."""
+    """The options of a command without options."""
 
 
 @frozen
@@ -241,12 +241,12 @@ class FolderOptions:
 
 @frozen
 class OptionSources:
-    """Where options come from besides the command line: forge.cli.config reads them."""
+    """The sources of options besides the command line; forge.cli.config reads them."""
 
     GROUP = "options from files"
 
     profile: str | None = option(
-        "use the options of this profile in forge.toml, and folders of its own: build-NAME, install-NAME, "
+        "use the options of this profile in forge.toml, and separate folders: build-NAME, install-NAME, "
         "log-NAME; every workspace has debug, release, asan, tsan and ubsan",
         metavar="NAME",
     )

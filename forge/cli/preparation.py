@@ -74,11 +74,11 @@ if TYPE_CHECKING:
 
 
 _MANY_WHEELS = 4
-"""Starting the worker takes as long as it saves for three Python packages."""
+"""Starting the worker takes as long as it saves with three Python packages."""
 
 
 class BuildMode:
-    """How a single build reports its result, like colcon; `WatchLoop` overrides the methods."""
+    """Reports the result of a single build, like colcon; `WatchLoop` overrides the methods."""
 
     quiet = False
     """Whether to omit progress messages; failures and stderr output of packages are printed in any case."""
@@ -129,7 +129,7 @@ def _load(
 ) -> tuple[LoadedWorkspace, dict[str, str]]:
     """Return the packages with their selection, and the variables of the build; print warnings.
 
-    There are warnings about underlays that do not exist, cannot be used, or do not fit.
+    Warn about underlays that do not exist, cannot be used, or do not match.
     """
     if options.reset_underlays and not options.dry_run and folder_marks.is_own_install_base(layout.install):
         install_state.forget_underlays(layout.install)
@@ -325,7 +325,7 @@ def _has_many_wheels(packages: Iterable[Package]) -> bool:
 
 
 def make_plan(build: PreparedBuild, state: BuildState) -> tuple[BuildPlan, Snapshot]:
-    """Compare all inputs with the journal, and record what is up to date."""
+    """Compare all inputs with the journal, and record the packages that are up to date."""
     loaded, context, variables = build.loaded, build.context, build.variables
     snapshot = take_snapshot(
         context.root, loaded.packages.values(), context.layout, state.journal, state.table
@@ -402,9 +402,9 @@ def build_variables(
     """Return the environment of a build: the caller's environment, ROS defaults and the recorded underlays.
 
     Entries of this workspace are removed, so that sourcing it before a build makes no difference. Underlays
-    recorded by an earlier build are used even if they are not sourced in this shell, and those of which the
-    shell has only some variables are used as if they were sourced. The ROS distribution is `rosdistro`, else
-    that of the environment, else that of an underlay, else that of an earlier build. The underlays
+    recorded by an earlier build are used even if they are not sourced in this shell, and underlays of which
+    the shell has only some variables are used as if they were sourced. The ROS distribution is `rosdistro`,
+    else that of the environment, else that of an underlay, else that of an earlier build. The underlays
     `locked` are used as those of an earlier build.
     """
     own = tidy_prefixes(without_own(surroundings, layout))
@@ -453,7 +453,7 @@ def without_own(variables: Mapping[str, str], layout: Layout) -> dict[str, str]:
 
 
 def require_packages(loaded: LoadedWorkspace) -> None:
-    """Raise WorkspaceError if there are no packages at all, as outside of a workspace."""
+    """Raise WorkspaceError if there are no packages at all, for example outside of a workspace."""
     if not loaded.workspace.packages:
         from forge.workspace.ignoring import ignored_packages
         from forge.workspace.missing import submodule_remedy, unchecked_submodules
@@ -462,13 +462,13 @@ def require_packages(loaded: LoadedWorkspace) -> None:
         if empty := unchecked_submodules(loaded.workspace.root):
             hint = submodule_remedy(empty)
         elif any(ignored_packages(loaded.workspace.root, (os.curdir,), os.environ)):
-            hint = "packages are ignored; 'forge ignore' lists them, each with the file that is the reason"
+            hint = "packages are ignored; 'forge ignore' lists them, each with the file that hides it"
         problem = Problem(f"no packages found below '{loaded.workspace.root}'", hint=hint)
         raise WorkspaceError(problem)
 
 
 def workspace_interpreter(python: str | None, layout: Layout, root: Path) -> Interpreter:
-    """Return `python` if given, else the interpreter of the last build, else that which a build would use."""
+    """Return `python` if given, else the interpreter of the last build, else that of the next build."""
     variables = build_variables(layout, os.environ)
     recorded = install_state.recorded_python(layout.install)
     if not (python or recorded):
@@ -512,10 +512,10 @@ def output_problems(
     *,
     prefixes: bool = True,
 ) -> Iterator[Problem]:
-    """Yield a problem for each output folder that is or contains something that forge did not create.
+    """Yield a problem for each output folder that forge did not create, or that contains foreign files.
 
-    `names` are the packages with folders below the bases, unless `prefixes` is False also in the install
-    folder; `others` are further output folders by option.
+    `names` are the packages with folders below the bases; the install folder is checked unless `prefixes` is
+    False; `others` are further output folders by option.
     """
     workspace = loaded.workspace
     sources = _sources(workspace.root, workspace)

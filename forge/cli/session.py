@@ -34,7 +34,7 @@ from forge.workspace.model import Package
 from forge.workspace.selection import Query
 
 _MOST_NEEDS = 100_000
-"""Writing so many dependencies to the log takes a tenth of a second."""
+"""Writing this number of dependencies to the log takes a tenth of a second."""
 
 
 @dataclass
@@ -184,8 +184,8 @@ def open_session(
     """Yield the session of a command for the packages of `query`; `needs` are dependencies for the log.
 
     `seconds` contains the duration of earlier builds of packages. A `quiet` session prints failures only.
-    `cmake_variables` are those passed to all packages; `surroundings` is what hints look at, as in
-    failure_context. Embedded packages that were built before get no lines of their own, except those that the
+    `cmake_variables` are those passed to all packages; `surroundings` is the context for hints, as in
+    failure_context. Embedded packages that were built before get no separate lines, except those that the
     user named. Paths are displayed relative to `origin`.
     """
     handlers, durations = options.handlers, seconds or {}
@@ -222,8 +222,8 @@ def open_session(
         direct = handlers["console_direct"]
         json_events = JsonEvents(plan, packages, log=log.note, printed=options.json, output=direct)
         if log.folder is not None:
-            # colcon lists other packages only when it builds. Indirect dependencies are left out of packages
-            # that are up to date, which start and end at once, and of all packages if there are too many.
+            # colcon lists other packages only when it builds. Indirect dependencies are omitted for packages
+            # that are up to date, which start and end at once, and for all packages if there are too many.
             jobs = {name: needs.get(name, ()) for name in plan.fresh}
             direct = sum(len(task.needs) for task in plan.tasks.values()) > _MOST_NEEDS
             for name, task in plan.tasks.items():

@@ -38,13 +38,13 @@ _BUILD_TYPES = {
     "--relwithdebinfo": "RelWithDebInfo",
     "--build-type": "Release",
 }
-"""Options that other build tools have for CMake's build type."""
+"""Options of other build tools for CMake's build type."""
 
 
 def suggestion(message: str, commands: Iterable[str], options: Iterable[str]) -> tuple[str, str | None]:
     """Return a shorter form of argparse's error message, and a suggestion.
 
-    `options` are those of the parser that reports the error.
+    `options` are the options of the parser that reports the error.
     """
     command, choice, unknown = (pattern.match(message) for pattern in (_COMMAND, _CHOICE, _UNKNOWN))
     if command:
@@ -78,7 +78,7 @@ def _instead(argument: str, options: frozenset[str]) -> str | None:
         return f"to define a variable of CMake: '{_CMAKE_ARGS} {argument}'"
     if word in _BUILD_TYPES and _CMAKE_ARGS in options:
         return f"to set the build type: '{_CMAKE_ARGS} -DCMAKE_BUILD_TYPE={_BUILD_TYPES[word]}'"
-    # The common dashes would make short options similar to each other.
+    # With their common dashes, short options would be similar to each other.
     names = {option.lstrip("-"): option for option in options if option.startswith("--")}
     near = nearest(word.lstrip("-"), names)
     return f"did you mean '{names[near]}'?" if near else None

@@ -1,3 +1,3 @@
-"""Observation of build steps: what they read, write and execute, and the consequences."""
+"""Observation of build steps: the files that they read, write and execute, and the consequences."""
 
 __all__ = ["commands", "observation", "observer", "world"]

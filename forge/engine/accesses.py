@@ -1,4 +1,4 @@
-"""What CMake and the commands of a native tool did to files, and how that is recorded."""
+"""The file accesses of CMake and of the commands of a native tool, and their encoding in records."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ _SETS = (
 class Accesses:
     """File system accesses of a command, as absolute paths.
 
-    `searched` is what it looked for in vain; of commands of the native tool, which share most of it, only the
-    folders in which it did. All these lie in the folders that matter. `external` are other files that it read
-    or looked for in vain, and folders that it listed, ending with '/.'. `asked` are questions for a `World`.
-    `written` has created folders, too, ending with '/'. Programs with `ledgers`, a digest and a path each,
-    have written what is `kept`, see `forge.engine.observed`. `early` is what other commands wrote only after
-    it had looked for it, or had listed its folder. `undone` are outputs of
-    commands of which it has removed or renamed files. `outside` is True if it wrote elsewhere than to the
-    build folder, and `blind` if not all is known.
+    `searched` are paths that it looked for in vain; for commands of the native tool, which share most of
+    them, only the searched folders. All these are in relevant folders. `external` are other files that it
+    read or looked for in vain, and folders that it listed, ending with '/.'. `asked` are questions for a
+    `World`. `written` also contains created folders, ending with '/'. `kept` are files written by programs
+    with `ledgers`, a digest and a path each; see `forge.engine.observed`. `early` are paths that other
+    commands wrote only after it had looked for them or listed their folder. `undone` are outputs of commands
+    of which it has removed or renamed files. `outside` is True if it wrote elsewhere than to the build
+    folder, and `blind` if not all is known.
     """
 
     read: frozenset[str] = frozenset()
@@ -55,17 +55,18 @@ class Accesses:
 
     @property
     def outputs_known(self) -> bool:
-        """Return True if everything that the command wrote lies in the build folder and is known."""
+        """Return True if the writes of the command are completely known and inside the build folder."""
         return not self.outside and not self.blind
 
 
 @frozen
 class ObservedCommands:
-    """What CMake did, if that is known, and the commands of the native tool by their first outputs.
+    """The accesses of CMake, if known, and of the commands of the native tool by their first outputs.
 
     `missing` are all paths that some command has looked for in vain; they end with the first missing name.
-    `rest` is what other processes of the steps did. `answers` are those to all questions when they were
-    recorded. `left` is what the install step has written to the build folder, such as its manifest.
+    `rest` are the accesses of other processes of the steps. `answers` are the answers to all questions at the
+    time of recording. `left` are the files that the install step wrote to the build folder, such as its
+    manifest.
     """
 
     configure: Accesses | None = None
@@ -87,9 +88,9 @@ class ObservedCommands:
         known = accesses.read | accesses.found
         return (
             not accesses.read.isdisjoint(modified)
-            # It would rewrite the file, as CMake does with a generated file in the sources.
+            # The command would rewrite the file, as CMake does with a generated file in the sources.
             or not accesses.written.isdisjoint(modified)
-            # For a folder, this is its mode, which is copied with it.
+            # A folder stands for its mode, which is copied with it.
             or any(path[:-1] in known | accesses.listed for path in modified if path.endswith("/"))
             or any(path.rstrip("/") in known for path in removed)
             or (
@@ -100,7 +101,7 @@ class ObservedCommands:
         )
 
     def _in_vain(self, path: str) -> tuple[str, ...]:
-        """Return the missing path that is this one or a parent of it, and the folder that lacked it."""
+        """Return the missing path that equals or contains this one, and the folder that lacked it."""
         path = path.rstrip("/")
         while path not in self.missing:
             parent = os.path.dirname(path)
@@ -110,7 +111,7 @@ class ObservedCommands:
         return (path, os.path.dirname(path))
 
     def merged(self, after: ObservedCommands, outputs: Collection[str]) -> ObservedCommands:
-        """Return these accesses updated by those of a later build, of the commands with `outputs`."""
+        """Return these accesses updated by those of a later build, for the commands with `outputs`."""
         edges = {name: each for name, each in {**self.edges, **after.edges}.items() if name in outputs}
         for name in self.edges.keys() & after.edges.keys() & edges.keys():
             # Outputs that only the earlier run wrote depend on the inputs of that run.

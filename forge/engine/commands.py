@@ -1,7 +1,7 @@
-"""Records of what CMake and each native command read and wrote in a build folder.
+"""Records of the files that CMake and each native command read and wrote in a build folder.
 
-The folders that matter are the package's sources, its build folder and the prefixes of the workspace. Of the
-rest of the machine, only what later builds compare is kept.
+The relevant folders are the package's sources, its build folder and the prefixes of the workspace. For the
+rest of the machine, only data that later builds compare is kept.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def commands_of(
     outputs_of: Callable[[Process, frozenset[str]], tuple[str, ...]],
     folders: Folders,
 ) -> ObservedCommands:
-    """Return the commands in a log; `roots` has the kind of each step by its process.
+    """Return the commands in a log; `roots` maps the process of each step to its kind.
 
     `outputs_of` returns the outputs of the edge that a process below ninja runs, whose written files are
     given; none if the edge is unknown.
@@ -103,7 +103,7 @@ def commands_of(
 
 
 class _LaterWrites:
-    """The files that the commands of a step wrote, and when."""
+    """The files that the commands of a step wrote, and the times of the writes."""
 
     def __init__(self, step: ObservedStep) -> None:
         self._first: dict[str, int] = {}
@@ -126,7 +126,7 @@ class _LaterWrites:
 
 
 class Folders:
-    """The folders whose files matter, with and without resolved links; and the others."""
+    """The relevant folders, with and without resolved links, and the irrelevant ones."""
 
     def __init__(
         self,
@@ -140,12 +140,12 @@ class Folders:
         workspace: Path | None = None,
         began: int = 0,
     ) -> None:
-        """Keep what lies below the build folder or `others`; what lies below `known` is tracked otherwise.
+        """Keep paths below the build folder or `others`; paths below `known` are tracked otherwise.
 
-        What commands of forge write below `private`, forge's own cache, is no output. `sources` are files
-        that compilers take as source code. Of `source`, one of the `others`, files that do not count as
-        sources are like files elsewhere. Scripts of packages may lie anywhere in the `workspace`. The steps
-        `began` at this time, in nanoseconds, 0 if unknown.
+        Files that forge's commands write below `private`, forge's own cache, are not outputs. `sources` are
+        files that compilers take as source code. Files of `source`, one of the `others`, that do not count as
+        sources are treated like files elsewhere. Scripts of packages may lie anywhere in the `workspace`. The
+        steps `began` at this time, in nanoseconds, 0 if unknown.
         """
         self._began = began
         self._workspace = f"{workspace}/" if workspace else "\0"
@@ -166,13 +166,13 @@ class Folders:
         spelled = {f"{os.path.realpath(folder)}/": f"{folder}/" for folder in folders}
         self._spelled = dict(sorted(spelled.items(), key=lambda pair: -len(pair[0])))
         self._places: dict[str, tuple[str, str, dict[str, str]]] = {}
-        """By folder: the one of these folders that it is below, the path in it, and those in it by name."""
+        """By folder: the enclosing one of these folders, the path in it, and its entries by name."""
         self._folders: dict[str, str] = {"": "", "/": "/"}
         self._modules = ModuleSearch()
         self._metadata: dict[str, tuple[str, ...]] = {}
         # Commands of one package access mostly the same paths: each path is checked once.
         self.path = cache(self._look_for_path)
-        """Returns a path below one of the folders as its name spells it, None if it is elsewhere."""
+        """Returns a path below one of the folders, spelled with the folder's name, or None."""
         self._is_read_file = cache(self._look_at_file)
         self._is_missing = cache(self._look_for)
         self._is_native = cache(self._look_for_native)
@@ -186,7 +186,7 @@ class Folders:
         return f"{root}{below}" if below else root[:-1] or None
 
     def _place(self, path: str) -> tuple[str, str]:
-        """Return the folder that a path is below, ending with '/', and the path in it; '' for neither."""
+        """Return the enclosing folder of a path, ending with '/', and the path in it; '' if there is none."""
         folder, _, name = path.rpartition("/")
         place = self._places.get(folder)
         if place is None:
@@ -220,13 +220,16 @@ class Folders:
         return path.startswith(self._build)
 
     def paths(self, paths: Iterable[str]) -> frozenset[str]:
-        """Return those below one of the folders."""
+        """Return the paths below one of the folders."""
         return frozenset(filter(None, map(self.path, paths)))
 
     def accesses(
         self, seen: Observation, processes: Iterable[Process] = (), copying: Collection[Process] = ()
     ) -> Accesses:
-        """Return the relevant accesses of some processes; those `copying` only copy what they read."""
+        """Return the relevant accesses of some processes.
+
+        Processes in `copying` only copy the files that they read.
+        """
         processes = tuple(processes)
         kept = [path for path in seen.written if os.path.lexists(path) and not CACHED_BYTECODE.match(path)]
         kept += [
@@ -283,8 +286,8 @@ class Folders:
     def _is_in_another_package(self, path: str) -> bool:
         """Return whether a file is among the sources of another package, which may use it.
 
-        A file between the packages, such as the log of a compiler wrapper, may come and go. So may what is in
-        hidden folders, such as those of git and caches.
+        A file between the packages, such as the log of a compiler wrapper, may come and go, and so may files
+        in hidden folders, such as those of git and caches.
         """
         below = path.removeprefix(self._workspace)
         if below == path or path[-1] == "/" or "/." in f"/{below}" or self.path(path) is not None:
@@ -293,7 +296,7 @@ class Folders:
         return any(os.path.lexists(f"{self._workspace}{folder}/package.xml") for folder in folders)
 
     def _is_untouched(self, path: str) -> bool:
-        """Return whether a file opened to be changed was only read, such as a database."""
+        """Return whether a file that was opened for writing was only read, such as a database."""
         try:
             status = os.stat(path)
         except OSError:
@@ -301,7 +304,7 @@ class Folders:
         return max(status.st_mtime_ns, status.st_ctime_ns) < self._began
 
     def missing_modules(self, seen: Observation) -> Iterator[str]:
-        """Yield the files that Python would have read first as modules, in the folders that matter."""
+        """Yield the files in relevant folders that Python would have imported in preference."""
         for entries, name in seen.modules:
             places = self._modules.places(entries, name)
             for entry in entries:
@@ -318,7 +321,7 @@ class Folders:
         return not root or (root == self._source and self._is_no_source(below.rstrip("/")))
 
     def _look_beside(self, path: str) -> bool:
-        """Return whether a path below the sources belongs to no source, as those of git do not."""
+        """Return whether a path below the sources is not part of the sources, such as a file of git."""
         parent, _, name = path.rpartition("/")
         if not name or (parent and self._is_no_source(parent)):
             return bool(name)
@@ -334,7 +337,7 @@ class Folders:
         )
 
     def _external_files(self, paths: Iterable[str]) -> Iterator[str]:
-        """Yield the files that lie elsewhere; Python's caches stand for their sources."""
+        """Yield the files outside these folders; Python bytecode caches stand for their sources."""
         for path in paths:
             if "/__pycache__/" in path:
                 path = CACHED_BYTECODE.sub(r"\1/\2.py", path)
@@ -342,9 +345,10 @@ class Folders:
                 yield path
 
     def _scanned(self, process: Process) -> Iterator[str]:
-        """Yield the metadata of Python's distributions that a process read of all of them alike.
+        """Yield the metadata of Python distributions that a process read from all of them.
 
-        It searches for plugins, which it then imports; a request for one distribution reads only that.
+        Such a process searches for plugins, which it then imports; a query for one distribution reads only
+        its metadata.
         """
         read: dict[str, dict[str, set[str]]] = {}
         for _, kind, path in process.records:
@@ -390,11 +394,11 @@ class Folders:
     def _listed(self, processes: Iterable[Process]) -> Iterator[str]:
         """Yield the folders elsewhere whose names were read, except by CMake in search of packages.
 
-        The temporary folder is excluded: gcc optimizes at link time by a makefile in it, and make
-        lists the folders of makefiles.
+        The temporary folder is excluded: gcc's link-time optimization uses a makefile in it, and make lists
+        the folders of makefiles.
         """
         for process in processes:
-            # To find a library, CMake before 3.28 lists all folders of PATH, which have none.
+            # To find a library, CMake before 3.28 lists all folders of PATH, which contain none.
             all_listed = {path for _, kind, path in process.records if kind == "L"}
             is_cmake = os.path.basename(next(iter(process.programs[-1:]), "")) == "cmake"
             searched = self._path if is_cmake and self._all_of_path <= all_listed else frozenset[str]()
@@ -407,10 +411,10 @@ class Folders:
                     yield f"{path}/."
 
     def about_processor(self, processes: Iterable[Process]) -> frozenset[str]:
-        """Return the question about the processor if processes may have compiled for it, or read what it is.
+        """Return the question about the processor if processes may have compiled for it or queried it.
 
-        Compilers ask the processor itself, which cannot be observed. The option that tells them to is in a
-        command, or in a file that is read, such as ninja's rules, a response file, or a script.
+        Compilers query the processor directly, which cannot be observed. The option for this is in a command,
+        or in a file that is read, such as ninja's rules, a response file, or a script.
         """
         is_asked = any(
             is_for_this_processor(process.command)
@@ -456,7 +460,10 @@ class Folders:
 
 
 def is_for_this_processor(text: str) -> bool:
-    """Return True if options, or a file that may have some, name the processor at hand; comments do not."""
+    """Return True if options, or a file that may contain some, name the host processor.
+
+    Comments do not count.
+    """
     if not any(word in text for word in _NATIVE_WORDS):
         return False
     beginnings = (
@@ -471,7 +478,7 @@ def _has_native_flag(text: str) -> bool:
 
 
 def _is_cached_bytecode(path: str) -> bool:
-    """Return whether a path is Python's cache; bytecode beside modules is code without source."""
+    """Return whether a path is a Python bytecode cache; bytecode beside modules is code without source."""
     return path.endswith("/__pycache__") or ("/__pycache__/" in path and path.endswith(".pyc"))
 
 
@@ -489,10 +496,13 @@ _OF_CMAKE = ("/CMakeCache.txt", "Compiler.cmake", "/CMakeSystem.cmake")
 """Large files that CMake writes and reads in each build folder."""
 _METADATA = re.compile(r"(?P<folder>.*)/(?P<name>[^/-]+)(-[^/]*)?\.(dist|egg)-info(?P<file>/.*)?$")
 _SYSTEM_LIBRARIES = ("/lib", "/usr/lib")
-"""System libraries, which the dynamic linker finds by itself; they change with the system's tools."""
+"""System libraries, which the dynamic linker finds without a search path.
+
+They change with the system's tools.
+"""
 _NATIVE_WORDS = ("native", "-xHost", CPU_INFO)
 _NATIVE = re.compile(rf"\bnative\b|-xHost\b|{CPU_INFO}")
-"""Compiler options for the host processor, and the file from which scripts read what it is."""
+"""Compiler options for the host processor, and the file from which scripts read its model."""
 _NATIVE_FLAG = re.compile(r"-m(?:arch|tune|cpu)=native|target-cpu=native|-xHost\b|/proc/cpuinfo")
 _VOLATILE = ("/proc/", "/sys/")
 """Virtual files of the kernel."""

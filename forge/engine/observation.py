@@ -1,4 +1,4 @@
-"""Read the log of an observed step: which process asked what of the file system.
+"""Read the log of an observed step: the file system accesses of each process.
 
 `observer.c` describes the records, which the processes of a step write through `LD_PRELOAD`.
 """
@@ -23,7 +23,7 @@ LOG_VARIABLE = "FORGE_OBSERVER_LOG"
 LINKS_VARIABLE = "FORGE_OBSERVER_LINKS"
 STAGE_VARIABLE = "FORGE_OBSERVER_STAGE"
 COLOURS_VARIABLE = "FORGE_COLOURS"
-"""Compilers colour their messages if it is set, although these go into a pipe; see observer.c."""
+"""Compilers colour their messages if it is set, even when writing to a pipe; see observer.c."""
 LOG_BYTES = 1 << 30
 """The size of a log, which is a sparse file: the library maps all of it."""
 
@@ -38,13 +38,13 @@ _NINJA = frozenset({"ninja", "ninja-build", "samu"})
 class Observation:
     """File system accesses of some processes, as absolute paths.
 
-    `found` exist but were not opened; `missing` end with the first name that did not exist. What the
-    processes wrote before they read it is no input and in `written` only; a renamed folder stands for all
-    that is in it. `folders` were created, `removed` were removed or renamed, `loaded` are shared
-    libraries, `refused` are changes that were not allowed. `variables` were asked for by name. `ledgers`
-    are the digest and the path of each, see `forge.engine.observed`. `modules` are names that Python
-    looked for, each with its folders. `blind` says what was not observed; if it is empty, nothing else
-    was read or written.
+    `found` are paths that exist but were not opened; `missing` end with the first name that did not exist.
+    Files that the processes wrote before reading them are not inputs and appear in `written` only; a renamed
+    folder stands for everything in it. `folders` were created, `removed` were removed or renamed, `loaded`
+    are shared libraries, `refused` are changes that were not allowed. `variables` were requested by name.
+    `ledgers` are the digest and the path of each, see `forge.engine.observed`. `modules` are names that
+    Python looked for, each with its folders. `blind` describes what was not observed; if it is empty, nothing
+    else was read or written.
     """
 
     read: frozenset[str] = frozenset()
@@ -65,7 +65,7 @@ class Observation:
 
 @dataclass(eq=False, slots=True)
 class Process:
-    """A process and its programs, one after another; `records` have a number that orders all of a log."""
+    """A process and its programs in order; `records` have numbers that order all records of a log."""
 
     pid: int
     parent: Process | None = None
@@ -83,7 +83,7 @@ class Process:
         return bool(self.programs) and os.path.basename(self.programs[-1]) in _NINJA
 
     def program_at(self, number: int) -> str:
-        """Return the program that made a record; a copy of a process runs that of its parent."""
+        """Return the program that wrote a record; a forked process runs that of its parent."""
         begun = bisect(self.starts, number)
         if not begun and self.parent:
             return self.parent.program_at(number)
@@ -106,7 +106,7 @@ class Process:
 
 @frozen
 class ObservedStep:
-    """The processes of a step. `blind` says what is known to be missing, whichever process it belongs to."""
+    """The processes of a step. `blind` describes known gaps of any process."""
 
     processes: tuple[Process, ...]
     blind: tuple[str, ...] = ()
@@ -114,7 +114,7 @@ class ObservedStep:
     def edges(self) -> tuple[Process, ...]:
         """Return the processes that ninja has started, one for each edge that it ran.
 
-        A ninja that such a process starts, as that of an ExternalProject, is a part of it.
+        A ninja started by such a process, for example of an ExternalProject, is part of it.
         """
         return tuple(
             each
@@ -126,10 +126,10 @@ class ObservedStep:
 def begin_log(log: Path) -> None:
     """Create an empty log, which takes no space until records are written.
 
-    If files cannot be that long, nothing is observed.
+    If the file system does not support files of this size, nothing is observed.
     """
     log.parent.mkdir(parents=True, exist_ok=True)
-    # A server that a killed build has left may still map the former log: to truncate that would kill it.
+    # A server left by a killed build may still map the previous log: truncating that would kill the server.
     log.unlink(missing_ok=True)
     _last_read.pop(log, None)
     with log.open("wb") as file:
@@ -139,7 +139,7 @@ def begin_log(log: Path) -> None:
 
 
 def end_log(log: Path) -> None:
-    """Remove a log; processes that outlive the steps write no more to it."""
+    """Remove a log; processes that outlive the steps no longer write to it."""
     _last_read.pop(log, None)
     with contextlib.suppress(OSError), log.open("r+b") as file:
         file.write(_END.pack(LOG_BYTES))
@@ -157,8 +157,8 @@ def read_log(
 ) -> ObservedStep:
     """Return all processes in a log.
 
-    `roots` are the processes that forge started, and `more_roots` the number of those it does not know by
-    number. Records of other `kinds` are left out.
+    `roots` are the processes that forge started, and `more_roots` the number of further ones with unknown
+    ids. Records of other `kinds` are left out.
     """
     try:
         with log.open("rb") as file:
@@ -235,7 +235,10 @@ def read_log(
 
 
 _last_read: dict[Path, tuple[tuple[object, ...], ObservedStep]] = {}
-"""What logs that still exist say, with what it was read from: a build asks several times."""
+"""The parsed contents of existing logs and the state of the files that they were read from.
+
+A build needs them several times.
+"""
 
 
 def _decoded(content: bytes) -> list[tuple[int, int, str, str]]:
@@ -277,7 +280,8 @@ def observe(processes: Iterable[Process], blind: tuple[str, ...] = ()) -> Observ
             elif kind == "M":
                 modules.add((folders, word))
             elif kind == "R" and folders and (name := _module(word, folders)):
-                # Also what importlib and 'python -m' look for, which Python does not tell.
+                # Also modules that importlib and 'python -m' look for, which Python's audit hooks do not
+                # report.
                 modules.add((folders, name))
     for _, kind, word in sorted(chain.from_iterable(process.records for process in processes)):
         if kind == "B":
@@ -305,7 +309,7 @@ def observe(processes: Iterable[Process], blind: tuple[str, ...] = ()) -> Observ
 
 
 def _module(path: str, folders: tuple[str, ...]) -> str:
-    """Return the name of the module that a file below one of the folders is, or nothing."""
+    """Return the module name of a file below one of the folders, '' if it is not a module."""
     match = _MODULE.match(path)
     if match is None:
         return ""
@@ -323,7 +327,7 @@ _ABOVE = re.compile(r".*/\.\.(?=/|$)")
 
 
 def _resolver() -> Callable[[str], str]:
-    """Return a function that removes '..' from paths as the kernel does: the folder before may be a link."""
+    """Return a function that resolves '..' in paths like the kernel: the folder before it may be a link."""
     folders: dict[str, str] = {}
 
     def resolve(path: str) -> str:

@@ -1,8 +1,8 @@
-"""Information that an observed process gives to the observer.
+"""Information that an observed process passes to the observer.
 
-A command that runs again begins without the files that it wrote before, as in an empty folder. A program that
-keeps a ledger does not need that: it names a file by which it recognizes its own files, those that changed
-since and those that are obsolete. As long as the ledger has the announced content, the files stay.
+A command that runs again begins without the files that it wrote before, as in an empty folder. A program with
+a ledger does not need that: the ledger is a file that lets it recognize its own files, changed ones and
+obsolete ones. As long as the ledger has the announced content, the files are kept.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 
 
 def observe_for(client: int) -> None:
-    """Let this process, which a server has forked, be observed as a child of the process that it works for.
+    """Observe this process, which a server has forked, as a child of the process that it works for.
 
-    The server must have loaded the observer, and neither started threads nor opened a log. What it imported
-    before counts as read by this process.
+    The server must have loaded the observer, and neither started threads nor opened a log. Modules that it
+    imported before count as read by this process.
     """
     library = _library()
     if library and library.forge_observe_for(client):

@@ -1,9 +1,9 @@
-/* Log what the processes of a step ask of the file system.
+/* Log how the processes of a step access the file system.
  *
  * LD_PRELOAD loads this library into every process of a step. FORGE_OBSERVER_LOG names a log that all of
  * them map into memory: a record is written without a system call, and none is lost if a process is killed.
  * The log is a header and chunks, each of one process, which hold records until a size of 0 or the chunk's end.
- * Space is allocated before it is used, since a process whose disk is full must not die of it.
+ * Space is allocated before it is used, so that a full disk kills no process.
  * Records follow, a letter and a word that ends with NUL:
  *
  *   P path   this process has loaded the library, as it began to run this program
@@ -20,33 +20,33 @@
  *   W path   a file or link was written, or renamed to this path, also as a part of a folder
  *   D path   a folder was created, or renamed to this path
  *   U path   a file, link or folder was removed, or renamed to another path
- *   V name   an environment variable was asked for
- *   J word   the digest and the path of a ledger by which this program knows its own files, see observed.py
- *   K what   a device was opened, or a socket or shared memory that somebody else may answer
+ *   V name   an environment variable was requested
+ *   J word   the digest and the path of the ledger of this program's own files, see observed.py
+ *   K what   a device was opened, or a socket or shared memory through which others may answer
  *   n path   a call failed or created a file, and nothing was there; t path: something was there
  *   l path   the same as L where Python looks for modules or distributions
  *   I paths  the folders in which Python looks for modules from now on, each in a line
  *   M name   Python looks for a module
  *   B what   something that cannot be observed
- *   E path   this call was refused, since a link of somebody else leads out of the prefix there
+ *   E path   this call was refused, since an unowned link leads out of the prefix there
  *
- * Paths are absolute; ".." is kept, since the folder before it may be a link. A process says each record once,
- * as far as a small table can tell.
+ * Paths are absolute; ".." is kept, since the folder before it may be a link. A process logs each record once,
+ * as far as a small table remembers.
  *
- * No step removes or renames the folder of the log, in which copies of what others have in a merged prefix lie:
+ * No step removes or renames the folder of the log, which contains copies of other packages' files in a merged prefix:
  * such a call fails with EACCES, so that 'rm -r' of the whole prefix loses nothing.
  *
- * FORGE_OBSERVER_LINKS names a file with links of others below the prefix, each ending with NUL. To write through
- * one would change files that forge can neither know nor give back, so that the call fails with EACCES.
+ * FORGE_OBSERVER_LINKS names a file with unowned links below the prefix, each ending with NUL. Writing through
+ * one would change files that forge neither tracks nor can restore, so that the call fails with EACCES.
  *
  * With FORGE_COLOURS, compilers colour their messages as on a terminal, and ninja passes that on: no command and no
  * variable changes, so that nothing is built again for it.
  *
  * With FORGE_OBSERVER_STAGE, that file has spellings of the prefix instead, and each path below it means the same
  * path in the stage: the step neither finds nor changes the last build, but knows no other path than the prefix.
- * What cannot be led to the stage is said as B. If several packages share the prefix, an empty word follows, and
- * the paths of this package alone, sorted, relative to the prefix: all others mean what is in the prefix, until
- * there is something in the stage. To change files of others is refused.
+ * Accesses that cannot be redirected to the stage are logged as B. If several packages share the prefix, an empty
+ * word follows, and the paths of this package alone, sorted, relative to the prefix: all other paths refer to the
+ * prefix, until they exist in the stage. Changing files of others is refused.
  */
 #define _GNU_SOURCE
 #include <alloca.h>
@@ -120,9 +120,9 @@ extern char **environ;
 
 struct header {
     uint64_t end;       /* of the last chunk */
-    uint64_t records;   /* that were begun */
+    uint64_t records;   /* started so far */
     uint64_t lost;      /* not 0 if a process found no space */
-    uint64_t allocated; /* up to here, the disk has space */
+    uint64_t allocated; /* disk space is allocated up to here */
 };
 
 struct chunk {
@@ -136,7 +136,7 @@ struct record {
 
 static char log_variable[sizeof LOG + PATH_MAX], links_variable[sizeof LINKS + PATH_MAX], stage_variable[sizeof STAGE + PATH_MAX];
 static char library[PATH_MAX];
-static char backups[2 * PATH_MAX], moved[PATH_MAX]; /* the folder of the log, also without links; a name below */
+static char backups[2 * PATH_MAX], moved[PATH_MAX]; /* the folder of the log, with and without links; a name below */
 static char *map;
 static size_t map_size;
 static const char *links, *links_end, *stage, *own, *own_end; /* the last two if the prefix is shared */
@@ -148,7 +148,7 @@ static struct {
     char busy;
 } chunk;
 
-/* Let the disk have space up to an offset; return 0 if it has not. */
+/* Allocate disk space up to an offset; return 0 if there is none. */
 static int allocate(struct header *header, uint64_t end)
 {
     uint64_t allocated = __atomic_load_n(&header->allocated, __ATOMIC_ACQUIRE);
@@ -179,8 +179,8 @@ static uint64_t extend(size_t size)
     return 0;
 }
 
-/* Return space for a record: in this process's chunk, or in one of its own if another thread or a signal's
- * handler is just here. */
+/* Return space for a record: in this process's chunk, or in a separate one if another thread or a signal's
+ * handler is in this function. */
 static char *reserve(size_t size, uint32_t pid)
 {
     int alone = !__atomic_test_and_set(&chunk.busy, __ATOMIC_ACQUIRE);
@@ -244,7 +244,7 @@ static void say(char kind, const char *word, size_t length)
     errno = saved;
 }
 
-/* What this process has said: a table without locks, in which a newer entry replaces an older one. */
+/* The records that this process has logged: a table without locks, in which a newer entry replaces an older one. */
 
 #define ENTRIES (1 << 14)
 static uint64_t entries[ENTRIES];
@@ -282,14 +282,14 @@ static void forget(char kind, const char *word, size_t length)
         __atomic_store_n(entry, 0, __ATOMIC_RELAXED);
 }
 
-/* What the kernel shows of processes and devices is no input, but what it says of the processor is. */
+/* Virtual files about processes and devices are not inputs, but those about the processor are. */
 static int is_kernels(const char *path)
 {
     return (!strncmp(path, "/proc/", 6) && strcmp(path, "/proc/cpuinfo")) || !strncmp(path, "/sys/", 5);
 }
 
-/* Tell if a path below /dev is an input, as a file in /dev/shm is; what is behind links to open files was logged
- * when it was opened. */
+/* Return whether a path below /dev is an input, like a file in /dev/shm; targets of links to open files were logged
+ * when they were opened. */
 static int is_no_device(const char *path)
 {
     char link[40], place[PATH_MAX] = "";
@@ -441,13 +441,13 @@ static int is_own(const char *path)
     return 0;
 }
 
-/* Tell if others have something at a path in a shared prefix; `rest` is its part below the prefix. */
+/* Return whether others have an entry at a path in a shared prefix; `rest` is its part below the prefix. */
 static int is_of_others(const char *absolute, const char *rest, struct stat *status)
 {
     return own && (!*rest || !is_own(rest + 1)) && !NEXT(fstatat)(AT_FDCWD, absolute, status, AT_SYMLINK_NOFOLLOW);
 }
 
-/* Create the folder of a path in the stage, as far as there are such folders in the shared prefix. */
+/* Create the folder of a path in the stage, as far as it exists in the shared prefix. */
 static void make_parents(char *place)
 {
     char absolute[PATH_MAX];
@@ -473,7 +473,7 @@ static void make_parents(char *place)
 
 enum { LOOKS, CREATES, ALTERS };
 
-/* Return what a path means: the path itself, or one in `place` if it lies below the prefix while there is a stage. */
+/* Return the path to use: the path itself, or one in `place` if it lies below the prefix while there is a stage. */
 static const char *lead(int folder, const char *path, char *place, int purpose)
 {
     char absolute[PATH_MAX];
@@ -525,7 +525,7 @@ static const char *staged(int folder, const char *path, char *place)
     const char *given = path;                                                   \
     path = lead(folder, path, place, purpose)
 
-/* Say that a step has used something of the last build. */
+/* Log that a step has used files of the last build. */
 static void note_last_build(const char *path)
 {
     for (const char *prefix = links; stage && prefix < links_end; prefix += strlen(prefix) + 1)
@@ -576,7 +576,7 @@ static int is_entry(int folder, const char *path)
     return result;
 }
 
-/* Note whether there is what a call failed for, which matters to tests only. */
+/* Log whether the path of a failed call exists, which matters to tests only. */
 static void attempted(int folder, const char *path)
 {
     char absolute[PATH_MAX];
@@ -587,7 +587,7 @@ static void attempted(int folder, const char *path)
     errno = saved;
 }
 
-/* Note the first name of a path that is missing: as long as it is, the others cannot appear. */
+/* Log the first missing name of a path: while it is missing, the following ones cannot appear. */
 static void missing(int folder, const char *path)
 {
     char absolute[PATH_MAX];
@@ -635,7 +635,7 @@ static int is_guarded(int folder, const char *path, char *absolute)
     return 0;
 }
 
-/* Return 1 with EACCES if what others have in a shared prefix would be changed while there is a stage. */
+/* Return 1 with EACCES if entries of others in a shared prefix would be changed while there is a stage. */
 static int belongs_to_others(int folder, const char *path, int with_folders)
 {
     char absolute[PATH_MAX], place[PATH_MAX];
@@ -653,7 +653,7 @@ static int belongs_to_others(int folder, const char *path, int with_folders)
     return 0;
 }
 
-/* Return 1 with EACCES if a link of somebody else leads out of the prefix here. */
+/* Return 1 with EACCES if an unowned link leads out of the prefix here. */
 static int refused(int folder, const char *path)
 {
     char absolute[PATH_MAX];
@@ -670,8 +670,8 @@ static int refused(int folder, const char *path)
     return 0;
 }
 
-/* Return 1 with EACCES if removing or renaming this path would lose the folder of the log, in which copies of
- * what others have in a merged prefix lie; `moved` are files of the package itself. */
+/* Return 1 with EACCES if removing or renaming this path would lose the folder of the log with its copies of
+ * other packages' files in a merged prefix; `moved` are files of the package itself. */
 static int holds_copies(int folder, const char *path)
 {
     char absolute[PATH_MAX];
@@ -713,7 +713,7 @@ static const char *text_of(struct link_map *object, const ElfW(Dyn) *entry)
     return strings && entry ? (char *)(start + (start < object->l_addr ? object->l_addr : 0) + entry->d_un.d_val) : NULL;
 }
 
-/* Store a folder of the run path, in which an object may name its own; return 0 if it is not known. */
+/* Store a folder of the run path, which may contain $ORIGIN; return 0 if it is unknown. */
 static int expand_origin(struct link_map *object, const char *folder, size_t length, char *path)
 {
     char origin[PATH_MAX] = "";
@@ -730,7 +730,7 @@ static int expand_origin(struct link_map *object, const char *folder, size_t len
     return snprintf(path, PATH_MAX, "%s%.*s", origin, (int)(folder + length - rest), rest) < PATH_MAX;
 }
 
-/* Look for a library like the loader in folders, and store where it is; return 0 if it is elsewhere. */
+/* Look for a library in folders as the loader does, and store its path; return 0 if it is elsewhere. */
 static int search_libraries(struct link_map *object, const char *folders, const char *name, char *path, int notes)
 {
     for (; folders && *folders; folders += folders[strcspn(folders, ":")] == ':') {
@@ -758,7 +758,7 @@ static int search_run_path(struct link_map *object, const char *name, char *path
     return search_libraries(object, text_of(object, entry ? entry : entry_of(object, DT_RPATH)), name, path, 1);
 }
 
-/* Note where the loader has looked in vain for the libraries that an object needs. */
+/* Log where the loader has looked in vain for the libraries that an object needs. */
 static void note_run_path(struct link_map *object)
 {
     char path[PATH_MAX];
@@ -769,7 +769,7 @@ static void note_run_path(struct link_map *object)
                 search_run_path(object, text_of(object, each), path);
 }
 
-/* Tell if a program is one of Go, which calls the kernel itself. */
+/* Return whether a program was written in Go and calls the kernel itself. */
 static int is_go(const struct dl_phdr_info *info)
 {
     for (const ElfW(Phdr) *part = info->dlpi_phdr; part < info->dlpi_phdr + info->dlpi_phnum; part++) {
@@ -784,7 +784,7 @@ static int is_go(const struct dl_phdr_info *info)
     return 0;
 }
 
-/* Note a library, or the program, which has no name. */
+/* Log a library, or the program, which has no name. */
 static int note_library(struct dl_phdr_info *info, size_t size, void *data)
 {
     (void)size, (void)data;
@@ -834,8 +834,8 @@ static char *map_file(const char *path, int writes, size_t *size)
     return result == MAP_FAILED ? NULL : result;
 }
 
-/* Python lists a folder to find modules or distributions in it, and looks at the names later: its audit hooks tell
- * which modules it looks for, and who lists a folder. The symbols are those of the program or its libpython. */
+/* Python lists a folder to find modules or distributions in it, and looks at the names later: its audit hooks report
+ * which modules it looks for, and which code lists a folder. The symbols are those of the program or its libpython. */
 
 typedef struct object PyObject;
 
@@ -883,7 +883,7 @@ static void note_import(PyObject *arguments)
         say('M', name, strlen(name));
 }
 
-/* Tell if Python itself looks for modules or distributions. */
+/* Return whether Python itself looks for modules or distributions. */
 static int is_finder(void)
 {
     static const char *const finders[] = {
@@ -921,7 +921,7 @@ static void listed(int folder, const char *path)
 {
     found(is_search ? 'T' : 'L', folder, path);
     if (is_search)
-        found('l', folder, path); /* of which tests may depend on every name */
+        found('l', folder, path); /* tests may depend on any of these names */
     is_search = 0;
 }
 
@@ -939,7 +939,7 @@ static void observe_python(void)
         add(audit, NULL);
 }
 
-/* Programs that copy the environment, whose names for variables are in what they run. */
+/* Programs that copy the environment: the variables that they use are named in the code that they run. */
 static const char *const with_text[] = {"/sh", "/dash", "/bash", "/busybox", "/python", NULL};
 static const char *const with_arguments[] = {"/awk", "/gawk", "/mawk", "/perl", "/ruby", "/node", NULL};
 
@@ -950,7 +950,7 @@ static int begins_with_one(const char *name, const char *const *beginnings)
     return *beginnings != NULL;
 }
 
-/* Note the text after -c, all arguments, or the variable that printenv prints. */
+/* Log the text after -c, all arguments, or the variable that printenv prints. */
 static void note_command(const char *program)
 {
     int is_printenv = !strcmp(program, "/printenv"), joins = begins_with_one(program, with_arguments);
@@ -995,8 +995,8 @@ static void forked(void)
     search_path = 0;
 }
 
-/* Compilers and ninja take the pipe to forge for a terminal if forge writes to one. CMake reads the messages of the
- * compilers that it tries, so what it configures has no colours. */
+/* Compilers and ninja treat the pipe to forge as a terminal if forge writes to one. CMake reads the messages of the
+ * compilers that it tries, so there are no colours while it configures. */
 static enum { PLAIN, COMPILER, NINJA } colours;
 
 static void decide_on_colours(const char *program)
@@ -1115,7 +1115,7 @@ __attribute__((constructor)) static void load(void)
 }
 
 /* For observed.py. A server that was started without a log serves a process that has one; return 0 if it cannot
- * say now what that process asks. */
+ * log the accesses of that process now. */
 EXPORT int forge_observe_for(long process)
 {
     if (map)
@@ -1143,7 +1143,7 @@ static mode_t mode_of(int flags, va_list arguments)
     return flags & O_CREAT || (flags & O_TMPFILE) == O_TMPFILE ? va_arg(arguments, mode_t) : 0;
 }
 
-/* An open file may have a path of its own: links lead there, also those below /proc. */
+/* An open file may have another path: links lead there, also those below /proc. */
 static void note_place(char kind, int descriptor)
 {
     char link[40], path[PATH_MAX];
@@ -1158,7 +1158,7 @@ static void note_place(char kind, int descriptor)
     errno = saved;
 }
 
-/* Note what may answer otherwise the next time, which no record could tell. */
+/* Log a source whose answers may change without any record of it. */
 static void note_channel(const char *word)
 {
     size_t length = strlen(word);
@@ -1281,13 +1281,13 @@ FOPEN(fopen64)
 FREOPEN(freopen64)
 FOPEN(setmntent)
 
-/* What the C library calls itself, and exports. */
+/* Exported functions that the C library calls itself. */
 int __open(const char *, int, ...);
 int __open64(const char *, int, ...);
 OPEN(__open)
 OPEN(__open64)
 
-/* What _FORTIFY_SOURCE makes of calls without a mode. */
+/* Replacements for calls without a mode under _FORTIFY_SOURCE. */
 EXPORT int __open_2(const char *path, int flags) { return open(path, flags); }
 EXPORT int __open64_2(const char *path, int flags) { return open64(path, flags); }
 EXPORT int __openat_2(int folder, const char *path, int flags) { return openat(folder, path, flags); }
@@ -1345,7 +1345,7 @@ LOOK(__fxstatat, folder, (int version, int folder, const char *path, struct stat
 LOOK(__fxstatat64, folder, (int version, int folder, const char *path, struct stat64 *status, int flags), version, folder, path, status, flags)
 #endif
 
-/* What the links below /proc lead to is in the stage. */
+/* The targets of links below /proc are in the stage. */
 static ssize_t unstaged_target(ssize_t result, char *target, size_t size)
 {
     char path[PATH_MAX];
@@ -1374,7 +1374,7 @@ static ssize_t unstaged_target(ssize_t result, char *target, size_t size)
 READ_LINK(readlink, AT_FDCWD, (const char *path, char *target, size_t size), path, target, size)
 READ_LINK(readlinkat, folder, (int folder, const char *path, char *target, size_t size), folder, path, target, size)
 
-/* The links on the way may lead elsewhere later. */
+/* Links in the path may lead elsewhere later. */
 static void resolved_to(const char *result, const char *path)
 {
     char absolute[PATH_MAX], target[2];
@@ -1391,7 +1391,7 @@ static void resolved_to(const char *result, const char *path)
     errno = saved;
 }
 
-/* A path of the stage has the name of one in the prefix; the result may be longer then. */
+/* A path in the stage is reported as one in the prefix; the result may then be longer. */
 static char *unstaged_path(char *result, char *resolved)
 {
     char path[PATH_MAX];
@@ -1445,7 +1445,7 @@ EXPORT char *__getcwd_chk(char *path, size_t size, size_t whole) { return getcwd
 
 /* List */
 
-/* Open folders of a shared prefix, with the folder that has the rest of the names. */
+/* Open folders of a shared prefix, with the folder that contains the other names. */
 static struct listing {
     DIR *dir, *other, *real, *staged;
     char *rest; /* below the prefix */
@@ -1495,7 +1495,7 @@ static void join_names(DIR *dir, int folder, const char *path)
     errno = saved;
 }
 
-/* Tell if a name is to be told: not one of this package in the prefix, nor one that both folders have. */
+/* Return whether to list a name: not one of this package in the prefix, nor one that both folders contain. */
 static int is_listed(struct listing *listing, int in_real, const char *name)
 {
     char path[PATH_MAX];
@@ -1608,7 +1608,7 @@ EXPORT ssize_t getdents64(int folder, void *entries, size_t size)
 }
 #endif
 
-/* The C library lists folders by itself, unless it is told how: a pattern is then looked for by the functions above. */
+/* glob() calls functions inside the C library unless others are passed: these are the observed ones above. */
 static void note_pattern(const char *pattern)
 {
     if (pattern[strcspn(pattern, "*?[{~")])
@@ -1642,7 +1642,7 @@ static int note_visit(const char *path, const struct stat *status, int kind, str
     return 0;
 }
 
-/* The C library walks by itself, and tells the paths. */
+/* The C library walks folders internally, and passes the paths to a callback. */
 static void note_walk(const char *path)
 {
     char absolute[PATH_MAX];
@@ -1652,7 +1652,7 @@ static void note_walk(const char *path)
             note('B', "a walk");
 }
 
-/* What is walked is walked before, to note it. */
+/* Walk the folders once beforehand, to log them. */
 #define WALK(name, flags, parameters, ...)                                      \
     EXPORT int name parameters                                                  \
     {                                                                           \
@@ -1703,7 +1703,7 @@ EXPORT FTSENT *fts_children(FTS *walk, int options)
     return NEXT(fts_children)(walk, options);
 }
 
-/* The C library expands patterns and variables by itself. */
+/* The C library expands patterns and variables internally. */
 EXPORT int wordexp(const char *words, wordexp_t *result, int flags)
 {
     int code = NEXT(wordexp)(words, result, flags), saved = errno;
@@ -1765,7 +1765,7 @@ EXPORT void *dlopen(const char *path, int flags)
     if (!result)
         result = NEXT(dlopen)(path && strchr(path, '/') ? staged(AT_FDCWD, path, place) : path, flags);
     if (result && path) {
-        /* What a program loads by itself, as Python does modules, it reads like any other file. */
+        /* A library that a program loads explicitly, such as a Python module, is read like any other file. */
         if (!dlinfo(result, RTLD_DI_LINKMAP, &library) && strchr(library->l_name, '/')) {
             found('R', AT_FDCWD, library->l_name);
             note_run_path(library);
@@ -1778,7 +1778,7 @@ EXPORT void *dlopen(const char *path, int flags)
 }
 
 #ifdef __GLIBC__
-/* Another namespace has a C library of its own. */
+/* Another namespace has its own C library. */
 EXPORT void *dlmopen(Lmid_t space, const char *path, int flags)
 {
     if (space != LM_ID_BASE)
@@ -1804,7 +1804,7 @@ static int note_entry(const char *path, const struct stat *status, int kind, str
     return 0;
 }
 
-/* Log what was renamed and all that is in it: what others put there later is not the step's. */
+/* Log a renamed path and everything in it: entries that others add later are not the step's. */
 static void renamed(int folder, const char *path)
 {
     char absolute[PATH_MAX], place[PATH_MAX];
@@ -1889,7 +1889,7 @@ CHANGE(fchmodat, 'W', 1, folder, (int folder, const char *path, mode_t mode, int
 LINK(link, AT_FDCWD, AT_FDCWD, (const char *old, const char *path), old, path)
 LINK(linkat, from, folder, (int from, const char *old, int folder, const char *path, int flags), from, old, folder, path, flags)
 
-/* Whoever opens a file by a link of this step reads another file. */
+/* A file opened through a link of this step is a different file. */
 static void note_target(int folder, const char *path, const char *target)
 {
     char absolute[2 * PATH_MAX] = "/", place[PATH_MAX];
@@ -1937,7 +1937,7 @@ EXPORT int symlink(const char *target, const char *path) { return symlinkat(targ
 CREATE(mkfifo, AT_FDCWD, (const char *path, mode_t mode), path, mode)
 CREATE(mknod, AT_FDCWD, (const char *path, mode_t mode, dev_t device), path, mode, device)
 
-/* Times and owners are no content. */
+/* Times and owners are not content. */
 #define IN_PLACE(type, name, folder, parameters, ...)                           \
     EXPORT type name parameters                                                 \
     {                                                                           \
@@ -1962,7 +1962,7 @@ IN_PLACE(ssize_t, llistxattr, AT_FDCWD, (const char *path, char *list, size_t si
 IN_PLACE(int, setxattr, AT_FDCWD, (const char *path, const char *name, const void *value, size_t size, int flags), path, name, value, size, flags)
 IN_PLACE(int, lsetxattr, AT_FDCWD, (const char *path, const char *name, const void *value, size_t size, int flags), path, name, value, size, flags)
 
-/* These write the name that they choose into the path. */
+/* These write the chosen name into the path. */
 static void note_temporary(char kind, int failed, char *given, const char *place)
 {
     int saved = errno;
@@ -2011,7 +2011,7 @@ EXPORT int socket(int domain, int type, int protocol)
     return NEXT(socket)(domain, type, protocol);
 }
 
-/* Names of hosts come from a server, whichever function asks for them. */
+/* Host names come from a server, whichever function requests them. */
 #define RESOLVES(name, type, parameters, ...)                                   \
     EXPORT type name parameters                                                 \
     {                                                                           \
@@ -2081,7 +2081,7 @@ EXPORT int shm_open(const char *name, int flags, mode_t mode)
     return NEXT(shm_open)(name, flags, mode);
 }
 
-/* The server of a local socket may be no process of the step. */
+/* The server of a local socket may not be a process of the step. */
 static void note_server(const struct sockaddr *address, socklen_t size)
 {
     const struct sockaddr_un *local = (const struct sockaddr_un *)address;
@@ -2132,14 +2132,14 @@ EXPORT ssize_t sendmsg(int descriptor, const struct msghdr *message, int flags)
     return NEXT(sendmsg)(descriptor, message, flags);
 }
 
-/* Variables. Shells and Python copy all of them at their start and ask for none. */
+/* Variables. Shells and Python copy all of them at their start and request none. */
 
 EXPORT char *getenv(const char *name)
 {
     if (colours == NINJA && !strcmp(name, "CLICOLOR_FORCE"))
         return (char *)"1";
     if (colours == COMPILER && !strcmp(name, "GCC_URLS"))
-        return (char *)"no"; /* links are no colours */
+        return (char *)"no"; /* hyperlinks are not colours */
     if (map)
         note('V', name);
     return NEXT(getenv)(name);
@@ -2166,7 +2166,7 @@ static int has_variable(char *const *variables, const char *variable)
     return 0;
 }
 
-/* Programs that clear the environment, as `env -i` does, pass these on nevertheless. */
+/* Programs that clear the environment, such as `env -i`, still pass these on. */
 #define WITH_OBSERVER(variables)                                                \
     char preload[sizeof PRELOAD + PATH_MAX];                                    \
     do {                                                                        \
@@ -2193,7 +2193,7 @@ static int has_variable(char *const *variables, const char *variable)
         variables = copy;                                                       \
     } while (0)
 
-/* execvp() and posix_spawnp() look for a program where the C library is not observed; store where it is. */
+/* execvp() and posix_spawnp() search PATH inside the C library, unobserved; store the path of the program. */
 static void note_search(const char *file, char *candidate)
 {
     const char *path = strchr(file, '/') ? NULL : NEXT(getenv)("PATH");
@@ -2214,7 +2214,7 @@ static void note_search(const char *file, char *candidate)
     errno = saved;
 }
 
-/* Tell whether a program loads this library: not if it is linked statically, for another processor or another user. */
+/* Return whether a program loads this library: not if it is static, for another processor, or runs as another user. */
 static int loads_library(const char *file, int depth)
 {
     char start[4096] = "", place[PATH_MAX];

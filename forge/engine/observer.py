@@ -51,11 +51,11 @@ def compile_library(folder: Path, variables: Mapping[str, str]) -> Path | None:
 
 
 def observed(variables: Mapping[str, str], library: Path | None, log: Path) -> dict[str, str]:
-    """Return the environment that makes the library, if there is one, write to a log."""
+    """Return the environment that makes the library, if any, write to a log."""
     found = {**variables, LOG_VARIABLE: str(log)}
     if library is not None:
         found["LD_PRELOAD"] = " ".join(filter(None, (variables.get("LD_PRELOAD"), str(library))))
-        # A program built with AddressSanitizer otherwise requires that no library precedes its own.
+        # Otherwise, programs built with AddressSanitizer require that no library precedes theirs.
         options = (variables.get("ASAN_OPTIONS"), "verify_asan_link_order=0")
         found["ASAN_OPTIONS"] = ":".join(filter(None, options))
     return found
@@ -69,7 +69,7 @@ def run_observed(
     log: Path,
     folders: Folders,
 ) -> tuple[subprocess.CompletedProcess[bytes], Accesses]:
-    """Run a program; return how it ended and what it did, which is blind without a `library`."""
+    """Run a program; return its result and its observed accesses, which are blind without a `library`."""
     if library is None:
         done = subprocess.run(
             argv, cwd=cwd, env=dict(variables), stdin=subprocess.DEVNULL, capture_output=True, check=False

@@ -1,7 +1,7 @@
 """The environment variables that are inputs of builds.
 
 The variables that a build requests are observed, but not those that shells, Python and others read from their
-copies of the environment. For these, `RELEVANT` lists what the tools of ROS builds document.
+copies of the environment. For these, `RELEVANT` lists the documented variables of the tools of ROS builds.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ def is_relevant(name: str) -> bool:
 
 
 def is_tracked(name: str, *, named: bool = False) -> bool:
-    """Return True if a variable is an input of those packages whose build asks for it.
+    """Return True if a variable is an input of the packages whose build requests it.
 
-    The home folder and the locale, which nearly all programs ask for, are inputs of scripts that have `named`
+    The home folder and the locale, which nearly all programs request, are inputs only if scripts `named`
     them.
     """
     if named and (name in _NAMED or name.startswith(_NAMED_BEGINNINGS)):
@@ -72,7 +72,7 @@ _OUTPUT_ONLY = frozenset(
     PKG_CONFIG_DEBUG_SPEW PKG_CONFIG_LOG
     """.split()
 )
-"""Variables with a relevant prefix that do not affect the result: they control parallelism or output."""
+"""Variables with a relevant prefix that do not affect results: they control parallelism or output."""
 
 _UNTRACKED = _OUTPUT_ONLY | frozenset(
     # Files found through these are tracked instead.
@@ -141,7 +141,7 @@ def _is_cmake(program: str) -> bool:
 
 
 def of_interpreter(program: str) -> frozenset[str]:
-    """Return the variables that a program obeys without a script that names them, nor a request."""
+    """Return the variables that a program obeys without requesting them or finding them in a script."""
     return _OF_SHELLS if _IS_SHELL.match(os.path.basename(program)) else frozenset()
 
 

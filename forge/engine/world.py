@@ -26,10 +26,10 @@ VARIABLE, PROGRAM, LIBRARY, PACKAGE_FOUND, MODULES = "$", "program ", "library "
 KIND, OUTPUT = "kind ", "output "
 """The beginnings of questions."""
 PROCESSOR = "FORGE_PROCESSOR"
-"""The question of builds that compile for the host processor, or read what it is."""
+"""The question of builds that compile for the host processor, or read its description."""
 CPU_INFO = "/proc/cpuinfo"
 _MORE_FOLDERS = ".pth"
-"""The end of the names of files that add folders to Python's search path."""
+"""The suffix of files that add folders to Python's search path."""
 _TRAITS = frozenset(
     {
         *("vendor_id", "cpu family", "model", "model name", "stepping", "cache size", "flags"),
@@ -60,7 +60,7 @@ class World:
 
     @cached_property
     def all_of_path(self) -> frozenset[str]:
-        """The folders of PATH that exist, as it spells them."""
+        """The existing folders of PATH, as spelled there."""
         return frozenset(filter(os.path.isdir, self._lookup.folders))
 
     def value(self, name: str) -> str:
@@ -78,7 +78,7 @@ class World:
 
     def answer(self, question: str) -> str:
         """Return the digest of a value, the path of a program or the folder of a package; '' for none."""
-        if question.startswith(OUTPUT):  # the build at hand may make it
+        if question.startswith(OUTPUT):  # this build may create it
             return "there" if os.path.lexists(question.removeprefix(OUTPUT)) else ""
         if question not in self._answers:
             self._answers[question] = self._ask(question)
@@ -100,7 +100,7 @@ class World:
             path, _, names = question.removeprefix(MODULES).rpartition(" ")
             folders = tuple(path.split(os.pathsep))
             places = [self._modules.found(folders, name) for name in names.split(",")]
-            # Positions instead of paths: the answer is the same in workspaces elsewhere.
+            # Use positions instead of paths, so that the answer is the same in workspaces elsewhere.
             where = [[f"{_position(place, folders)} {file}" for place, file in found] for found in places]
             return digest("\n".join(map(os.pathsep.join, (*where, *map(self._modules.more, folders)))))
         if question.startswith(KIND):
@@ -120,7 +120,7 @@ class World:
 
 
 class Scripts:
-    """What scripts say. Many packages read the same ones: each state of a file is read once."""
+    """The contents of scripts. Many packages read the same ones: each state of a file is read once."""
 
     def __init__(self) -> None:
         self._variables: dict[tuple[object, ...], frozenset[str]] = {}
@@ -134,7 +134,7 @@ class Scripts:
         return self._variables[state]
 
     def is_native(self, path: str, is_for_this_processor: Callable[[str], bool]) -> bool:
-        """Return whether a script has options for the processor at hand."""
+        """Return whether a script has options for the host processor."""
         state = (is_for_this_processor, *_state(path))
         if state not in self._native:
             self._native[state] = is_for_this_processor(_script(path))
@@ -159,7 +159,7 @@ def _script(path: str) -> str:
 
 
 def _position(place: str, folders: tuple[str, ...]) -> str:
-    """Return a folder as the number of the enclosing one of `folders`, and the path in that."""
+    """Return a folder as the number of the enclosing one of `folders`, and the path inside it."""
     for number, folder in enumerate(folders):
         if folder and f"{place}/".startswith(f"{folder}/"):
             return f"{number}{place[len(folder) :]}"
@@ -206,7 +206,7 @@ class ModuleSearch:
         return tuple(sorted(self._listed(folder)[_MORE_FOLDERS]))
 
     def _file(self, folder: str, name: str) -> str | None:
-        """Return the file in a folder that Python takes for a module, '' for a possible namespace."""
+        """Return the file in a folder that Python imports as a module, '' for a possible namespace."""
         entries = self._listed(folder).get(name)
         if not entries:
             return None
@@ -226,7 +226,7 @@ class ModuleSearch:
         return "/" if is_package(path) else ""
 
     def _listed(self, folder: str) -> dict[str, list[str]]:
-        """Return the names in a folder by the modules that they may be."""
+        """Return the file names in a folder by the module that they could be imported as."""
         if folder not in self._names:
             names: dict[str, list[str]] = {_MORE_FOLDERS: []}
             for entry in names_in(folder):
@@ -237,7 +237,7 @@ class ModuleSearch:
 
 
 def _precedence(file: str) -> tuple[int, str]:
-    """Order the files that a module may be by the order in which Python looks for them."""
+    """Sort the candidate files of a module by the order in which Python looks for them."""
     kinds = ("", "pyc", "py", "so", "/")
     return kinds.index(next(kind for kind in reversed(kinds) if file.endswith(kind))), file
 
@@ -272,6 +272,6 @@ def about_modules(found: Iterable[tuple[tuple[str, ...], str]]) -> Iterator[str]
 
 
 def about_variables(names: Iterable[str], named: Iterable[str] = ()) -> Iterator[str]:
-    """Yield the questions about variables that were asked for or `named` in scripts, if they are inputs."""
+    """Yield the questions about variables that were requested, or `named` in scripts, if they are inputs."""
     yield from (f"{VARIABLE}{name}" for name in names if is_tracked(name))
     yield from (f"{VARIABLE}{name}" for name in named if is_tracked(name, named=True))

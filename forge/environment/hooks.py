@@ -18,7 +18,7 @@ def package_hooks(name: str, files: Iterable[str], site_packages: str, *, ament:
     """Return the dsv line of each hook, by name and in colcon's order.
 
     `files` are relative to the prefix; `site_packages` is the interpreter's folder below it. `ament` adds the
-    prefix to AMENT_PREFIX_PATH, for packages that do not do so themselves.
+    prefix to AMENT_PREFIX_PATH, for packages without such a hook.
     """
     folders: dict[str, list[str]] = {}
     for file in sorted(files):
@@ -93,7 +93,7 @@ def config_folders(files: Iterable[str]) -> Pairs:
 def config_variables(packages: Iterable[Pairs]) -> dict[str, str]:
     """Return the environment variables NAME_DIR for the config_folders() of several packages.
 
-    find_package(NAME) looks there first, then into CMAKE_PREFIX_PATH. If there are several config files of a
+    find_package(NAME) searches them first, then CMAKE_PREFIX_PATH. If there are several config files of a
     name, the order of the prefixes decides as usual, and there is no variable.
     """
     folders = defaultdict(set)

@@ -38,7 +38,7 @@ def recorded_overlays(root: Path) -> tuple[Path, ...]:
 
 
 def is_built_on(overlay: Path, root: Path) -> bool:
-    """Return whether an install tree is `root`, or has it among its underlays, directly or indirectly."""
+    """Return whether an install tree is `root`, or was built on it directly or indirectly."""
     waiting, seen = [os.path.realpath(overlay)], set[str]()
     while waiting:
         path = waiting.pop()
@@ -52,7 +52,7 @@ def underlays_of(root: Path) -> tuple[Path, ...]:
     """Return the underlays of any install tree as recorded by forge, else as sourced by colcon's script."""
     if (root / INSTALL_STATE_FILE).is_file():
         return recorded_state(root).underlays
-    # Other tools write a setup.sh, too; only colcon's prefixes have this marker.
+    # Other tools also write a setup.sh; only colcon's prefixes have this marker.
     return _sourced(root) if (root / LAYOUT_MARKER).is_file() else ()
 
 
@@ -85,7 +85,7 @@ def recorded_state(root: Path) -> InstallState:
     except OSError:  # begin_workspace reports inaccessible files
         return InstallState()
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        # The next build replaces a damaged file; the script names the underlays, too.
+        # The next build replaces a damaged file; the script also names the underlays.
         return InstallState(underlays=_sourced(root))
 
 

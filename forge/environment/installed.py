@@ -90,8 +90,8 @@ def is_registered(name: str, variables: Mapping[str, str], install: Path | None)
 def plain_prefix(name: str, install: Path | None, built: Mapping[str, str]) -> Path | None:
     """Return the prefix of a package that a workspace has built without ament, or None.
 
-    `built` has the build types of the packages in the workspace. A missing index entry of an ament package is
-    an error.
+    `built` maps the packages in the workspace to their build types. A missing index entry of an ament package
+    is an error.
     """
     without_ament = not built.get(name, _AMENT).startswith(_AMENT)
     return unregistered_prefix(name, install) if without_ament else None
@@ -106,7 +106,7 @@ def unregistered_prefix(name: str, install: Path | None) -> Path | None:
 def executables(package: str, prefix: Path) -> tuple[Path, ...]:
     """Return the executables of a package, sorted by path, like `ros2 pkg executables`.
 
-    That is every executable file below lib/PACKAGE; hidden and linked folders are not entered.
+    These are all executable files below lib/PACKAGE; hidden and linked folders are not entered.
     """
     return _executables(prefix / "lib" / package)
 

@@ -22,7 +22,7 @@ SYSTEM = (Path("/usr/local"), Path("/usr"))
 class Underlays:
     """The sourced underlays: `chain` contains roots, lowest first; `prefixes` of packages, highest first.
 
-    `overlays` are the sourced workspaces that were built on this one, which are no underlays.
+    `overlays` are the sourced workspaces that were built on this one, which are not underlays.
     """
 
     chain: tuple[Path, ...] = ()
@@ -43,7 +43,7 @@ class InstalledPackage:
 def find_underlays(variables: Mapping[str, str], install: Path) -> Underlays:
     """Return the sourced workspaces except this one and those that were built on it.
 
-    A root contains setup scripts; the prefix of a package in an isolated layout stands for its root. A root
+    A root contains setup scripts; the prefix of a package in an isolated layout represents its root. A root
     that is named by several paths counts once.
     """
     roots = _folders(variables, "COLCON_PREFIX_PATH")
@@ -52,7 +52,7 @@ def find_underlays(variables: Mapping[str, str], install: Path) -> Underlays:
             roots.append(prefix)
         elif _layout(prefix.parent) == "isolated":
             roots.append(prefix.parent)
-    # The setup scripts of ros_workspace, as each ROS 2 in /opt/ros has them.
+    # The setup scripts of ros_workspace, which every ROS 2 in /opt/ros contains.
     roots += [
         prefix
         for prefix in _folders(variables, "CMAKE_PREFIX_PATH")
@@ -78,7 +78,7 @@ def find_underlays(variables: Mapping[str, str], install: Path) -> Underlays:
 def tidy_prefixes(variables: Mapping[str, str]) -> dict[str, str]:
     """Return the variables with each prefix once, without empty entries and superfluous slashes and dots.
 
-    These make no difference to a build, but a changed variable rebuilds every package.
+    These do not affect a build, but a changed variable rebuilds every package.
     """
     paths = {name: variables[name].split(os.pathsep) for name in _VARIABLES if variables.get(name)}
     tidied = {
@@ -122,7 +122,7 @@ def system_prefixes(variables: Mapping[str, str]) -> tuple[Path, ...]:
 def installed_packages(root: Path) -> tuple[InstalledPackage, ...]:
     """Return the packages of an install tree or prefix, by name.
 
-    Reads colcon's index, else ament's, which distributions have.
+    Reads colcon's index, else ament's, as in distributions.
     """
     candidates = _candidates(root)
     if not candidates:

@@ -16,10 +16,10 @@ from forge.environment.dsv import Edit, PackageEdits, Script
 from forge.environment.shells import SHELLS, Shell
 
 Statement = dict[str, object]
-"""A paragraph of a script: its template, and finished words for it."""
+"""A paragraph of a script: its template, and the template's values."""
 
 Group = list[tuple[PackageEdits, Edit | Script]]
-"""Edits that one statement makes."""
+"""The edits of one statement."""
 
 _ASSIGNING = frozenset({"set", "default"})
 
@@ -70,7 +70,7 @@ def package_setup(name: str, prefix: Path, package: PackageEdits) -> str:
     return render(
         f"scripts/{shell.family}/package.j2",
         name=package.name,
-        function="_colcon_prepend_unique_value",  # hooks of other tools' packages call it
+        function="_colcon_prepend_unique_value",  # hooks of packages of other tools call it
         statements=[
             statement
             for edit in package.edits

@@ -125,7 +125,7 @@ def lacks_modules(root: Path, variables: Mapping[str, str]) -> bool:
 
 
 def underlay_python(root: Path) -> Path | None:
-    """Return the interpreter that an underlay was built with: as recorded by forge, else of its scripts."""
+    """Return the interpreter that an underlay was built with: recorded by forge, else that of its scripts."""
     with suppress(WorkspaceError):  # an invalid record, which commands that need it report
         recorded = recorded_python(root)
         if recorded is not None:
@@ -134,7 +134,7 @@ def underlay_python(root: Path) -> Path | None:
         for name in names_in(f"{prefix}/bin")[:_SCRIPTS_READ]:
             with suppress(OSError), Path(prefix, "bin", name).open("rb") as stream:
                 match = _SHEBANG.match(stream.readline(512))
-                python = Path(os.fsdecode(match[1])) if match else None  # none if it is found on PATH
+                python = Path(os.fsdecode(match[1])) if match else None  # no path if `env` finds it
                 if python is not None and python.exists():
                     return python
     return None

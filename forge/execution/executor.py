@@ -1,4 +1,4 @@
-"""Where the steps of packages run: on this machine, or where the executor of a plugin runs them."""
+"""The executors of package steps: this machine, or a plugin."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class Executor(Protocol):
-    """Runs the steps of tasks. forge decides which task is next, and installs what the steps have built."""
+    """Runs the steps of tasks. forge decides which task is next, and installs the results of the steps."""
 
     slots: int
     """The number of packages that are built concurrently."""
@@ -41,8 +41,8 @@ class Executor(Protocol):
         """Run the steps of `task` in order; put StepStarted, Output and StepFinished events.
 
         Return None if all steps succeeded, Finished if one failed, Aborted if the build is being stopped.
-        Each call has a thread of its own. To repeat the task from its first step, call `restart` once nothing
-        of the earlier attempt runs any more: it removes what that left, and returns the new environment.
+        Each call runs in a separate thread. To repeat the task from its first step, call `restart` after all
+        programs of the earlier attempt have ended: it removes their files and returns the new environment.
         """
 
     def finish_steps(self) -> None:
@@ -85,7 +85,7 @@ def _resource(text: str) -> tuple[str, float]:
 
 
 class _Names(tuple[str, ...]):
-    """The installed executors of forge. Those of other distributions are looked for if a name is unknown."""
+    """The installed executors of forge. Others are searched only for an unknown name."""
 
     __slots__ = ()
 

@@ -1,8 +1,8 @@
-"""A process that imports its modules once and then forks for each command that a client asks for.
+"""A process that imports its modules once and then forks for each command that a client requests.
 
 The child runs the command with the client's working directory, environment and output. The server ends when
-its stdin is closed, that is, whenever the build ends that started it. Uses the standard library only, so that
-any interpreter can run it.
+its stdin is closed, that is, when the build that started it ends. Uses the standard library only, so that any
+interpreter can run it.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Call:
 def started_server(
     argv: Callable[[int], Sequence[str]], environment: Mapping[str, str] | None = None
 ) -> Iterator[str]:
-    """Start the server whose command line `argv` returns for the descriptor of a listening socket.
+    """Start the server; `argv` returns its command line for the descriptor of a listening socket.
 
     Yield the path of the socket, to which clients can connect at once: they wait until the server is ready.
     The server is stopped at the end of the block.

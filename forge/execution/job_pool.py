@@ -2,7 +2,8 @@
 
 A package acquires a token before its first step and releases it after its last. It represents the one job
 that the jobserver protocol grants each program implicitly. All other tokens are in the jobserver pool, where
-ninja, make and compilers take them. So jobs never outnumber tokens, and no token is idle while there is work.
+ninja, make and compilers take them. So there are never more jobs than tokens, and no token is idle while
+there is work.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ _IMPLICIT_TOKEN = b""
 _PERIOD_SECONDS = 0.25
 """The interval of memory and load checks."""
 _PAUSE_SECONDS = 0.005
-"""How long a released token waits for the next package before tools may take it."""
+"""The time that a released token waits for the next package before tools may take it."""
 
 _MAX_STORED_STYLES = 8
 """Workspaces and virtual environments have different tools, and share the file."""
@@ -77,7 +78,7 @@ class JobPool:
         self._free_tokens = [_IMPLICIT_TOKEN] if pool is not None and pool.joined else [TOKEN] * jobs
         self._waiting: list[object] = []
         self._alone: list[object] = []
-        """Those that run alone or wait until they can."""
+        """Packages that run alone, or wait until they can."""
         self._running = 0
         self._overloaded = False
         self._idle_checks = 0
@@ -119,7 +120,7 @@ class JobPool:
 
     @contextmanager
     def alone(self) -> Iterator[None]:
-        """Wait until no other package runs, and let none start; for a package that holds a token.
+        """Wait until no other package runs, and let none start. The package must hold a token.
 
         Packages that wait to be alone run nothing, so they do not wait for each other to end.
         """
@@ -253,13 +254,13 @@ class JobPool:
             if woken and not self._closed:
                 self._wake.clear()
                 time.sleep(_PAUSE_SECONDS)
-            # Not at each wake-up, since a check reads about twenty files.
+            # Do not check at each wake-up, since a check reads about twenty files.
             if time.monotonic() - checked >= _PERIOD_SECONDS:
                 overloaded, checked = self._is_overloaded(), time.monotonic()
             with self._changed:
                 self._overloaded = overloaded
                 if not woken:
-                    # If no token is left though nothing runs, a tool was killed while holding them.
+                    # If no token is left although nothing runs, a tool was killed while holding them.
                     lost = bool(self._waiting) and not self._running and not self._free_tokens
                     self._idle_checks = self._idle_checks + 1 if lost else 0
                     self._free_tokens += [TOKEN] * self.jobs if self._idle_checks > 1 else []

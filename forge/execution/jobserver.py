@@ -70,8 +70,8 @@ class TokenPool:
     def take(self) -> bytes:
         """Wait for a token; return b'' after `wake`."""
         if not self.joined:
-            # The kernel serves a blocked reader before a tool that has returned a token can take it again.
-            # With polling, forge would be too late.
+            # The kernel serves a blocked reader before a tool that returned a token can take it again. With
+            # polling, forge would be too slow.
             return os.read(self._blocking, 1)
         while True:
             ready, _, _ = select.select([self._nonblocking, self._wake_reader], [], [])

@@ -27,9 +27,9 @@ _MOST_SHOWN = 100
 def lock_build_dir(build: Path, *, wait: bool = True) -> Iterator[float]:
     """Lock a build folder, waiting for another forge if necessary; the lock ends with the process.
 
-    Yields the seconds waited. Leaving by an interrupt or an internal error terminates all processes started
-    in the folder, in any group.
-    Raises WorkspaceError if the folder is locked and `wait` is False, OSError if it is not writable.
+    Yields the seconds waited. An interrupt or an internal error terminates all processes started in the
+    folder, in any group. Raises WorkspaceError if the folder is locked and `wait` is False, OSError if it is
+    not writable.
     """
     descriptor = os.open(build / LOCK_FILE, os.O_RDWR | os.O_CREAT, 0o666)
     with os.fdopen(descriptor, "r+", encoding="utf-8", errors="replace") as lock:
@@ -71,7 +71,7 @@ def lock_install_dir(install: Path, *, wait: bool = True) -> Iterator[float]:
 
 
 def _acquire(descriptor: int, kind: str, folder: Path, read: Callable[[], str], *, wait: bool) -> float:
-    """Lock a file; return the seconds waited. `read` returns the description of who has the lock."""
+    """Lock a file; return the seconds waited. `read` returns the description of the lock's owner."""
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
@@ -88,7 +88,7 @@ def _acquire(descriptor: int, kind: str, folder: Path, read: Callable[[], str], 
 
 
 def _own_description() -> str:
-    """Return what others are told about this process: id, user, start of the command, command line."""
+    """Return the description of this process for others: id, user, start of the command, command line."""
     words = ("forge", *map(without_passwords, sys.argv[1:]))
     return json.dumps(
         {"pid": os.getpid(), "uid": os.getuid(), "since": time.time(), "command": shlex.join(words)}
@@ -96,7 +96,7 @@ def _own_description() -> str:
 
 
 def _lock_owner(descriptor: int) -> str:
-    """Return the description of the process that has locked a folder, '' if the kernel does not tell."""
+    """Return the description of the process that has locked a folder, '' if the kernel does not name it."""
     status = os.fstat(descriptor)
     place = f"{os.major(status.st_dev):02x}:{os.minor(status.st_dev):02x}:{status.st_ino}"
     with contextlib.suppress(OSError, ValueError, IndexError):
@@ -112,7 +112,7 @@ def _lock_owner(descriptor: int) -> str:
 
 
 def _holder(description: str) -> str:
-    """Return the words for who has a lock. Anyone who may write to the file may have described it."""
+    """Return a phrase for the owner of a lock. Any user who can write to the file may have forged it."""
     try:
         told = json.loads(description)
         since = time.localtime(float(told["since"]))

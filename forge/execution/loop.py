@@ -1,4 +1,4 @@
-"""The build loop: start the tasks that the scheduler says are ready, wait for an event, repeat."""
+"""The build loop: start the tasks that are ready according to the scheduler, wait for an event, repeat."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def execute(
     with handle_signals(lambda number: inbox.put(KeyboardInterrupt(number))):
         try:
             while True:
-                # A task that is up to date makes its dependents ready at once.
+                # A task that is up to date makes its dependents ready immediately.
                 while events := scheduler.advance():
                     for event in events:
                         if isinstance(event, Skipped):
@@ -83,7 +83,7 @@ def execute(
                 if isinstance(message, KeyboardInterrupt):
                     interrupts += 1
                     scheduler.stop("interrupted")
-                    # A closed terminal sends SIGHUP more than once by itself.
+                    # A closing terminal may send SIGHUP more than once.
                     kill = interrupts > 1 and message.args != (signal.SIGHUP,)
                     runner.executor.interrupt(kill=kill)
                 elif isinstance(message, BaseException):
@@ -98,7 +98,7 @@ def execute(
                         runner.executor.finish_steps()
                     yield message
         finally:
-            # Tasks are still active only if an error of the caller ended the loop.
+            # Tasks are still active here only if an error in the caller ended the loop.
             if active:
                 runner.executor.interrupt(kill=False)
             while active:

@@ -79,7 +79,7 @@ def _jobs_or_load(flag: str, *, first: bool) -> tuple[str, str, str] | None:
 
 
 def _without_pretence(flag: str) -> str:
-    """Return a flag without -n, -q and -t, which make make pretend that it has built targets."""
+    """Return a flag without -n, -q and -t, with which make does not build its targets."""
     if flag in {"--dry-run", "--just-print", "--recon", "--question", "--touch"}:
         return ""
     if flag.startswith("--") or not _LETTERS.fullmatch(flag.removeprefix("-")):

@@ -1,6 +1,6 @@
-"""How much memory packages need: learned while their steps run, and asked for before the next package starts.
+"""The memory that packages need: measured while their steps run, and checked before the next package starts.
 
-The peaks are in a file of their own below the build folder: they decide when a package is built, not how.
+The peaks are in a separate file below the build folder: they decide when a package is built, not how.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _PAGE = resource.getpagesize()
 _KIB = 1024
 
 _KILL_WORDS = re.compile(rb"Killed|signal 9\b|SIGKILL|out of memory|virtual memory exhausted")
-"""What each of the lines that _KILLED knows contains; looked for first, because output may be endless."""
+"""Words in lines that _KILLED matches; searched first, because output may be very long."""
 _KILLED = re.compile(
     rb".*Killed signal terminated program (?P<gcc>\S+)"
     rb"|.*?(?P<collect>\S+) terminated with signal 9\b"
@@ -39,20 +39,20 @@ _KILLED = re.compile(
     rb"|.*line \d+: +\d+ Killed "  # bash
 )
 _LONGEST_LINE = 500
-"""The number of bytes of a line that are read."""
+"""The maximum number of bytes of a line that are read."""
 _MOST_LINES = 20
-"""The number of lines with these words that are read of a piece of output."""
+"""The maximum number of lines with these words that are read in a piece of output."""
 _SIGKILL_CODES = frozenset({-9, 137})
 
 
 class PackageMemory:
-    """The bytes that packages use now and used at most; owned by the build loop.
+    """The current and peak memory use of packages, in bytes; owned by the build loop.
 
-    Steps are watched by a thread of their own, which adds up the memory of their processes.
+    A separate thread adds up the memory of the processes of each step.
     """
 
     def __init__(self, file: Path, limit: MemoryLimit | None = None) -> None:
-        """Read the peaks of earlier builds; `limit` is that of the user."""
+        """Read the peaks of earlier builds; `limit` is the user's memory limit."""
         self._file = file
         self._limit = limit
         self.peaks: dict[str, int] = {}
@@ -72,11 +72,11 @@ class PackageMemory:
         return self._now.get(name, 0)
 
     def peak(self, name: str) -> int:
-        """Return the most that a package has used in this build and others, 0 if it is unknown."""
+        """Return the peak of a package in this build and earlier ones, 0 if it is unknown."""
         return max(self.peaks.get(name, 0), self._highest.get(name, 0))
 
     def fits(self, name: str, running: Collection[str]) -> bool:
-        """Return whether there is memory left for a package beside those that run and may still grow.
+        """Return whether enough memory is left for a package beside the running ones, which may still grow.
 
         A package without a known peak fits.
         """
@@ -104,15 +104,19 @@ class PackageMemory:
                 del self._watched[process]
 
     def note_usage(self, name: str, usage: resource.struct_rusage) -> None:
-        """Record the largest process of a step, which may have been too short to be seen by the thread.
+        """Record the largest process of a step, which may have ended before the thread saw it.
 
-        A child begins as a copy of this process, which therefore is the least that the kernel tells.
+        A child begins as a copy of this process, so the kernel never reports less than the size of this
+        process.
         """
         if usage.ru_maxrss > resource.getrusage(resource.RUSAGE_SELF).ru_maxrss:
             self._raise(name, usage.ru_maxrss * _KIB)
 
     def note(self, event: Event) -> None:
-        """Learn the peak of a package that has ended: a build from empty replaces it, others raise it."""
+        """Record the peak of a package that has ended.
+
+        A build from an empty folder replaces it, others can only raise it.
+        """
         if isinstance(event, Finished | Aborted):
             self._now.pop(event.task, None)
             seen = self._highest.pop(event.task, 0)
@@ -144,7 +148,7 @@ class PackageMemory:
 
 
 def tree_memory(process: int, root: Path = ROOT) -> int:
-    """Return the bytes of a process and its descendants, without those of files and shared with others."""
+    """Return the private bytes of a process and its descendants, without files and shared memory."""
     total, waiting = 0, [process]
     while waiting:
         folder = root / "proc" / str(waiting.pop())
@@ -158,7 +162,7 @@ def tree_memory(process: int, root: Path = ROOT) -> int:
 
 
 def killed_program(output: bytes) -> str | None:
-    """Return the program that according to the output of a build was killed or had no memory."""
+    """Return the program that was killed or ran out of memory according to the output of a build."""
     for word in islice(_KILL_WORDS.finditer(output), _MOST_LINES):
         begin = output.rfind(b"\n", 0, word.start()) + 1
         end = output.find(b"\n", word.end())
@@ -170,5 +174,5 @@ def killed_program(output: bytes) -> str | None:
 
 
 def is_kill(code: int) -> bool:
-    """Return whether the exit code of a step tells that its own program was killed."""
+    """Return whether the exit code of a step means that its own program was killed."""
     return code in _SIGKILL_CODES

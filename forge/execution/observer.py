@@ -1,6 +1,6 @@
 """Observe the steps of a package: load the library of forge.engine into their processes.
 
-Without a compiler nothing is observed, and `forge.build.prefix` decides by the install manifests alone.
+Without a compiler nothing is observed, and `forge.build.prefix` relies on the install manifests alone.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def note_step(variables: Mapping[str, str], process: int, step: Step) -> None:
 
 @frozen
 class Observer:
-    """Sets the variables by which the steps of tasks are observed; without a `library`, only forge's do."""
+    """Sets the variables that make the steps of tasks log; without a `library`, only steps of forge do."""
 
     layout: Layout
     library: Path | None

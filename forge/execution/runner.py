@@ -1,4 +1,4 @@
-"""Run tasks: what happens before and after their steps, and the executor that starts processes."""
+"""Run tasks: the actions before and after their steps, and the executor that starts processes."""
 
 from __future__ import annotations
 
@@ -49,29 +49,32 @@ if TYPE_CHECKING:
 Surroundings: TypeAlias = (
     "Callable[[Task, Step, Mapping[str, str], Callable[[], bool]], AbstractContextManager[Mapping[str, str]]]"
 )
-"""Yields the environment of a step of a task, given the one so far, and whether the run is being stopped."""
+"""Yields the environment of a step, given the current one and a function that tests for interruption."""
 
 _INSTALLATIONS = 3
-"""How often an install step is tried while other packages install into the same prefix."""
+"""The maximum number of attempts of an install step while other packages install into the same prefix."""
 GRACE_SECONDS = 3.0
 """The time for an interrupted program to end before it receives the next stronger signal."""
 
 _LINGER_SECONDS = 1.0
-"""How long forge reads from a silent pipe that another process holds open after the step's program ended."""
+"""The time to read from a silent pipe that another process holds open after the step's program ended."""
 
 _LONGEST_LINE = 65536
-"""Bytes after which an unfinished line is emitted."""
+"""The number of bytes after which an unfinished line is emitted."""
 
 _NOT_STARTED = 127
 
 _COMPILES = frozenset({StepKind.BUILD, StepKind.BUILD_TARGET})
 _LAST_PIECES = 500
-"""The pieces of a failed step's output that are searched for a killed compiler; most commands print one."""
+"""The number of pieces of a failed step's output that are searched for a killed compiler.
+
+Most commands print one.
+"""
 
 
 _OWN_PREFIX = "FORGE_"
 _VALID_LATER = frozenset({"FORGE_COMMAND", BUILD_FOLDER_VARIABLE})
-"""forge's variables but those for processes and files that this build has started or checked."""
+"""forge's variables, except those that are valid only during this build."""
 
 
 class TaskLifecycle:
@@ -92,7 +95,7 @@ class TaskLifecycle:
         return task
 
     def unstaged(self, _task: Task, _failed: Step | None, *, stopped: bool) -> Task | None:
-        """Remove the stage and return the task to rerun in place, or return None and do nothing."""
+        """Remove the stage and return the task to rerun in place; otherwise do nothing and return None."""
         return None
 
     def begin(self, task: Task, environment: Mapping[str, str]) -> None:
@@ -117,7 +120,7 @@ class TaskRunner:
     """Runs one task at a time per calling thread."""
 
     def __init__(self, lifecycle: TaskLifecycle, executor: Executor, job_pool: JobPool | None = None) -> None:
-        """Store them; with a `job_pool`, a task holds a job from beginning to end."""
+        """Store the arguments; with a `job_pool`, a task holds a job from beginning to end."""
         self.executor = executor
         self._lifecycle = lifecycle
         self._job_pool = job_pool
@@ -153,7 +156,7 @@ class TaskRunner:
                 seconds = time.monotonic() - started
                 put(Finished(task.name, 0, seconds, record=record, cache=lifecycle.remark(task)))
         except BaseException as error:
-            # For example a full disk: partially installed files must not look complete.
+            # The disk may be full, for example: partially installed files must not look complete.
             with contextlib.suppress(Exception):
                 lifecycle.undo(task)
             put(error)
@@ -179,7 +182,7 @@ class TaskRunner:
 
 
 class LocalExecutor:
-    """Runs each step as a process group of its own on this machine."""
+    """Runs each step in a separate process group on this machine."""
 
     def __init__(
         self,
@@ -189,7 +192,7 @@ class LocalExecutor:
         memory: PackageMemory | None = None,
         surroundings: Surroundings | None = None,
     ) -> None:
-        """Store them; `surroundings` adds to the environment of a step what it has until it ends."""
+        """Store the arguments; `surroundings` extends the environment of a step while it runs."""
         self._memory = memory
         self.slots = job_pool.local if job_pool else 1
         self._job_pool = job_pool
@@ -217,8 +220,8 @@ class LocalExecutor:
                 continue
             if self._stopping.is_set():
                 return Aborted(task.name, 0.0)
-            # In a merged prefix, an install step that failed beside another one is repeated: CMake makes a
-            # folder, and replaces a file of another package, in several calls.
+            # In a merged prefix, an install step that failed beside another one is repeated: CMake creates
+            # folders and replaces files of other packages in several system calls.
             installs = step.kind is StepKind.INSTALL
             for _ in range(_INSTALLATIONS if installs else 1):
                 with self._installation(task.prefix) if installs else nullcontext(bool) as disturbed:
@@ -243,7 +246,7 @@ class LocalExecutor:
         put: Callable[[Event], None],
         killed: str,
     ) -> int:
-        """Repeat a build step whose compiler had no memory, with one job and nothing beside it."""
+        """Repeat a build step whose compiler ran out of memory, with one job and nothing else running."""
 
         def say(text: str) -> None:
             put(Output(task.name, f"forge: {text}\n".encode(), stderr=True))
@@ -259,7 +262,7 @@ class LocalExecutor:
 
     @contextlib.contextmanager
     def _installation(self, prefix: Path) -> Iterator[Callable[[], bool]]:
-        """Count an install step; yield a function that tells whether another one has disturbed it."""
+        """Count an install step; yield a function that returns whether another one has disturbed it."""
         removed = removed_folders(prefix)
         with self._lock:
             others = self._installing[prefix]
@@ -309,7 +312,7 @@ class LocalExecutor:
         *,
         alone: bool = False,
     ) -> tuple[int, str | None]:
-        """Run a step; return its exit code, and the program that was killed in it."""
+        """Run a step; return its exit code, and the program that was killed, if any."""
         killed = None
         last: deque[bytes] = deque(maxlen=_LAST_PIECES)
         if step.record:
@@ -319,8 +322,8 @@ class LocalExecutor:
         if step.kind is StepKind.INSTALL:
             from forge.build.staging import next_install
 
-            # What the last build installed is still there if other packages have installed it as well, or
-            # if it is not in the prefix. CMake would write through a link to the file in the sources.
+            # Files of the last build still exist if other packages have installed them as well, or if they
+            # are outside the prefix. CMake would write through a link to the file in the sources.
             for path in filter(os.path.islink, () if step.stage else task.earlier):
                 Path(path).unlink()
             step = next_install(step, task)
@@ -334,7 +337,7 @@ class LocalExecutor:
                 last.append(text)
             if step.stage:  # show the prefix to users
                 text = text.replace(os.fsencode(step.stage), os.fsencode(task.prefix))
-            if step.tests_at_once:  # its folder links to that of the results while it runs
+            if step.tests_at_once:  # while it runs, its folder links to that of the results
                 text = text.replace(os.fsencode(step.cwd), os.fsencode(task.build_dir))
             put(Output(task.name, text, stderr=stderr))
 
@@ -381,7 +384,7 @@ class LocalExecutor:
                     with process, watching, _deadline(process, step.seconds) as is_late:
                         _read_lines(process, put_output)
                         if step.kind in TEST_STEPS:
-                            # What tests leave running would disturb others, and write into the build folder.
+                            # Processes left by tests would disturb others, and write into the build folder.
                             os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOWAIT)
                             _signal_group(process.pid, signal.SIGKILL)
                         self._wait(process, task.name)
@@ -406,7 +409,7 @@ class LocalExecutor:
         return code, killed
 
     def _wait(self, process: subprocess.Popen[bytes], name: str) -> None:
-        """Wait for a process as Popen does, and note its use of memory."""
+        """Wait for a process as Popen does, and record its use of memory."""
         if self._memory is None:
             return
         with contextlib.suppress(ChildProcessError):
@@ -423,7 +426,10 @@ def _signal_group(group: int, number: signal.Signals) -> None:
 
 @contextlib.contextmanager
 def _deadline(process: subprocess.Popen[bytes], seconds: float) -> Iterator[Callable[[], bool]]:
-    """Stop the group of a process after a time, unless that is 0; yield a function that tells if it did."""
+    """Stop the group of a process after a time limit, unless that is 0.
+
+    Yield a function that returns whether this happened.
+    """
     ended, late = threading.Event(), threading.Event()
 
     def stop() -> None:
@@ -487,7 +493,7 @@ def _read_lines(process: subprocess.Popen[bytes], put: Callable[[bytes, bool], N
 
 def changed_variables(variables: Mapping[str, str]) -> tuple[tuple[str, str], ...]:
     """Return the variables that differ from forge's own environment and that are valid after this build."""
-    own_variables = dict(os.environ)  # a lookup in os.environ encodes and decodes
+    own_variables = dict(os.environ)  # lookups in os.environ encode and decode
     changed = {name: value for name, value in variables.items() if own_variables.get(name) != value}
     own = {name for name in changed if name.startswith(_OWN_PREFIX)} - _VALID_LATER
     return tuple(sorted((name, value) for name, value in changed.items() if name not in own))

@@ -2,9 +2,10 @@
 
 A killed forge cannot terminate its child processes, which would continue to write into the build folders. So
 each process is recorded by its id and start time, and the next forge terminates the recorded ones. The id is
-known only after the start, and forge may be killed in between, so a token is recorded before, which the
-process has in its environment. No other process is ever signalled: neither one that merely has the variables
-of a build, such as a shell that has sourced its `environment.sh`, nor an ancestor of this forge.
+known only after the start, and forge may be killed in between, so a token is recorded before the start and
+passed in the environment of the process. No other process is ever signalled: neither one that merely
+inherited the variables of a build, such as a shell that has sourced its `environment.sh`, nor an ancestor of
+this forge.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from forge.base.layout import PROCESSES_FILE
 BUILD_FOLDER_VARIABLE = "FORGE_BUILD_FOLDER"
 """An environment variable of the programs of a build: the absolute path of the build folder."""
 START_VARIABLE = "FORGE_START"
-"""An environment variable of a process that forge starts: the token recorded before."""
+"""An environment variable of a process that forge starts: the token recorded before the start."""
 
 _ANNOUNCED = "start"
 _STARTED = "started"
@@ -88,7 +89,7 @@ class StartedProcesses:
         begun = time.monotonic()
         found: set[tuple[int, int]] = set()
         terminated: set[tuple[int, int]] = set()
-        # Read each time: the workers of a killed forge record processes, too.
+        # Read them each time: the workers of a killed forge also record processes.
         while (recorded := self._read()) and time.monotonic() < begun + _TIMEOUT_SECONDS:
             table = _all()
             known = [process for process in table.values() if (process.number, process.started) in found]
@@ -168,7 +169,7 @@ def _read_process(number: int) -> Process | None:
 
 
 def is_running(number: int) -> bool:
-    """Return whether a process with this id runs; a zombie does not."""
+    """Return whether a process with this id is running; zombies do not count."""
     process = _read_process(number)
     return process is not None and not process.ended
 

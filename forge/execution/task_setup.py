@@ -70,7 +70,10 @@ _METADATA = re.compile(r"-packages/[^/]+\.(dist|egg)-info/")
 
 @frozen
 class TaskSetup(TaskLifecycle):
-    """The state shared by all tasks of a build; `variables` is the environment below their dependencies'."""
+    """The state shared by all tasks of a build.
+
+    `variables` is the environment that their dependencies extend.
+    """
 
     resolution: DependencyResolution
     layout: Layout
@@ -83,12 +86,12 @@ class TaskSetup(TaskLifecycle):
     audit: Callable[[Task, ObservedSteps, NativeGraph], None] | None = None
     """Compares inputs of steps with declared ones; each package then starts in an empty build folder."""
     observes: bool = False
-    """Steps run on this machine below the library of forge.engine, so that they can install into a stage."""
+    """Whether steps run on this machine under observation, so that they can install into a stage."""
     kept: list[Problem] = field(default_factory=list)
-    """Files that packages no longer install, but that stay because somebody has edited them."""
+    """Edited files that are kept although packages no longer install them."""
     _configs: dict[str, Pairs] = field(default_factory=dict)
     _begun: dict[str, tuple[FolderRecord | None, FolderRecord]] = field(default_factory=dict)
-    """The last record of each build folder that is being built in, and that of this build."""
+    """For each build folder in use, the record of the last build and that of this one."""
     _steps: dict[str, ObservedSteps] = field(default_factory=dict)
     _detected: dict[str, frozenset[str]] = field(default_factory=dict)
     """The inputs of the compiler detection whose results were copied into a build folder."""
@@ -104,7 +107,7 @@ class TaskSetup(TaskLifecycle):
         found = build_environment(below, self.variables)
         found[BUILD_FOLDER_VARIABLE] = str(self.layout.build)
         found["FORGE_COMMAND"] = shlex.join(own_command())
-        # CMake does not read AMENT_PREFIX_PATH, which has the underlays.
+        # CMake does not read AMENT_PREFIX_PATH, which contains the underlays.
         paths = found.get("CMAKE_PREFIX_PATH", "").split(os.pathsep)
         paths += self.variables.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
         found["CMAKE_PREFIX_PATH"] = os.pathsep.join(dict.fromkeys(filter(None, paths)))
@@ -187,14 +190,14 @@ class TaskSetup(TaskLifecycle):
         if again is not None:
             commands = self._record_commands(task)
             if again.prepared:
-                # Only the install step runs once more.
+                # Only the install step runs again.
                 last, begun = self._begun[task.name]
                 self._begun[task.name] = last, replace(begun, commands=commands)
             staging.end(task, self.layout)
         return again
 
     def _read_steps(self, task: Task) -> ObservedSteps:
-        """Return the observations of the steps of a package, which have ended."""
+        """Return the observations of the steps of a package after they have ended."""
         if task.name not in self._steps:
             self._steps[task.name] = read_steps(written_log(task.name, self.layout))
         return self._steps[task.name]
@@ -299,7 +302,7 @@ class TaskSetup(TaskLifecycle):
         record = replace(
             self._record(task, installed, tuple(externals), digest_of(externals, externals)),
             began=begun.began / 1e9,
-            # The cache key has the sources as planned.
+            # The cache key contains the sources as planned.
             saved=(*names, *((str(task.package.path),) if begun.unplanned else ())),
             from_empty=begun.from_empty,
             read_from=self._owners_of(task, externals),
@@ -310,7 +313,7 @@ class TaskSetup(TaskLifecycle):
         return self.cache.keep(task, record) if self.cache else record
 
     def _record_commands(self, task: Task) -> ObservedCommands:
-        """Record what the steps of a package have read and written, successful or not."""
+        """Record the accesses of the steps of a package, successful or not."""
         build, begun = task.build_dir, self._begun.get(task.name)
         steps = self._read_steps(task)
         del self._steps[task.name]
@@ -362,7 +365,7 @@ class TaskSetup(TaskLifecycle):
         """Yield files that a build read from packages of this workspace that it does not depend on."""
         layout, records = self.layout, self.state.journal.records
         build, install = f"{layout.build}/", f"{layout.install}/"
-        # In a merged prefix, only the lists of files tell packages apart.
+        # In a merged prefix, only the lists of files show which package owns a file.
         own = tuple(f"{path}/" for path in declared if not (layout.merged and path == layout.install))
         near = [path for path in read if path.startswith((build, install)) and not path.startswith(own)]
         # Python reads the metadata of all distributions in search of plugins.

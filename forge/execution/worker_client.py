@@ -5,7 +5,7 @@ the program, else in this process. This file is a program started without site-p
 as possible.
 """
 
-import _socket  # socket itself, which imports selectors and enum, would double the start-up time
+import _socket  # the module socket, which imports selectors and enum, would double the startup time
 import os
 import sys
 
@@ -14,7 +14,7 @@ WORKER_VARIABLE = "FORGE_WORKER"
 DECLINED = 255
 """The exit code of a command that the worker leaves to its client."""
 DECLINED_PREFIX = "forge: runs "
-"""The start of the line that gives the reason."""
+"""The beginning of the line with the reason."""
 
 
 def main(argv: "list[str]") -> int:
@@ -28,7 +28,7 @@ def main(argv: "list[str]") -> int:
             if not (is_program and code == DECLINED):
                 return code
         except OSError:
-            # The worker is unavailable or has ended. Continue without it, only slower.
+            # The worker is unavailable or has ended. Continue without it, which is only slower.
             pass
     if not is_program:
         home = os.path.abspath(f"{__file__}/../../..")  # noqa: PTH100

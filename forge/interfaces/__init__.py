@@ -1,4 +1,4 @@
-"""Interface definitions to code: parse, resolve, render, write; knows nothing of building.
+"""Interface definitions to code: parse, resolve, render, write; independent of building.
 
 `forge.interfaces.load` creates message classes at run time, for use in programs.
 """

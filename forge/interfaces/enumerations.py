@@ -1,6 +1,6 @@
 """Enumerations: constants that the comment of a field groups, as in `uint8 status  # enum: STATUS_*`.
 
-On the wire they are the integers: neither the serialized form nor the type hash knows of them.
+On the wire they are the integers: neither the serialized form nor the type hash depends on them.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _TAKEN = frozenset(
         *(f"{const}{kind}Ptr" for const in ("", "Const") for kind in ("", "Raw", "Shared", "Unique", "Weak")),
     }
 )
-"""Keywords of Python, and what the structures of C++ call other things."""
+"""Keywords of Python, and names that the structures of C++ use for other members."""
 _MACROS = frozenset({"EOF", "INFINITY", "NAN", "NULL"})
 
 
@@ -35,7 +35,7 @@ class Enumeration:
 
     @property
     def distinct(self) -> tuple[tuple[str, int], ...]:
-        """The members, of those with one value the first."""
+        """The members; of several with the same value, the first one."""
         return tuple((name, value) for value, name in {v: n for n, v in self.members[::-1]}.items())[::-1]
 
 
@@ -64,11 +64,11 @@ def enumerations(message: Message) -> Mapping[str, Enumeration]:
 
 
 def unused_annotations(message: Message) -> Iterator[Problem]:
-    """Yield a problem for each annotation that makes no enumeration."""
+    """Yield a problem for each annotation that does not define an enumeration."""
     found = enumerations(message)
     for field in message.fields:
         if (prefix := _prefix(field)) and field.name not in found:
-            text = f"'enum: {prefix}*' makes no enumeration of '{field.name}'"
+            text = f"'enum: {prefix}*' does not define an enumeration for '{field.name}'"
             hint = (
                 f"the field and all constants '{prefix}*' of the message must be integers, and fit its type"
             )
@@ -81,6 +81,6 @@ def _prefix(field: Field) -> str:
 
 
 def _without(prefix: str, name: str) -> str:
-    """Return a name without the prefix, unless that would not be a name, or be a macro of C."""
+    """Return a name without the prefix, or the whole name if the rest is not a name or is a macro of C."""
     short = name.removeprefix(prefix)
     return short if short[:1].isalpha() and short not in _MACROS else name

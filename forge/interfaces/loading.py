@@ -60,11 +60,11 @@ def load(
 ) -> Types:
     """Create classes from a folder of definitions or from the text of a schema.
 
-    A Path is a folder that contains msg, srv, action or .idl files, and `name` is the package, by default
-    the name of the folder. A str is the text of a schema as stored by MCAP ('ros2msg' or 'ros2idl'), and
-    `name` is its type. Definitions of other packages are searched in the folders of `includes`, then in the
-    embedded packages, which are those of `rosdistro`, by default of the variable ROS_DISTRO, else of Humble.
-    Raises InterfaceError with all errors in the definitions, SelectionError for an unknown distribution.
+    A Path is a folder that contains msg, srv, action or .idl files, and `name` is the package, by default the
+    name of the folder. A str is the text of a schema as stored by MCAP ('ros2msg' or 'ros2idl'), and `name`
+    is its type. Definitions of other packages are searched in the folders of `includes`, then in the embedded
+    packages of `rosdistro`, by default the variable ROS_DISTRO, else Humble. Raises InterfaceError with all
+    errors in the definitions, SelectionError for an unknown distribution.
     """
     check_distribution(rosdistro, "rosdistro")
     chosen = rosdistro or distribution_in(os.environ)

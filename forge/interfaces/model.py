@@ -100,7 +100,7 @@ class Constant:
 
 @dataclass(frozen=True)
 class Message:
-    """A structure. `fields` are those of the definition, `members` those that are serialized."""
+    """A structure. `fields` are defined in the file, `members` are serialized."""
 
     name: TypeName
     fields: tuple[Field, ...] = ()

@@ -1,4 +1,4 @@
-"""What `ros2 interface show` and `proto` print: a definition with nested messages, and default values."""
+"""The output of `ros2 interface show` and `proto`: a definition with nested messages, and default values."""
 
 from __future__ import annotations
 
@@ -52,9 +52,9 @@ def parse_type_name(text: str, known: Callable[[], Iterable[TypeName]] = tuple) 
 def show(name: TypeName, comments: int, text_of: Callable[[TypeName], str]) -> Iterator[str]:
     """Yield the lines of an interface and of its nested messages, indented by one tab per level.
 
-    Comments and blank lines are shown on as many levels as `comments` says. `text_of` returns the text of a
-    definition. Omitted comments include their '#', unlike in ROS.
-    Raises InterfaceError if a message contains itself or is too large; exceptions of `text_of` propagate.
+    `comments` is the number of levels on which comments and blank lines are shown. `text_of` returns the text
+    of a definition. Omitted comments include their '#', unlike in ROS. Raises InterfaceError if a message
+    contains itself or is too large; exceptions of `text_of` propagate.
     """
     for number, line in enumerate(_show(name, comments, text_of, ())):
         if number >= MAX_LINES:

@@ -100,7 +100,7 @@ _COMMAND = re.compile(rb"\[\d+/\d+\] ")
 _WARNING = re.compile(rb":(?: |\x1b\[[\d;]*[mK])*warning: ")
 """The message of a compiler or linker, perhaps coloured."""
 _MOST = 1_000_000
-"""Bytes kept of the output of one package."""
+"""The maximum number of bytes kept of the output of one package."""
 
 _CMAKE = re.compile(
     rb"^CMake (?:Deprecation )?Warning[^\n]*\n"
@@ -137,7 +137,7 @@ class CompilerWarnings:
                 self._room -= len(line)
 
     def end_step(self) -> None:
-        """Forget the output of the current command unless it contains a warning."""
+        """Drop the output of the current command unless it contains a warning."""
         text = b"".join(self._command or ())
         if _WARNING.search(text):
             self._found.append(text)
@@ -153,7 +153,7 @@ class CompilerWarnings:
 class RepeatedWarnings:
     """The kinds of warnings of one build, and the packages that printed each.
 
-    CMake prints the same deprecation for every package of a workspace, and setuptools does, too; each kind is
+    CMake prints the same deprecation for every package of a workspace, and so does setuptools; each kind is
     shown once. Two warnings are of the same kind if they differ only in their location and in the name of the
     package.
     """
@@ -212,7 +212,7 @@ class ConsoleReporter:
         self.surroundings: Mapping[str, Any] = {}
         """Context for hints about failed packages: arguments of failure_context."""
         self.collapsed: frozenset[str] = frozenset()
-        """Packages that get no lines of their own unless they fail; the summary counts them."""
+        """Packages that get no separate lines unless they fail; the summary counts them."""
         self.launcher_summaries: tuple[LauncherSummary, ...] = ()
         self.test_counts: Counts | None = None
         """The numbers of tests, if the packages were tested."""
@@ -220,7 +220,7 @@ class ConsoleReporter:
         self.flaky_tests = 0
         """Whether the packages were tested, but had no tests or skipped all of them."""
         self.not_tested: tuple[str, ...] = ()
-        """Packages that were to be tested, but could not be."""
+        """Packages that should have been tested, but could not be."""
         self.displayed: Callable[[Path], str] = str
         """Returns how to display a path, such as relative to the folder in which the command was typed."""
         self.folds: list[Callable[[str, str], str]] = []
@@ -237,7 +237,7 @@ class ConsoleReporter:
         self._configured: set[str] = set()
         self._listed = False
         self._failed: dict[str, PackageFailure] = {}
-        # The names in the tally, by its fields.
+        # The names of the tally, by field.
         self._names: defaultdict[str, set[str]] = defaultdict(set)
         self._names["unchanged"].update(name for name in plan.fresh if not self._embedded(name))
 
@@ -298,7 +298,7 @@ class ConsoleReporter:
                     self._configured.add(package)
                 if package in self._warnings:
                     self._warnings[package].end_step()
-                # Of repeated steps, only the last result counts.
+                # Only the last result of a repeated step counts.
                 failed = event.step.meaning(event.code) == TEST_FAILURES
                 names = self._names["test_failures"]
                 (names.add if failed else names.discard)(package)

@@ -53,12 +53,12 @@ _CMAKE_COMMANDS = re.findall(
 
 @frozen
 class FailureContext:
-    """The context of a failure: the package, all packages, the workspace's interpreter, and what is on disk.
+    """The context of a failure: the package, all packages, the workspace's interpreter, and files on disk.
 
-    `files` are relative to the package's folder. Its CMakeLists.txt defines `targets`; it finds the packages
-    `found`, those in `tested` for its tests only, those in `optional` without REQUIRED, and links `linked`.
-    `prefix_of` returns the prefix of an installed package, `whereabouts` what to do about a package that is
-    in no prefix, if that is known. `flags` are the options of the command.
+    `files` are relative to the package's folder. Its CMakeLists.txt defines `targets`, finds the packages
+    `found` (those in `tested` for tests only, those in `optional` without REQUIRED), and links `linked`.
+    `prefix_of` returns the prefix of an installed package, `whereabouts` a remedy for a package that is in no
+    prefix, if one is known. `flags` are the options of the command.
     """
 
     package: Package
@@ -115,7 +115,7 @@ def failure_context(package: Package, packages: Mapping[str, Package], **surroun
 def hint_of(output: str, context: FailureContext) -> str | None:
     """Return a remedy derived from the output of a failed package, or None."""
     if context.package.embedded:
-        return None  # the files of an embedded package are forge's
+        return None  # the files of an embedded package belong to forge
     _, _, plain = COLOUR.sub("", output).rpartition(REPEATED_ALONE)
     for pattern, remedy in _REMEDIES:
         for match in re.finditer(pattern.replace(" ", r"\s+"), plain):
@@ -140,7 +140,7 @@ def _package_not_found(name: str, context: FailureContext) -> str | None:
 
 
 def _ways_to_find(name: str, context: FailureContext) -> str:
-    """Return where a package may come from that is not in the workspace."""
+    """Return the possible source of a package that is not in the workspace."""
     if place := context.whereabouts(name):
         return place
     near = resolve.similar_package(name, context.packages.keys() - {context.package.name})
@@ -155,7 +155,7 @@ def _ways_to_find(name: str, context: FailureContext) -> str:
 
 
 def _ways_to_get(name: str, context: FailureContext) -> str:
-    """Return how to get a package of ROS."""
+    """Return how to obtain a ROS package."""
     declared = context.declares(name)
     words = "'forge fetch' downloads it" if declared else f"'forge add {name}' and 'forge fetch' download it"
     return f"{words}; or source a ROS installation that contains '{name}'"
@@ -166,8 +166,8 @@ def _header_not_found(header: str, context: FailureContext) -> str | None:
     if not rest or name == context.package.name:
         return _own_header_not_found(header, context)
     prefix = context.prefix_of(name)
-    # As sources include them: 'shapes/circle.hpp'. Some packages install below a folder with their name, so
-    # that overlays do not mix their headers.
+    # Spell headers as sources include them: 'shapes/circle.hpp'. Some packages install below a folder with
+    # their name, so that overlays do not mix their headers.
     installed: set[str] = set()
     for root in (prefix / "include", prefix / "include" / name) if prefix else ():
         for place, _, names in os.walk(root / name):
@@ -372,7 +372,7 @@ def _other_empy(_: str, context: FailureContext) -> str:
 
 
 def _no_download(url: str, context: FailureContext) -> str:
-    """Return the need of network access; a system package helps only if CMakeLists.txt looks for it."""
+    """Return a hint about network access; a system package helps only if CMakeLists.txt looks for it."""
     system = ConfigSearch()
     looked_for = sorted(
         name
@@ -386,7 +386,7 @@ def _no_download(url: str, context: FailureContext) -> str:
 
 
 def _unknown_argument(word: str, context: FailureContext) -> str | None:
-    """Return where an option of the command belongs; its value may follow at once, as in `-j4`."""
+    """Return where an option of the command belongs; its value may be attached, as in `-j4`."""
     flag = word.partition("=")[0] if word.startswith("--") else word[:2]
     if flag not in context.flags:
         return None
@@ -394,7 +394,7 @@ def _unknown_argument(word: str, context: FailureContext) -> str | None:
 
 
 def _foreign_target(program: str, context: FailureContext) -> str | None:
-    """Return a remedy for a target run by a command: without an emulator, CMake leaves its name as it is."""
+    """Return a remedy for a target run by a command: without an emulator, CMake does not replace its name."""
     if program not in context.targets:
         return None
     return "the build runs a program that it has compiled for another platform: install qemu-user"

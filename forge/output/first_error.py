@@ -21,12 +21,12 @@ _OTHER = re.compile(
 )
 _FAILED = "FAILED: "
 _NINJA = re.compile(rf"\[\d+/\d+\] |{_FAILED}|ninja: ")
-"""Lines with which Ninja continues after a command."""
+"""Lines that Ninja prints after the output of a command."""
 _MAX_SAID = 8
 COLOUR = re.compile(r"\x1b\[[0-9;]*[A-Za-z]")
 
 VISIBLE_LINES = 20
-"""An error at most this many lines above the report of a failure is still visible."""
+"""An error at most this number of lines above the report of a failure is still visible."""
 
 
 @frozen
@@ -40,7 +40,7 @@ class FirstError:
 def first_error(output: Sequence[str], folder: str = "") -> FirstError | None:
     """Return the first error in `output`, trying the most specific patterns first, else None.
 
-    Paths are those of `with_paths`.
+    Paths are completed as by `with_paths`.
     """
     plain = [COLOUR.sub("", line.rstrip("\r\n")) for line in output]
     for pattern, extent in ((_INTERFACE, 4), (_COMPILER, 3), (_CMAKE, 4), (_LINKER, 1), (_OTHER, 2)):

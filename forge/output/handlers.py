@@ -34,7 +34,7 @@ HANDLERS = {
 
 NONE = "none"
 CI_SERVICES = {"github": "GITHUB_ACTIONS", "gitlab": "GITLAB_CI"}
-"""Reporters for CI services, and the variables that these set to 'true'."""
+"""Reporters for CI services, and the variables that the services set to 'true'."""
 
 TEXT_HANDLERS = ("console_start_end", "console_cohesion", "console_direct", "console_package_list", "summary")
 """The event handlers that print text on stdout."""

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 _LINES = 8
 """Maximum number of packages shown."""
 _BAR = (10, 30)
-"""The least and the greatest length of the bar."""
+"""The minimum and the maximum length of the bar."""
 _MINUTE = 60
 
 Line = tuple[tuple[str, str], ...]
@@ -65,7 +65,7 @@ def live_view(
     from rich.live import Live
 
     no_color = not palette_of(sys.stdout).enabled
-    # The terminal knows its size. rich would prefer these variables, which do not follow a resized window.
+    # Ask the terminal for its size: rich would prefer these variables, which do not follow a resized window.
     variables = {name: value for name, value in os.environ.items() if name not in {"COLUMNS", "LINES"}}
     console = Console(highlight=False, soft_wrap=True, no_color=no_color, _environ=variables)
     view = LiveView(plan, seconds, collapsed)
@@ -179,7 +179,7 @@ class Above(Screen):
         return palette_of(sys.stderr if stderr and not sys.stderr.isatty() else sys.stdout)
 
     def write(self, content: bytes, *, stderr: bool = False) -> None:
-        """Write bytes; those for stderr go there if it is not a terminal."""
+        """Write bytes; output for stderr goes there if it is not a terminal."""
         if stderr and not sys.stderr.isatty():
             PLAIN.write(content, stderr=True)
         else:
@@ -204,13 +204,13 @@ _COUNT = re.compile(
 
 @frozen
 class Running:
-    """A package that is being built: its start time, its current step, and how much of both is done."""
+    """A package that is being built: its start time, its current step, and the completed share of both."""
 
     name: str
     begun: float
     step: str = ""
     share: float | None = None
-    """The completed share of the step, from 0 to 1, as its program counts; None if it does not."""
+    """The completed share of the step, from 0 to 1, as reported by its program; None if it reports none."""
     made: float = 0.0
     """The completed share of the package as far as it is known."""
 
@@ -271,7 +271,8 @@ class Progress:
     def left(self, now: float) -> float | None:
         """Estimate the remaining seconds from the pace so far; None while an estimate is impossible.
 
-        Packages that may turn out to be up to date do not count: if there are any, it takes at least as long.
+        Packages that may turn out to be up to date do not count: if there are any, the estimate is a lower
+        bound.
         """
         passed = now - self.begun
         total, done = self._work(now, self.needless | self.unsure)
@@ -281,7 +282,7 @@ class Progress:
         return max(0.0, left) if left < _LONGEST_SECONDS else None
 
     def _work(self, now: float, left_out: frozenset[str]) -> tuple[float, float]:
-        """Return the expected seconds of the packages not `left_out`, and how much of them is done."""
+        """Return the expected seconds of the packages not `left_out`, and how many of these are done."""
         worth = {name: cost for name, cost in self.expected.items() if name not in left_out}
         made = sum(cost for name, cost in worth.items() if name in self.done)
         for running in self.running:

@@ -41,7 +41,7 @@ from forge.build.folder_marks import is_own_log_link
 _OF_PACKAGE = ("command.log", "stderr.log", "stdout.log", "stdout_stderr.log", "streams.log")
 _COLOUR = re.compile(rb"\x1b\[[\d;]*[mK]")
 _HEARTBEAT = 1.0
-"""Seconds between timer events, by which readers of events.log see that a silent build is still running."""
+"""Seconds between timer events, which show readers of events.log that a silent build is still running."""
 
 
 class LogWriter:
@@ -76,7 +76,7 @@ class LogWriter:
     ) -> None:
         """Write the packages of the run with the prefixes of their dependencies, and the other packages.
 
-        Those that are `fresh` start and end at once.
+        Packages that are `fresh` start and end at once.
         """
         if self.folder is None:
             return
@@ -94,7 +94,7 @@ class LogWriter:
         self._append("events.log", "".join(lines).encode(errors="surrogateescape"))
 
     def write(self, event: Event, *, failed_tests: bool = False) -> None:
-        """Append an event to its files; `failed_tests` tells whether tests of its package failed."""
+        """Append an event to its files; `failed_tests` is True if tests of its package failed."""
         if self.folder is None:
             return
         name = event.task
@@ -169,7 +169,7 @@ class LogWriter:
         return f"[{time.monotonic() - self._started.get(name, self._begun):.3f}s] ".encode()
 
     def _append_for(self, name: str, file: str, content: bytes) -> None:
-        """Append to a file of a package; the first use creates all of them, as readers expect."""
+        """Append to a file of a package; the first call creates all of its files, as readers expect."""
         path = f"{name}/{file}"
         if path not in self._files:
             assert self.folder is not None
@@ -228,7 +228,7 @@ def _point(link: Path, target: str) -> None:
     """Create or replace a link to the latest run; keep anything else with that name."""
     if is_own_log_link(link):
         link.unlink(missing_ok=True)
-    # A concurrent run may have created it meanwhile, or it is a file of the user.
+    # A concurrent run may have created it meanwhile, or it may be a file of the user.
     with contextlib.suppress(FileExistsError):
         link.symlink_to(target)
 

@@ -38,7 +38,7 @@ class Run:
     warn: Callable[[Iterable[Problem]], None]
     log_folder: Path | None
     clock: float
-    """The monotonic time from which the times of events count."""
+    """The monotonic time at which the times of events start."""
     displayed: Callable[[Path], str]
     """Returns a path as the user expects it in a message."""
     profile: str = ""
@@ -69,7 +69,7 @@ class Reporter:
         """Follow a package: its steps with their commands, and their output; in the main thread."""
 
     def fold(self, title: str, block: str) -> str:
-        """Return the output of a package that did not fail, as it is to be displayed."""
+        """Return the output to display of a package that did not fail."""
         return block
 
     def conclude(self, *, complete: bool) -> Report:
@@ -91,7 +91,7 @@ def find_reporter(name: str) -> Start | None:
 
 
 def ask(name: str, function: Callable[..., _Result], *arguments: Any) -> _Result:
-    """Call a function for a reporter; exceptions of those of other distributions become ForgeErrors."""
+    """Call a function for a reporter; exceptions of third-party reporters become ForgeErrors."""
     if name in OWN[REPORTERS]:
         return function(*arguments)
     return call(f"the reporter '{name}'", function, *arguments)

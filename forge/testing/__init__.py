@@ -1,7 +1,7 @@
 """Runs the tests of packages and reads their results.
 
-Start reading at `preparing` (the plan of a run; forge.build.tests has the steps) and `outcomes` (result files
-to counts and cases).
+Start reading at `preparing` (the plan of a run; forge.build.tests defines the steps) and `outcomes` (result
+files to counts and cases).
 """
 
 __all__ = ["outcomes"]

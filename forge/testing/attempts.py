@@ -1,6 +1,6 @@
-"""The attempts of tests that are repeated until they pass: which tests are flaky, and complete result files.
+"""The attempts of tests that are repeated until they pass: find flaky tests, and complete the result files.
 
-A repetition of CTest runs only the tests that failed, and replaces the results of all. So the results of
+A repetition with CTest runs only the failed tests, but replaces the results of all tests. So the results of
 earlier attempts are kept and added to those of the last one.
 """
 
@@ -32,7 +32,7 @@ class Attempt:
 
 @frozen
 class FlakyTest:
-    """A test that failed, and passed when it was repeated, the first time at this attempt."""
+    """A test that failed and passed when repeated, first at this attempt."""
 
     package: str
     test: str
@@ -63,7 +63,7 @@ def flaky_tests(package: str, attempts: Sequence[Attempt]) -> Iterator[FlakyTest
 
 
 def _has_passed(case: Case, path: str) -> bool:
-    """Return whether a file contains a test, with success if it is a result of CTest."""
+    """Return whether a file contains a test; a result of CTest must report its success."""
     with contextlib.suppress(OSError, ET.ParseError):
         root = ET.parse(path).getroot()  # noqa: S314  (results of tests that have just run here)
         if root.find("Testing") is None:
@@ -80,10 +80,10 @@ def _is(element: ET.Element, case: Case) -> bool:
 
 
 def complete_results(attempts: Sequence[Attempt]) -> None:
-    """Add to the files of the last attempt what earlier ones know: other tests, and failures.
+    """Add the results of earlier attempts to the files of the last one: other tests, and failures.
 
     A test that passed in the end gets an element 'flakyFailure' for each failed attempt, as Maven's Surefire
-    writes it; one that did not gets 'rerunFailure' for the attempts before the last.
+    writes it; a test that never passed gets 'rerunFailure' for the attempts before the last.
     """
     *earlier, last = attempts
     for path in {path for attempt in earlier for path in attempt.files}:
@@ -103,7 +103,7 @@ def complete_results(attempts: Sequence[Attempt]) -> None:
 
 
 def _add_tests(tests: ET.Element, known: set[str | None], content: bytes) -> None:
-    """Add the tests of another Test.xml of CTest that are not known."""
+    """Add the tests of another Test.xml of CTest that are missing."""
     for test in ET.fromstring(content).iter("Test") if content else ():  # noqa: S314
         if (name := test.findtext("Name")) is not None and name not in known:
             known.add(name)

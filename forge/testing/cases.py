@@ -1,4 +1,4 @@
-"""Single tests: how they are named in the summary and on the command line, and how they run alone."""
+"""Single tests: their names in the summary and on the command line, and the arguments that run one alone."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ def label(case: Case, package: str) -> str:
 
 
 def variables_for(path: str, case: Case, package: str) -> Pairs:
-    """Return the variables by which a program that CTest starts runs one test; () if there are none.
+    """Return the variables that make a program started by CTest run one test; () if it supports none.
 
-    `path` is the JUnit file of the program, whose name tells what wrote it.
+    `path` is the JUnit file of the program, whose name identifies the test framework.
     """
     if path.endswith(".gtest.xml") and case.suite and case.suite != package:
         return (("GTEST_FILTER", label(case, package)),)
@@ -43,7 +43,7 @@ def variables_for(path: str, case: Case, package: str) -> Pairs:
 
 
 def selector(case: Case, package: str, kind: StepKind, exists: Callable[[str], bool]) -> tuple[str, ...]:
-    """Return the arguments by which pytest or unittest run one test."""
+    """Return the arguments with which pytest or unittest runs one test."""
     parts = case.suite.split(".") if case.suite else []
     if kind is StepKind.UNITTEST:
         whole = not case.suite or " " in case.name or "_FailedTest" in case.suite
@@ -75,7 +75,7 @@ def parse_names(words: Iterable[str]) -> NamedTests:
             whole.append(package)
         elif not (package and case):
             hint = f"write PACKAGE{SEPARATOR}TEST, as the summary of 'forge test' prints them"
-            raise SelectionError(Problem(f"'{word}' names no test", hint=hint))
+            raise SelectionError(Problem(f"'{word}' does not name a test", hint=hint))
         else:
             cases[package] = (*cases.get(package, ()), case)
     cases = {name: found for name, found in cases.items() if name not in whole}
@@ -85,7 +85,7 @@ def parse_names(words: Iterable[str]) -> NamedTests:
 def choose(
     package: Package, names: tuple[str, ...], context: TestContext, variables: Mapping[str, str]
 ) -> ChosenTests:
-    """Return the arguments by which only these tests of a package run; raises SelectionError."""
+    """Return the arguments that run only these tests of a package; raises SelectionError."""
     if package.build_type in PYTHON_TYPES:
         return _of_python(package, (_dotted(name) for name in names), context)
     if package.build_type not in CMAKE_TYPES:
@@ -117,16 +117,16 @@ def choose(
 
 
 def _names(test: str, case: Case, package: str) -> tuple[str, ...]:
-    """Return what may name a test inside of a CTest test: also its suite, and its last part."""
+    """Return the possible names of a test inside a CTest test, including its suite and its last part."""
     own, suite = label(case, package), case.suite.removeprefix(f"{package}.")
     return own, suite, case.name, f"{test}{SEPARATOR}{own}"
 
 
 def last_failed(package: Package, context: TestContext, variables: Mapping[str, str]) -> ChosenTests | None:
-    """Return the arguments by which the tests of a package run that failed last, None if none is known.
+    """Return the arguments that rerun the tests that failed in the last run of a package, None without any.
 
-    Tests of CTest that no longer exist are left out. Of a Python file that does not contain the name of a
-    failed test, which may be renamed or inherited, all tests run.
+    Tests of CTest that no longer exist are left out. If a Python file does not contain the name of a failed
+    test, which may be renamed or inherited, all of its tests run.
     """
     outcomes = [one for one in collect(context.results_of(package.name)).outcomes if one.counts.bad]
     if package.build_type in PYTHON_TYPES:
@@ -155,7 +155,10 @@ def _dotted(name: str) -> Case:
 def _of_python(
     package: Package, cases: Iterable[Case], context: TestContext, *, if_missing_all: bool = False
 ) -> ChosenTests:
-    """Return the arguments for some tests; `if_missing_all`, a file without such a test runs whole."""
+    """Return the arguments for some tests.
+
+    With `if_missing_all`, all tests of a file run if it lacks one of them.
+    """
     source, cases = context.source(package), list(cases)
     exists = lambda path: (source / path).is_file()  # noqa: E731  (a question, not a function)
     names = [case.name.partition("[")[0] for case in cases]
@@ -170,7 +173,8 @@ def _of_python(
         whole = if_missing_all and not keyword and name not in text_or_nothing(source / file)
         nodes.append(file if whole else node)
         by_names |= bool(keyword)
-    # pytest runs what is in both, so one test whose file is unknown makes all be named without their files.
+    # pytest combines file and name filters, so if the file of one test is unknown, all are selected by name
+    # only.
     keywords = " or ".join(dict.fromkeys(name.rpartition(SEPARATOR)[2] for name in names))
     pytest_args = ("-k", keywords) if by_names else (*dict.fromkeys(nodes),)
     named = [f"{case.suite}.{case.name}" if case.suite else case.name for case in cases]
@@ -181,7 +185,7 @@ def _of_python(
 def _of_cmake(package: str, chosen: Iterable[tuple[str, Case | None, str]]) -> ChosenTests:
     """Return the arguments for programs, and for cases in the JUnit files at a path.
 
-    Variables are for all programs, so they are set only if there is one for each chosen program.
+    Variables apply to all programs, so they are set only if each chosen program has one.
     """
     chosen = list(chosen)
     names = "|".join(re.escape(name) for name in dict.fromkeys(name for name, _, _ in chosen))

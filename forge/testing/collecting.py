@@ -27,7 +27,7 @@ from forge.testing.outcomes import (
 
 @frozen
 class Collection:
-    """The results by path, all their files, and why some of them cannot be read.
+    """The results by path, all their files, and the reasons why some of them cannot be read.
 
     The tests of a package write their results to `expected` paths.
     """
@@ -86,7 +86,7 @@ class _Candidate:
 
 
 def _candidates(base: Path, denied: list[OSError]) -> Iterator[_Candidate]:
-    """Yield possible result files; append to `denied` why folders cannot be read."""
+    """Yield possible result files; append the reasons for unreadable folders to `denied`."""
     homes: dict[str, str] = {}  # the nearest folder in which CTest ran
     waiting = [str(base)]
     while waiting:
@@ -123,9 +123,10 @@ def last_run(tag: str) -> str:
 
 
 def _read(found: _Candidate) -> Outcome:
-    """Parse a file that is a result by its path or mentions tests: build folders contain much other XML.
+    """Parse a file that is a result by its path or mentions tests.
 
-    Raises WorkspaceError for a result that cannot be read, NotAResultError for any other file.
+    Build folders contain many other XML files. Raises WorkspaceError for a result that cannot be read,
+    NotAResultError for any other file.
     """
     path = Path(found.path)
     try:
@@ -181,7 +182,10 @@ def result_folder_problems(names: Iterable[str], base: Path) -> Iterator[Problem
 
 
 def _is_of_colcon(path: Path, package: str) -> bool:
-    """Return whether colcon left a result here: copies of CTest's, or JUnit files about this package."""
+    """Return whether a folder contains results from colcon.
+
+    Copies of CTest's, or JUnit files of this package.
+    """
     if path.is_symlink():
         return False
     if path.name == "Testing":

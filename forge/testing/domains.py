@@ -1,4 +1,4 @@
-"""ROS domains of tests: those that run at the same time do not hear each other, nor the nodes of the user."""
+"""ROS domains of tests: concurrent tests receive no messages from each other or the user's nodes."""
 
 from __future__ import annotations
 
@@ -14,23 +14,26 @@ from forge.execution.job_pool import PARALLEL_TESTS
 
 DOMAIN = "ROS_DOMAIN_ID"
 DISABLED = "DISABLE_ROS_ISOLATION"
-"""A variable of ament's isolated tests, which turns this off as well."""
+"""A variable of ament's isolated tests, which also disables this isolation."""
 DOMAINS_VARIABLE = "FORGE_TEST_DOMAINS"
 """The domains for the tests of a package, for templates/testing/isolated_tests.cmake.j2."""
 LAST_DOMAIN = 100
-"""Linux gives the ports of higher domains to any program. 0 is the domain of the user's nodes."""
+"""Linux assigns the ports of higher domains to arbitrary programs. 0 is the domain of the user's nodes."""
 _LOCKS = (("", 32768), ("127.0.0.1", 22119))
-"""A domain is taken as long as these TCP ports plus its number are bound: the first as ament's package
-domain_coordinator does, the second as forge's `ament_add_ros_isolated_...`, so that these tests get others.
-Ports belong to a network namespace, as domains do, and no killed process leaves one locked."""
+"""A domain is taken as long as these TCP ports plus its number are bound.
+
+The first is also used by ament's package domain_coordinator, the second by forge's
+`ament_add_ros_isolated_...`, so that their tests get other domains. Ports belong to a network namespace, as
+domains do, and a killed process leaves none locked.
+"""
 _SECONDS = 0.1
 _DOMAINS_PER_JOB = 4
-"""With more domains than jobs, a test rarely waits for the one that has the same domain."""
+"""With more domains than jobs, a test rarely waits for another one with the same domain."""
 _LAST_WITH_LOCALHOST_ONLY = "humble"
 
 
 def discovery(variables: Mapping[str, str]) -> dict[str, str]:
-    """Return the variable that limits ROS 2 to this host, unless the environment decides that already."""
+    """Return the variable that limits ROS 2 to this host, unless the environment already sets one."""
     if DISABLED in variables or not {_OLD_DISCOVERY, _DISCOVERY}.isdisjoint(variables):
         return {}
     # Distributions are ordered alphabetically.
@@ -43,7 +46,7 @@ _OLD_DISCOVERY, _DISCOVERY = "ROS_LOCALHOST_ONLY", "ROS_AUTOMATIC_DISCOVERY_RANG
 
 
 def is_isolated(variables: Mapping[str, str]) -> bool:
-    """Return whether tests get domains of their own: not if the environment names one."""
+    """Return whether tests get separate domains: not if the environment names one."""
     return DOMAIN not in variables and DISABLED not in variables
 
 
@@ -51,7 +54,7 @@ def is_isolated(variables: Mapping[str, str]) -> bool:
 def isolated(
     step: Step, variables: Mapping[str, str], is_stopped: Callable[[], bool] = lambda: False
 ) -> Iterator[Mapping[str, str]]:
-    """Yield the environment of a test step with the domains that it has until it ends."""
+    """Yield the environment of a test step with the domains that it holds until it ends."""
     if step.kind not in TEST_STEPS or not is_isolated(variables):
         yield variables
         return
@@ -86,7 +89,7 @@ def _reserve(stack: contextlib.ExitStack, count: int) -> Iterator[int]:
 
 
 def _can_bind() -> bool:
-    """Return whether no domain is free because others have them, and not for want of a network."""
+    """Return whether no domain is free because others hold them, rather than for lack of a network."""
     try:
         with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as lock:
             lock.bind((_LOCKS[0][0], _LOCKS[0][1] + 1))

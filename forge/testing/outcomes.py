@@ -120,7 +120,7 @@ def read_ctest(root: Element, path: str, home: str) -> Outcome:
 
 
 def find_junit(name: str, home: str, junits: Iterable[Outcome]) -> Outcome | None:
-    """Return the JUnit file of ament's test `name` in that home, or None."""
+    """Return the JUnit file of ament's test `name` in the folder `home`, or None."""
     return next((one for one in junits if one.test == name and one.home == home and not one.by_name), None)
 
 
@@ -156,9 +156,9 @@ def counted_once(outcomes: Sequence[Outcome]) -> tuple[Outcome, ...]:
 
 
 def _suite_counts(suite: Element) -> Counts:
-    """Return the numbers of a suite: those of its attributes, or of its elements if these are more.
+    """Return the counts of a suite: those of its attributes, or of its elements if these are higher.
 
-    A writer that dies or is wrong about its numbers hides no failed test.
+    So a writer that crashes or miscounts hides no failed test.
     """
     numbers = [_number(suite.attributes, name) for name in ("tests", "errors", "failures")]
     numbers.append(sum(_number(suite.attributes, name) for name in ("skip", "skipped", "disabled")))
@@ -193,7 +193,10 @@ def _test_cases(suite: Element) -> Iterator[Element]:
 
 
 def _own_cases(suite: Element) -> Iterator[Element]:
-    """Yield the test cases of a suite; one that has itself an error, for example in its setup, is another."""
+    """Yield the test cases of a suite.
+
+    An error of the suite itself, for example in its setup, is another case.
+    """
     yield from suite.all("testcase")
     if any(child.tag in {"error", "failure"} for child in suite.children):
         yield suite
@@ -231,7 +234,7 @@ def _ctest_output(test: Element) -> str:
 
 
 def _output_or_reason(test: Element) -> str:
-    """Return what a failed test printed, with the reason if it did not end by itself, such as 'Timeout'."""
+    """Return the output of a failed test, with the reason if it did not end by itself, such as 'Timeout'."""
     output, reason = _ctest_output(test), _measured(test, "Exit Code")
     return f"{output.rstrip()}\n{reason}".lstrip() if reason not in {"", "Failed"} else output
 
@@ -263,7 +266,7 @@ def _verdict(test: Element) -> Counts:
         case "failed":
             return Counts(tests=1, failures=1)
         case "notrun":
-            # CTest fails if it could not run a test, for example for lack of its program.
+            # CTest fails if it could not run a test, for example if its program is missing.
             completion = _completion(test)
             intended = not completion or completion == "Disabled" or completion.startswith("SKIP_")
             return Counts(tests=1, skipped=1) if intended else Counts(tests=1, errors=1)
@@ -285,17 +288,17 @@ class Failure:
     repeat: str
     displayed: str
     location: tuple[str, int] | None = None
-    """The file and line where it failed, if its result tells an existing file."""
+    """The file and line where it failed, if its result names an existing file."""
 
 
 _IN_TEXT = re.compile(r'^(?:[^\n:]*: )?([^\n:"]+\.\w+):(\d+)\b|File "([^"\n]+)", line (\d+)', re.MULTILINE)
-"""Locations as compilers, gtest, assert() and pytest print them, and those of Python's tracebacks."""
+"""Locations in the formats of compilers, gtest, assert(), pytest and Python's tracebacks."""
 
 
 def location_of(case: Case, folders: Sequence[Path]) -> tuple[str, int] | None:
     """Return the first location in a failed case whose file exists; relative paths are below a folder.
 
-    That is usually in the test itself, and the last one in what it called.
+    The first one is usually in the test itself, the last one in a function that it called.
     """
     texts = (*case.errors, *case.failures, case.text)
     found = [(m[1] or m[3], m[2] or m[4]) for text in texts for m in _IN_TEXT.finditer(text)]
@@ -327,7 +330,7 @@ def first_lines(cases: Sequence[Case]) -> tuple[str, ...]:
     """Return the first lines of the cases, labeled if there are several."""
     lines: list[str] = []
     for case in cases:
-        # Those of the message, else of the complete text.
+        # The lines of the message, else of the complete text.
         texts = map(_filled_lines, (*case.errors, *case.failures, case.text))
         shown = next(filter(None, texts), [])[:_SHOWN_LINES]
         lines += [f"{case.name}:", *(f"  {line}" for line in shown)] if len(cases) > 1 else shown

@@ -1,6 +1,6 @@
 """Prepares a test run: packages, dependencies, context and plan.
 
-What the tests of packages from the package cache need is built first, without installing it.
+Build folders that tests of packages from the package cache need are built first, without installing them.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ def needs_of_tests(names: Sequence[str], loaded: LoadedWorkspace) -> dict[str, t
 def absent_problems(
     needs: Mapping[str, Sequence[str]], layout: Layout, variables: Mapping[str, str]
 ) -> dict[str, Problem]:
-    """Return problems for packages that are not installed, or whose dependencies are not.
+    """Return problems for packages that are not installed, or have dependencies that are not.
 
     Raises WorkspaceError if no package can be tested.
     """
@@ -131,9 +131,10 @@ def built_without_tests(names: Sequence[str], loaded: LoadedWorkspace, layout: L
 def changed_since_build(
     needs: Mapping[str, Sequence[str]], loaded: LoadedWorkspace, layout: Layout
 ) -> tuple[Problem, ...]:
-    """Return warnings for packages that changed since their last build, which the tests use.
+    """Return warnings for packages that changed since their last build.
 
-    Python tests run in the source folder, and symbolic links lead there, too.
+    Tests use that build, except Python tests, which run in the source folder, and symbolic links, which lead
+    there.
     """
     records = open_journal(layout.build).records
     table = FileTable(layout.build / FILE_TABLE)
@@ -228,7 +229,7 @@ def _require_emulator(layout: Layout) -> None:
 
 
 def _lacking(packages: Sequence[Package], require: Callable[[], object]) -> dict[str, Problem]:
-    """Return the problem for each of the packages if what they need is missing."""
+    """Return a problem for each of the packages if their requirement is missing."""
     try:
         if packages:
             require()
@@ -310,7 +311,10 @@ class RestoredSetup(TaskLifecycle):
 def not_runnable(
     names: Sequence[str], loaded: LoadedWorkspace, layout: Layout, ran: BuildPlan
 ) -> dict[str, Problem]:
-    """Return a problem for each package whose tests are not built or outdated; `ran` tried to build some."""
+    """Return a problem for each package whose tests are not built or outdated.
+
+    `ran` is the plan of the attempt to build them.
+    """
     restored, found = _restored(names, loaded, layout), {}
     records = open_journal(layout.build).records
     for name in names:

@@ -70,13 +70,13 @@ class TestSetup(TaskLifecycle):
     def results_of(self, task: Task, fault: str = "") -> tuple[Outcome, ...]:
         """Return the results of a package's tests in this run.
 
-        They contain an error if the run wrote no result, and one with `fault`, what its program did, if no
-        result contains a failure.
+        They contain an error if the run wrote no result, and an error with the text `fault` if no result
+        contains a failure.
         """
         if not task.steps:
             return ()
         if task.name not in self.results:
-            # Placeholders stand for results that are missing.
+            # Placeholders represent missing results.
             own, not_run = self._own(task), self.context.not_run(task.name)
             for path, text in task.files:
                 if path == own and not own.exists():
@@ -97,7 +97,7 @@ class TestSetup(TaskLifecycle):
     def surroundings(
         self, task: Task, step: Step, variables: Mapping[str, str], is_stopped: Callable[[], bool]
     ) -> Iterator[Mapping[str, str]]:
-        """Yield the environment of a step; note its results afterwards if the tests may be repeated."""
+        """Yield the environment of a step; record its results afterwards if the tests may be repeated."""
         with isolated(step, variables, is_stopped) as found:
             yield found
         if self.context.options.retest_until_pass:
@@ -158,7 +158,7 @@ class TestSetup(TaskLifecycle):
             link, results = _link_to_results(task), task.build_dir / "Testing"
             results.mkdir(exist_ok=True)
             if link.is_dir() and not link.is_symlink():
-                delete_tree(link)  # CTest made it, because a test had removed the build folder
+                delete_tree(link)  # CTest created it after a test removed the build folder
             link.parent.mkdir(parents=True, exist_ok=True)
             link.unlink(missing_ok=True)
             link.symlink_to(os.path.relpath(results, link.parent))
@@ -171,7 +171,7 @@ class TestSetup(TaskLifecycle):
 
     def undo(self, task: Task) -> None:
         if (link := _link_to_results(task)).is_symlink():
-            link.unlink()  # colcon would count the results again there
+            link.unlink()  # colcon would count results there again
         if self.cached:
             self.cached.end(task)
 
@@ -228,7 +228,7 @@ def write_results_of_untested(
 
 
 def total_counts(tasks: Iterable[Task], setup: TestSetup) -> Counts | None:
-    """Return the numbers of tests in the last run of packages, None if those that ran left no result."""
+    """Return the test counts of the last run of packages, None if the executed ones left no result."""
     ran = [task for task in tasks if task.steps]
     results = [setup.results_of(task) for task in ran]
     if ran and not any(results):
@@ -248,7 +248,7 @@ def failures_of(task: Task, setup: TestSetup, displayed: Callable[[Path], str] =
     if step.kind is StepKind.CTEST:
         runs = [outcome for outcome in results if outcome.by_name]
         others = [outcome for outcome in results if not outcome.by_name]
-        # Tests that run in parallel are in the order of their end.
+        # Results of parallel tests are in the order in which they ended.
         for case in sorted((case for outcome in runs for case in outcome.cases), key=lambda each: each.name):
             # The JUnit file of the test is preferred to its output.
             homes = {one.home for one in others}
@@ -266,7 +266,7 @@ def failures_of(task: Task, setup: TestSetup, displayed: Callable[[Path], str] =
                     )
                 continue
             yield _failure(task, case.name, cases, lines, again, displayed)
-        # Failures unknown to CTest: in files of tests that it considers successful.
+        # Failures that CTest does not report: in files of tests that it considers successful.
         failed = {case.name for outcome in runs for case in outcome.cases}
         for outcome in (one for one in others if one.test not in failed):
             for case in outcome.cases:

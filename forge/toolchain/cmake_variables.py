@@ -48,7 +48,7 @@ def suspicious_arguments(words: Sequence[str]) -> Iterator[Problem]:
         word = argument.words[0]
         whole = " ".join(argument.words)
         within = _DEFINED_WITHIN.findall(whole)
-        # -DCMAKE_CXX_FLAGS="-DA=1 -DB=2" are macros; CMake's own variables are none.
+        # In -DCMAKE_CXX_FLAGS="-DA=1 -DB=2", the latter are macros; CMake's own variables are not.
         is_flags = argument.definition and _HOLDS_FLAGS.fullmatch(argument.definition[0])
         if within and not (is_flags and not any(map(_is_of_cmake, within))):
             message = (
@@ -93,7 +93,7 @@ def unused_variables(output: bytes) -> frozenset[str]:
 
 
 def builds_tests(package: Package, cmake_args: Sequence[str], ament_cmake_args: Sequence[str]) -> bool | None:
-    """Return whether CMake's arguments, for all packages and its own, turn the tests of a package on or off.
+    """Return whether CMake's arguments, global and its own, enable or disable the tests of a package.
 
     Returns None if they do not set BUILD_TESTING. Packages that are not built by CMake follow the arguments
     for all packages.
@@ -108,7 +108,7 @@ def builds_tests(package: Package, cmake_args: Sequence[str], ament_cmake_args: 
 
 
 def was_built_without_tests(build_dir: Path) -> bool:
-    """Return whether the last build of a CMake package left out its tests."""
+    """Return whether the last build of a CMake package excluded its tests."""
     match = _CACHED.search(text_or_nothing(build_dir / "CMakeCache.txt"))
     return match is not None and _FALSE.fullmatch(match[1].strip()) is not None
 

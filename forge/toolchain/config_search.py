@@ -20,7 +20,7 @@ def prefixes_of_path(folders: Sequence[str]) -> tuple[str, ...]:
 
 
 class ConfigSearch:
-    """Searches config files; folders are read once."""
+    """Searches config files; each folder is read once."""
 
     def __init__(self) -> None:
         self._entries: dict[str, list[tuple[str, str]]] = {}

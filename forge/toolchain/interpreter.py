@@ -1,6 +1,6 @@
 """Chooses the Python interpreter of a workspace, the same for all commands.
 
-Only the option, the environment and the underlays decide: never how forge itself was installed. Programs of
+Only the option, the environment and the underlays decide, not how forge itself was installed. Programs of
 the workspace keep the interpreter in their first line, and would break with the tool's own environment.
 """
 
@@ -25,14 +25,14 @@ OLDEST = (3, 10)
 
 _VERSIONED = re.compile(r"python(\d+)\.(\d+)")
 _RECEIPTS = ("uv-receipt.toml", "pipx_metadata.json")
-"""Files by which uv and pipx mark the environments of the tools that they install."""
+"""Files that mark environments of tools installed by uv and pipx."""
 _CACHED_BY_UV = "archive-v0"
 """The folder of uv's cache that holds the environments of `uvx`."""
 _BASE_OF_CONDA = frozenset({"base", "root"})
 _PROGRAM = "import sys; print(*sys.version_info[:2]); print(sys.executable)"
 
 ENVIRONMENT_FOLDER = ".venv"
-"""The virtual environment of a workspace with a lock, which `forge fetch` makes."""
+"""The virtual environment that `forge fetch` creates in a workspace with a lock."""
 
 OPTION = "'--python'"
 ON_PATH = "'python3' on PATH"
@@ -42,7 +42,7 @@ _CONDA = "the active conda environment"
 _OF_WORKSPACE = f"the workspace's '{ENVIRONMENT_FOLDER}'"
 _CHOSEN = frozenset({OPTION, _ENVIRONMENT, _CONDA})
 _KEPT = frozenset({*_CHOSEN, LAST_BUILD, _OF_WORKSPACE})
-"""Choices of one program, also if that is a script which starts another one."""
+"""Origins that fix the program, even if it is a script that starts another one."""
 _OTHER_VERSION = {
     OPTION: "pass '--python {0}'",
     _ENVIRONMENT: "run 'deactivate', or activate one of {0}: {0} -m venv --system-site-packages .venv",
@@ -71,7 +71,7 @@ class Interpreter:
 
     @property
     def chosen(self) -> bool:
-        """Return whether the user has chosen it, by an option or by an active environment."""
+        """Return whether the user has chosen the interpreter, by an option or an active environment."""
         return self.origin in _CHOSEN
 
 
@@ -80,7 +80,7 @@ _Choice = tuple[Path, str]
 
 
 def own_path() -> Path:
-    """Return the interpreter that runs forge, with the same name however forge was started."""
+    """Return the interpreter that runs forge; the name does not depend on how forge was started."""
     return _usual_name(Path(sys.executable))
 
 
@@ -102,12 +102,11 @@ def find_interpreter(
 ) -> Interpreter:
     """Return the workspace's interpreter.
 
-    That is `python`, a path or a name on PATH; else `recorded`, that of the last build; else that of the
-    active virtual environment; else that of the environment in `root`, if this is a workspace with a lock;
-    else that of the sourced underlay, the highest one first; else python3 on PATH. Environments that uv or
-    pipx made for forge do not count. `underlays` are roots, lowest first.
-    Raises HostError if the interpreter is missing, does not run, is too old, or of another version
-    than an underlay.
+    The first of these: `python`, a path or a name on PATH; `recorded`, the one of the last build; the one of
+    the active virtual environment; of the environment in `root`, a workspace with a lock; of the highest
+    sourced underlay; python3 on PATH. Environments that uv or pipx created for forge do not count.
+    `underlays` are roots, lowest first. Raises HostError if the interpreter is missing, does not run, is too
+    old, or of another version than an underlay.
     """
     if python:
         found = shutil.which(python, path=variables.get("PATH"))
@@ -161,7 +160,8 @@ def ask_python(path: Path, program: str, *arguments: str, isolated: bool = False
     import subprocess
 
     argv = [path, *(("-I", "-S") if isolated else ()), "-c", program, *arguments]
-    # Python would import modules from the working directory, unless it is isolated; shims depend on it.
+    # Unless it is isolated, Python would import modules from the working directory; shims depend on that
+    # folder.
     folder = None if isolated else "/"
     try:
         done = subprocess.run(argv, cwd=folder, capture_output=True, text=True, check=True)
@@ -176,7 +176,7 @@ def ask_python(path: Path, program: str, *arguments: str, isolated: bool = False
 def _active(variables: Mapping[str, str]) -> _Choice | None:
     """Return the interpreter of the active virtual or conda environment.
 
-    conda's base environment is active in every shell, whether it is wanted or not: it counts only as python3
+    conda's base environment is active in every shell, even if unwanted: it counts only as python3
     on PATH. conda environments may lack Python.
     """
     active = variables.get("VIRTUAL_ENV")
@@ -200,7 +200,7 @@ def _of_workspace(root: Path) -> _Choice | None:
 
 
 def _program_in(environment: Path) -> Path | None:
-    """Return the interpreter of a virtual environment; for forge's own, always under the same name."""
+    """Return the interpreter of a virtual environment; that of forge's own always has the same name."""
     if environment.resolve() == Path(sys.prefix).resolve():
         return own_path()
     path = _usual_name(environment.absolute() / "bin" / "python")
@@ -257,19 +257,19 @@ def _which(program: str, variables: Mapping[str, str]) -> Path | None:
 
 
 def _is_of_tool(python: Path) -> bool:
-    """Return whether an interpreter is in the environment that uv or pipx made for forge."""
+    """Return whether an interpreter is in the environment that uv or pipx created for forge."""
     return python.parent.parent.resolve() == _own_tool()
 
 
 def _own_tool() -> Path | None:
-    """Return the environment in which forge runs if uv or pipx made it for forge."""
+    """Return the environment in which forge runs if uv or pipx created it for forge."""
     prefix = Path(sys.prefix).resolve()
     marked = any((prefix / name).is_file() for name in _RECEIPTS)
     return prefix if marked or _CACHED_BY_UV in prefix.parts else None
 
 
 def _examined(path: Path, origin: str) -> Interpreter:
-    """Return the interpreter with its version, without starting a process if a name tells the version."""
+    """Return the interpreter with its version; no process is started if a file name contains the version."""
     if is_own(path):
         return Interpreter(path, sys.version_info[:2], origin)
     real = path.resolve()

@@ -1,4 +1,4 @@
-"""Finds the programs of a build: CMake, Ninja, make, compilers, and what they start.
+"""Finds the programs of a build: CMake, Ninja, make, compilers, and the programs that these start.
 
 The identity of a program is its path, size and time: packages are rebuilt when one of them changes.
 """
@@ -50,8 +50,8 @@ def find_tools(
 ) -> Tools | None:
     """Return the programs to build `packages`, None if none of them needs CMake.
 
-    `launcher` is the name of the compiler launcher, if any; `has_compiler` if a compiler need not be on PATH.
-    Raises HostError with all programs that are certainly missing: `cmake_args` and a package's own
+    `launcher` is the name of the compiler launcher, if any; with `has_compiler`, no compiler is required on
+    PATH. Raises HostError with all programs that are certainly missing: `cmake_args` and a package's own
     arguments may name others.
     """
     cmake_packages = [package for package in packages if package.build_type in CMAKE_TYPES]
@@ -158,8 +158,8 @@ def identities(
 ) -> Pairs:
     """Return the programs whose replacement changes build results, each with its identity.
 
-    `more` are the programs of a toolchain. Programs that no selected package needs count as well: otherwise,
-    the inputs of a package would depend on those with which it is selected.
+    `more` are the programs of a toolchain. Programs that no selected package needs also count: otherwise, the
+    inputs of a package would depend on the selection.
     """
     found = {"python": _identity(python), **{str(program): _identity(program) for program in more}}
     lookup = ProgramLookup(variables)

@@ -1,4 +1,4 @@
-"""Checks which modules an interpreter has, tells how the system installs others, and provides setuptools."""
+"""Checks which modules an interpreter has, suggests commands to install others, and provides setuptools."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ print("%d.%d.%d" % sys.version_info[:3], "wheels" if able else "setuptools" if h
 _FILES_OF_SETUPTOOLS = ("setuptools", "pkg_resources", "_distutils_hack", "setuptools-*.dist-info")
 
 _ON_INDEX = {"cv2": "opencv-python", "em": "empy<4", "pytest_cov": "pytest-cov", "yaml": "PyYAML"}
-"""Distributions on PyPI that have another name than their module."""
+"""Distributions on PyPI whose names differ from those of their modules."""
 _USUAL_NAMES = frozenset({"coverage", "numpy", "pytest", "pytest_cov", "setuptools", "wheel"})
 _OTHER_NAMES = {
     "catkin_pkg": {"apt": "catkin-pkg", "dnf": "catkin_pkg"},
@@ -77,10 +77,10 @@ def missing_modules_problem(python: Path, modules: Iterable[str]) -> Problem:
 def install_command(python: Path, modules: Sequence[str], system: Mapping[str, str] | None = None) -> str:
     """Return the shell command that installs modules for an interpreter.
 
-    The interpreter of Debian, Fedora and systems like them has packages of the system, since pip refuses to
-    install into it; for other modules, they may have a package of the usual name, else a virtual environment
-    is needed. All others have pip, except for environments made by uv. `system` are the fields of os-release,
-    by default this machine's.
+    The interpreter of Debian, Fedora and similar systems needs system packages, because pip refuses to
+    install into it; other modules may have a package of the usual name, else a virtual environment is needed.
+    All others have pip, except for environments created by uv. `system` are the fields of os-release, by
+    default this machine's.
     """
     words = " ".join(shlex.quote(_ON_INDEX.get(name, name)) for name in modules)
     program = shlex.quote(str(python))
@@ -119,8 +119,8 @@ def _package_manager(python: Path, system: Mapping[str, str] | None) -> str:
 def setuptools_path(python: str, folder: Path, *, wheels: bool) -> Path | None:
     """Return a PYTHONPATH folder with forge's setuptools; None if it is not needed or not compatible.
 
-    It is needed by an interpreter without setuptools, or for `wheels` without one that builds them, such as
-    Ubuntu's Python without python3-wheel.
+    It is needed by an interpreter without setuptools, or, for `wheels`, without one that can build them, such
+    as Ubuntu's Python without python3-wheel.
     """
     if Path(python).parent == Path(sys.executable).parent:
         return None

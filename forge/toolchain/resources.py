@@ -26,7 +26,7 @@ LIBRARY_PATH_BELOW = "FORGE_LIBRARY_PATH_BELOW"
 """LD_LIBRARY_PATH without the packages of the workspace."""
 _GCC_DEFAULT_HEAP = 128 << 20
 _LARGEST_HEAP = 512 << 20
-"""Larger heaps save no more time when compiling rclcpp."""
+"""Larger heaps save no further time when compiling rclcpp."""
 _HEAP_SHARE = 8
 """Since GCC allocates twice the size, all jobs together use at most a quarter of the memory."""
 
@@ -116,11 +116,11 @@ def is_overloaded(limit: MemoryLimit | None, load_limit: float | None) -> bool:
 
 
 def gcc_heap(memory: Memory | None, jobs: int) -> dict[str, str]:
-    """Return the variables by which `jobs` C++ compilers share the memory; empty for GCC's default.
+    """Return the variables that make `jobs` C++ compilers share the memory; empty for GCC's default.
 
     GCC collects garbage for the first time when it has allocated twice `ggc-min-heapsize`, which is 128 MB on
     every machine with more than 1 GB. Sources that include rclcpp allocate 300 to 700 MB, and collecting
-    takes 3 to 15 % of their compile time. The heap size does not change what is compiled.
+    takes 3 to 15 % of their compile time. The heap size does not change the compiled code.
     """
     size = min(_LARGEST_HEAP, memory.total // (_HEAP_SHARE * jobs)) if memory else 0
     script = str(templates_folder() / "cmake/compile_cxx.sh")

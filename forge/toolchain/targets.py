@@ -1,7 +1,8 @@
 """Building for other platforms: `--target`, its options, and the toolchains that plugins provide.
 
 A toolchain of another distribution is an entry point of the group 'forge.toolchains' with the name of its
-platform. It refers to a module with the functions of `Toolchain`. forge's plugin 'cross' builds for others.
+platform. It refers to a module with the functions of `Toolchain`. forge's plugin 'cross' supports all other
+platforms.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ def _python_version(text: str) -> tuple[int, int]:
 
 @frozen
 class CrossOptions:
-    """How to build for the platform of --target."""
+    """The options for building for another platform."""
 
     GROUP = "cross compilation"
 
@@ -69,21 +70,21 @@ class CrossOptions:
 
 @frozen
 class CrossBuild:
-    """How to build for a platform."""
+    """The settings of a build for a platform."""
 
     cmake_args: tuple[str, ...] = ()
     """CMake arguments for all packages, such as -DCMAKE_TOOLCHAIN_FILE=..."""
     variables: Mapping[str, str] = field(default_factory=dict)
     """Variables for the steps of packages."""
     programs: tuple[Path, ...] = ()
-    """Compilers and other files whose change rebuilds packages; the package cache's keys contain them, too.
+    """Compilers and other files whose changes rebuild packages; the package cache's keys also contain them.
 
     Programs that the arguments and the variables name need not be repeated.
     """
     python_version: tuple[int, int] | None = None
-    """The version of Python on the platform, None for that of this machine."""
+    """The version of Python on the platform, None for the same as on this machine."""
     prepare_compilers: Callable[[Iterable[Package]], Iterable[Problem]] = lambda _packages: ()
-    """Called with the packages to build before the first of them; returns warnings."""
+    """Called with the packages before the first one is built; returns warnings."""
 
 
 class Toolchain(Protocol):
@@ -92,13 +93,13 @@ class Toolchain(Protocol):
     def prepare(
         self, target: str, layout: Layout, variables: Mapping[str, str], options: CrossOptions
     ) -> CrossBuild:
-        """Return how to build for the value of --target; raises ForgeError if that is impossible.
+        """Return the build settings for the value of --target; raises ForgeError if that is impossible.
 
-        Files that builds need belong into `layout.build / TOOLCHAIN_DIR`.
+        Files that builds need belong in `layout.build / TOOLCHAIN_DIR`.
         """
 
     def has_emulator(self, layout: Layout) -> bool:
-        """Return whether the last build knew how to run programs of the platform on this machine."""
+        """Return whether the last build was able to run programs of the platform on this machine."""
 
 
 @frozen
@@ -112,7 +113,7 @@ class Target:
     toolchain: Toolchain
 
     def prepare(self, layout: Layout, variables: Mapping[str, str], options: CrossOptions) -> CrossBuild:
-        """Return how to build for it; raises ForgeError if its toolchain cannot."""
+        """Return its build settings; raises ForgeError if the toolchain does not support it."""
         what = f"the toolchain of '{self.name}'"
         build = call(what, self.toolchain.prepare, self.word, layout, variables, options)
         if not isinstance(build, CrossBuild):

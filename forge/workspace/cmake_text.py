@@ -62,7 +62,7 @@ class Call:
 class PackageReference:
     """A package that a CMakeLists.txt names, and the line.
 
-    `required` tells whether it is required at the top level of the file, `testing` whether only tests use it.
+    `required` is True if it is required at the top level of the file, `testing` if only tests use it.
     """
 
     name: str
@@ -119,7 +119,7 @@ def cmake_files(folder: Path) -> Iterator[str]:
 
 
 def project_name(text: str) -> str | None:
-    """Return the literal name of the first project() that has one, '' if none has, None without project()."""
+    """Return the literal name of the first project() with one, '' if none has one, None without project()."""
     name = None
     for call in calls(text):
         if call.command == "project":
@@ -134,7 +134,7 @@ def cmake_dependencies(texts: Iterable[str]) -> frozenset[str]:
     found: set[str] = set()
     for text in texts:
         if not ("ind_package" in text or "pkg_" in text or "IND_PACKAGE" in text):
-            continue  # reading all words of large files takes time
+            continue  # parsing large files completely takes time
         for call in calls(text):
             # Includes wrappers such as catkin_find_package.
             if call.command.endswith("find_package"):
@@ -197,7 +197,7 @@ def announced_downloads(packages: Iterable[Package]) -> Problem | None:
     for package in packages:
         for text in map(text_or_nothing, cmake_files(package.path)):
             if "://" not in text and "@" not in text:
-                continue  # reading all words of large files takes time
+                continue  # parsing large files completely takes time
             for call in calls(text):
                 if call.command in _DOWNLOADING or (
                     call.command == "file" and call.words[:1] == ("DOWNLOAD",)

@@ -62,7 +62,7 @@ def discover(
 
 @cache
 def discover_embedded(rosdistro: str = OLDEST) -> Mapping[str, Package]:
-    """Return the packages that forge has for a ROS distribution; an invalid one is a bug in forge."""
+    """Return the packages that forge embeds for a ROS distribution; an invalid one is a bug in forge."""
     folders = sorted(path.parent for path in EMBEDDED.glob("*/package.xml"))
     folders = [
         path for path in folders if not (path / SINCE).is_dir() or embedded_definitions(path, rosdistro)
@@ -81,7 +81,7 @@ def discover_embedded(rosdistro: str = OLDEST) -> Mapping[str, Package]:
 def special_files(root: Path, folder: Path) -> Iterator[Problem]:
     """Yield the named pipes and devices of a package with names of sources; `folder` is below `root`.
 
-    Build tools open these by themselves, and wait for a writer, or read without end.
+    Build tools would open these, and wait for a writer or read endlessly.
     """
     top = os.path.join(root, folder)
     waiting = [top]
@@ -110,7 +110,7 @@ def special_files(root: Path, folder: Path) -> Iterator[Problem]:
 
 
 class _Walk:
-    """A walk over folders that visits each folder once, despite links."""
+    """A walk over folders that visits each folder only once, even with links."""
 
     def __init__(self, root: Path, variables: Mapping[str, str], overrides: Overrides | None) -> None:
         self.root = root
@@ -184,9 +184,9 @@ def projects(packages: Iterable[Package]) -> dict[str, list[Package]]:
 
 
 def _with_all_dependencies(packages: Sequence[Package]) -> list[Package]:
-    """Return the packages with group dependencies expanded (REP 149), and Python projects spelled as here.
+    """Return the packages with group dependencies expanded (REP 149).
 
-    Between two ROS packages, names are literal.
+    Names of Python projects are spelled as in the workspace; names between two ROS packages are literal.
     """
     known, names = projects(packages), {package.name for package in packages}
     members: dict[str, list[str]] = {}

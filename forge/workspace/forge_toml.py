@@ -16,7 +16,7 @@ FORGE_TOML = "forge.toml"
 PROFILES: Mapping[str, dict[str, Any]] = {
     name: {"build": {"mixin": [name]}} for name in ("debug", "release", "asan", "tsan", "ubsan")
 }
-"""The profiles of every workspace; a table in forge.toml replaces the one of its name."""
+"""The profiles of every workspace; a table in forge.toml replaces the profile of this name."""
 
 
 def read_forge_toml(root: Path) -> dict[str, Any]:
@@ -41,7 +41,7 @@ def table_of(content: Mapping[str, Any], key: str, path: Path) -> dict[str, Any]
 def profile_of(content: Mapping[str, Any], name: str, path: Path) -> dict[str, Any]:
     """Return the options of a profile by command.
 
-    Raises SelectionError if there is none of this name, WorkspaceError if it has options of no command.
+    Raises SelectionError for an unknown profile, WorkspaceError if it has options that belong to no command.
     """
     profiles = {**PROFILES, **table_of(content, "profiles", path)}
     if not is_safe_name(name):

@@ -29,7 +29,7 @@ _COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
 ROS_IGNORE_FILES = ("AMENT_IGNORE", "CATKIN_IGNORE")
 FOREIGN_INSTALLS = ("_order_isolated_packages.py", "_setup_util.py")
 OWN_TYPES = frozenset({"cmake", "python", "ros", *PACKAGE_FILES.values()})
-"""The types of colcon.pkg and *.meta files that forge knows, besides those that begin with 'ros.'."""
+"""The supported types in colcon.pkg and *.meta files, besides those that begin with 'ros.'."""
 PLAIN = frozenset({"CMakeLists.txt", "setup.py", "pyproject.toml", *PACKAGE_FILES})
 MARKER_FILES = (
     frozenset({IGNORE_MARK, *ROS_IGNORE_FILES, *FOREIGN_INSTALLS, COLCON_PKG, "package.xml", "manifest.xml"})
@@ -136,7 +136,7 @@ def _identify(folder: Folder, variables: Mapping[str, str], build_types: tuple[s
 def _as_other(folder: Folder, build_types: tuple[str, ...]) -> Identity | None:
     """Return the package that a build type of another distribution finds, or None.
 
-    It is the build type that the user assigned, else the first one in forge.toml.
+    The build type that the user assigned is used, else the first matching one in forge.toml.
     """
     if folder.type is not None:
         assigned = folder.type not in OWN_TYPES and not folder.type.startswith("ros.")

@@ -1,6 +1,6 @@
 """Identification of a folder as a package: by its files and the build types of plugins.
 
-forge.build.build_types.BuildType is what a build type implements. Entry points of other distributions are
+Build types implement forge.build.build_types.BuildType. Entry points of other distributions are
 searched only for types in colcon.pkg, *.meta files and forge.toml that forge does not know.
 """
 
@@ -38,7 +38,7 @@ IGNORED = Identity()
 
 @dataclass(slots=True)
 class Folder:
-    """A folder under examination: how to show it, its absolute path, entries, and type and name if known."""
+    """A folder under examination: its display path, absolute path, entries, and type and name if known."""
 
     display_path: Path
     absolute: Path

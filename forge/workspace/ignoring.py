@@ -1,4 +1,4 @@
-"""Finds the packages that a search for packages leaves out, and the files that are the reason."""
+"""Finds the packages that package discovery leaves out, and the files that hide them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from forge.workspace.overrides import Overrides
 from forge.workspace.source_names import folders_to_search
 
 MARKS = (IGNORE_MARK, *ROS_IGNORE_FILES)
-"""Files that hide a folder and all below it."""
+"""Files that hide a folder and everything below it."""
 
 
 @frozen
@@ -41,8 +41,8 @@ def ignored_packages(
 ) -> Iterator[IgnoredPackage]:
     """Yield the packages below the base paths that are hidden, sorted by path.
 
-    Build and install folders have none. Folders that are never searched, such as hidden ones, are not
-    searched here either. Of the packages inside of another one, only those with a package.xml count.
+    Build and install folders contain no such packages. Folders that are never searched, such as hidden ones,
+    are not searched here either. Packages inside another one count only if they have a package.xml.
     """
     visited: set[tuple[int, int]] = set()
     variables = {**ROS_DEFAULTS, **variables}

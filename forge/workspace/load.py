@@ -37,14 +37,14 @@ _NAMING = (
 class LoadedWorkspace:
     """A workspace, its packages and their dependencies, and the selection among them.
 
-    In listings, `resolution` has a node for each duplicate, too (see forge.workspace.selection).
+    In listings, `resolution` also has a node for each duplicate (see forge.workspace.selection).
     """
 
     workspace: Workspace
     resolution: resolve.DependencyResolution
     selection: Selection
     warnings: tuple[Problem, ...] = ()
-    """In a listing also for unreadable manifests."""
+    """In a listing, this includes unreadable manifests."""
 
     @property
     def packages(self) -> Mapping[str, Package]:
@@ -64,9 +64,9 @@ def load_workspace(
 
     `embedded` adds forge's embedded packages; `install` is the workspace's install folder, which is not used
     as an underlay. Commands without it list packages, including several with the same name and with invalid
-    manifests. `tested(package)` tells whether what only its tests need counts, None if the query decides.
-    Raises WorkspaceError for a cycle and, except in a listing, for selected packages with the same name;
-    SelectionError for names that cannot be selected.
+    manifests. `tested(package)` returns whether test dependencies of the package count, None if the query
+    decides. Raises WorkspaceError for a cycle and, except in a listing, for selected packages with the same
+    name; SelectionError for names that cannot be selected.
     """
     found = find_packages(root, query.search, variables)
     every = found.packages.keys() | {broken.name for broken in found.broken}
@@ -78,7 +78,7 @@ def load_workspace(
         duplicates=tuple(other for other in found.duplicates if other.name not in hidden),
         broken=tuple(other for other in found.broken if other.name not in hidden),
     )
-    # Packages stand for the broken ones, so that options and dependencies can name them.
+    # Placeholders represent broken packages, so that options and dependencies can name them.
     broken = {
         each.name: Package(each.path, Manifest(each.name, "", "", "", (), each.path), ros=False)
         for each in workspace.broken
@@ -157,7 +157,7 @@ def _with_literal_names(query: Query, workspace: Workspace, every: Collection[st
 
 
 def _without_broken(loaded: LoadedWorkspace, names: frozenset[str], *, listing: bool) -> LoadedWorkspace:
-    """Return the workspace without the packages that stand for broken ones.
+    """Return the workspace without the placeholders for broken packages.
 
     Only the broken packages that the selected ones include or need remain as problems, others are warnings.
     """
@@ -211,14 +211,14 @@ def resolve_workspace(
     embedded: bool,
     untested: frozenset[str] = frozenset(),
 ) -> resolve.DependencyResolution:
-    """Return where the packages' dependencies come from; without `embedded`, only those in the workspace.
+    """Return the sources of the packages' dependencies; without `embedded`, only those in the workspace.
 
     Dependencies that only the tests of `untested` need do not count.
     """
     if not embedded:
         return resolve.resolve_dependencies(workspace.packages, {}, lambda _: None, untested=untested)
     underlays = find_underlays(variables, install)
-    # If this workspace is sourced, its own results are on PATH.
+    # If this workspace is sourced, its own prefixes are on PATH.
     system = tuple(path for path in system_prefixes(variables) if not path.is_relative_to(install))
     rosdistro = distribution_in(variables)
     find = cache(lambda name: provider(name, underlays, system))
@@ -261,7 +261,7 @@ _FEW = 5
 
 
 def clashes(workspace: Workspace, names: Collection[str]) -> Iterator[Problem]:
-    """Yield a problem for each folder that contains packages of `names` which are also elsewhere."""
+    """Yield a problem for each folder that contains packages of `names` which also exist elsewhere."""
     paths: dict[str, list[Path]] = {}
     for other in workspace.duplicates:
         if other.name in names:
@@ -274,7 +274,7 @@ def clashes(workspace: Workspace, names: Collection[str]) -> Iterator[Problem]:
     copies = [(name, path) for name, found in paths.items() for path in found if path != kept[name]]
     groups: dict[tuple[Path, Path], list[tuple[str, Path]]] = {}
     for name, path in copies:
-        # The copies of folders with the same contents below are one group.
+        # Copies of folders with the same contents form one group.
         first, second = kept[name], path
         while first.parts and second.parts and first.name == second.name:
             first, second = first.parent, second.parent

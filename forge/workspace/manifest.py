@@ -76,7 +76,7 @@ def parse_manifest(content: bytes, path: Path, variables: Mapping[str, str]) -> 
     """Return the manifest with its conditions evaluated under `variables`.
 
     Raises WorkspaceError with all structural errors or, if there are none, all semantic errors.
-    Raises ForeignManifestError if the document also declares a namespace, as those of PEAR do.
+    Raises ForeignManifestError if the document also declares a namespace, as PEAR's files do.
     """
     root = parse_xml(content, path)
     try:
@@ -223,7 +223,7 @@ class _Reader:
     def dependencies(self) -> Iterator[Dependency]:
         for child in self.root.children:
             kinds = DEPENDENCY_KINDS.get(child.tag)
-            # Conditions of <conflict> and <replace> are validated, too.
+            # Conditions of <conflict> and <replace> are also validated.
             if child.tag not in _CONDITIONAL or not self.active(child) or kinds is None:
                 continue
             name = child.text.strip()

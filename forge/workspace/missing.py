@@ -1,4 +1,4 @@
-"""Reports missing ROS packages that dependencies name, and where they may come from.
+"""Reports missing ROS packages that dependencies name, and their possible sources.
 
 These are warnings: a manifest may declare more than the build needs.
 """
@@ -32,9 +32,9 @@ def missing_dependencies(
 ) -> tuple[Problem, ...]:
     """Return the unresolved dependencies of `names`, except for `skip_keys`.
 
-    Test dependencies are ignored, and names that merely resemble ROS packages, unless they are build
-    dependencies or resemble a package that exists. `place_of` returns a remedy for a name if it is known
-    where that package is.
+    Test dependencies are ignored, and so are names that merely resemble ROS packages, unless they are build
+    dependencies or resemble an existing package. `place_of` returns a remedy for a name if the location of
+    the package is known.
     """
 
     def is_misspelt(name: str) -> bool:

@@ -96,7 +96,7 @@ class Package:
     settings: Mapping[str, object] = field(default_factory=dict, hash=False)
     """Options for this package from colcon.pkg, *.meta and forge.toml, by name without dashes."""
     hooks: tuple[str, ...] = ()
-    """Additional scripts, relative to the prefix, that its environment sources."""
+    """Additional scripts, relative to the prefix, that the environment of the package sources."""
 
     @property
     def name(self) -> str:
@@ -108,7 +108,7 @@ class Package:
 
     @property
     def type(self) -> str:
-        """The type as colcon names it: ros.ament_cmake, or cmake for a package without package.xml."""
+        """The type in colcon's terms: ros.ament_cmake, or cmake for a package without package.xml."""
         return f"ros.{self.build_type}" if self.ros else self.build_type
 
     @property
@@ -134,7 +134,7 @@ class BrokenPackage:
 class Workspace:
     """All packages below the base paths, by name.
 
-    Of packages with the same name the first one counts, `duplicates` are the others. `broken` are those with
+    `duplicates` are further packages with the name of an earlier one. `broken` are those with
     invalid manifests, which stop the commands that need them. `notes` are warnings.
     """
 

@@ -50,7 +50,7 @@ class Overrides:
 def read_overrides(root: Path, metas: Iterable[str], home: Path | None) -> Overrides:
     """Read the files below `home`/metadata, each of `metas`, and forge.toml.
 
-    A folder in `metas` stands for the colcon.meta in it; missing files are ignored. Raises WorkspaceError for
+    A folder in `metas` means the colcon.meta in it; missing files are ignored. Raises WorkspaceError for
     malformed files.
     """
     by_name: dict[str, dict[str, Any]] = {}

@@ -46,7 +46,7 @@ def _ambiguous(folder: Folder) -> Identity | None:
     if folder.type is not None or not folder.has("CMakeLists.txt", "setup.py", "setup.cfg"):
         return None
     text = folder.text("setup.py")
-    # These are the files for which colcon reads only setup.cfg.
+    # For these files, colcon reads only setup.cfg.
     reads_setup_cfg = "setup()" in text or "setup(cmdclass=cmdclass)" in text
     if not (reads_setup_cfg and read_setup_cfg(folder.text("setup.cfg")).name):
         return None

@@ -42,8 +42,8 @@ _GENERATORS = frozenset({GENERATORS, INTERFACE_GROUP})
 
 ALL_KINDS = BUILD_KINDS | RUN_KINDS | TEST_KINDS
 
-# Names of ROS packages rather than rosdep keys of system packages: they contain no '-', and
-# rosdep keys rarely begin or end like these.
+# Patterns of ROS package names: these contain no '-', and rosdep keys of system packages rarely begin or end
+# like this.
 _ROS_BEGINNINGS = ("rcl", "rmw", "tf2", "launch", "ros2", "rosbag2", "nav2_", "moveit_", "ament_", "rosidl_")
 _ROS_ENDINGS = ("_msgs", "_interfaces", "_srvs", "_actions")
 _ROS_NAMES = frozenset(
@@ -101,12 +101,12 @@ def resolve_dependencies(
     """Return the workspace's packages with the embedded ones that they depend on, recursively.
 
     `provider(name)` returns the prefix in which an underlay or the system has a package, else None;
-    `is_embedded(name)` tells whether it is an embedded package that forge installed there. With `events`,
+    `is_embedded(name)` returns whether it is an embedded package that forge installed there. With `events`,
     the embedded generators generate the events of services. Dependencies that only the tests of `untested`
     need do not count.
     """
-    # The families that others provide. An underlay that was built without ROS has the embedded generators,
-    # but only the interfaces that it needs.
+    # The families that other sources provide. An underlay that was built without ROS contains the embedded
+    # generators, but only the interfaces that it needs.
     reasons: dict[str, str] = {}
     ours = provider(GENERATORS) if is_embedded(GENERATORS) else None
     for family, marks in FAMILY_MARKERS.items():
@@ -168,9 +168,9 @@ def resolve_dependencies(
 
 
 def break_test_cycles(resolution: DependencyResolution) -> tuple[DependencyResolution, tuple[Problem, ...]]:
-    """Return the resolution with test dependencies postponed that close a cycle, and warnings.
+    """Return the resolution without test dependencies that close a cycle, which are postponed, and warnings.
 
-    Test dependencies are needed when tests run, that is, after all packages are built. Other cycles are kept.
+    Test dependencies are only needed when tests run, after all packages are built. Other cycles are kept.
     """
     if order(resolution.needs) is not None:
         return resolution, ()
@@ -229,9 +229,9 @@ def resembles_ros_name(name: str) -> bool:
 
 
 def similar_package(name: str, known: Iterable[str]) -> str | None:
-    """Return the known package whose name an unknown one probably misspells, or None.
+    """Return the known package that was probably meant by an unknown name, or None.
 
-    An ending such as '_msgs' that both have is not compared: 'std_msgs' is not a misspelled 'test_msgs'.
+    A common ending such as '_msgs' is not compared: 'std_msgs' is not a misspelled 'test_msgs'.
     """
     ending = next(filter(name.endswith, _ROS_ENDINGS), "")
     others = [other for other in known if other != name]
@@ -257,5 +257,5 @@ def _wanted(package: Package, *, events: bool) -> tuple[str, ...]:
     implied: tuple[str, ...] = ACTION_NEEDS if package.has_actions else ()
     if events and (package.has_services or package.has_actions):
         implied += EVENT_NEEDS
-    # Except for the packages of these lists.
+    # The packages in these lists are excluded.
     return tuple(dict.fromkeys((*names, *(need for need in implied if need != package.name))))

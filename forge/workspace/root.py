@@ -31,8 +31,8 @@ def find_root(start: Path, home: Path) -> Path:
     """Return the root of the workspace around the absolute folder `start`, or `start` itself.
 
     Marked folders come first: `start`, then the nearest parent with `start` below its 'src'; then a folder
-    that contains 'src' and is not a package. The home folder, the file system's root, and folders that
-    everyone may write to, such as /tmp, are used only if they are `start`.
+    that contains 'src' and is not a package. The home folder, the file system's root, and world-writable
+    folders such as /tmp are used only if they are `start`.
     """
     if _has_marker(start):
         return start
@@ -46,7 +46,8 @@ def find_root(start: Path, home: Path) -> Path:
 def find_install(start: Path, home: Path, profile: str | None = None) -> Path | None:
     """Return the install folder of the workspace around the absolute folder `start` if it was built.
 
-    It is that of `profile`, by default of $FORGE_PROFILE. Raises SelectionError for an unknown profile.
+    The folder is that of `profile`, by default of $FORGE_PROFILE. Raises SelectionError for an unknown
+    profile.
     """
     root, base = find_root(start, home), "install"
     if name := profile or setting("PROFILE", os.environ):
@@ -59,7 +60,7 @@ def find_install(start: Path, home: Path, profile: str | None = None) -> Path | 
 def source_packages(install: Path | None) -> Mapping[str, str]:
     """Return the build types of the packages in the workspace of an install folder, by name.
 
-    Without those that cannot be read.
+    Unreadable packages are left out.
     """
     if install is None:
         return {}
@@ -81,7 +82,7 @@ def is_root(folder: Path) -> bool:
 def rebase_paths(arguments: Iterable[tuple[str, bool]], origin: Path, root: Path) -> list[str]:
     """Return a command line typed in `origin` with its paths made relative to `root`.
 
-    Each argument has the information whether it is passed on to another program.
+    Each argument has a flag that is True if it is passed on to another program.
     """
     rewritten: list[str] = []
     name, left = "", 0

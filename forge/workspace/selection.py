@@ -25,10 +25,10 @@ from forge.workspace.model import Package, Selection
 Graph = Mapping[str, frozenset[str]]
 
 FilterResult = tuple[str, frozenset[str]]
-"""The reason why other packages are left out, and the names that are kept."""
+"""The reason for leaving out other packages, and the names that are kept."""
 
 
-# A space shields names that start with a dash.
+# A leading space protects names that start with a dash.
 _NAME: Mapping[str, Any] = {"parse": str.lstrip, "metavar": "PKG"}
 
 
@@ -157,7 +157,7 @@ class Query:
 
     @property
     def named(self) -> frozenset[str]:
-        """Return the names of packages to select, without those of regular expressions."""
+        """Return the names of packages to select, without names matched by regular expressions."""
         ends = (name for name in (self.start, self.end) if name)
         lists = (*(self.select or ()), *self.up_to, *self.above, *self.above_and_dependencies, *ends)
         return frozenset((*lists, *self.above_depth[1]))
@@ -167,7 +167,7 @@ _REQUIRED = (
     *("select", "up_to", "up_to_regex", "above", "above_and_dependencies", "above_depth"),
     *("select_by_dep", "start", "end"),
 )
-"""Options that select less than what was asked for without the packages that they name."""
+"""Options that would select too little if one of their names is unknown."""
 _IGNORABLE = ("skip", "select_regex", "skip_regex", "ignore", "ignore_regex")
 _STRICT = ("skip_by_dep", "skip_up_to")
 """Options whose unknown names are reported only on demand."""
@@ -193,9 +193,9 @@ def select(
     """Return the nodes that `query` and `limits` keep, in topological order, and warnings.
 
     As in colcon, each option only deselects packages. Raises SelectionError for unknown names of packages to
-    select. Those to skip or ignore, and patterns that match nothing, are warnings unless the query is strict.
-    `known` contains all names in the workspace, including ignored ones; `hint_for` may know why a package to
-    select is not in it.
+    select. Unknown names to skip or ignore, and patterns without a match, are warnings unless the query is
+    strict. `known` contains all names in the workspace, including ignored ones; `hint_for` may return the
+    reason why a package to select is missing.
     """
     names = frozenset(map(name_of, ordered)) if known is None else frozenset(known)
     doubts = tuple(_unknown(query, _IGNORABLE + (_STRICT if query.strict else ()), names))
@@ -282,7 +282,7 @@ def _unknown(
     known: frozenset[str],
     hint_for: Callable[[str], str | None] = lambda _: None,
 ) -> Iterator[Problem]:
-    """Yield a problem for each name or pattern in these fields of the query that fits no package."""
+    """Yield a problem for each name or pattern in these fields of the query that matches no package."""
     for field in fields:
         option = f"--packages-{field.replace('_', '-')}"
         value = getattr(query, field)
@@ -291,7 +291,7 @@ def _unknown(
         for text in (value,) if isinstance(value, str) else value or ():
             if not field.endswith("_regex"):
                 if text not in known:
-                    # 'forge test' has names without an option as well.
+                    # 'forge test' also accepts names without an option.
                     of_option = "" if field == "select" else f"{option}: "
                     message = f"{of_option}no package named '{text}' in the workspace"
                     yield Problem(message, hint=hint_for(text) or did_you_mean(text, known))
@@ -303,7 +303,7 @@ def _unknown(
 def apply_filters(
     query: Query, root: Path, packages: Mapping[str, Package], needs: Graph
 ) -> tuple[tuple[FilterResult, ...], tuple[Problem, ...]]:
-    """Return the packages that each filter keeps, with the reason why others are left out, and warnings.
+    """Return the packages that each filter keeps, with the reason for leaving out others, and warnings.
 
     Raises SelectionError if git cannot determine changes.
     """

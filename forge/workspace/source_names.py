@@ -14,7 +14,7 @@ _LITTER_FOLDERS = frozenset(
     """.git .hg .svn .bzr __pycache__ .pytest_cache .mypy_cache .ruff_cache .hypothesis .tox .eggs
     .ipynb_checkpoints .direnv .ccls-cache""".split()
 )
-"""Private folders of version control and development tools, anywhere."""
+"""Private folders of version control and development tools, at any depth."""
 
 _LITTER = frozenset({".DS_Store", "COLCON_IGNORE", "AMENT_IGNORE", "4913"})
 """Ignored file names; Vim creates 4913 to test write permission."""
@@ -46,7 +46,7 @@ _SUSPECT_ENDINGS = ("~", ".orig", ".rej", ".pyc", ".pyo", ".egg-info")
 
 
 def is_source(name: str, beside: Callable[[str], bool]) -> bool:
-    """Return whether a file counts as a source; `beside` tells whether a name exists in the same folder.
+    """Return whether a file counts as a source; `beside` returns whether a name exists in the same folder.
 
     If in doubt, a file counts, because packages may install it.
     """
@@ -57,13 +57,13 @@ def is_source(name: str, beside: Callable[[str], bool]) -> bool:
 
 def is_source_folder(name: str, beside: Callable[[str], bool]) -> bool:
     if name == "target" and beside("Cargo.toml"):
-        return False  # cargo's build folder, if it was started by hand or by an editor
+        return False  # cargo's build folder, if a user or an editor ran cargo
     suspect = name in _INSTALLED or name.startswith((".", "__pycache__")) or name.endswith(".egg-info")
     return not (suspect and (name in _LITTER_FOLDERS or _belongs_to_another(name, beside)))
 
 
 def is_environment(inside: Callable[[str], bool]) -> bool:
-    """Return whether a folder is a Python environment; `inside` tells whether a name exists in it."""
+    """Return whether a folder is a Python environment; `inside` returns whether a name exists in it."""
     return any(map(inside, ENVIRONMENT_MARKS))
 
 
@@ -77,8 +77,9 @@ def folders_to_search(
 ) -> Iterator[tuple[str, dict[str, os.DirEntry[str]]]]:
     """Yield each folder that a search for packages visits, with its entries; follow links without loops.
 
-    As with os.walk, clear the entries to skip what is below a folder. Folders are sorted, each before those
-    below it. Those in `visited` (device and inode) are left out, as are unreadable ones: see `denied`.
+    As with os.walk, clear the entries to skip everything below a folder. Folders are sorted, each before
+    those below it. Folders in `visited` (device and inode) are left out, as are unreadable ones: see
+    `denied`.
     """
     waiting, visited = [base], set() if visited is None else visited
     while waiting:
@@ -91,11 +92,11 @@ def folders_to_search(
             visited.add(identity)
             with os.scandir(folder) as found:
                 entries = {entry.name: entry for entry in found}
-        except OSError as error:  # others than denied ones were removed meanwhile, or are dangling links
+        except OSError as error:  # entries that are not denied were removed meanwhile, or are dangling links
             if isinstance(error, PermissionError) and denied is not None:
                 denied.append(error)
             continue
-        # An environment may be active at the root of a workspace, which is then still one.
+        # A workspace may have an environment at its root and is still searched.
         if folder != base and is_environment(entries.__contains__):
             continue
         yield folder, entries

@@ -1,6 +1,7 @@
 # Compiles C++ with GCC while forge builds: compile_cxx.sh COMPILER [ARGUMENT ...]
 #
-# $FORGE_GCC_HEAP is the size of the heap, in kB, at which GCC starts to collect garbage. The result has the same bytes.
+# $FORGE_GCC_HEAP is the size of the heap, in kB, at which GCC starts to collect garbage. The result is
+# identical.
 
 case $1 in
   *++ | *++-[0-9]*) ;;

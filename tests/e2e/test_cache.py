@@ -107,7 +107,7 @@ def test_a_restored_tree_matches_the_built_one(users: Users, tmp_path: Path, lay
     assert restored(users.build(root, *layout)) == 0
 
 
-def test_unlisted_files_in_a_merged_prefix_are_not_cached(users: Users, tmp_path: Path) -> None:
+def test_unrecorded_files_in_a_merged_prefix_are_not_cached(users: Users, tmp_path: Path) -> None:
     """Here, a static program writes it, which cannot be observed."""
     lists = (
         f"{LIBRARY}add_executable(writer writer.cpp)\ntarget_link_options(writer PRIVATE -static)\n"
@@ -219,7 +219,7 @@ NUMBER = "#if __has_include(<place.h>)\n#include <place.h>\n#endif\nint main() {
 
 
 @pytest.mark.parametrize("what", SEEN)
-def test_code_with_proven_build_scripts_is_shared_immediately(
+def test_code_changes_are_shared_if_the_build_scripts_are_path_independent(
     users: Users, tmp_path: Path, what: str
 ) -> None:
     """If the paths did not matter to them, and compilers cannot see any."""
@@ -241,7 +241,7 @@ def test_code_with_proven_build_scripts_is_shared_immediately(
     users.begin_anew(one)
     ran = users.build(one, "--explain")
     assert restored(ran) == 0
-    assert ("cached for any path, which did not matter to the same build scripts" in ran.out) == is_shared
+    assert ("cached for any path: the same build scripts did not depend on it" in ran.out) == is_shared
     assert restored(users.build(three)) == is_shared
     for root in (one, three):
         path = root / "src/speaking/CMakeLists.txt"
@@ -300,7 +300,7 @@ def test_results_with_embedded_paths_are_reused_only_at_the_same_path(users: Use
     users.build(one)
     ran = users.build(two, "--explain")
     assert restored(ran) == 0
-    assert f"; cached for this path only: 'bin/speak' is another in '{one}'" in ran.out
+    assert f"; cached for this path only: 'bin/speak' differs from the one built in '{one}'" in ran.out
     users.begin_anew(two)
     assert restored(users.build(two)) == 1
     said = subprocess.run([two / "install/speaking/bin/speak"], check=True, capture_output=True, text=True)

@@ -55,7 +55,7 @@ def output(root: Path) -> str:
 
 @pytest.fixture(params=[True, False], ids=["worker", "alone"])
 def generator(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Run the generator in the worker of the build, or in a process of its own."""
+    """Run the generator in the worker of the build, or in a separate process."""
     if not request.param:
         monkeypatch.setattr(BuildMode, "worker", lambda *_, **__: nullcontext({}))
 

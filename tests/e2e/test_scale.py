@@ -58,7 +58,7 @@ print(os.waitstatus_to_exitcode(status), usage.ru_utime + usage.ru_stime, own, u
 
 
 def cost(root: Path, *words: str) -> Cost:
-    """Run a command in a process of its own."""
+    """Run a command in a separate process."""
     argv = [
         sys.executable,
         "-S",

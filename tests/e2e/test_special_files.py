@@ -1,6 +1,6 @@
 """Special files where forge and its tools read: nothing hangs or crashes.
 
-Each command runs in a process of its own, with a limit on its time and on its memory.
+Each command runs in a separate process, with a limit on its time and on its memory.
 """
 
 import os

@@ -1,9 +1,10 @@
-"""Compute a digest of the ABI of a shared library: all that linking with it depends on (ELF, System V gABI).
+"""Compute a digest of the ABI of a shared library.
 
-A linker reads the dynamic symbols of a shared library, not its code: linking with a library of the same ABI
-produces an identical program. A program that is not position-independent holds copies of the variables that
-it uses. Where and how large they are follows from size, alignment and section of each symbol that is no
-function, whether its type says so or not; symbols of the same variable refer to one copy.
+Everything that linking with it depends on (ELF, System V gABI). A linker reads the dynamic symbols of a
+shared library, not its code: linking with a library of the same ABI produces an identical program. A program
+that is not position-independent holds copies of the variables that it uses. Their location and size follow
+from size, alignment and section of each symbol that is not a function, whatever its type says; symbols of the
+same variable refer to one copy.
 """
 
 from __future__ import annotations
@@ -68,11 +69,11 @@ class _Library:
     relro: tuple[tuple[int, int], ...]
     """The addresses that are read-only after relocation."""
     end: int
-    """Where the table of sections ends, usually at the end of the file."""
+    """The end of the table of sections, usually the end of the file."""
 
 
 def abi_digest(path: str) -> str:
-    """Return a digest of a shared library's interface; '' for a file that has none, or an unknown one."""
+    """Return a digest of a shared library's interface; '' if a file has no interface or an unknown one."""
     try:
         with open(path, "rb", opener=open_regular) as stream:
             content = stream.read()
@@ -88,11 +89,11 @@ def abi_digest(path: str) -> str:
 
 
 def linked_parts(content: bytes | mmap) -> str:
-    """Return a digest of what a program or shared library has in common with one linked with other run paths.
+    """Return a digest of a program or shared library that does not depend on its run path.
 
     CMake links with the folders of libraries as run path, and overwrites them with zeros when it installs.
-    What remains is how many these are, where the tables behind them begin, and the build ID, which was
-    computed before. Other files have no such digest ('' is returned), nor those with more than sections.
+    The zeros still change the offsets of later tables, and the build ID was computed before. Returns '' for
+    other files, and for files that contain more than sections.
     """
     try:
         library = _read(content)

@@ -1,7 +1,7 @@
 """Fingerprints and manifests of files: cheap stamps of their stats, and digests of their contents.
 
 A fingerprint of a whole tree shows that something changed. To reuse the outputs of an earlier build, the
-names of the changed files are needed: a manifest has the state of each.
+names of the changed files are needed: a manifest contains the state of each file.
 
 A stamp is a digest of sizes, times, modes and inodes: equal stamps mean that no file was written. Contents
 are read only if stamps differ, and only of files whose own stat differs from the recorded one. A file that
@@ -104,7 +104,8 @@ class FileTable:
     def __init__(self, path: Path, answer: Callable[[str], str] = str) -> None:
         """Store the path of the table, which is read at the first access.
 
-        `answer` answers questions of builds, which are not absolute paths; see `forge.engine.world`.
+        `answer` returns the answer to a question of a build, see `forge.engine.world`; questions are not
+        absolute paths.
         """
         self.answer = answer
         self._path = path
@@ -130,7 +131,7 @@ class FileTable:
         if entry is not None and entry[0] == stat_text:
             return entry[1]
         found = content_digest(path)
-        # It may be written again without a change of its times.
+        # The file may be written again without a change of its times.
         known[path] = ("" if is_written_since(time.time_ns(), status) else stat_text, found)
         self._own_files.discard(path)
         self._changed = True
@@ -202,7 +203,7 @@ def fingerprint_files(
 ) -> tuple[Fingerprint, dict[str, str]]:
     """Return the fingerprint of `paths` in this order, and their contents; missing files are part of it.
 
-    If the stamp is the `known` one, no contents are read and returned.
+    If the stamp is the `known` one, contents are neither read nor returned.
     """
     statuses = map(_status, paths)
     entries = [(path, status, _stats(path, status)) for path, status in zip(paths, statuses, strict=True)]
@@ -248,7 +249,7 @@ def stamp_files(paths: Iterable[str]) -> str:
 
 
 def file_state(path: str, status: os.stat_result | None = None) -> str:
-    """Return the stat of a file or folder as text, of a link also that of its target; '' if missing.
+    """Return the stat of a file or folder as text, for a link also that of its target; '' if missing.
 
     `status` is the stat of the path itself, if the caller has it.
     """
@@ -290,7 +291,7 @@ def digest_strings(*strings: str) -> str:
 
 
 def code_digest(plugin: object) -> str:
-    """Return a digest of a plugin's code: another version of it may build in another way."""
+    """Return a digest of a plugin's code: another version may build differently."""
     module = plugin if isinstance(plugin, ModuleType) else sys.modules[type(plugin).__module__]
     file = module.__file__ or ""
     files = source_files(os.path.dirname(file)) if file.endswith("/__init__.py") else (file,)
@@ -342,7 +343,7 @@ def _entries(folder: str, root: str) -> list[os.DirEntry[str]] | None:
 
 
 def _walk(root: str, excluded: Collection[str] = ()) -> list[tuple[str, os.stat_result, bool]]:
-    """Return each file and folder below `root` with its stat, and True if a link to a folder led there.
+    """Return each file and folder below `root` with its stat, and whether it was reached through a link.
 
     Paths of folders end with '/'.
     """
@@ -373,7 +374,7 @@ def _walk(root: str, excluded: Collection[str] = ()) -> list[tuple[str, os.stat_
             found.append((entry.path, status, via_link))
             if entry.is_symlink() and os.path.isdir(entry.path):
                 target = os.path.realpath(entry.path)
-                # A link to a folder that contains the link would be followed without end.
+                # A link to a folder that contains the link would be followed endlessly.
                 if not any(f"{os.path.realpath(each)}/".startswith(f"{target}/") for each in ancestors):
                     look_into(entry.path, (*ancestors, target), _status(target, follow=True))
 
@@ -422,7 +423,7 @@ def _content(path: str, status: os.stat_result | None, table: FileTable, stats: 
 def _listing(folder: str) -> list[str]:
     """Return the sorted names in a folder, those of folders ending with '/' and those of links with '/@'.
 
-    Whoever lists a folder is told their kinds. Devices are excluded.
+    Listing a folder also returns these kinds. Devices are excluded.
     """
     found = []
     with os.scandir(folder) as entries:
@@ -446,7 +447,7 @@ def _target(path: str, table: FileTable) -> str:
 
 
 def _status(path: str, *, follow: bool = False) -> os.stat_result | None:
-    """Return the stat of a file, None for a missing one and for a question."""
+    """Return the stat of a file, None for missing files and for questions."""
     try:
         return os.stat(path, follow_symlinks=follow) if path.startswith("/") else None
     except OSError:

@@ -44,7 +44,7 @@ _MAKE_WORD = re.compile(r"(?:\\.|[^\\\s])+")
 
 @frozen
 class Edge:
-    """A command of the native tool. Paths are absolute; `text` is what the tool says of the command."""
+    """A command of the native tool. Paths are absolute; `text` is the tool's description of the command."""
 
     rule: str
     outputs: tuple[str, ...]
@@ -71,7 +71,7 @@ class NativeGraph:
     reported: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     read_by_cmake: tuple[str, ...] = ()
     tool: str = ""
-    """'ninja', or '' for an unconfigured folder and for other tools, which do not tell what they know."""
+    """'ninja', or '' for an unconfigured folder and for other tools, whose graphs are not available."""
     has_dyndeps: bool = False
     """Whether C++ modules or Fortran make the order of compilation depend on contents."""
     aliases: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
@@ -114,8 +114,8 @@ class EdgeFinder:
 def read_native_graph(folder: Path, build: Path | None = None) -> NativeGraph:
     """Return the native tool's graph of a build folder; an unreadable log counts as empty.
 
-    `build` is the original path of a folder that has been moved. One that was configured
-    for several configurations at once counts as unknown.
+    `build` is the original path of a folder that has been moved. The graph of a multi-config build folder
+    counts as unknown.
     """
     rules = _text(folder / "build.ninja")
     several = (folder / "CMakeFiles" / "common.ninja").is_file()
@@ -160,7 +160,7 @@ def _ninja_graph(folder: Path, build: Path, rules: str) -> NativeGraph:
 _WITHOUT_FILES = frozenset({"phony", "CLEAN", "HELP", "VERIFY_GLOBS", "RERUN_CMAKE"})
 
 
-@lru_cache(maxsize=4)  # the steps of a build read the same file
+@lru_cache(maxsize=4)  # several steps of a build read the same file
 def _ninja_edges(build: str, rules: str) -> tuple[Edge, ...]:
     """Return the build statements of a build.ninja, with their bindings as text."""
     head = ""
@@ -231,7 +231,7 @@ def _absolute(build: str | Path, path: str) -> str:
 def reported_inputs(build: Path, graph: NativeGraph, inside: Sequence[Path]) -> frozenset[str]:
     """Return the files outside of `inside` that the last build reportedly read, and its questions.
 
-    `graph` is what the native tool knows of it. CMake's own modules are left out: CMake is tracked as a tool.
+    `graph` is that of the native tool. CMake's own modules are left out: CMake is tracked as a tool.
     """
     own = tuple(f"{path}{os.sep}" for path in inside)
     cmakes = cmake_root(build)

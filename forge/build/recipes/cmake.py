@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 def options(package: Package, context: BuildContext) -> tuple[str, ...]:
     """Return the options that require a configure run when they change."""
-    # Not the maps themselves: they follow from the paths among the common options.
+    # Omit the maps themselves: they follow from the paths in the common options.
     mapped = ("--cache",) if context.path_maps else ()
     variables = _ament_variables(package, context)
     named = (f"{_OPTIONS[name]}{value}" for name, value in variables if name in _OPTIONS)
@@ -43,7 +43,7 @@ def _ament_variables(package: Package, context: BuildContext) -> Pairs:
     if package.build_type != "ament_cmake":
         return ()
     results = context.test_results
-    # All interface packages learn the distribution from this package.
+    # All interface packages get the distribution from this package.
     has_distribution = package.embedded and package.name == GENERATORS
     return (
         ("AMENT_CMAKE_SYMLINK_INSTALL", "1" if _links(package, context) else "0"),
@@ -93,7 +93,7 @@ def recipe(package: Package, context: BuildContext) -> Recipe:
     arguments, env = _with_path_maps(context)
     configure = (
         cmake,
-        # With -S and -B, since CMake takes a source folder with a CMakeCache.txt for a build folder.
+        # Pass -S and -B, because CMake takes a source folder with a CMakeCache.txt for a build folder.
         *("-S", str(context.source(package)), "-B", str(build), "-C", str(cache)),
         *_generator(context, arguments, only_make=package.name in context.only_make),
         *arguments,
@@ -183,5 +183,5 @@ def _generator(
 
 
 def _links(package: Package, context: BuildContext) -> bool:
-    """Return True if files are symlinked into the prefix; not for embedded packages, which upgrades move."""
+    """Return whether files are symlinked into the prefix; not for embedded packages, which upgrades move."""
     return context.layout.symlink and not package.embedded

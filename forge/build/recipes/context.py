@@ -36,7 +36,7 @@ class BuildContext:
     wheels: tuple[str, ...]
     generator: tuple[str, ...]
     rosdistro: str = OLDEST
-    """The ROS distribution whose interfaces the embedded packages have."""
+    """The ROS distribution whose interfaces the embedded packages contain."""
     tools: Pairs = ()
     cmake: Path | None = None
     ninja: Path | None = None
@@ -52,7 +52,7 @@ class BuildContext:
     recipes: tuple[str, ...] = ()
     """The names of the extensions of recipes: see forge.build.recipes.extensions."""
     embedded: frozenset[str] = frozenset()
-    """The names that embedded packages have in this workspace, instead of those of a distribution."""
+    """The names of embedded packages in this workspace if they differ from those of a distribution."""
     test_results: Path | None = None
     """The folder for the results of ament tests, instead of the build folders."""
     umask: int = 0
@@ -67,9 +67,9 @@ class BuildContext:
     """For each CMake language, the flags that keep workspace paths out of compiled files."""
     cargo_args: tuple[str, ...] = ()
     toolchains: Pairs = ()
-    """For build types of plugins, an option that stands for their toolchain."""
+    """For build types of plugins, an option that identifies their toolchain."""
     no_test_dependencies: bool = False
-    """Do not build the tests of packages whose tests have dependencies of their own."""
+    """Do not build the tests of packages with dependencies that only tests need."""
     flags: Pairs = ()
     """For each of these languages, the flags set by the environment."""
 
@@ -77,7 +77,7 @@ class BuildContext:
         return self.root / package.path
 
     def of(self, package: Package) -> BuildContext:
-        """Return the context for one package: `cmake_args` are all of its CMake's arguments.
+        """Return the context for one package: `cmake_args` are all CMake arguments of the package.
 
         Embedded packages compile nothing, so options that only affect compilation are removed for them.
         """
@@ -92,7 +92,7 @@ class BuildContext:
         arguments = (*self.cmake_args, *package.option_values("cmake-args"))
         if package.build_type == "ament_cmake":
             arguments += (*self.ament_cmake_args, *package.option_values("ament-cmake-args"))
-        # Other packages have no such option, so that it does not rebuild them.
+        # Other packages lack the option, so that it does not rebuild them.
         if self.no_test_dependencies and package.only_tested_with and BUILD_TESTING not in defined(arguments):
             arguments += (f"-D{BUILD_TESTING}=OFF",)
         if not package.settings and arguments == self.cmake_args:
@@ -108,7 +108,7 @@ class BuildContext:
 
 @frozen
 class Recipe:
-    """The steps of one package, the files that forge writes before the first one, and what it removes.
+    """The steps of one package, and the files that forge writes or removes before the first one.
 
     `clean` are the results of earlier tests to remove before the first step of a test run; names may be glob
     patterns.
@@ -118,7 +118,7 @@ class Recipe:
     files: tuple[tuple[Path, str], ...] = ()
     clean: tuple[Path, ...] = ()
     kept: tuple[str, ...] = ()
-    """Names in the build folder that later builds find: the build tool knows what they were made from."""
+    """Names in the build folder that are kept for later builds: the build tool tracks their inputs."""
 
 
 @frozen
@@ -153,7 +153,7 @@ _COMPILING = (
     r"|POLICY_DEFAULT_CMP0069"
     r"|UNITY_BUILD|LINKER_TYPE|BUILD_RPATH|INSTALL_RPATH|INSTALL_RPATH_USE_LINK_PATH)"
 )
-"""CMake variables that only affect compiling, linking, tests, or the output meanwhile."""
+"""CMake variables that only affect compiling, linking, tests, or the messages of the build."""
 
 
 def common_options(package: Package, context: BuildContext) -> tuple[str, ...]:

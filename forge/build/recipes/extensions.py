@@ -1,7 +1,7 @@
 """Extensions of the recipes of CMake packages: more files, a launcher, processes that run during a build.
 
 An extension is a module or another object with the fields of RecipeExtension, announced as an entry point of
-the group 'forge.recipes'. forge always asks its own ones; those of other distributions are asked if
+the group 'forge.recipes'. forge's own extensions are always used, those of other distributions only if
 `--recipes` names them.
 """
 
@@ -27,15 +27,15 @@ class RecipeExtension:
     options: Callable[[Package, BuildContext], tuple[str, ...]]
     """Returns further inputs of a package, which is built again when one of them changes."""
     addition: Callable[[Package, BuildContext], Addition]
-    """Returns what is added to the recipe of a package."""
+    """Returns the additions to the recipe of a package."""
     running: Callable[
         [Sequence[Package], BuildContext, Mapping[str, str], Pairs], AbstractContextManager[Mapping[str, str]]
     ]
     """Returns a context that is open while these packages are built; it yields variables for their steps.
 
     Variables whose names begin with FORGE_ are valid during this build only: printed commands and
-    environment.sh leave them out. The mapping is the environment of the build, and the pairs are what the
-    results of compilers depend on. Not called for an audit, which observes each step.
+    environment.sh leave them out. The mapping is the environment of the build, and the pairs are the inputs
+    of every compilation. Not called for an audit, which observes each step.
     """
 
 

@@ -34,9 +34,9 @@ _PYTHON_VERSION = re.compile(r"python(\d+\.\d+)")
 def initial_cache(context: BuildContext, manifest: Path, further: Pairs = ()) -> str:
     """Return the cache entries for CMake's -C option; `manifest` is the file with manifest_variables().
 
-    All packages may use them. `further` are variables of some packages;
-    as -D arguments, CMake would warn of those that a package does not use. The text depends on nothing else,
-    so it changes exactly when a package must be configured again.
+    All packages may use them. `further` are variables of some packages; as -D arguments, CMake would warn of
+    those that a package does not use. The text depends only on these, so it changes exactly when a package
+    must be configured again.
     """
     python = quoted(str(context.python))
     found = _PYTHON_VERSION.search(context.site_packages)
@@ -65,7 +65,7 @@ def initial_cache(context: BuildContext, manifest: Path, further: Pairs = ()) ->
 def manifest_variables(manifest: Manifest) -> str:
     """Return the CMake variables that ament_package_xml() publishes for the manifest.
 
-    The first line sets the package name, by which the embedded ament checks that the file is its own.
+    The first line sets the package name, with which the embedded ament checks that the file is its own.
     """
     variables = [("_AMENT_PACKAGE_NAME", quoted(manifest.name))]
     for name, elements in _values(manifest):

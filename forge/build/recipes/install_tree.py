@@ -1,9 +1,9 @@
-"""Copy a staged tree into a prefix and list its files; runs as a program of its own, without forge.
+"""Copy a staged tree into a prefix and list its files; runs as a separate program, without forge.
 
     python install_tree.py STAGED PREFIX MANIFEST
 
-MANIFEST is written like CMake's install_manifest.txt: in a merged install folder, it tells forge which files
-belong to the package.
+MANIFEST is written like CMake's install_manifest.txt: in a merged install folder, it lists the files of the
+package for forge.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ _MANY = 2
 def count_ctests(build: Path, most: int = _MANY) -> int:
     """Return the number of tests that CTest finds in a build folder, or at least `most`.
 
-    A file that a list of tests includes may have any number.
+    A file that a list of tests includes may contain any number of them.
     """
     waiting, count = [build], 0
     while waiting and count < most:

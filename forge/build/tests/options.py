@@ -27,8 +27,8 @@ class TestOptions:
     retest_until_fail: int = option("repeat passing tests up to N times, until they fail", **_TIMES)
     retest_until_pass: int = option("repeat failing tests up to N times, until they pass", **_TIMES)
     test_timeout: float = option(
-        "seconds after which a test of CTest, or the whole run of another runner, is stopped with all "
-        "that it has started (default: no limit)",
+        "time limit of each CTest test, or of the whole run with another runner; its child processes are "
+        "stopped, too (default: no limit)",
         default=0.0,
         parse=float,
         metavar="SECONDS",
@@ -40,7 +40,7 @@ class TestOptions:
         metavar="N",
     )
     cached: bool = flag(
-        "replay the passes of packages whose tests would read nothing new; tests run below an observer"
+        "replay passed tests whose inputs have not changed; tests are observed to determine their inputs"
     )
     abort_on_error: bool = flag("stop when a package cannot be tested (failing tests do not stop the run)")
     return_code_on_test_failure: bool = flag(

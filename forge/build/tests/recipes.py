@@ -1,6 +1,6 @@
 """The test steps of each build type: CTest, pytest or unittest.
 
-Exit codes of CTest and pytest distinguish failed tests from failed runs, and so do the steps.
+Like the exit codes of CTest and pytest, the steps distinguish failed tests from failed runs.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _OF_PYTHON = ((1, TEST_FAILURES), (5, NO_TESTS), (TIMED_OUT, TEST_FAILURES))
 
 @frozen
 class ChosenTests:
-    """What is added to the arguments and variables of a test run so that only some tests run."""
+    """Additional arguments and variables of a test run that restrict it to some tests."""
 
     ctest_args: tuple[str, ...] = ()
     pytest_args: tuple[str, ...] = ()
@@ -54,10 +54,10 @@ class TestContext:
     modules: frozenset[str] = frozenset()
     options: TestOptions = TestOptions()
     isolated: bool = False
-    """Whether tests that run at the same time get ROS domains of their own."""
+    """Whether tests that run at the same time get separate ROS domains."""
 
     chosen: Mapping[str, ChosenTests] = field(default_factory=dict)
-    """Packages of which only some tests run."""
+    """Packages with a selection of tests."""
 
     def source(self, package: Package) -> Path:
         return self.root / package.path
@@ -97,7 +97,7 @@ def _number(package: Package, values: Sequence[str]) -> int:
 
 
 def ctest_recipe(package: Package, context: TestContext, configuration: str) -> Recipe:
-    """Return the CTest run of a configuration with colcon's options; no steps if that is ''."""
+    """Return the CTest run of a configuration with colcon's options; no steps for ''."""
     build = context.layout.build_dir(package.name)
     folders = tuple(dict.fromkeys((build, context.results_of(package.name))))
     stale = [folder / "Testing" / "TAG" for folder in folders]
@@ -121,7 +121,8 @@ def ctest_recipe(package: Package, context: TestContext, configuration: str) -> 
     files = [(context.not_run(package.name), missing_result(package, "ctest"))]
     folder = build
     if at_once := _tests_at_once(build, context):
-        # From here CTest reads the tests through a file of forge; results are written through a link.
+        # In this folder, CTest reads the tests through a file that forge writes, and writes results through a
+        # link.
         folder = parallel_folder(build)
         read = text_or_nothing(dart)
         other_lines = [line for line in read.splitlines() if not line.startswith(_FOLDERS_OF_DART)]
@@ -136,7 +137,7 @@ def ctest_recipe(package: Package, context: TestContext, configuration: str) -> 
             ),
         ]
     elif not dart.exists():
-        files.append((dart, ""))  # CTest prints two errors without it, which only `include(CTest)` creates
+        files.append((dart, ""))  # without it, which only `include(CTest)` creates, CTest prints two errors
     env = context.chosen.get(package.name, ChosenTests()).env
     step = Step(StepKind.CTEST, argv, folder, env, meanings=_OF_CTEST, tests_at_once=at_once)
     again = replace(step, argv=(*argv, "--rerun-failed"), condition=StepCondition.TESTS_FAILED)
@@ -153,9 +154,9 @@ def parallel_folder(build: Path) -> Path:
 
 
 def _tests_at_once(build: Path, context: TestContext) -> int:
-    """Return how many tests CTest may run at once, 0 if it is not up to forge.
+    """Return how many tests CTest may run at once, 0 if forge does not decide.
 
-    What `--cached` observes must not depend on the order of tests, so that they run one after another.
+    The observations of `--cached` must not depend on the order of tests, so these run one after another.
     """
     options = context.options
     chosen = any(word.startswith(("-j", "--parallel")) for word in options.ctest_args)
@@ -235,7 +236,7 @@ def unittest_recipe(package: Package, context: TestContext) -> Recipe:
 
 
 def missing_result(package: Package, program: str, seconds: float = 0) -> str:
-    """Return a placeholder result, so that a crashed run is reported, and one that may take limited time."""
+    """Return a placeholder result, which remains if the run crashes or times out."""
     message = f"{program} exited without writing a result"
     message += f", or took longer than {seconds:g} s" if seconds else ""
     return error_result(package.name, f"{program}.missing_result", message)
@@ -252,7 +253,7 @@ def _with_repetitions(step: Step, options: TestOptions) -> tuple[Step, ...]:
 
 
 def _python(package: Package, context: TestContext) -> tuple[str, ...]:
-    """Return the command that runs Python, below coverage.py if coverage is measured."""
+    """Return the command that runs Python, through coverage.py if coverage is measured."""
     if not context.options.coverage:
         return (str(context.python),)
     measured = (f"--source={context.source(package)}", f"--omit={','.join(OMITTED)}")

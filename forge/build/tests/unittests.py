@@ -1,8 +1,8 @@
 """Run unittest and write a JUnit file: `python unittests.py JUNIT_FILE PACKAGE [ARGUMENT ...]`.
 
 The arguments are those of `python -m unittest`; without names it discovers tests in the working directory.
-Exits with 0, 1 if a test failed, or 5 if there was none. The workspace's interpreter runs it by path, so it
-uses only the standard library.
+Exits with 0, with 1 if a test failed, or with 5 if there was no test. The workspace's interpreter runs it by
+path, so it uses only the standard library.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Result(unittest.TextTestResult):
 
     def addError(self, test: unittest.TestCase, err: Fault) -> None:
         super().addError(test, err)
-        # The test may be the set-up of a class or module, which was not started.
+        # The test may be the setup of a class or module, which was not started.
         self._record(test).events.append(("error", self._message(err), self.errors[-1][1]))
 
     def addFailure(self, test: unittest.TestCase, err: Fault) -> None:

@@ -1,6 +1,6 @@
 """Run the build backend of a package, and shorten the output of a failure.
 
-setuptools installs a package itself, like with colcon; other backends build a wheel (PEP 517).
+setuptools installs a package itself, as with colcon; other backends build a wheel (PEP 517).
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ _next = PathFinder.find_spec("sitecustomize", sys.path)
 if _next is not None and _next.loader is not None:
     _next.loader.exec_module(module_from_spec(_next))
 """
-"""Python imports this at its start; the original sitecustomize module is run as well."""
+"""Python imports this at startup; the original sitecustomize module is run as well."""
 
 _SETTINGS = """\
 [egg_info]
@@ -142,7 +142,7 @@ def run_setup_install(options: WheelInstall, scripts: str | None) -> tuple[tuple
     file = backend.folder / "request.json"
     file.write_text(json.dumps(request), "utf-8")
     argv = (options.python, setup_install.__file__, str(file))
-    # A wheel also needs the distribution 'wheel' of old versions.
+    # With old versions, a wheel also needs the distribution 'wheel'.
     wheels = not (source / "setup.py").is_file()
     if wheels:
         backend.lend_setuptools(wheels=True)
@@ -162,14 +162,14 @@ def run_setup_install(options: WheelInstall, scripts: str | None) -> tuple[tuple
         raise _setup_fault(error.returncode, outside, options) from None
     finally:
         delete_tree(backend.folder)
-        # setuptools also lists folders: those of `data_files` without files.
+        # setuptools also lists folders: entries of `data_files` without files.
         paths, prefix = {*map(os.path.normpath, listed_paths(log))}, str(options.prefix)
         # A package may have resolved links.
         real = f"{os.path.realpath(prefix)}/"
         paths = {path.replace(real, f"{prefix}/", 1) if path.startswith(real) else path for path in paths}
         inside = (path for path in paths if path.startswith(f"{prefix}/"))
         installed = sorted(path for path in inside if os.path.lexists(path) and not is_folder(path))
-        # After a failure, too, so that installed files are removed.
+        # Even after a failure, so that installed files are removed.
         for path in installed:
             note_written(path)
     if source.is_relative_to(PACKAGE):
@@ -193,9 +193,9 @@ def _setup_fault(code: int, outside: str, options: WheelInstall) -> HostError | 
 
 
 def compiled_modules(source: Path, target: str) -> WorkspaceError:
-    """Return the error for a package with compiled modules, which would be for this machine."""
+    """Return the error for a package with compiled modules, which cannot be built for another platform."""
     message = f"compiled modules cannot be built for '{target}'"
-    hint = "build them with CMake in a package of their own, or build this package on the target"
+    hint = "build them with CMake in a separate package, or build this package on the target"
     return WorkspaceError(Problem(message, Location(source), hint))
 
 
@@ -247,10 +247,10 @@ def build_wheel(source: Path, build: Path, prefix: Path, python: str) -> tuple[P
 
 
 class _Backend:
-    """Runs the build backend of a package; `output` is what it has printed."""
+    """Runs the build backend of a package; `output` is its output so far."""
 
     def __init__(self, build: Path, python: str) -> None:
-        """Remove files of an earlier build, whose modules and list of sources would end up in the wheel."""
+        """Remove files of an earlier build; its modules and list of sources would end up in the wheel."""
         self.folder = build / SCRATCH_DIR / "backend"
         names = (build / name for name in ("wheel", "build", INSTALL_LOG))
         for path in (self.folder, *names, *build.glob("*.egg-info")):
@@ -265,7 +265,7 @@ class _Backend:
         self._python = python
 
     def lend_setuptools(self, *, wheels: bool) -> None:
-        """Let the backend find forge's setuptools if the interpreter lacks one, or one that builds wheels."""
+        """Let the backend find forge's setuptools if the interpreter has none that builds wheels."""
         if lent := setuptools_path(self._python, self.folder / "lent", wheels=wheels):
             path = os.pathsep.join(filter(None, (str(lent), os.environ.get("PYTHONPATH"))))
             self.environment["PYTHONPATH"] = path
@@ -330,7 +330,7 @@ def _build_system(source: Path) -> dict[str, Any]:
 DISK_FULL = re.compile(
     r"\[Errno (?:28|122)\]|: (?:No space left on device|Disk quota exceeded)$", re.MULTILINE
 )
-"""Progress messages in the output of a failed backend, which are of no interest."""
+"""Progress messages that are omitted from the output of a failed backend."""
 _FAILED_WRITE = re.compile(
     r"^(?:Traceback \(most recent call last\):\n(?:  .*\n)+"
     r"|Exception ignored in: .*\n|\w*[eE]rror: \[Errno .*\n)",
@@ -352,7 +352,7 @@ _OUTER_FRAMES = re.compile(
     rf"({_CODE})|(?=  File ))",
     re.MULTILINE,
 )
-"""The frames of forge and setuptools that start a backend, and that of setup.py, which may lack its name."""
+"""The stack frames that start a backend, and the frame of setup.py, whose name may be missing."""
 
 
 def progress_and_failure(output: str, setup: Path) -> tuple[str, str]:

@@ -1,6 +1,6 @@
 """Install a Python package into a prefix.
 
-setuptools installs a package itself, by the commands that colcon runs. Another backend (PEP 517) builds a
+setuptools installs a package itself, with the commands that colcon runs. Another backend (PEP 517) builds a
 wheel in the workspace's interpreter, which the `installer` library unpacks. Console scripts go to the folder
 in setup.cfg, commonly lib/<package>, where `ros2 run` finds them, or to bin; modules go to the site-packages
 folder, data files to the paths in the package.
@@ -119,7 +119,7 @@ def _install_wheel(options: WheelInstall) -> tuple[tuple[Path, ...], str]:
 
 
 class _Wheel(WheelFile):
-    """A wheel without entry points that no program can start; the library has an assertion for them."""
+    """A wheel without entry points that programs cannot start; the library only has an assertion for them."""
 
     def read_dist_info(self, filename: str) -> str:
         text = super().read_dist_info(filename)
@@ -130,7 +130,7 @@ class _Prefix(SchemeDictionaryDestination):
     """A destination that rejects paths outside its folders."""
 
     def write_to_fs(self, scheme: Scheme, path: str, stream: BinaryIO, is_executable: bool) -> RecordEntry:
-        """Write a file of the wheel; raises WorkspaceError for one that would leave its folder."""
+        """Write a file of the wheel; raises WorkspaceError if it would leave its folder."""
         if Path(path).is_absolute() or ".." in Path(path).parts:
             message = f"the package would install '{path}', which is outside its prefix"
             raise WorkspaceError(Problem(message, hint="check data_files and entry points in its setup"))
@@ -141,9 +141,9 @@ class _Prefix(SchemeDictionaryDestination):
 
 
 def _scripts_of_setup(options: WheelInstall) -> str | None:
-    """Return the script folder for setuptools as colcon passes it, None for that of setuptools.
+    """Return the script folder that colcon passes to setuptools, None for the default of setuptools.
 
-    This is `bin`, as for `ros2` itself, unless setup.py contains another.
+    The default is `bin`, as for `ros2` itself, unless setup.py names another.
     """
     cfg = options.source / "setup.cfg"
     configured = _option(cfg, "develop", "script_dir") if options.link else ""
@@ -212,7 +212,7 @@ def link_to_sources(options: WheelInstall, output: str, installed: Iterable[Path
             source_file
             for source_file in sources.get(path.name, ())
             if source_file.is_file()
-            # setuptools makes scripts executable that are not so in the sources.
+            # setuptools makes installed scripts executable even if their sources are not.
             and os.access(source_file, os.X_OK) >= os.access(path, os.X_OK)
             and has_same_content(source_file, path)
         ]

@@ -1,6 +1,6 @@
 """Detect mistakes in Python packages that build backends do not report and that fail at run time.
 
-Entry points of scripts that are not NAME = MODULE:FUNCTION are reported where they are written.
+Entry points of scripts that are not NAME = MODULE:FUNCTION are reported with their location.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ def _missing_function(source: Path, script: str, module: str, function: str, pat
 
 
 def _defined(tree: ast.Module) -> tuple[set[str], bool]:
-    """Return the names that a module binds, and True if there can be no others."""
+    """Return the names that a module binds, and True if the list is complete."""
     names: set[str] = set()
     for node in ast.walk(tree):
         match node:
@@ -136,7 +136,7 @@ def _same_version(site: Path) -> bool:
 
 
 ENTRY_POINTS = "entry_points.txt"
-"""The metadata file of a wheel that lists them."""
+"""The metadata file of a wheel that lists entry points."""
 
 _SECTIONS = ("console_scripts", "gui_scripts")
 _VALID = re.compile(r"[^=]*[^\s=]\s*=\s*[\w.]+\s*:\s*[\w.]+\s*(?:\[.*\]\s*)?")
@@ -159,7 +159,7 @@ def scripts(text: str) -> Iterator[tuple[str, str]]:
 
 
 def invalid_scripts(text: str, source: Path) -> Iterator[Problem]:
-    """Yield a problem for each invalid script of an entry_points.txt, at its place in the source folder."""
+    """Yield a problem for each invalid script of an entry_points.txt, with its location in the sources."""
     for name, target in scripts(text):
         point = f"{name} = {target}"
         if not _VALID.fullmatch(point):
@@ -172,7 +172,7 @@ def without_invalid_scripts(text: str) -> str:
 
 
 def invalid_scripts_of_setup(setup: Path) -> Iterator[Problem]:
-    """Yield a problem for each invalid script that a setup.py without syntax errors spells out."""
+    """Yield a problem for each invalid script that a setup.py without syntax errors names literally."""
     text = text_or_nothing(setup)
     lines = text.splitlines()
     for node in _literals(ast.parse(text)):

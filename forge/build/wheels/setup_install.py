@@ -40,7 +40,8 @@ def main(path: str) -> None:
         request = json.load(stream)
     paths = (request["children"], os.environ.get("PYTHONPATH"))
     os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, paths))
-    # As colcon does: what setup.py computes from sys.prefix, and setuptools' defaults, are in the prefix.
+    # As with colcon, paths that setup.py computes from sys.prefix, and setuptools' defaults, are in the
+    # prefix.
     sys.real_prefix = sys.prefix  # type: ignore[attr-defined]
     sys.prefix = sys.exec_prefix = request["prefix"]
     try:
@@ -68,7 +69,7 @@ def main(path: str) -> None:
 
 @contextlib.contextmanager
 def _without_downloads() -> "Iterator[None]":
-    """Ignore setup_requires, as builds of wheels do: what it names would be downloaded into the sources."""
+    """Ignore setup_requires, as builds of wheels do: its packages would be downloaded into the sources."""
     try:
         from setuptools.build_meta import no_install_setup_requires  # type: ignore[attr-defined]
     except ImportError:
@@ -93,7 +94,7 @@ def _adapt(request: "dict[str, Any]", outside: str) -> None:
     moved: "dict[str, str]" = {}
 
     def select_own_scheme(self: "Any", name: str) -> None:
-        """Set what the package does not set: distributions' defaults vary (local/, dist-packages)."""
+        """Set options that the package does not set: distributions' defaults vary (local/, dist-packages)."""
         site = os.path.join(self.install_base, request["site_packages"])
         python = "python{0}.{1}".format(*sys.version_info) + getattr(sys, "abiflags", "")
         headers = os.path.join(self.install_base, "include", python, self.distribution.get_name())
@@ -107,10 +108,10 @@ def _adapt(request: "dict[str, Any]", outside: str) -> None:
     def finalize_below_build_folder(self: "Any") -> None:
         """Move folders of intermediate files into the build folder, which has no files of an earlier build.
 
-        Other commands have such options for their input: they follow the build command that fills the folder.
+        In other commands, such options name inputs: they follow the build command that fills the folder.
         """
         ensure_finalized(self)
-        # The class of a command of the package may have any name.
+        # The package may name the class of a command freely.
         builds = any(self.distribution.command_obj.get(name) is self for name in _BUILD_COMMANDS)
         for option in _BUILD_FOLDERS:
             folder = getattr(self, "build_" + option, None)
@@ -144,7 +145,7 @@ def _adapt(request: "dict[str, Any]", outside: str) -> None:
         cached = _Metadata(metadata)
         for module in (setuptools.dist, egg_info, sdist):
             module.metadata = cached  # type: ignore[attr-defined]
-    # The prefix has no files of an earlier build: what is in the folder belongs to somebody else.
+    # The prefix has no files of an earlier build: files in the folder are unowned.
     install_egg_info.dir_util = SimpleNamespace(remove_tree=lambda *_, **__: None)  # type: ignore[attr-defined]
     Command.ensure_finalized = finalize_below_build_folder  # type: ignore[method-assign]
     install.select_scheme = select_own_scheme  # type: ignore[method-assign]
@@ -177,7 +178,7 @@ class _Metadata:
 
 
 class _Template(str):
-    """setuptools' template of scripts; its scripts search for their distribution at each start."""
+    """setuptools' template of scripts; the resulting scripts search for their distribution at each start."""
 
     __slots__ = ()
 
@@ -185,7 +186,7 @@ class _Template(str):
         """Return a script that imports the function, or setuptools' own for a module without function."""
         # An EntryPoint of pkg_resources or of importlib.metadata.
         point = variables.get("ep")
-        if point is None:  # releases before 80 whose loop is over the names, such as 79.0
+        if point is None:  # releases before 80 that loop over the names, such as 79.0
             point = variables["dist"].get_entry_map(variables["group"])[variables["name"]]
         module = getattr(point, "module_name", None) or point.module
         names = point.attrs if hasattr(point, "attrs") else list(filter(None, (point.attr or "").split(".")))

@@ -80,7 +80,7 @@ def build(options: BuildOptions, mode: BuildMode) -> int:
                 return 0
             code = run_plan(plan, prepared, state)
             if code == 0 and not state.is_final:
-                # Only a build reveals which files packages have in common; now their order is known.
+                # Only a build reveals which files packages have in common, and thereby the right order.
                 plan, _ = make_plan(prepared, state)
                 if not mode.quiet:
                     names = listed([*plan.tasks])

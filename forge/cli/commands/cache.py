@@ -1,4 +1,4 @@
-"""`forge cache`: inspect, prune and verify the package cache, and what plugins keep for all workspaces."""
+"""`forge cache`: inspect, prune and verify the package cache, and data cached by plugins."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ def _prune(options: _PruneOptions) -> int:
 
 
 def _verify(options: _Options) -> int:
-    """Print the corrupt entries, and what is wrong with those of plugins; return 1 if there are any.
+    """Print the corrupt entries, and the faults of those of plugins; return 1 if there are any.
 
     Corrupt entries of the package cache are already removed.
     """

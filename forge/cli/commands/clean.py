@@ -64,7 +64,7 @@ class Options:
 
 
 def run(options: Options) -> int:
-    """Show what will be removed, ask, and remove it; returns 0 even if the user declines."""
+    """Show the items to remove, ask for confirmation, and remove them; returns 0 even if declined."""
     root = Path.cwd()
     layout = options.folders.layout(root)
     word = recorded_layout(layout.install)
@@ -106,7 +106,7 @@ def run(options: Options) -> int:
             for entry in cleaning.remaining_in_prefix(removable.prefix)
         )
         _report_rest(kept, options)
-        # Setup scripts of forge name packages; those of colcon search the folder.
+        # forge's setup scripts name the packages; colcon's search the folder.
         if python := recorded_state(layout.install).python:
             finish_workspace(layout, (), Path(python))
         if is_own_build_base(layout.build):
@@ -167,7 +167,7 @@ def _names(options: Options, root: Path, layout: Layout, journal: Journal) -> tu
         _report_others([name for name in absent if name not in stale])
         taken = {str(root / package.path) for package in packages.values()}
         sources = {name: record.source for name, record in journal.records.items()}
-        # A package that these options do not discover, but that is still there, is not stale.
+        # A package that these options do not discover, but that still exists, is not stale.
         there = {
             name
             for name in stale

@@ -1,4 +1,4 @@
-"""`forge extensions`: list what can be extended, and the distributions that do so."""
+"""`forge extensions`: list the extension points, and the distributions that extend them."""
 
 from __future__ import annotations
 

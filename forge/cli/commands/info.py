@@ -85,7 +85,7 @@ def run(options: Options) -> int:
 
 
 def _surroundings(options: Options) -> dict[str, Any]:
-    """Return the interpreter with what chose it, the ROS distribution, the underlays and built platforms.
+    """Return the interpreter with its origin, the ROS distribution, the underlays and built platforms.
 
     Without an interpreter, print a warning.
     """

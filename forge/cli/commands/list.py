@@ -22,7 +22,7 @@ _GRAPH = "topological_graph"
 
 @frozen
 class ListingOptions:
-    """The options of commands that show packages and build none."""
+    """The options of commands that only show packages."""
 
     query: Query = options_of(Query)
     sources: OptionSources = options_of(OptionSources)

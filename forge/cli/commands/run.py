@@ -34,10 +34,10 @@ class Options:
         metavar="COMMAND",
     )
     profile: str | None = option(
-        "run what was built with this profile, whatever is sourced; must precede the package name",
+        "run the program built with this profile, whatever is sourced; must precede the package name",
         metavar="NAME",
     )
-    # A single positional argument, because argparse removes a '--' between two of them.
+    # A single positional argument, because argparse would remove a '--' between two.
     words: tuple[str, ...] = option(None, default=(), positional=True, nargs=argparse.REMAINDER)
 
 
@@ -87,7 +87,7 @@ def run(options: Options) -> int:
         hint = f"fix the source: sed -i 's/\\r$//' {shlex.quote(path.name)}, and build again"
         raise ForgeError(Problem(message, hint=hint))
     program = [str(path)]
-    # The python3 of an active virtual environment is the one that `env` finds.
+    # `env` finds the python3 of an active virtual environment.
     if not any(variables.get(each) for each in ("VIRTUAL_ENV", "CONDA_PREFIX")) and first.split() in _BY_ENV:
         program[:0] = filter(None, (python_of(prefix),))
     try:

@@ -43,7 +43,7 @@ def run(options: Options) -> int:
     variables = dict(sourced_environment(install, os.environ))
     environment = Path(recorded_python(install) or "").parent.parent
     if environment.name == ENVIRONMENT_FOLDER and not (variables.keys() & {"VIRTUAL_ENV", "CONDA_PREFIX"}):
-        # That of 'forge fetch', with the modules that the packages need.
+        # The environment of 'forge fetch', with the modules that the packages need.
         variables["VIRTUAL_ENV"] = str(environment)
         variables["PATH"] = f"{environment}/bin{os.pathsep}{variables.get('PATH', os.defpath)}"
     argv = list(words) or _shell_with_prompt(os.environ.get("SHELL") or "/bin/sh", variables)

@@ -240,10 +240,10 @@ def _scheduler(plan: BuildPlan, options: TestOptions, jobs: JobOptions, job_pool
 
 
 def _record(event: Event, task: Task, setup: running.TestSetup, session: Session) -> None:
-    """Record how the tests of a package ended, before this is reported.
+    """Record the outcome of a package's tests, before it is reported.
 
-    A result may contain failures, or be unreadable, although its program exited with 0, or be valid
-    although it failed.
+    A result may contain failures, or be unreadable, although the program exited with 0, or be valid although
+    the program failed.
     """
     if isinstance(event, StepFinished) and event.step.meaning(event.code) == TEST_FAILURES:
         setup.failed.add(task.name)

@@ -140,7 +140,8 @@ def _headers(interface: Interface, wire: MembersViews, definition: str) -> Itera
         numeric_limits=any(
             "std::numeric_limits" in literal(value, type_) for value, type_ in values if value is not None
         ),
-        # Enumerators are parts of names: nobody has chosen 'DEBUG', 'SIGINT' or 'I'.
+        # Enumerators are derived names: 'DEBUG', 'SIGINT' or 'I' can be macros without the author's
+        # knowledge.
         macros=sorted(_LIKELY_MACROS.intersection(c.name for c in constants) | enumerators),
         messages=list(map(_struct, messages, named)),
         services=[service.name.name for service in services],

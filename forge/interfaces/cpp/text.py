@@ -149,7 +149,7 @@ def _universal(character: str) -> str:
     if number < _FIRST_UNIVERSAL:
         return _ascii(character)
     if number in _SURROGATES:
-        return f'\\x{number:04x}" u"'  # ends the literal: a hexadecimal escape has no length of its own
+        return f'\\x{number:04x}" u"'  # ends the literal: a hexadecimal escape has no fixed length
     return f"\\u{number:04x}" if number < _FIRST_ASTRAL else f"\\U{number:08x}"
 
 

@@ -94,7 +94,7 @@ Annotations = dict[str, list[dict[str, Expression]]]
 
 
 def parse_idl(source: Source) -> Interface:
-    """Parse one .idl file; the namespace of the interface is that of its modules, not its folder.
+    """Parse one .idl file; the namespace of the interface comes from its modules, not its folder.
 
     Raises InterfaceError with the first syntax error, or else with all semantic problems.
     """
@@ -170,7 +170,7 @@ class FileReader:
     aliases: list[Token] = field(default_factory=list)
     """Each name of a typedef as a type."""
     structs: list[tuple[Token, TypeName]] = field(default_factory=list)
-    """The name of each struct, as a word of the text and in full."""
+    """The names of each struct: as written, and in full."""
     includes: list[Token] = field(default_factory=list)
     """The paths of #include directives, in quotes or angle brackets."""
     modules: list[Token] = field(default_factory=list)
@@ -203,7 +203,7 @@ class FileReader:
                 case "enumeration":
                     self._enumerations.add(str(_token(definition)))
                 case "constant":
-                    # It is read if its module is that of the constants of a struct.
+                    # It is only read if its module contains the constants of a struct.
                     self._constants.setdefault(tuple(map(str, path)), []).append((definition, notes))
                 case _:
                     pass
@@ -221,7 +221,7 @@ class FileReader:
         stem, sections = file.stem, _SECTIONS.get(len(words), ("",))
         if file.parent.name == "msg" and sections != ("",) and f"{stem}{sections[0]}" not in words:
             message = f"a message is one struct, but the file has {len(words)}"
-            self._report(message, words[1], "write each message into a file of its own")
+            self._report(message, words[1], "write each message into a separate file")
             return
         for word, suffix in zip(words, sections, strict=True):
             if word != stem + suffix:
@@ -231,7 +231,7 @@ class FileReader:
             self._report("all structs of a file must be in one module", words[1])
 
     def has_interface(self) -> bool:
-        """Return whether the number of structs is that of a message, a service or an action."""
+        """Return whether the number of structs is valid for a message, a service or an action."""
         return 1 <= len(self._messages) <= len(_SECTIONS) + 1
 
     def interface(self) -> Interface:

@@ -57,7 +57,8 @@ class PackedGroup:
         """Return True if all padding is known once the length of the string is."""
         end = self.start if self.before is None else self.before.end(self.start)
         is_known = self.before is None or self.before.is_fixed(self.start)
-        # The Struct is chosen by the length, so only what was unknown before the string is unknown after it.
+        # The Struct is chosen by the length, so padding after the string is unknown only if the padding
+        # before it is.
         return is_known and (self.after is None or self.after.is_fixed(Phase(end.modulus, 0)))
 
 

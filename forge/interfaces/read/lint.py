@@ -74,7 +74,7 @@ def lint(parsed: Iterable[Parsed]) -> list[Problem]:
 
 
 def _problem(place: Location | None, message: str, hint: str | None = None, *, at: str) -> Problem:
-    """Return a problem in a line; its column is that of the text `at`."""
+    """Return a problem in a line; its column is the position of the text `at`."""
     if place and at and place.source and at in place.source:
         place = Location(place.path, place.line, place.source.index(at) + 1, place.source)
     return Problem(message, place, hint)

@@ -43,8 +43,8 @@ def definition_places(
 ) -> dict[tuple[str, str], tuple[Path, str]]:
     """Return folder and path of each definition of a package, by kind and name.
 
-    If the package was `built`, into the folder with its installed definitions, it has those that the build
-    was given, and those of its sources that are newer.
+    If the package was `built` (the folder with its installed definitions), these are the definitions passed
+    to that build, and newer ones in its sources.
     """
     found = definition_files(folder, rosdistro)
     places = {key_of(relative): (base, relative) for relative, base in found.items()}
@@ -60,9 +60,9 @@ def definition_places(
 
 
 def contradictions(sources: Iterable[Source]) -> Iterator[Problem]:
-    """Yield a problem for each .idl file that is ignored because of the definition of its name beside it.
+    """Yield a problem for each .idl file that is ignored because another definition beside it has its name.
 
-    Not for those with the same content, and for those that rosidl or forge has generated.
+    Files with the same content, and those that rosidl or forge generated, are not reported.
     """
     for source in sources:
         path = source.path.with_suffix(".idl")
@@ -92,8 +92,8 @@ def _content(source: Source) -> object:
 def definition_files(folder: Path, rosdistro: str = distributions.OLDEST) -> dict[str, Path]:
     """Return the folder of each definition of a package by its path below that folder.
 
-    An installed package has those that rosidl_generate_interfaces() was given, wherever they were. Among
-    sources, they are looked for below msg, srv and action.
+    An installed package has those that were passed to rosidl_generate_interfaces(), from any folder. In
+    sources, only the folders msg, srv and action are searched.
     """
     if folder.is_relative_to(distributions.EMBEDDED):
         return distributions.embedded_definitions(folder, rosdistro)

@@ -164,14 +164,14 @@ class _Search:
         """Return the type that was probably meant in a package; types of declared packages are preferred."""
         written = f"{name.package}/{name.name}"
         if name.package == package and name.name == "Header":
-            return "std_msgs/Header"  # as in ROS 1, where it is written without its package
+            return "std_msgs/Header"  # as in ROS 1, where it needs no package name
         namesakes = sorted(
             (text for text, candidate in candidates.items() if candidate.name == name.name),
             key=lambda text: (not self.known.declares(candidates[text].package), text),
         )
         first = next(iter(namesakes), None)
         if name.package == package:  # most often written without its package
-            # The package that both names begin with would make any two of them similar.
+            # The common package name would make any two names similar.
             own = {each.name: text for text, each in candidates.items() if each.package == name.package}
             return first or own.get(nearest(name.name, own) or "") or nearest(name.name, candidates)
         return nearest(written, namesakes) or nearest(written, candidates) or first

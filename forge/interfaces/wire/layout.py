@@ -1,7 +1,8 @@
-"""The layout of a serialized message (XCDR1, DDS-XTypes 1.3): runs of fixed-size members and what is between.
+"""The layout of a serialized message (XCDR1, DDS-XTypes 1.3).
 
-A layout is a message flattened into steps in serialization order: nested messages are inlined, and fixed-size
-members are merged into runs. The serializers of all languages are generated from layouts:
+Runs of fixed-size members and the data between them. A layout is a message flattened into steps in
+serialization order: nested messages are inlined, and fixed-size members are merged into runs. The serializers
+of all languages are generated from layouts:
 
     Run                 adjacent fixed-size members, moved with one bounds check and one copy
     StringData          the characters of a string; its length is the last member of the previous run
@@ -208,7 +209,7 @@ class Loop:
 
 @frozen
 class MessageCall:
-    """A message with a layout of its own, which starts at an unknown phase."""
+    """A message with a separate layout, which starts at an unknown phase."""
 
     path: Path
     name: TypeName

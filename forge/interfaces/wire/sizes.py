@@ -93,7 +93,7 @@ class SizeCalculator:
                 return end - start
             case Array(of, 0 | 1 as count):
                 return self._size_at(of, start, full=full) if count else 0
-            case Array(of, count):  # by halves, which are often equal: known at once
+            case Array(of, count):  # by halves, which are often equal and then cached
                 half = self._size_at(Array(of, count // 2), start, full=full)
                 return half + self._size_at(Array(of, count - count // 2), start + half, full=full)
             case String(_, bound) | Sequence(_, bound):

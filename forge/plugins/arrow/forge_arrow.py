@@ -27,7 +27,7 @@ _BYTES = ("octet", "uint8")
 
 @cache
 def schema(class_: Any) -> pa.Schema:
-    """Return the schema of a message class; the metadata are the type's name, comments and units."""
+    """Return the schema of a message class; the metadata contain the type's name, comments and units."""
     metadata = {"name": _name(class_), **_comments(class_).get("", {})}
     return pa.schema(_fields(class_), metadata=metadata)
 
@@ -123,7 +123,7 @@ def _name(class_: Any) -> str:
 
 
 def _comments(class_: Any) -> Any:
-    """Return the metadata of the fields of a class, and under an empty name those of the class."""
+    """Return the metadata of the fields of a class by name; the empty name has those of the class."""
     name = _name(class_)
     return _package_comments(name.partition("/")[0]).get(name, {})
 

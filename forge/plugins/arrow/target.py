@@ -18,7 +18,7 @@ def files(catalog: Catalog) -> Iterator[File]:
 
 
 def _comments(message: Message) -> dict[str, dict[str, str]]:
-    """Return the metadata of a message, under an empty name, and those of its fields."""
+    """Return the metadata of the fields of a message by name; the empty name has those of the message."""
     found = {"": {"comment": "\n".join(message.doc)}}
     for field in message.fields:
         found[field.name] = {"comment": "\n".join(field.doc), "unit": field.unit or ""}

@@ -1,7 +1,7 @@
 """The audit of a build: inputs of commands that neither a build rule nor a manifest declares.
 
-The steps are observed in any case; the audit compares what their processes read with the build graph and
-with the dependencies of the package.
+The steps are observed in any case; the audit compares the files that their processes read with the build
+graph and the dependencies of the package.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 _MAKE = frozenset({"make", "gmake"})
 _SYSTEM = ("bin", "dev", "etc", "lib", "lib32", "lib64", "libx32", "proc", "run", "sbin", "sys", "usr")
 _NO_INPUTS = re.compile(r"/(\.git|\.hg|\.svn|__pycache__|[^/]+\.(dist|egg)-info)(/|$)|\.pth$")
-"""Version control, bytecode, and metadata that Python reads of every distribution that it finds."""
+"""Version control, bytecode, and metadata that Python reads for every distribution it finds."""
 _OF_CMAKE = re.compile(
     r"(.*/)?CMakeFiles/|CMakeCache\.txt$|\.forge/|(.*/)?cmake_install\.cmake$|build\.ninja$"
 )
@@ -44,16 +44,16 @@ _OF_CMAKE = re.compile(
 _TARGET = re.compile(r"CMakeFiles/([^/]+)\.dir\b")
 _LINKS = re.compile(r"\w+_(STATIC_LIBRARY|SHARED_LIBRARY|SHARED_MODULE|MODULE_LIBRARY|EXECUTABLE)_LINKER_")
 _PARTS = 5
-"""The number of parts of a path in an underlay among which the name of its package is."""
+"""The number of leading parts of a path in an underlay that are searched for the name of its package."""
 _MAX_LISTED = 3
-"""The number of files of one folder that are listed; of more, only the count is reported."""
+"""The maximum number of files of one folder that are listed; beyond it, only their number is reported."""
 
 
 @frozen
 class Finding:
     """A file that a package read without declaring it, the reader, and the line to add.
 
-    In `what` and `hint`, `{path}` stands for the file.
+    In `what` and `hint`, `{path}` represents the file.
     """
 
     what: str
@@ -62,7 +62,7 @@ class Finding:
 
 
 class Audit:
-    """Collects what the packages of a build read; each thread adds only its own package."""
+    """Collects the reads of the packages of a build; each thread adds only its own package."""
 
     def __init__(
         self,
@@ -71,7 +71,7 @@ class Audit:
         records: Mapping[str, BuildRecord],
         variables: Mapping[str, str],
     ) -> None:
-        """Audit packages among all `packages` of the workspace; `records` are those of the journal."""
+        """Audit packages among all `packages` of the workspace; `records` are the records of the journal."""
         self._layout = context.layout
         self.is_merged = context.layout.merged
         self._records = records
@@ -91,7 +91,7 @@ class Audit:
         self.unobserved: dict[str, tuple[str, ...]] = {}
 
     def collect(self, task: Task, steps: ObservedSteps, graph: NativeGraph) -> None:
-        """Compare what the steps of a package read with what is declared."""
+        """Compare the files that the steps of a package read with the declared ones."""
         package = _Package(self, task, graph, dict(self._records))
         finder = EdgeFinder(graph)
         for process in steps.observed.processes:
@@ -122,7 +122,7 @@ class Audit:
         names = [name for name in done if name in self.findings]
         lines = [line for name in names for line in _lines(name, self.findings[name])]
         lines += (
-            f"{name}: {what}; what it read is unknown" for name in names for what in self.unobserved[name]
+            f"{name}: {what}; its inputs are unknown" for name in names for what in self.unobserved[name]
         )
         guilty = [name for name in names if self.findings[name]]
         blind = sum(bool(self.unobserved[name]) for name in names)
@@ -137,9 +137,10 @@ class Audit:
         return tuple(lines), not guilty
 
     def provider(self, path: str, owners: Mapping[str, str]) -> tuple[str, str]:
-        """Return the package that a real path belongs to, and where: 'install', 'underlay', 'source' ...
+        """Return the package that a real path belongs to, and its kind of location.
 
-        The package is '' if the path belongs to none. The place is 'tool' for files that are not inputs.
+        'install', 'underlay', 'source' ... The package is '' if the path belongs to none. It is 'tool' for
+        files that are not inputs.
         """
         if path.startswith(f"{self._install}/"):
             name = owners.get(path, "")
@@ -161,7 +162,7 @@ class Audit:
         return ("", "tool") if f"{path}/".startswith(self._tools) else ("", "file")
 
     def _in_underlay(self, prefix: str, parts: list[str]) -> str:
-        """Return the package of this workspace that an underlay's file belongs to as well, or ''."""
+        """Return the package of this workspace that also provides an underlay's file, or ''."""
         library = re.match(r"lib(\w+?)(__\w+)?\.(so|a)\b", parts[-1])
         candidates = (prefix, *parts[:_PARTS], library[1] if library else "")
         return next((name for name in candidates if name in self._names), "")
@@ -194,7 +195,7 @@ class _Package:
         product: str = "",
         hint: str = "",
     ) -> None:
-        """Compare what a command read with what its edge, or these files, declare.
+        """Compare the files that a command read with those that its edge, or the given files, declare.
 
         Without either, only the dependencies of the package count.
         """
@@ -224,7 +225,8 @@ class _Package:
     def _reads(self, processes: Iterable[Process]) -> Iterator[tuple[str, str]]:
         """Yield the program and the canonical path of each read that a rule should declare.
 
-        A file of a package that the manifest does not declare is a finding, whatever rules declare.
+        A file of a package that the manifest does not declare is always a finding, even if a rule declares
+        it.
         """
         processes = tuple(processes)
         written = {word for each in processes for _, kind, word in each.records if kind == "W"}

@@ -22,7 +22,7 @@ def write_bundle(install: Path, output: Path, *, build_files: bool, name: str = 
     """Write the archive; return the number of files and its size in bytes.
 
     Links that lead out of the tree are replaced by their targets, others are kept. All files are below one
-    folder with this `name`, by default that of the install folder. Raises WorkspaceError for files that
+    folder with this `name`, by default the name of the install folder. Raises WorkspaceError for files that
     cannot be packed.
     """
     if not (install / LAYOUT_MARKER).is_file():
@@ -64,7 +64,7 @@ def write_bundle(install: Path, output: Path, *, build_files: bool, name: str = 
 
 
 def _is_bundle(path: Path) -> bool:
-    """Return whether a file is an archive of an earlier run, with the mark of an install folder, or empty."""
+    """Return whether a file is empty or an archive of an earlier run, with the mark of an install folder."""
     if path.is_symlink() or not path.is_file():
         return False
     try:
@@ -75,7 +75,7 @@ def _is_bundle(path: Path) -> bool:
 
 
 def for_building(path: str) -> bool:
-    """Return whether a file, by its path below a prefix, is needed only by compilers and build tools."""
+    """Return whether only compilers and build tools need a file, given its path below a prefix."""
     parts = PurePosixPath(path).parts
     if parts[:1] == ("include",) or path.endswith((".a", ".la", ".pc")):
         return True

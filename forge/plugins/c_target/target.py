@@ -72,7 +72,7 @@ def interface_files(catalog: Catalog) -> Callable[[Interface], Iterator[File]]:
             return File(path, render(f"{_TEMPLATES}/{template}.h.j2", **names))
 
         def part(template: str, headers: Iterable[str], first: tuple[str, ...] = (), **names: object) -> File:
-            """Return a part, which includes the same part of the types that the interface needs."""
+            """Return a part of an interface, which includes the same parts of the types that it needs."""
             nested = [detail_path(other, template, "h") for other in needed(interface)]
             path = detail_path(name, template, "h")
             return file(path, template, [*first, *sorted([*nested, *headers])], **names)
@@ -136,7 +136,7 @@ def _struct_view(message: Message) -> dict[str, Any]:
 
 
 def _constant(message: Message, constant: Constant) -> dict[str, Any]:
-    """Return the definition of a constant: of a number as an enumerator if it can be one in C."""
+    """Return the definition of a constant; numbers become enumerators if C allows it."""
     name = f"{symbol(message.name)}__{constant.name}"
     match constant.type:
         case String(wide=True):
@@ -172,8 +172,8 @@ def _description_views(
 ) -> Iterator[dict[str, Any]]:
     """Yield the description of each type of an interface, after those that it refers to.
 
-    As rosidl generates them since Iron (REP 2011, REP 2016). Texts of fields and lines of the source are C
-    literals.
+    The format is that of rosidl since Iron (REP 2011, REP 2016). Texts of fields and lines of the source are
+    C literals.
     """
     kinds: dict[TypeName, str] = {}
     match interface:
@@ -339,7 +339,7 @@ def _copy(field: Field) -> Iterator[str]:
 
 
 def _step(flag: str, function: str, field: Field, arguments: tuple[str, ...]) -> Iterator[str]:
-    """Yield the call of a function of a member, or of each element of an array, if no call before failed."""
+    """Yield the call of a function for a member or for array elements, unless an earlier call failed."""
     if isinstance(field.type, Array):
         call = f"{spell(field.type.of)}__{function}({', '.join(f'{each}[i]' for each in arguments)})"
         yield f"for (size_t i = 0; {flag} && i < {field.type.size}; ++i) {{"

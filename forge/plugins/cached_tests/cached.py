@@ -1,9 +1,9 @@
 """Replay the passes of tests whose inputs are unchanged: `forge test --cached`.
 
-The programs of the tests run below the observer of `forge.engine`. Everything that they accessed is an input
-of the pass: files, folders, programs, libraries, names that they looked for in vain. The declared
-inputs are added: commands, environment, installed packages, machine. A pass is recorded only if nothing else
-could have mattered, and replayed only if all of this, and the result files, are as they were.
+The programs of the tests run under the observer of `forge.engine`. Everything that they accessed is an input
+of the pass: files, folders, programs, libraries, names that they looked for in vain. The declared inputs are
+added: commands, environment, installed packages, machine. A pass is recorded only if nothing else could have
+affected it, and replayed only if all inputs and the result files are unchanged.
 """
 
 from __future__ import annotations
@@ -50,17 +50,19 @@ OF_SESSION = frozenset(
     "OLDPWD PWD SHLVL _ "
     # They differ for each login and terminal.
     "SSH_CLIENT SSH_CONNECTION SSH_TTY WINDOWID XDG_SESSION_ID "
-    # Tests get an empty folder of their own.
+    # Tests get a separate, empty folder.
     "TMPDIR".split()
 )
-"""The environment variables that are not inputs of tests. All others are: Python and shells copy all of them,
-so that it cannot be observed which ones a test asks for."""
+"""The environment variables that are not inputs of tests.
+
+All others are: Python and shells copy all of them, so that requests of single ones cannot be observed.
+"""
 
 _OF_C_LIBRARY = (
     *("/etc/group", "/etc/hosts", "/etc/ld.so.cache", "/etc/ld.so.preload", "/etc/localtime"),
     *("/etc/nsswitch.conf", "/etc/passwd", "/usr/lib/locale/locale-archive", "/usr/share/zoneinfo/tzdata.zi"),
 )
-"""Files that the C library reads by itself, where it cannot be observed."""
+"""Files that the C library reads internally, where it cannot be observed."""
 _STATIC = frozenset({"'/sbin/ldconfig' cannot be observed"})
 """Python's ctypes calls this program to print one of the files above."""
 _STATELESS = ("/dev/fd/", "/dev/pts/")
@@ -78,8 +80,8 @@ class TestRecord:
     """The record of the last run of a package's tests.
 
     `declared` and `inputs` have a digest for each name or path. `outputs` are the files in the build folder
-    that the tests wrote, `results` those with their outcomes, `created` files and folders that were not there
-    before. `unfit` says why the run cannot be replayed, '' if it can.
+    that the tests wrote, `results` those with their outcomes, `created` files and folders that did not exist
+    before. `unfit` is the reason why the run cannot be replayed, '' if it can.
     """
 
     __test__ = False  # pytest collects classes with this prefix
@@ -94,13 +96,13 @@ class TestRecord:
 
 @frozen
 class _Run:
-    """Tests that run: since when, their folder for temporary files, and their declared inputs."""
+    """A running test run: its start time, its folder for temporary files, and its declared inputs."""
 
     began: int
     temporary: str
     declared: Mapping[str, str]
     libraries: tuple[str, ...]
-    """The folders in which the dynamic linker looks, unobserved."""
+    """The folders that the dynamic linker searches unobserved."""
 
 
 class CachedTests:
@@ -130,12 +132,12 @@ class CachedTests:
         self._running: dict[str, _Run] = {}
         self._ended: dict[str, tuple[_Run, ObservedStep]] = {}
         self.remarks: dict[str, str] = {}
-        """For each package CACHED, or why its tests ran."""
+        """For each package CACHED, or the reason why its tests ran."""
 
     # Before the tests
 
     def find(self, task: Task, environment: Mapping[str, str]) -> TestRecord | None:
-        """Return the record of a pass that may be replayed; else note why not."""
+        """Return the record of a pass that may be replayed; otherwise note the reason why not."""
         record, declared = self._read(task), self._declared(task, environment)
         if record is None:
             reason = "no run is recorded"
@@ -151,7 +153,7 @@ class CachedTests:
             if record.declared.get(name) != declared.get(name):
                 yield f"{name} has changed"
         for known in (record.inputs, record.outputs):
-            # Check first what is cheap to check.
+            # Perform the cheap checks first.
             for path, content in known.items():
                 if content == "missing" and os.path.lexists(path):
                     yield f"'{path}' has appeared"
@@ -184,23 +186,23 @@ class CachedTests:
             remove_tree(f"{task.build_dir}/{name}")
         created, outputs = (last.created, last.outputs) if last else ((), {})
         own = (f"{task.build_dir}/", f"{self._results_of(task.name)}/")
-        # A copy of a workspace has the records of another one.
+        # A copied workspace contains the records of the original one.
         for path in filter(lambda one: one.startswith(own), sorted(created, reverse=True)):
             if path in outputs and contents_of([path], self._table)[path] == outputs[path]:
                 Path(path).unlink()
             elif path.endswith("/"):
-                with contextlib.suppress(OSError):  # others put files there
+                with contextlib.suppress(OSError):  # other programs create files there
                     os.rmdir(path)
         begin_log(_log_file(task))
         temporary = tempfile.mkdtemp(prefix="forge-")
         libraries = tuple(filter(None, environment.get("LD_LIBRARY_PATH", "").split(os.pathsep)))
         declared = self._declared(task, environment)
-        # Wait, so that files written until now do not count as changed meanwhile.
+        # Wait, so that files written before do not count as changed during the run.
         time.sleep(RACY_NANOSECONDS / 1e9)
         self._running[task.name] = _Run(time.time_ns(), temporary, declared, libraries)
 
     def variables(self, task: Task, variables: Mapping[str, str]) -> Mapping[str, str]:
-        """Return the environment of a step below the observer, with an own folder for temporary files."""
+        """Return the environment of an observed step, with a separate folder for temporary files."""
         found = observed(variables, self._library, _log_file(task))
         return {**found, "TMPDIR": self._running[task.name].temporary}
 
@@ -211,7 +213,7 @@ class CachedTests:
     # After the tests
 
     def end(self, task: Task) -> None:
-        """Read what the tests did, successful or not."""
+        """Read the observations of the tests, successful or not."""
         run = self._running.pop(task.name, None)
         if run is None:
             return
@@ -254,7 +256,7 @@ class CachedTests:
         self._table.save()
 
     def refuse(self, task: Task) -> None:
-        """Note that the results of a pass cannot be found any more."""
+        """Note that the results of a pass no longer exist."""
         self.remarks[task.name] = f"{NOT_CACHED}the results have changed"
 
     def _write(self, task: Task, record: TestRecord) -> None:
@@ -358,7 +360,7 @@ class _ObservedRun:
                 yield f"they leave '{path}', which is not a file"
             elif not self._is_reset(path) and not _is_in(self._created, path):
                 if self._first[path] != "W":
-                    yield f"they change '{path}', which was there before"
+                    yield f"they change '{path}', which existed before"
                 elif os.path.dirname(path) in self._asked["L"] and os.path.lexists(path):
                     yield f"they write '{path}' and list its folder"
         for path, content in inputs.items():
@@ -379,7 +381,7 @@ class _ObservedRun:
 
 
 def _is_in(paths: set[str], path: str) -> bool:
-    """Return True if a path, or a folder of it, is one of `paths`."""
+    """Return True if a path, or a folder that contains it, is one of `paths`."""
     while len(path) > 1:
         if path in paths:
             return True

@@ -125,7 +125,7 @@ def identify(folder: Folder) -> Identity | None:
 
 
 def _dependencies(content: Mapping[str, Any], own: str) -> tuple[Dependency, ...]:
-    """Return the crates that a package depends on, also those of single platforms, except itself."""
+    """Return the crates that a package depends on, including those for single platforms, except itself."""
     found: dict[str, frozenset[DependencyKind]] = {}
     targets = _table(content, "target")
     for table in (content, *(_table(targets, name) for name in targets)):

@@ -1,12 +1,12 @@
-"""Run cargo for one package; a program of its own, without forge.
+"""Run cargo for one package; a separate program, without forge.
 
     python run.py build NAME SOURCE BUILD WORKSPACE [cargo's command line]
     python run.py test NAME SOURCE BUILD RESULT [cargo's command line]
 
-`build` stages what the package installs in BUILD/staged, and lists for forge the files that rustc read
-outside of SOURCE, from its dep-info files, and the manifests and configuration that cargo read above SOURCE,
-up to the folder WORKSPACE. `test` writes the results as JUnit to RESULT; it ends with 1 if
-tests failed.
+`build` stages the installed files of the package in BUILD/staged, and lists for forge the files that rustc
+read outside of SOURCE, from its dep-info files, and the manifests and configuration that cargo read above
+SOURCE, up to the folder WORKSPACE. `test` writes the results as JUnit to RESULT; it ends with 1 if tests
+failed.
 
 A Cargo.lock that the package does not have is kept in BUILD, so that the sources stay as they are; members of
 a Cargo workspace share that beside its root manifest, which cargo finds or writes there. Crates
@@ -36,7 +36,7 @@ _CARGO_WORKSPACE = re.compile(r"^\s*\[\s*workspace\s*[\].]", re.MULTILINE)
 _CARGO_ROOT = re.compile(r"""^\s*workspace\s*=\s*["']([^"']+)["']""", re.MULTILINE)
 """The line in a member's manifest that names the folder of the workspace."""
 _STATUS = re.compile(r"(?=.{12} ) *[A-Z][a-z-]+ ")
-"""A line that says what cargo does: a verb, right-aligned to 12 columns."""
+"""A status line of cargo: a verb, right-aligned to 12 columns."""
 _TEST = re.compile(r"^test (\S.*?) \.\.\. (ok|FAILED|ignored)\b", re.MULTILINE)
 _BEGIN = re.compile(r"^running \d+ tests?$", re.MULTILINE)
 _END = re.compile(r"^test result: ", re.MULTILINE)
@@ -45,7 +45,7 @@ _PANIC = re.compile(
     r" panicked at (?:'(.*?)', (\S+:\d+:\d+)|(\S+:\d+:\d+):\n(.*?))\s*(?=^(?:note|stack backtrace):|\Z)",
     re.MULTILINE | re.DOTALL,
 )
-"""A panic: message and place in Rust before 1.73, place and message since."""
+"""A panic: message and location in Rust before 1.73, location and message since."""
 _OUTPUT = re.compile(r"^---- (.+?) stdout ----\n(.*?)(?=^---- |^failures:|\Z)", re.MULTILINE | re.DOTALL)
 
 
@@ -74,7 +74,7 @@ def build(name: str, source: Path, folder: Path, workspace: Path, command: list[
             (staged / INDEX / name).touch()
         read = {*_read_by_rustc(artifacts), *_manifests(artifacts), *_configurations(source, workspace)}
         if locked in {None, _content(lock)}:
-            # Members with different patches would keep changing it, and rebuild each other.
+            # Members with different patches would keep changing it, and cause rebuilds of each other.
             read.add(str(lock))
         read = {path for path in read if not path.startswith(f"{source}/")}
         _write_list(folder / ".forge/read_by_backend", read)
@@ -88,7 +88,7 @@ def test(name: str, source: Path, folder: Path, result: Path, command: list[str]
         output = _forward(cargo)
     tests = _TEST.findall(output)
     if len(_BEGIN.findall(output)) > len(_END.findall(output)):
-        # A test called exit(), with any code, or killed its program.
+        # A test called exit() with some code, or killed its program.
         tests.append(("a test program ended before its last test", "FAILED"))
     result.parent.mkdir(parents=True, exist_ok=True)
     result.write_bytes(_junit(name, tests, dict(_OUTPUT.findall(output))))
@@ -96,7 +96,7 @@ def test(name: str, source: Path, folder: Path, result: Path, command: list[str]
 
 
 def _cargo(command: list[str], source: Path, name: str, stderr: int | None = None) -> subprocess.Popen[str]:
-    """Start cargo, with crates of AMENT_PREFIX_PATH in place of those on crates.io."""
+    """Start cargo with crates of AMENT_PREFIX_PATH instead of those on crates.io."""
     manifest = _content(source / "Cargo.toml") or ""
     # cargo warns about patches that are not used.
     patches = [
@@ -105,7 +105,7 @@ def _cargo(command: list[str], source: Path, name: str, stderr: int | None = Non
         for word in ("--config", f"patch.crates-io.{crate}.path={json.dumps(str(folder))}")
         if crate != name and re.search(rf"\b{re.escape(crate)}\b", manifest)
     ]
-    # With all descriptors: cargo is a client of make's jobserver.
+    # Pass on all descriptors, because cargo is a client of make's jobserver.
     return subprocess.Popen(
         (*command[:2], *patches, *command[2:]),
         cwd=source,
@@ -224,7 +224,7 @@ def _manifests(artifacts: Iterable[dict[str, Any]]) -> Iterator[str]:
 
 
 def _cargo_root(source: Path) -> Path | None:
-    """Return the folder of the Cargo workspace that a crate in a folder is a member of, None for no other."""
+    """Return the folder of the Cargo workspace that contains the crate in a folder, None without one."""
     text = _content(source / "Cargo.toml") or ""
     if _CARGO_WORKSPACE.search(text):
         return None

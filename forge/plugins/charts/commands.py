@@ -1,4 +1,4 @@
-"""What ninja ran in the build folders of a run: files, their times, and the longest chain of them."""
+"""The commands that ninja ran in the build folders of a run: their files and times, and the longest chain."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from forge.build.inputs.native_graph import Edge, NativeGraph, read_native_graph
 from forge.build.tasks import BuildPlan, StepKind
 
 COMPILE, LINK, CONFIGURE, GENERATE = "compile", "link", "configure", "generate"
-"""Kinds of commands; those that CMake's add_custom_command() describes generate something."""
+"""Kinds of commands; those with a description from CMake's add_custom_command() count as generators."""
 
 _LOG = ".ninja_log"
 _HEADER = re.compile(r"# ninja log v[5-7]\n")
@@ -29,7 +29,7 @@ _RUN_NINJA = frozenset({StepKind.BUILD, StepKind.BUILD_TARGET, StepKind.INSTALL}
 
 @frozen
 class Command:
-    """A command that ninja ran, and what for. Times are seconds since the start of the run."""
+    """A command that ninja ran, and the file that it is for. Times are seconds since the start of the run."""
 
     kind: str
     name: str
@@ -46,7 +46,7 @@ class Command:
 
 @frozen
 class NinjaRun:
-    """The commands of one step, and the numbers of those on the longest chain of dependent ones."""
+    """The commands of one step, and the numbers of those on the longest dependency chain."""
 
     package: str
     commands: tuple[Command, ...]
@@ -82,7 +82,7 @@ class NinjaRun:
 
 
 class NinjaLogs:
-    """Reads what each step adds to the ninja logs of a plan. Lines of earlier builds are left out."""
+    """Reads the lines that each step adds to the ninja logs of a plan, without those of earlier builds."""
 
     def __init__(self, plan: BuildPlan, sources: Path, clock: float) -> None:
         """Read the lines of earlier builds; times count from the monotonic time `clock`."""
@@ -144,7 +144,7 @@ def longest_chain(commands: Sequence[Command], graph: NativeGraph) -> tuple[int,
     }
     chart: nx.DiGraph[int] = nx.DiGraph()
     for number, command in enumerate(commands):
-        # An edge weighs as much as the command it leads to; -1 comes before all.
+        # The weight of an edge is that of the command it leads to; -1 precedes all commands.
         chart.add_edge(-1, number, seconds=command.seconds)
         edge = edges.get(command.output)
         waiting = [*graph.inputs_of(edge)] if edge else []

@@ -92,7 +92,7 @@ def critical_path(graph: Mapping[str, Sequence[str]], times: Mapping[str, float]
     """Return the chain of dependent nodes that takes longest to build, () if it has only one."""
     chart: nx.DiGraph[str] = nx.DiGraph()
     for node, needs in graph.items():
-        # An edge weighs as much as the node it leads to; those without dependencies follow "".
+        # The weight of an edge is that of the node it leads to; "" precedes nodes without dependencies.
         seconds = times.get(node, 0.0)
         chart.add_edges_from(((need, node) for need in ("", *needs)), seconds=seconds)
     path = tuple(node for node in nx.dag_longest_path(chart, "seconds") if node) if times else ()

@@ -96,7 +96,7 @@ def mermaid(chart: PackageGraph) -> Iterator[str]:
 def reduced_among(
     needs: Mapping[str, frozenset[str]], ordered: Iterable[str], nodes: Collection[str]
 ) -> dict[str, tuple[str, ...]]:
-    """Return the dependencies of `nodes` on each other, also over other nodes, without implied ones.
+    """Return the direct and indirect dependencies of `nodes` on each other, without implied ones.
 
     `ordered` is a topological order of all nodes, and that of the result.
     """

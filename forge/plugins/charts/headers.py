@@ -1,7 +1,7 @@
-"""How long clang needs for each header of the slowest source files of a build.
+"""The time that clang needs for each header of the slowest source files of a build.
 
-No compiler tells times of headers while it compiles as usual, so these files are compiled once more after the
-build, by clang with -ftime-trace, whose results are removed. The build may use another compiler.
+Compilers do not report times of headers in a normal build, so these files are compiled once more after the
+build, by clang with -ftime-trace; the resulting files are removed. The build may use another compiler.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ _MOST = 40
 """The number of headers that are reported."""
 _MICRO = 1e-6
 _INVALID = (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError)
-"""What is raised by files that were not written by CMake and clang."""
+"""Exceptions raised by files that were not written by CMake and clang."""
 _OWN_OUTPUTS = frozenset({"-o", "-MF", "-MT", "-MQ"})
 _DEPFILES = frozenset({"-MD", "-MMD", "-MP", "-c"})
 
 
 @frozen
 class Header:
-    """The seconds that a header took with all that it includes, in the number of files that include it."""
+    """The seconds that a header took, including nested headers, and the number of files that include it."""
 
     path: str
     seconds: float
@@ -46,7 +46,7 @@ class Header:
 class HeaderTimes:
     """The seconds that clang needed to read `files`: in total, in headers, and to instantiate templates.
 
-    `failed` more files could not be compiled by it.
+    It could not compile `failed` further files.
     """
 
     compiler: str
@@ -159,7 +159,7 @@ def _recorded(folder: Path, output: str, clang: str) -> tuple[list[str], str] | 
 
 
 def for_clang(words: Sequence[str], clang: str) -> Iterator[str]:
-    """Yield a compiler's command for clang, without launchers and outputs; raises LookupError for none."""
+    """Yield a compiler's command for clang, without launchers and outputs; raises LookupError without one."""
     matches = (_COMPILER.fullmatch(word) for word in words)
     at, kind = next(((at, match[1]) for at, match in enumerate(matches) if match), (0, ""))
     if not kind:
@@ -167,7 +167,7 @@ def for_clang(words: Sequence[str], clang: str) -> Iterator[str]:
     yield clang if kind.endswith("++") else clang.replace("clang++", "clang")
     skipped = False
     for word in words[at + 1 :]:
-        if word == "&&":  # a command of CMake's afterwards
+        if word == "&&":  # a command that CMake appends
             return
         if skipped or word in _OWN_OUTPUTS:
             skipped = not skipped
@@ -183,7 +183,7 @@ def _traced(
     command: tuple[Sequence[str], str], output: Path, variables: Mapping[str, str]
 ) -> list[Mapping[str, Any]] | None:
     """Run clang, and return its trace; None if it cannot compile the file."""
-    # Warnings and options that only GCC knows do not matter; neither does the code.
+    # Ignore warnings and options that only GCC knows; the generated code is not used.
     quiet = ("-w", "-Qunused-arguments", "-Wno-unknown-warning-option", "-O0")
     with contextlib.suppress(subprocess.TimeoutExpired, *_INVALID):
         ran = subprocess.run(

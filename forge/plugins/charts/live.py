@@ -1,7 +1,7 @@
 """The page of `--timings=live`: a server on this machine that shows the build while it runs.
 
-Requests without the random token in the address are not answered. The page asks for the state again and
-again. The server answers when something has changed, at the latest after a second, and ends with the build.
+Requests without the random token in the address are not answered. The page polls the state. The server
+answers after the next change, at the latest after a second, and ends with the build.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from forge.plugins.charts.graph_formats import printable
 
 _HOST = "127.0.0.1"
 _PERIOD_SECONDS = 1.0
-"""How long an answer waits for a change."""
+"""The maximum time that an answer waits for a change."""
 _PAUSE_SECONDS = 0.25
-"""The least time between two answers, so that a fast build does not keep the browser busy."""
+"""The minimum time between two answers, so that a fast build does not keep the browser busy."""
 _TIMEOUT_SECONDS = 3.0
 _LONGEST_VERSION = 12
 _MINUTE = 60
@@ -41,10 +41,10 @@ _SECURITY = {
 
 
 class LiveBuild:
-    """What the page shows. The main thread changes it, those of the server read it."""
+    """The state that the page shows. The main thread changes it, the threads of the server read it."""
 
     def __init__(self, run: Run, usage: Callable[[], Mapping[str, Any]]) -> None:
-        """Start with all packages waiting; `usage` tells how busy the machine is."""
+        """Start with all packages waiting; `usage` returns the load of the machine."""
         self._run = run
         self._usage = usage
         tasks = run.plan.tasks
@@ -140,7 +140,7 @@ class LiveBuild:
         }
 
     def _waits(self, name: str, running: frozenset[str]) -> dict[str, Any]:
-        """Return the packages that a package waits for, or what else it waits for."""
+        """Return the packages that a package waits for, or another reason why it waits."""
         needs = [
             {"name": printable(need), "running": need in running}
             for need in self._needs[name]
@@ -163,7 +163,7 @@ class LiveBuild:
 
 
 class LiveServer:
-    """Serves the page of a build on a free port, in threads of its own."""
+    """Serves the page of a build on a free port, in separate threads."""
 
     def __init__(self, live: LiveBuild, title: str) -> None:
         self._live = live
@@ -176,7 +176,7 @@ class LiveServer:
             place = f"/{token}/"
 
         self._server = _Server((_HOST, 0), Handler)
-        # The last answers, which tell the end, are sent before forge ends.
+        # The last answers, which announce the end, are sent before forge exits.
         self._server.daemon_threads = False
         port = self._server.server_address[1]
         Handler.hosts = frozenset({f"{_HOST}:{port}", f"localhost:{port}"})
@@ -187,10 +187,10 @@ class LiveServer:
         self._thread.start()
 
     def close(self) -> None:
-        """Tell the page that the build has ended, and end the server."""
+        """Tell the page that the build has ended, and stop the server."""
         if self._thread.is_alive():
             self._live.end()
-            if self._live.is_followed:  # a page that has just been answered asks once more
+            if self._live.is_followed:  # a page that just received an answer polls once more
                 time.sleep(_PAUSE_SECONDS)
             self._server.shutdown()
             self._thread.join()
@@ -214,7 +214,7 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         path, _, query = self.path.partition("?")
-        # Against DNS rebinding: a page of another site could use a name that resolves to this host.
+        # Prevent DNS rebinding: a page of another site could use a name that resolves to this host.
         is_own = self.headers.get("Host") in self.hosts
         if is_own and _same(self.place, path):
             self._answer(HTTPStatus.OK, "text/html; charset=utf-8", self.page)
@@ -232,7 +232,7 @@ class _Handler(BaseHTTPRequestHandler):
                 self.send_header(name, value)
             self.end_headers()
             self.wfile.write(body)
-        except OSError:  # the browser has gone
+        except OSError:  # the browser closed the connection
             self.close_connection = True
 
     def log_message(self, format: str, *args: object) -> None:
@@ -240,7 +240,7 @@ class _Handler(BaseHTTPRequestHandler):
 
 
 def _same(own: str, given: str) -> bool:
-    """Compare without telling by the time it takes how much is right."""
+    """Compare in constant time, so that the duration does not reveal the length of the matching part."""
     return secrets.compare_digest(own.encode(), given.encode(errors="surrogateescape"))
 
 

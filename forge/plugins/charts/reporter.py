@@ -104,7 +104,7 @@ class Timings(Reporter):
     """The report on one build, during which the use of the machine is sampled."""
 
     def __init__(self, run: Run, wanted: str = "", compared: Path | None = None) -> None:
-        """Start to observe.
+        """Start observing.
 
         `wanted` are the words of --timings, `compared` is the log folder of a build ('.': the previous one).
         """
@@ -113,9 +113,14 @@ class Timings(Reporter):
         self._compared = compared
         self._clang = find_clang(run.variables) if HEADERS in self._wanted else None
         if HEADERS in self._wanted and self._clang is None:
-            hint = "install clang: it may be another compiler than that of the build"
+            hint = "install clang; it need not be the compiler of the build"
             run.warn(
-                [Problem("no times of headers: only clang measures them, and it is not on PATH", hint=hint)]
+                [
+                    Problem(
+                        "header times are not reported: only clang measures them, and it is not on PATH",
+                        hint=hint,
+                    )
+                ]
             )
         self._logs = NinjaLogs(run.plan, run.root, run.clock)
         self._sampler = Sampler()
@@ -199,7 +204,7 @@ def previous_build(folder: Path) -> Path | None:
 
 
 def read_log(folder: Path) -> Build:
-    """Read the events in a log folder; those that another version or program wrote may tell nothing."""
+    """Read the events in a log folder; those of other versions or programs may be unreadable."""
     with (
         contextlib.suppress(OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError),
         (folder / "events.jsonl").open(encoding="utf-8", errors="replace") as events,

@@ -113,7 +113,7 @@ def read_build(lines: Iterable[str]) -> Build:
         usage.get("jobs", usage["processors"]),
     )
     headers = _first(events, "Headers")
-    # What follows the last package, such as the times of headers, is no part of the build.
+    # Events after the last package, such as the times of headers, are not part of the build.
     moments = [event["time"] for event in events if "package" in event and event["event"] != "Commands"]
     samples = use.samples if use else ()
     ended = max((*moments, *(sample[0] for sample in samples))) if moments else 0.0
@@ -121,7 +121,7 @@ def read_build(lines: Iterable[str]) -> Build:
         event["package"]: frozenset(event.get("needs", ())) for event in events if event["event"] == "Planned"
     }
     started = {event["package"] for event in events if event["event"] == "Started"}
-    # A package also waits, over packages that are up to date, for what these depend on.
+    # Through packages that are up to date, a package also waits for their dependencies.
     needs = reduced_among(planned, planned, started)
     runs = [_package(own, ended, needs[name]) for name, own in by_package.items() if name in started]
     return Build(
@@ -144,13 +144,13 @@ def read_build(lines: Iterable[str]) -> Build:
 def critical_path(packages: Sequence[PackageRun]) -> tuple[PackageRun, ...]:
     """Return the chain of dependent packages with the longest total duration.
 
-    The durations are those of this build, in which packages shared the processors: without others beside
-    them, the same packages take less time.
+    The durations are those of this build, in which packages shared the processors: alone, the same packages
+    take less time.
     """
     runs = {run.name: run for run in packages}
     graph: nx.DiGraph[str] = nx.DiGraph()
     for run in packages:
-        # An edge weighs as much as the package it leads to; those without dependencies follow "".
+        # The weight of an edge is that of the package it leads to; "" precedes packages without dependencies.
         graph.add_edges_from(((need, run.name) for need in ("", *run.needs)), seconds=run.seconds)
     return tuple(runs[name] for name in nx.dag_longest_path(graph, "seconds") if name)
 
@@ -167,7 +167,7 @@ def rows(packages: Iterable[PackageRun]) -> dict[str, int]:
 
 
 def packed(spans: Iterable[PackageRun | Command]) -> list[int]:
-    """Return for each of the spans, which are in the order of their start, the first row that is free."""
+    """Return the first free row for each of the spans, which are sorted by their start."""
     ends: list[float] = []
     found: list[int] = []
     for span in spans:
@@ -239,7 +239,7 @@ STEP_KINDS = {
     "test": "test",
     "waiting": "begin and end",
 }
-"""Kinds of steps distinguished in the legend; the last is forge's own work around them."""
+"""Kinds of steps distinguished in the legend; the last one is forge's own work around the steps."""
 _KINDS = {"cmake": "configure", "install": "install"} | dict.fromkeys(
     ("ctest", "pytest", "unittest", "test"), "test"
 )
@@ -251,7 +251,7 @@ def kind_of(step: StepRun) -> str:
 
 
 def step_kinds(build: Build) -> dict[str, str]:
-    """Return those of STEP_KINDS that the steps of a build have, and the last one."""
+    """Return the STEP_KINDS that occur in a build, and the last one."""
     found = {kind_of(step) for run in build.packages for step in run.steps}
     return {kind: word for kind, word in STEP_KINDS.items() if kind in found or kind == "waiting"}
 

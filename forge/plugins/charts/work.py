@@ -1,4 +1,4 @@
-"""Why a build took as long as it did: its work by kind and by file, the least possible time, other builds."""
+"""Explain the duration of a build: its work by kind and by file, the minimum time, and other builds."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ _FILES = 25
 _CHANGES = 25
 _LEAST_CHANGE = 0.05
 _ROUNDED = 0.001
-"""The precision of times of commands in events."""
+"""The precision of command times in events."""
 _LISTED = 3
-"""The number of files in the terminal."""
+"""The number of files listed in the terminal."""
 
 
 @frozen
 class Bounds:
-    """The seconds of all work, and of the longest chain of work that depends on each other."""
+    """The seconds of all work, and of the longest chain of dependent work."""
 
     work: float
     chain: float
@@ -45,7 +45,7 @@ class Bounds:
 
     @property
     def least(self) -> float:
-        """The seconds below which no schedule with so many jobs gets."""
+        """The minimum seconds of any schedule with this number of jobs."""
         return max(self.work / self.jobs, self.chain)
 
 
@@ -124,7 +124,7 @@ def work(build: Build) -> dict[str, Any]:
 
 
 def lines(build: Build) -> Iterator[str]:
-    """Yield the most important of this for a terminal."""
+    """Yield the most important figures for a terminal."""
     if found := _slowest(build)[:_LISTED]:
         yield "slowest: " + ", ".join(
             f"{printable(command.name)} of {printable(run.name)} {duration(command.seconds)}"
@@ -158,7 +158,7 @@ def comparison(build: Build, earlier: Build, name: str) -> dict[str, Any]:
 
 
 def _changes(now: Mapping[Any, float], then: Mapping[Any, float]) -> Iterator[tuple[Any, dict[str, object]]]:
-    """Yield the greatest differences first; what only one build has comes last."""
+    """Yield the greatest differences first; entries of only one build come last."""
     common = [key for key in now if key in then and abs(now[key] - then[key]) >= _LEAST_CHANGE]
     common.sort(key=lambda key: -abs(now[key] - then[key]))
     longest = max((abs(now[key] - then[key]) for key in common), default=0.0)
@@ -234,7 +234,7 @@ def _sentences(build: Build) -> Iterator[str]:
             "for a free job after their dependencies had finished."
         )
     if not any(run.ninja for run in build.packages):
-        yield "There are no times of files: only Ninja records them."
+        yield "File times are not available: only Ninja records them."
 
 
 def _headers(found: HeaderTimes) -> dict[str, Any]:

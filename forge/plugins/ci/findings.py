@@ -1,4 +1,4 @@
-"""Errors, warnings and failed tests of a run, with their places in the repository, and its numbers."""
+"""Errors, warnings and failed tests of a run with their locations in the repository, and its counts."""
 
 from __future__ import annotations
 
@@ -28,19 +28,19 @@ _ORIGINS = (
     ),
     re.compile(rf"^(?:In file included|\s+) from {_PLACE}[:,]$", re.MULTILINE),
 )
-"""Lines that tell from where an error in a header comes; those of Clang about templates come after it."""
+"""Lines that give the origin of an error in a header; those of Clang about templates come after it."""
 _ERROR = re.compile(r"^.*: error: ", re.MULTILINE)
 _COLOUR = re.compile(r"\x1b\[[0-9;]*[A-Za-z]")
 _LOG = "stdout_stderr.log"
 _MOST_LINES = 1000
-"""Lines of a log that are printed; the log folder has all of them."""
+"""The maximum number of lines of a log that are printed; the log folder contains all of them."""
 _LONGEST = 500
-"""Characters of a line in a message; GitHub refuses long annotations and summaries."""
+"""The maximum number of characters of a line in a message; GitHub rejects long annotations and summaries."""
 
 
 @frozen
 class Finding:
-    """An error or warning; `file` is relative to the repository, '' without a place in it."""
+    """An error or warning; `file` is relative to the repository, '' if it is elsewhere."""
 
     severity: str
     title: str
@@ -60,7 +60,7 @@ class Place:
 
 
 def diagnostics(text: str) -> Iterator[Place]:
-    """Yield the errors and warnings in the output of a package, as it spells their files."""
+    """Yield the errors and warnings in the output of a package, with file names as printed."""
     for match in _DIAGNOSTIC.finditer(_COLOUR.sub("", text)):
         if match["kind"]:
             message = " ".join(match["text"].split())
@@ -117,7 +117,7 @@ class CiReporter(Reporter):
         place = next((each for each in diagnostics(text) if each.severity == "error"), None)
         whole = "\n".join((*lines, *more)) or title
         if place and (file := self._relative(place.file, name)):
-            # The place is shown beside the message; CMake's message is in the lines after it.
+            # The location is shown beside the message; CMake's message is in the lines after it.
             rest = () if lines[0].startswith("CMake Error") else lines[1:]
             message = "\n".join((place.message, *rest, *more))
             yield Finding("error", title, message, file, place.line, place.column)
@@ -125,7 +125,7 @@ class CiReporter(Reporter):
             yield Finding("error", title, whole, *(self._origin(name, lines[0]) if place else ()))
 
     def _origin(self, name: str, error: str) -> tuple[str, int, int] | tuple[()]:
-        """Return the nearest place in the repository that an error in a header outside of it comes from."""
+        """Return the nearest location in the repository that includes an outside header with an error."""
         before, _, after = _COLOUR.sub("", self._text(name)).partition(error)
         before, after = _ERROR.split(before)[-1], _ERROR.split(after)[0]
         for pattern in _ORIGINS:
@@ -135,7 +135,7 @@ class CiReporter(Reporter):
         return ()
 
     def _warnings(self, name: str) -> Iterator[Finding]:
-        """Yield the warnings of a package in files of the repository that no package has printed before."""
+        """Yield the warnings of a package in files of the repository that no package has printed yet."""
         for place in diagnostics(self._text(name)):
             file = self._relative(place.file, name) if place.severity == "warning" else ""
             key = (file, place.line, place.message)

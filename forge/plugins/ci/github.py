@@ -1,6 +1,6 @@
 """Workflow commands and the job summary of GitHub Actions.
 
-Its documentation calls them 'workflow commands' and 'environment files'.
+See 'workflow commands' and 'environment files' in its documentation.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ _DATA = (("%", "%25"), ("\r", "%0D"), ("\n", "%0A"))
 _PROPERTY = (*_DATA, (":", "%3A"), (",", "%2C"))
 _MARKUP = re.compile(r"[^\w\s.,:;/()+='-]|_")
 _MOST = 10
-"""Annotations of each kind that GitHub shows for a step."""
+"""The maximum number of annotations of each kind that GitHub shows for a step."""
 _LISTED = 20
-"""Failures in the summary, whose size is limited."""
+"""The maximum number of failures in the summary, whose size is limited."""
 _SLOWEST = 5
 
 
@@ -45,7 +45,7 @@ class GitHub(CiReporter):
         return "".join(f"{line}\n" for line in self.log(title, block.rstrip("\n").split("\n")))
 
     def log(self, title: str, lines: Iterable[str]) -> Iterator[str]:
-        """Yield a folded group, in which lines of packages are no commands."""
+        """Yield a folded group in which output of packages is not interpreted as commands."""
         token = secrets.token_hex(16)
         yield command("group", title)
         yield command("stop-commands", token)

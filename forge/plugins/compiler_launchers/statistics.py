@@ -47,7 +47,7 @@ def remote_slots(hosts: str) -> list[int]:
     """Return the job slots of each remote host in the output of `distcc --show-hosts`, one entry per line.
 
     Entries are HOST[:PORT][/LIMIT], HOST[/LIMIT][:PORT] or [USER]@HOST[/LIMIT][:COMMAND], and options after a
-    comma. The word localhost stands for this machine, whose processors are counted elsewhere; 127.0.0.1 is a
+    comma. The word localhost means this machine, whose processors are counted elsewhere; 127.0.0.1 is a
     remote host.
     """
     slots = []
@@ -62,7 +62,7 @@ def remote_slots(hosts: str) -> list[int]:
 
 
 def _distcc_stats(program: Path, variables: Mapping[str, str]) -> LauncherStats:
-    """Return the hosts that distcc would use, which respects its files, variables and zeroconf."""
+    """Return the hosts that distcc would use according to its files, variables and zeroconf."""
     slots = remote_slots(_output([program, "--show-hosts"], variables))
     if not slots:
         hint = "list hosts in DISTCC_HOSTS or ~/.distcc/hosts; `distcc --show-hosts` shows the result"
@@ -83,7 +83,7 @@ def _ccache_stats(launcher: Path, root: Path, log: Path, variables: Mapping[str,
     program = shutil.which(word, path=variables.get("PATH")) if Path(word).name == "distcc" else None
     distcc = _distcc_stats(Path(program), variables) if program else LauncherStats()
     finish = distcc.finish
-    if not settings.get("stats_log"):  # the user's own log contains other builds as well
+    if not settings.get("stats_log"):  # the user's own log also contains other builds
         log.unlink(missing_ok=True)
         added["CCACHE_STATSLOG"] = str(log)
         finish = partial(_finish_ccache, log, distcc)

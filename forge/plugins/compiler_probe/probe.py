@@ -4,12 +4,10 @@ When CMake configures a new folder, it detects the compilers with about ten smal
 package. It stores the results in CMakeFiles/VERSION/ and in its cache, and trusts them in a folder that
 contains both. A reference project that only enables C and C++ is configured once for each set of options and
 variables; its results are copied into new folders whose CMakeLists.txt cannot require others. They are used
-until something changes that CMake and the compilers were observed to read, or by one run of forge if that is
-unknown.
-If no package needs C++, the reference project enables only C: some cross compilers compile their C++ library
-when they are tested.
-ROS's own ament also searches Python in every package, which starts the interpreter five times: these results
-are copied, too.
+until an observed input of CMake or the compilers changes, or by one run of forge if that is unknown. If no
+package needs C++, the reference project enables only C: some cross compilers compile their C++ library when
+they are tested. ROS's own ament also searches Python in every package, which starts the interpreter five
+times: these results are copied, too.
 """
 
 from __future__ import annotations
@@ -86,8 +84,8 @@ class Toolchain:
     ) -> None:
         """Identify the results by CMake's arguments, the programs and the variables; run nothing.
 
-        `python` is the interpreter that packages search, None if none does; `languages` are those of CMake
-        that packages enable. Without `observed`, only this run of forge uses the results.
+        `python` is the interpreter that packages search, None if none does; `languages` are the CMake
+        languages that packages enable. Without `observed`, only this run of forge uses the results.
         """
         self._observed = observed
         if python is not None:
@@ -135,12 +133,12 @@ class Toolchain:
         replace_file(self._home / "CMakeLists.txt", self._project.encode())
         library, world = (self._observed.library, self._observed.world) if self._observed else (None, None)
         folders = Folders(self._home, (), (), world)
-        # No step can remove anything from the folder of its log.
+        # Steps cannot remove files from the folder of their log.
         done, accesses = run_observed(
             self._argv, self._home, variables, library, self._home / "observed" / "log", folders
         )
         if self._observed and not accesses.blind:
-            # The programs that forge puts first in PATH are those of the whole build.
+            # The folder that forge puts first in PATH contains programs of the whole build.
             own = f"{self._home.parent.parent}/"
             inputs = sorted(each for each in accesses.external | accesses.asked if own not in each)
             read = contents_of(inputs, self._observed.table)
@@ -149,7 +147,7 @@ class Toolchain:
         replace_file(self._home / _DIGEST, self._digest().encode())
 
     def _is_current(self) -> bool:
-        """Return True if all that the reference project was observed to read is unchanged."""
+        """Return True if all observed inputs of the reference project are unchanged."""
         then = read_json(self._home / _READ)
         return bool(then) and self._observed is not None and contents_of(then, self._observed.table) == then
 
@@ -161,7 +159,7 @@ class Toolchain:
         return digest(*(path.read_bytes().hex() for path in files if path.is_file()))
 
     def _results(self) -> Path | None:
-        """Return the folder of results; None if there are none and packages detect compilers themselves."""
+        """Return the folder of results; None if packages must detect compilers themselves."""
         build = self._home / "build"
         # CMake writes the former last, and only if both compilers work.
         built = any((build / name).is_file() for name in ("build.ninja", "Makefile"))

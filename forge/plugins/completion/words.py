@@ -1,6 +1,6 @@
 """Answers the completion scripts of shells: `python -S -E words.py KIND [WORD ...]`.
 
-With `complete` or `describe`, the words are those of the command line after `forge`, and stdin contains the
+With `complete` or `describe`, the words are the command line after `forge`, and stdin contains the
 table of `forge.plugins.completion.command`. All other kinds print names.
 
 Shells start this program for each completion, so it imports as little as possible, and most modules only for
@@ -60,7 +60,7 @@ def _candidates(
     """Yield the possible next words, each with a summary; shells expand '@folders' and '@files'."""
     path, named = "", ""
     expected: Sequence[str] = ()
-    """Whether the option before takes one, many or passed-on values, their kind, and more words."""
+    """Whether the preceding option takes one, many or passed-on values, their kind, and more words."""
     for word in words:
         context = table[path]
         number = expected[0] if expected else ""
@@ -200,7 +200,7 @@ def _interfaces(folder: str) -> Iterator[str]:
 
 
 def _add_site_packages() -> None:
-    """Make the parsers of YAML and TOML available, without which this program starts faster."""
+    """Make the parsers of YAML and TOML importable; without them, this program starts faster."""
     if sys.flags.no_site:
         import site
 

@@ -32,7 +32,7 @@ _COMPILER_NAME = re.compile(r"(.*?)(clang\+\+|clang|g\+\+|gcc)(-[\d.]+)?")
 
 @frozen
 class CoveredLines:
-    """The lines of a package that its tests can execute, and how many of them they did."""
+    """The number of lines of a package that its tests can execute, and the number that they did execute."""
 
     package: str
     lines: int

@@ -104,7 +104,8 @@ def run(options: Options) -> None:
         "library_name": blueprint.library,
         "interfaces": list(blueprint.interfaces) or None,
     }
-    # Lines of `ros2 pkg create`, printed at the end: a reader that leaves early must not stop halfway.
+    # Lines of `ros2 pkg create`, printed at the end, so that a reader that closes the pipe early leaves no
+    # partial package.
     lines = ["going to create a new package"]
     lines += (f"{name}: {value}" for name, value in facts.items() if value is not None)
     lines.append(f"creating folder {path}")

@@ -198,7 +198,7 @@ def _problems(blueprint: NewPackage) -> Iterator[Problem]:
     for option, target in (("--node-name", blueprint.node), ("--library-name", blueprint.library)):
         if target is None:
             continue
-        # A C++ node is only a file name; all others are identifiers, too.
+        # The name of a C++ node is only a file name; all others are also identifiers.
         binary = option == "--node-name" and not python
         fault = None
         if not (_TARGET if binary else _WORD).fullmatch(target):
@@ -222,7 +222,7 @@ def _problems(blueprint: NewPackage) -> Iterator[Problem]:
         yield Problem(f"interfaces cannot be in a package named '{blueprint.name}'", hint=hint)
     if blueprint.interfaces and (blueprint.build_type != "ament_cmake" or blueprint.format < 3):
         message = "--interfaces requires the build type ament_cmake and package format 3"
-        yield Problem(message, hint="put other programs into a package of their own")
+        yield Problem(message, hint="put other programs into a separate package")
     if blueprint.interfaces and (blueprint.node or blueprint.library):
         message = "--interfaces cannot be combined with --node-name and --library-name"
         yield Problem(message, hint="put them into another package, which depends on this one")

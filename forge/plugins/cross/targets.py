@@ -16,7 +16,7 @@ TRIPLES = {
     "riscv64": "riscv64-linux-gnu",
     "x86_64": "x86_64-linux-gnu",
 }
-"""The platforms for which forge knows compilers, by processor; Debian's names of its architectures."""
+"""The platforms for which forge knows compilers, by processor, with Debian's architecture names."""
 
 _PROCESSORS = {"arm64": "aarch64", "armhf": "arm", "armv7": "arm", "armv7l": "arm", "amd64": "x86_64"}
 """Other names of processors, as in Debian, Docker and `uname -m`."""
@@ -59,7 +59,7 @@ class Target:
 def parse_target(word: str) -> Target:
     """Return the platform with a name as in Debian, Rust or Docker; raises ValueError for an invalid one.
 
-    A name that forge does not know is kept: a toolchain file may describe it.
+    An unknown name is kept: a toolchain file may describe it.
     """
     match = _NAME.fullmatch(word)
     if match is None:
@@ -75,7 +75,7 @@ def parse_target(word: str) -> Target:
 
 
 def similar_target(target: Target) -> str | None:
-    """Return the name of a known platform that an unknown one may stand for, or None."""
+    """Return the known platform that was probably meant by an unknown name, or None."""
     near = nearest(target.cpu, {*TRIPLES, *_PROCESSORS})
     return near and (TRIPLES[_cpu(near)] if "-" in target.triple else near)
 

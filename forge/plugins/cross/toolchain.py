@@ -38,7 +38,7 @@ def platform(word: str) -> tuple[str, bool]:
 
 
 def prepare(word: str, layout: Layout, variables: Mapping[str, str], options: CrossOptions) -> CrossBuild:
-    """Write the toolchain file, and scripts for zig's compilers without one of the user's.
+    """Write the toolchain file, and scripts for zig's compilers unless the user has a toolchain file.
 
     Raises HostError without compilers, and for paths that do not exist.
     """
@@ -50,13 +50,13 @@ def prepare(word: str, layout: Layout, variables: Mapping[str, str], options: Cr
         zig.write_compilers(folder)
     command = emulator(target, sysroot, variables)
     version = options.target_python or _python_of(sysroot)
-    # Sourced workspaces that were built for the target.
+    # Workspaces built for the target that are sourced.
     underlays = [
         root for root in find_underlays(variables, layout.install).chain if root.name == target.triple
     ]
     base = quoted(str(toolchain_file)) if toolchain_file else ""
     if toolchain_file and toolchain_file.is_relative_to(layout.of_host.build.parent):
-        # Relative, as in other clones of the workspace.
+        # A relative path is valid in other clones of the workspace, too.
         base = f'"{_HERE}/{quoted(os.path.relpath(toolchain_file, folder))[1:]}'
     is_multiarch = sysroot is not None and (sysroot / "usr/lib" / target.triple).is_dir()
     text = render(
@@ -103,7 +103,7 @@ def emulator(target: Target, sysroot: Path | None, variables: Mapping[str, str])
 
 
 def has_emulator(layout: Layout) -> bool:
-    """Return whether the last build for a target knew an emulator, or uses files that may name one."""
+    """Return whether the last build for a target had an emulator, or used files that may name one."""
     own = text_or_nothing(layout.build / TOOLCHAIN_DIR / _FILE)
     named = _INCLUDE.search(own)
     text = text_or_nothing(named[1].replace(_HERE, str(layout.build / TOOLCHAIN_DIR))) if named else ""
@@ -123,7 +123,9 @@ def _problems(target: Target, toolchain_file: Path | None, sysroot: Path | None)
     if toolchain_file and not toolchain_file.is_file():
         yield Problem(f"--toolchain-file: '{toolchain_file}' does not exist")
     if sysroot and not toolchain_file:
-        message = "--sysroot needs --toolchain-file: the C++ libraries of a distribution do not fit zig's"
+        message = (
+            "--sysroot needs --toolchain-file: C++ libraries of distributions are incompatible with zig's"
+        )
         hint = "name a GCC for the target in it, for example from Debian's package g++-aarch64-linux-gnu"
         yield Problem(message, hint=hint)
     if sysroot and not sysroot.is_dir():

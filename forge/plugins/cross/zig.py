@@ -1,4 +1,4 @@
-"""zig as the C and C++ compiler for a target: it brings headers and libraries for all of them."""
+"""zig as the C and C++ compiler for a target: it includes headers and libraries for all targets."""
 
 from __future__ import annotations
 
@@ -133,11 +133,11 @@ def find_zig(target: Target, layout: Layout, variables: Mapping[str, str]) -> Zi
 
 
 def _compile_cxx_library(zig: Path, compilers: Path, archive: Path) -> str:
-    """Compile the library with the compilers in a folder; return '', or the output of what failed.
+    """Compile the library with the compilers in a folder; return '', or the output of the failed command.
 
-    zig hides all symbols of the copy that it links into each library and program. An exception that one of
-    them throws then has another type than the one that another catches, and each has its own `std::cout`.
-    With visible symbols, the dynamic linker of the target uses one copy for all of them, as it does for GCC's
+    zig hides all symbols of the copy that it links into each library and program. Then an exception thrown by
+    one of them has another type than the one that another catches, and each has its own `std::cout`. With
+    visible symbols, the dynamic linker of the target uses one copy for all of them, as it does for GCC's
     library.
     """
     answer = subprocess.run((zig, "env"), capture_output=True, text=True, check=False)
@@ -167,7 +167,7 @@ def _sources(home: Path) -> Iterator[Path]:
 
 
 def _run_all(commands: Sequence[tuple[str, ...]]) -> str:
-    """Run the commands in parallel; return the output of the first that fails, '' if none does."""
+    """Run the commands in parallel; return the output of the first that fails, '' if all succeed."""
     pool = ThreadPoolExecutor(processors())
     try:
         return next(filter(None, pool.map(_run, commands)), "")

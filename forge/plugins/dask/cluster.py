@@ -117,7 +117,7 @@ def _client(address: str) -> Client:
         raise HostError(problem) from None
 
     class Quiet(Client):
-        """A client that prints nothing when it is deleted without having been connected."""
+        """A client that prints nothing if it is deleted before it connected."""
 
         def __del__(self) -> None:
             with contextlib.suppress(Exception):

@@ -33,10 +33,10 @@ _GIVE_UP, _ENDED, _LOST = "give up", "ended", "lost"
 """The client's own messages: a worker did not stop in time; Dask has ended the task; its result was lost."""
 
 _RETRIES = 1
-"""How often Dask retries a task after an internal error; after the death of a worker it always does."""
+"""The number of retries of Dask after an internal error; it always retries if a worker dies."""
 _MESSAGE_SECONDS = 10.0
 _RELEASE_SECONDS = 15.0
-"""The time for the programs of a lost worker to end."""
+"""The time limit for the programs of a lost worker to end."""
 
 
 class Connection:
@@ -91,7 +91,8 @@ class Connection:
             for event in call.events():
                 match event:
                     case StepStarted(_, step):
-                        # Unlike the worker's, relative to the environment of this machine.
+                        # Unlike the worker's variables, these are relative to the environment of this
+                        # machine.
                         put(replace(event, environment=changed_variables({**environment, **dict(step.env)})))
                     case Finished(code=0):
                         return None
@@ -135,7 +136,7 @@ class Connection:
     def _broadcast(self, command: str) -> None:
         self.command = command
         self._router.note(command)
-        # Not in the loop's thread, since the scheduler may respond slowly.
+        # Do not use the loop's thread, since the scheduler may respond slowly.
         threading.Thread(target=self._send_command, args=(command,), daemon=True).start()
 
     def _send_command(self, command: str) -> None:

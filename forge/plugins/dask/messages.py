@@ -1,4 +1,4 @@
-"""The messages between the client and its workers, and their way to the threads that wait for them."""
+"""The messages between the client and its workers, and their delivery to the threads that wait for them."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class TaskRequest:
 class RemoteTask:
     """A task for a worker: steps to run in an environment prepared by the client.
 
-    `jobs` has the limits for all tasks of a worker. `lock` is held while any program of this one runs.
+    `jobs` are the limits for all tasks of a worker. `lock` is held while any program of this task runs.
     """
 
     task: Task

@@ -107,7 +107,7 @@ def _listen(source: BinaryIO, executor: LocalExecutor) -> None:
 
 @contextlib.contextmanager
 def locked(lock: Path, seconds: float) -> Iterator[None]:
-    """Hold a lock, which an earlier attempt of the same task releases at its end; raises TimeoutError."""
+    """Hold a lock, waiting for an earlier attempt of the same task to release it; raises TimeoutError."""
     until = time.monotonic() + seconds
     with lock.open("a") as stream:
         while True:

@@ -59,7 +59,7 @@ def disk(subject: CheckContext) -> CheckResult:
 
 
 def owners(subject: CheckContext) -> CheckResult:
-    """Find results of other users, for example from sudo, which cannot be overwritten."""
+    """Find results of other users, for example from sudo, that cannot be overwritten."""
     foreign: list[str] = []
     bases = set()
     for base in filter(None, (subject.layout.build, subject.layout.install, subject.layout.logs)):

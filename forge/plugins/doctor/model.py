@@ -27,7 +27,8 @@ _LARGEST = 1 << 20
 class CheckContext:
     """The workspace under examination; without one, `packages` is empty and `resolution` is None.
 
-    `variables` are those of a build, `surroundings` those of the shell. `packages` are the selected ones.
+    `variables` is the environment of a build, `surroundings` that of the shell. `packages` are the selected
+    ones.
     """
 
     root: Path

@@ -37,7 +37,7 @@ def _project(subject: CheckContext, package: Package) -> Iterator[Problem]:
 
 
 def _registration(subject: CheckContext, package: Package) -> Iterator[Problem]:
-    """Yield a problem if the package is not registered in the ament index, so that nothing finds it."""
+    """Yield a problem if the package is not registered in the ament index, so that no tool finds it."""
     text = subject.text(package, "CMakeLists.txt")
     if package.build_type == "ament_cmake" and text and not _may_register_package(text):
         yield Problem(
@@ -59,7 +59,7 @@ def _setup(subject: CheckContext, package: Package) -> Iterator[Problem]:
     try:
         facts = read_setup_py(text)
     except (SyntaxError, ValueError, RecursionError):
-        return  # a build reports this with the position
+        return  # a build reports this with its position
     if facts and facts.name and facts.name.replace("-", "_") != package.name.replace("-", "_"):
         message = f"the name is '{package.name}' in package.xml, but '{facts.name}' in setup.py"
         yield Problem(message, Location(package.path / "setup.py"), "use the same name in both")

@@ -118,7 +118,7 @@ def _clashing_modules(subject: CheckContext) -> Iterator[Problem]:
             hint = "rename all but one of them: imports use the one that was sourced last"
             yield Problem(f"the Python module '{module}' is in {names}", Location(others[0].path), hint)
         if module in sys.stdlib_module_names:
-            hint = "rename its folder, also in setup.py"
+            hint = "rename its folder, and update setup.py"
             yield Problem(
                 f"the module '{module}' of '{first.name}' hides a module of Python's standard library",
                 Location(first.path),
@@ -142,7 +142,7 @@ def _hidden_packages(subject: CheckContext) -> Iterator[Problem]:
 
 @frozen
 class KnownPackages:
-    """The packages in reach: known names, owners of modules, and dependencies.
+    """The available packages: known names, owners of modules, and dependencies.
 
     `near` are the packages of the workspace, which must be built before their dependents.
     """
@@ -153,7 +153,7 @@ class KnownPackages:
     needs: Mapping[str, frozenset[str]]
 
     def knows(self, name: str) -> bool:
-        """Return whether a name is a package in reach or certainly a ROS package."""
+        """Return whether a name is an available package or certainly a ROS package."""
         return name in self.known or is_ros_name(name)
 
     def owner(self, module: str) -> str | None:

@@ -190,7 +190,7 @@ def _version(subject: CheckContext, words: Sequence[str]) -> str:
 
 
 def _run(subject: CheckContext, argv: Sequence[str], text: str = "") -> tuple[str, str]:
-    """Return the output of a program, and why it failed in one line, '' if it did not."""
+    """Return the output of a program, and the reason of its failure in one line, '' if it succeeded."""
     try:
         done = subprocess.run(
             argv,

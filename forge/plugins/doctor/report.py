@@ -48,7 +48,7 @@ def _of_severity(results: Sequence[CheckResult], severity: str) -> list[Problem]
 
 
 def conclusion(results: Sequence[CheckResult], *, everything: bool) -> str:
-    """Return the last line, which tells whether builds are possible and whether there are more findings."""
+    """Return the last line: whether builds are possible, and whether there are more findings."""
     errors, warnings, notes = (len(_of_severity(results, word)) for word in _SEVERITIES)
     if errors:
         text = f"{counted(errors, 'error')} {'prevents' if errors == 1 else 'prevent'} builds"

@@ -43,7 +43,8 @@ def underlays(subject: CheckContext) -> CheckResult:
             hint = "rebuild that workspace, and source it in a new terminal"
             message = f"the underlay '{root}' has no setup scripts: its build did not complete"
             warnings.append(Problem(message, hint=hint))
-        # Built without a package although all its underlays are sourced: that build did not need it.
+        # It was built without a package although all its underlays are sourced: the build did not need the
+        # package.
         is_complete = all(below.resolve() in sourced for below in underlays_of(root))
         (notes if is_complete else warnings).extend(_missing_dependencies(root, subject))
     for place, root in enumerate(chain):
@@ -70,7 +71,7 @@ def environment(subject: CheckContext) -> CheckResult:
     ]
     for name in _SCRIPT_VARIABLES:
         if name in variables:
-            message = f"'{name}' is set, which only setup scripts should do while they run"
+            message = f"'{name}' is set, but only running setup scripts should set it"
             warnings.append(Problem(message, hint=f"unset {name}"))
     known = sorted(name for name in variables if name.startswith(("AMENT_", "COLCON_", "ROS_", "FORGE_")))
     return CheckResult("environment", " ".join(known) or "no ROS variables are set", warnings=tuple(warnings))
@@ -104,14 +105,14 @@ def _tool_of(root: Path) -> str:
 
 def _missing_dependencies(root: Path, subject: CheckContext) -> Iterator[Problem]:
     held = installed_packages(root)
-    # The packages of a distribution come from many sources, so that fewer of their names are certain.
+    # The packages of a distribution come from many sources, so fewer of their names are certain.
     is_package = resembles_ros_name if (root / LAYOUT_MARKER).is_file() else is_ros_name
     known = {package.name for other in subject.underlays.chain for package in installed_packages(other)}
     known.update(subject.resolution.packages if subject.resolution else ())
     lost: dict[str, list[str]] = {}
     for package in held:
         for need in package.needs - known:
-            # The indexes also contain rosdep keys, which only their spelling tells from packages.
+            # The indexes also contain rosdep keys, which only differ from packages in their spelling.
             if is_package(need) and not provider(need, subject.underlays, SYSTEM):
                 lost.setdefault(need, []).append(package.name)
     for need, users in sorted(lost.items()):
@@ -156,7 +157,7 @@ def _other_python(variables: Mapping[str, str], subject: CheckContext) -> Iterat
 
 
 def _missing_paths(variables: Mapping[str, str]) -> Iterator[Problem]:
-    """Yield variables with missing files or folders; lost_underlays checks two others."""
+    """Yield variables that name missing files or folders; lost_underlays checks two others."""
     for name in _PATHS:
         entries = dict.fromkeys(filter(None, variables.get(name, "").split(os.pathsep)))
         gone = [entry for entry in entries if not os.path.lexists(entry)]

@@ -2,8 +2,8 @@
 
 EmPy interprets a template token by token and compiles each expression again whenever it is reached. Here a
 template becomes one code object, which is executed with the same two dictionaries as EmPy's expressions, so
-that names behave the same. Templates with rarer markups are left to EmPy, and so are those of interpreters
-with hooks or another prefix.
+that names behave the same. Templates with rare markups, and those of interpreters with hooks or another
+prefix, are left to EmPy.
 
 Runs in the workspace's interpreter with its EmPy, version 3 or 4.
 """
@@ -25,7 +25,7 @@ from typing import Any
 
 _WRITE = "__forge_write__"
 _SERIALIZE = "__forge_serialize__"
-"""The builtins that compiled templates call: to write a text, and to write a value unless it is None."""
+"""The builtins that compiled templates call to write a text, or a value unless it is None."""
 
 _PSEUDOMODULE = "empy"
 """The name by which templates reach their interpreter and could change where output goes."""
@@ -75,7 +75,7 @@ class CompiledTemplates:
 
 
 def install(em: ModuleType, templates: CompiledTemplates) -> None:
-    """Let EmPy's interpreters run compiled templates, where these behave the same."""
+    """Let EmPy's interpreters run compiled templates if these behave the same."""
     interpreted = em.Interpreter.string
 
     def string_3(self: Any, data: str, name: str = "<string>", locals: Any = None) -> None:
@@ -107,7 +107,7 @@ def _is_version_3(em: ModuleType) -> bool:
 def _is_plain(interpreter: Any, config: Any) -> bool:
     """Return whether an interpreter has no hooks, EmPy's own prefix, and one unfiltered output.
 
-    EmPy 4 has an object of its own for the configuration.
+    EmPy 4 has a separate object for the configuration.
     """
     pseudomodule = config.pseudo if config is interpreter else config.pseudomoduleName
     is_usual = config.prefix == "@" and pseudomodule == _PSEUDOMODULE
@@ -115,7 +115,7 @@ def _is_plain(interpreter: Any, config: Any) -> bool:
 
 
 def _execute(interpreter: Any, code: CodeType, locals_: dict[str, Any]) -> None:
-    """Run a compiled template; what it prints is output, too."""
+    """Run a compiled template; text that it prints is also output."""
     write: Callable[[str], object] = interpreter.write
     before = getattr(builtins, _WRITE, None), getattr(builtins, _SERIALIZE, None)
 
@@ -163,7 +163,7 @@ def _tokens(em: ModuleType, text: str) -> list[Any]:
             """Do not change the output."""
 
     version_3 = _is_version_3(em)
-    recorder = Recorder.__new__(Recorder)  # without an output, which would make it replace sys.stdout
+    recorder = Recorder.__new__(Recorder)  # without an output, because it would replace sys.stdout
     if version_3:
         recorder.prefix = "@"
         scanner = em.Scanner("@", text)
@@ -245,7 +245,7 @@ class _Compiler:
         first = statements[:1]
         if first and isinstance(first[0], ast.Expr) and isinstance(first[0].value, ast.Constant):
             raise UncompilableError("docstring")  # it would be assigned to __doc__
-        # On its own, as EmPy executes it: 'continue' means nothing here, even within a loop of the template.
+        # Compile it separately, as EmPy does: 'continue' is invalid here, even within a loop of the template.
         compile(ast.Module(statements, []), "<statements>", "exec")
         return statements
 
@@ -298,7 +298,7 @@ class _Compiler:
 
 
 def _check_names(module: ast.Module) -> None:
-    """Raise UncompilableError for statements that would concern the other parts of the template."""
+    """Raise UncompilableError for statements that would affect other parts of the template."""
     for node in ast.walk(module):
         match node:
             case ast.Global() | ast.Nonlocal() | ast.AnnAssign():
@@ -323,7 +323,7 @@ def _call(function: str, argument: ast.expr) -> list[ast.stmt]:
 
 
 def _write(path: Path, data: bytes) -> None:
-    """Write a file so that readers see all of it or nothing."""
+    """Write a file atomically: readers see the complete file or none."""
     path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     descriptor, name = tempfile.mkstemp(dir=path.parent)
     with os.fdopen(descriptor, "wb") as stream:

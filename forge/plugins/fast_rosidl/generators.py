@@ -1,7 +1,8 @@
 """Run a distribution's generators and scripts in a warm process, which imports and parses only once.
 
-Runs in the workspace's interpreter. What all generators share is loaded before the fork: EmPy, rosidl_parser
-and the parsed .idl files of the package. Each generator runs in a fork, so that none sees what another did.
+Runs in the workspace's interpreter. The modules and data that all generators share are loaded before the
+fork: EmPy, rosidl_parser and the parsed .idl files of the package. Each generator runs in its own fork,
+isolated from the others.
 """
 
 from __future__ import annotations
@@ -26,13 +27,13 @@ if TYPE_CHECKING:
 _ARGUMENTS_OPTION = "--generator-arguments-file"
 """The arguments of every rosidl generator, followed by a JSON file."""
 _SETUP = ["setup.py", "egg_info"]
-"""The program by which ament_cmake_python describes a package."""
+"""The program with which ament_cmake_python describes a package."""
 SCRIPTS = {"package_xml_2_cmake.py": "catkin_pkg.package", "templates_2_cmake.py": "ament_package.templates"}
-"""Scripts of ament_cmake_core that CMake runs while it configures a package, and what they import."""
+"""Scripts of ament_cmake_core that CMake runs to configure a package, and the modules that they import."""
 
 _LIBRARIES = ("em", "lark", "rosidl_parser.definition", "rosidl_parser.parser")
 _HELPERS = ("rosidl_pycommon", "rosidl_cmake")
-"""Imports of generators; the second helper is the older one, deprecated where both exist."""
+"""Imports of generators; the second module is the older one, deprecated where both exist."""
 
 _GRAMMAR = Path(__file__).with_name("rosidl.lark")
 _PROBES = Path(__file__).with_name("probes")
@@ -40,11 +41,11 @@ _PROBES = Path(__file__).with_name("probes")
 
 
 class DeclinedError(Exception):
-    """The command has to run in a process of its own, for the reason in the message."""
+    """The command has to run in a separate process, for the reason in the message."""
 
 
 def fast_parser() -> Lark:
-    """Return a parser whose trees are those of rosidl_parser, but that finds them in linear time."""
+    """Return a parser with the same trees as rosidl_parser, but linear run time."""
     from lark import Lark
 
     grammar = _GRAMMAR.read_text(encoding="utf-8")
@@ -65,16 +66,16 @@ class Generators:
         self._contents: dict[str, tuple[tuple[int, int], Any]] = {}
 
     def prepare(self, argv: list[str], environment: dict[str, str]) -> bool:
-        """Before the fork: import what is shared, and parse the .idl files of a generator's arguments.
+        """Before the fork: import shared modules, and parse the .idl files of a generator's arguments.
 
-        Return False for other programs, which gain nothing here. Errors are left to the fork, where they
+        Return False for other programs, which would not be faster. Errors are left to the fork, where they
         occur again.
         """
         if not (_ARGUMENTS_OPTION in argv[:-1] or _library_of_script(argv)):
             return False
         with contextlib.suppress(Exception), self._search_path(environment):
             if library := _library_of_script(argv):
-                # The fork of the first package imports it: a single package does without 10 MB more here.
+                # The fork of the first package imports it: with a single package, this process saves 10 MB.
                 if library in self._called:
                     self._import(library)
                 self._called.add(library)
@@ -144,7 +145,7 @@ class Generators:
         parse = parser.parse_idl_file
 
         def parse_idl_file(locator: Any, png_file: str | None = None) -> Any:
-            # Return a new object for each call, as always: the first one may have been changed.
+            # Return a new object for each call, as rosidl_parser does: the caller may change it.
             path = str(locator.get_absolute_path())
             signature, content = self._contents.pop(path, (None, None))
             if png_file is None and signature is not None and signature == _signature(path):

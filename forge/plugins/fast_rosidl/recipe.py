@@ -47,7 +47,7 @@ code=$?
 echo "forge: the generated sources do not compile together; compiling them one by one" >&2
 "$1" "$3" && exec "$@"
 """
-"""Builds, and rebuilds without units if one could not be compiled. $0 is the marker for that."""
+"""Builds, and rebuilds without units if one could not be compiled, as the marker $0 shows."""
 
 _LAUNCHER = (
     *(sys.executable, "-S", "-E", str(PACKAGE / "execution/worker_client.py")),
@@ -155,7 +155,10 @@ def _has_nodes(package: Package, context: BuildContext) -> bool:
 
 
 def _configures_several(packages: Sequence[Package], context: BuildContext) -> bool:
-    """Return whether several packages run scripts of ament: starting a worker costs as much as one."""
+    """Return whether several packages run scripts of ament.
+
+    Starting a worker takes as long as it saves for one.
+    """
     if "ament_cmake" in context.embedded:
         return False
     new = (
@@ -196,8 +199,8 @@ _PATH = re.compile(r"(?:\\.|[^\s\\])+")
 def prepare_precompiled_headers(build: Path, tools: Pairs) -> dict[str, str]:
     """Prepare the folder in a workspace's build folder; return the variable that names it.
 
-    `tools` are the programs and variables that compilers depend on. Removes what was precompiled by others,
-    from headers that have changed since, or not to the end.
+    `tools` are the programs and variables that compilers depend on. Removes headers that were precompiled by
+    other tools, from outdated headers, or incompletely.
     """
     above = build / TOOLCHAIN_DIR / "headers"
     key = "\0".join(f"{name}={identity}" for name, identity in tools)
@@ -215,9 +218,9 @@ def prepare_precompiled_headers(build: Path, tools: Pairs) -> dict[str, str]:
 
 
 def _is_current(folder: Path, header: str, text: str) -> bool:
-    """Return whether a folder has a precompiled header, and nothing that it includes has changed since.
+    """Return whether a folder has a precompiled header, none of whose included files has changed since.
 
-    By the change times: an installed package keeps the modification times of its files.
+    Compares change times, since an installed package keeps the modification times of its files.
     """
     _, found, paths = text_or_nothing(folder / f"{header}.d").replace("\\\n", " ").partition(":")
     try:

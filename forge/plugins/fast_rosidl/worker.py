@@ -35,7 +35,7 @@ _PREFIXES = ("PYTHON", "LC_", "LANG")
 """Variables that an interpreter reads when it starts."""
 
 _OTHER_SETTINGS = frozenset({"PYTHONPATH", "PYTHONDONTWRITEBYTECODE", "PYTHONUNBUFFERED"})
-"""Those of them that are respected here or make no difference."""
+"""Variables among these that are respected here or have no effect."""
 
 
 def main(descriptor: str, cache: str = "") -> int:
@@ -50,8 +50,8 @@ def main(descriptor: str, cache: str = "") -> int:
             _run_quietly(generators, call)
         except DeclinedError as reason:
             name = Path(call.argv[1]).name
-            if name not in SCRIPTS:  # CMake starts these two in every package; not worth a message
-                sys.stderr.write(f"{DECLINED_PREFIX}{name} in a process of its own: {reason}\n")
+            if name not in SCRIPTS:  # CMake starts these two in every package; do not print a message
+                sys.stderr.write(f"{DECLINED_PREFIX}{name} in a separate process: {reason}\n")
             return DECLINED
         return 0
 

@@ -117,7 +117,7 @@ def with_dependencies(
         match = _BEFORE_EXPORT.search(text)
         if match is None:
             raise WorkspaceError(
-                Problem(f"'{path}' has no line with </package>", hint="write it on a line of its own")
+                Problem(f"'{path}' has no line with </package>", hint="write it on a separate line")
             )
         place = match.start()
         lines = "".join(f"  <{each}>{name}</{each}>{newline}" for each in tags for name in added)
@@ -143,7 +143,7 @@ def _package(options: Options, loaded: LoadedWorkspace) -> Package:
 
 
 def _find_packages(options: Options, package: Package) -> None:
-    """Print or write the lines of CMake that find the dependencies."""
+    """Print or write the CMake code that finds the dependencies."""
     path = package.path / "CMakeLists.txt"
     text = text_or_nothing(path)
     found = [call for call in calls(text) if call.command == "find_package" and call.words]

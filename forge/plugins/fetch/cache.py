@@ -25,7 +25,7 @@ _SOURCE, _CLONE, _UNDERLAY = "source", "clone", "underlay"
 
 
 def entries(variables: Mapping[str, str]) -> Iterator[CacheEntry]:
-    """Yield underlays, then sources and clones: of those of the same age, the first is removed first."""
+    """Yield underlays, then sources and clones: of entries of the same age, the first is removed first."""
     cache = _cache(variables)
     last_uses: dict[Path, float] = {}
     for folder in _underlays(cache):
@@ -54,7 +54,7 @@ def remove(entry: CacheEntry) -> bool:
                     fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
                 return False
-            # A build that looks for it now finds nothing instead of a part.
+            # A build that looks for it now finds no entry instead of an incomplete one.
             (entry.path / BUILT).unlink(missing_ok=True)
             delete_tree(entry.path)
         return True
@@ -84,7 +84,7 @@ def verify(variables: Mapping[str, str]) -> Iterator[tuple[Path, str]]:
     for folder in _underlays(cache):
         if gone := [name for name, path in linked_sources(folder).items() if not path.is_dir()]:
             names = ", ".join(f"'{name}'" for name in gone)
-            yield folder, f"the sources of {names} are gone; what is built stays usable"
+            yield folder, f"the sources of {names} no longer exist; built packages stay usable"
 
 
 def _cache(variables: Mapping[str, str]) -> Path:

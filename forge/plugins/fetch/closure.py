@@ -32,14 +32,14 @@ _FOR_TESTS = {
         f"ament_cmake_{linter}" for linter in ("cppcheck", "cpplint", "flake8", "pep257", "uncrustify")
     ),
 }
-"""Dependencies that only tests of dependent packages use, which manifests cannot say otherwise."""
+"""Dependencies that only tests of dependent packages use, which manifests cannot express."""
 
 
 @frozen
 class Needs:
     """The result of `resolve`: packages of the distribution, and dependencies on the system or Python.
 
-    Both map a name to the packages that need it, the workspace's own included; sorted.
+    Both map a name to the packages that need it, including the workspace's own; sorted.
     """
 
     packages: Mapping[str, tuple[str, ...]]
@@ -77,10 +77,10 @@ def resolve(
 ) -> Needs:
     """Return the recursive dependencies of `wanted`, except those for which `is_present` is true.
 
-    Only the dependencies of released packages are followed: a name that the distribution has not released is
-    a key of rosdep. Of the middlewares, only the chosen one is included, and those that `wanted` names:
-    `rmw_implementation` declares all of them, and finds at run time what is there. Other groups add nothing,
-    for their members are those of the workspace (REP 149).
+    Only the dependencies of released packages are followed: unreleased names are keys of rosdep. Only the
+    chosen middleware is included, and those that `wanted` names: `rmw_implementation` declares all of them,
+    and uses at run time those that are installed. Other groups add nothing, because their members are those
+    of the workspace (REP 149).
     """
     kinds = BUILD_KINDS | RUN_KINDS | (TEST_KINDS if tests else frozenset())
     all_middlewares = middlewares(snapshot)
@@ -111,14 +111,17 @@ def resolve(
 def needs_of(
     manifest: Manifest, kinds: frozenset[DependencyKind], all_middlewares: frozenset[str]
 ) -> frozenset[str]:
-    """Return the dependencies of a package without those that are optional."""
+    """Return the dependencies of a package without the optional ones."""
     optional = all_middlewares if manifest.name == _MIDDLEWARE_USER else _OPTIONAL.get(manifest.name, ())
     for_tests = () if kinds & TEST_KINDS else _FOR_TESTS.get(manifest.name, ())
     return frozenset(manifest.names(kinds)).difference(optional, for_tests, {manifest.name})
 
 
 def check_names(names: Collection[str], snapshot: Snapshot, others: Callable[[str], Collection[str]]) -> None:
-    """Raise SelectionError for names that the distribution has not released; `others` are those that have."""
+    """Raise SelectionError for names that the distribution has not released.
+
+    `others` returns the distributions that have.
+    """
     problems = []
     for name in names:
         if name not in snapshot.releases:

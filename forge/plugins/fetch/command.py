@@ -224,7 +224,7 @@ def _fetch(options: Options, root: Path, cache: Path) -> int:
 
 
 def _snapshot(options: Options, distribution: str, lock: Lock | None) -> Snapshot:
-    """Return the releases, from the network only if the last answer is not that of the lock."""
+    """Return the releases; use the network only if the cached answer differs from that of the lock."""
     if options.update is None and lock:
         try:
             kept = read_snapshot(distribution, os.environ, offline=True)
@@ -238,7 +238,7 @@ def _snapshot(options: Options, distribution: str, lock: Lock | None) -> Snapsho
 
 
 def _imports(options: Options, snapshot: Snapshot, lock: Lock | None, cache: Path) -> Imports:
-    """Return the packages imported now or when they were locked, which differ from those of the index."""
+    """Return the packages imported now or when they were locked; these differ from the index."""
     kept = {
         each.name: each
         for each in (lock.packages if lock and options.update != () else ())
@@ -272,8 +272,8 @@ def _choices(
 ) -> tuple[str, tuple[str, ...]]:
     """Return the package of the middleware, and the packages that the user requested by name.
 
-    Both are remembered in the lock. Without any package, those are meant that are imported, and the others
-    need no further mention. Raises SelectionError for names that the distribution does not have.
+    Both are remembered in the lock. Without any package, the imported ones are used, and the others need not
+    be named again. Raises SelectionError for names that the distribution does not have.
     """
     known = {*(each.name for each in lock.packages), *(each.name for each in lock.modules)} if lock else ()
     names = [*options.names, *(name for name in options.update or () if name not in known)]
@@ -304,7 +304,7 @@ def _choices(
 def _wanted(options: Options, snapshot: Snapshot, loaded: LoadedWorkspace) -> dict[str, tuple[str, ...]]:
     """Return the external dependencies of the workspace, with the packages that need them.
 
-    If forge's embedded packages are enough for all of them, that is nothing.
+    The result is empty if forge's embedded packages satisfy all of them.
     """
     kinds = BUILD_KINDS | RUN_KINDS | (TEST_KINDS if options.test else frozenset())
     all_middlewares = middlewares(snapshot)
@@ -355,7 +355,7 @@ def _requirements(
 ) -> tuple[set[str], tuple[str, ...]]:
     """Return the PyPI requirements of locked packages, and those including the workspace's own.
 
-    Beside a ROS that somebody has installed, the modules of its keys are the system's.
+    With an installed ROS distribution, the modules of its keys come from the system.
     """
     ros: set[str] = set()
     own = set(declared)
@@ -369,7 +369,7 @@ def _requirements(
 
 
 def _pip_names(packages: Sequence[Package], lock: Lock) -> tuple[tuple[str, str], ...]:
-    """Return the distributions on PyPI of the lock's keys, for those that rosdep takes from there."""
+    """Return the PyPI distributions of those keys of the lock that rosdep installs from PyPI."""
     if not any(map(is_system_module, lock.keys)):
         return ()
     rows = json.loads(_deps(packages, lock, "--json", "--all") or '{"needs": []}')["needs"]
@@ -414,7 +414,7 @@ def _modules(
 def _locked(
     options: Options, lock: Lock | None, needs: Needs, snapshot: Snapshot, imports: Imports
 ) -> tuple[tuple[LockedPackage, ...], list[Problem]]:
-    """Return the needed packages, at the versions of the lock if it has them, and problems with others."""
+    """Return the needed packages, at the versions of the lock if possible, and problems with the others."""
     moved = options.update or ()
     keep = lock.packages if lock and options.update != () else ()
     pinned = {each.name: each for each in keep if each.name in needs.packages and each.name not in moved}
@@ -430,9 +430,9 @@ def _locked(
 
 
 def _download(options: Options, lock: Lock, cache: Path, problems: list[Problem]) -> Lock:
-    """Download what the cache lacks, and return the lock with what the packages clone themselves.
+    """Download missing packages, and return the lock with the repositories that packages clone themselves.
 
-    Raises HostError with these problems and those of the downloads, after all others were downloaded.
+    Raises HostError with these problems and those of the downloads, after downloading everything else.
     """
     if not lock.packages:
         raise HostError(*problems)
@@ -484,9 +484,9 @@ def _system_packages(sources: Sequence[Package], lock: Lock) -> Iterator[str]:
 
 
 class _Progress:
-    """Counts downloads, on a terminal in one line.
+    """Shows the progress of downloads, on a terminal in one line.
 
-    Git servers do not announce sizes, so the sizes are those received.
+    Git servers do not announce sizes, so only received bytes are shown.
     """
 
     def __init__(self, total: int) -> None:

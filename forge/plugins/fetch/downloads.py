@@ -1,7 +1,7 @@
 """Finds URLs that packages download during builds, and system libraries that they accept instead.
 
-That is read in the package's own CMakeLists.txt: a library serves only if each way to the download asks for
-it before. Vendor packages that download in any case are not satisfied by a library that is installed.
+Both are read from the package's own CMakeLists.txt: a library counts only if each path to the download checks
+for it first. Vendor packages that always download are not satisfied by an installed library.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class Download:
     requested: str = ""
     """The version that find_package() is called with, '' for any."""
     oldest: str = ""
-    """The oldest version that is accepted of what is found, '' for any."""
+    """The oldest version of the found package that is accepted, '' for any."""
 
 
 def linux_calls(text: str) -> list[Call]:
@@ -100,7 +100,7 @@ def is_repository(words: Sequence[str]) -> bool:
 
 
 def _replacement(call: Call, found: Collection[Call], optional: dict[str, str]) -> tuple[str, str, str]:
-    """Return the library whose absence alone triggers a call, and its versions; '' for each without one."""
+    """Return the library whose absence alone triggers a call, and its versions; '' for missing values."""
     if "SATISFIED" in call.words:
         name = call.words[call.words.index("SATISFIED") + 1].removeprefix("${").removesuffix("_FOUND}")
         return (name, optional[name], "") if name in optional else ("", "", "")
@@ -114,7 +114,7 @@ def _replacement(call: Call, found: Collection[Call], optional: dict[str, str]) 
 
 
 def _needed(conditions: Collection[str], optional: dict[str, str]) -> tuple[str, str, str]:
-    """Return the library whose absence, or whose age, one of the conditions is about, and nothing else."""
+    """Return the library whose absence or age is the only subject of one of the conditions."""
     for condition in conditions:
         library, version, others = "", "", False
         for term in condition.split(" OR "):

@@ -20,7 +20,7 @@ from forge.base.env_vars import without_passwords
 from forge.base.errors import ForgeError, HostError, Problem
 
 _BATCH = 100
-"""Tags in one request, for the length of a command line."""
+"""The maximum number of tags in one request, limited by the length of a command line."""
 
 _SETTINGS = (
     "core.hooksPath=/dev/null",
@@ -31,7 +31,10 @@ _SETTINGS = (
 )
 _PLAIN = tuple(word for setting in _SETTINGS for word in ("-c", setting))
 _REFS = (("tags", "^{}"), ("tags", ""), ("heads", ""))
-"""Kinds of references and endings, the most specific first: 'NAME^{}' is what an annotated tag refers to."""
+"""Kinds of references and endings, the most specific first.
+
+'NAME^{}' is the commit that an annotated tag refers to.
+"""
 
 
 MARK = "Fetched by forge: "
@@ -48,7 +51,7 @@ _NETWORK = re.compile(
     re.IGNORECASE,
 )
 _FULL = re.compile(r"No space left on device|Disk quota exceeded|unable to write file")
-"""Signs of a full disk; git does not say why it cannot write a file of a work tree."""
+"""Signs of a full disk; git does not report why it cannot write a file of a work tree."""
 
 
 class GitError(ForgeError):
@@ -56,7 +59,7 @@ class GitError(ForgeError):
 
 
 class NetworkError(GitError):
-    """The server could not be reached, or did not answer, also when asked again."""
+    """The server could not be reached, or did not answer even after retries."""
 
 
 def commits_of(url: str, tags: Iterable[str], *, branches: bool = True) -> dict[str, str]:
@@ -83,8 +86,8 @@ def commits_of(url: str, tags: Iterable[str], *, branches: bool = True) -> dict[
 def check_out(url: str, ref: str, commit: str, folder: Path) -> int:
     """Write the tree of a commit to a new folder; return how many bytes were received.
 
-    `ref` is the tag to request, since not every server sends single commits. Raises GitError, also if the tag
-    names another commit.
+    `ref` is the tag to request, since not every server sends single commits. Raises GitError, for example if
+    the tag names another commit.
     """
     repository = folder / ".git"
     received = _receive(url, ref, commit, repository)
@@ -94,7 +97,7 @@ def check_out(url: str, ref: str, commit: str, folder: Path) -> int:
 
 
 def mirror(url: str, ref: str, commit: str, folder: Path) -> int:
-    """Make a bare repository that has only this commit, as the tag `ref` and as the branch 'main'.
+    """Create a bare repository that contains only this commit, as the tag `ref` and as the branch 'main'.
 
     Returns how many bytes were received.
     """
@@ -106,7 +109,7 @@ def mirror(url: str, ref: str, commit: str, folder: Path) -> int:
 
 
 def combine(mirrors: Mapping[str, Path], folder: Path) -> None:
-    """Make a bare repository of several mirrors of one repository, which are given by their tags."""
+    """Create a bare repository of several mirrors of one repository; `mirrors` maps tags to them."""
     _git("init", "--quiet", "--bare", "--initial-branch=main", "--template=", os.fspath(folder))
     for tag, path in mirrors.items():
         refs = (f"refs/tags/{tag}:refs/tags/{tag}", "+refs/heads/main:refs/heads/main")
@@ -115,7 +118,7 @@ def combine(mirrors: Mapping[str, Path], folder: Path) -> None:
 
 
 def fault(folder: Path, commit: str) -> str:
-    """Return the fault of a repository that `mirror` has made, '' if there is none."""
+    """Return the fault of a repository created by `mirror`, '' if there is none."""
     repository = f"--git-dir={folder}"
     try:
         if _git(repository, "rev-parse", "refs/heads/main").strip() != commit:
@@ -128,7 +131,7 @@ def fault(folder: Path, commit: str) -> str:
 
 def _receive(url: str, ref: str, commit: str, repository: Path) -> int:
     _git("init", "--quiet", "--bare", "--initial-branch=main", "--template=", os.fspath(repository))
-    # Keep the received data in one file, whose size is that of the download.
+    # Keep the received data in one file, whose size equals that of the download.
     words = (f"--git-dir={repository}", *_PLAIN, "fetch", "--quiet", "--depth=1", "--no-tags", "--", url)
     if ref == commit:
         _ask(*words, commit)
@@ -138,7 +141,7 @@ def _receive(url: str, ref: str, commit: str, repository: Path) -> int:
         except GitError as error:
             if "find remote ref" not in error.problems[0].message:
                 raise
-            _ask(*words, commit)  # a branch, which may have moved, or a tag that is gone
+            _ask(*words, commit)  # a branch, which may have moved, or a deleted tag
     received = _git(f"--git-dir={repository}", "rev-parse", "--verify", "FETCH_HEAD^{commit}").strip()
     if received != commit:
         message = f"the tag '{ref}' of '{without_passwords(url)}' is {received}, not {commit} as in the lock"
@@ -149,7 +152,7 @@ def _receive(url: str, ref: str, commit: str, repository: Path) -> int:
 
 
 def _ask(*words: str) -> str:
-    """Run a command of git that asks a server, again after errors of the network."""
+    """Run a git command that contacts a server; retry it after network errors."""
     for pause in _PAUSES:
         with suppress(NetworkError):
             return _git(*words)

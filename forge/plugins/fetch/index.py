@@ -31,14 +31,14 @@ _FORMAT = 1
 
 @frozen
 class Release:
-    """A released package: where its sources are, and its manifest as text."""
+    """A released package: the location of its sources, and its manifest as text."""
 
     name: str
     version: str
     repository: str
     """The URL of a git repository."""
     tag: str
-    """The tag whose tree is the package."""
+    """The tag whose tree contains the package."""
     manifest: str
 
 
@@ -65,10 +65,10 @@ class Snapshot:
 def read_snapshot(
     distribution: str, variables: Mapping[str, str], url: str | None = None, *, offline: bool = False
 ) -> Snapshot:
-    """Return the releases of a distribution: from the index at `url`, or with `offline` as read last.
+    """Return the releases of a distribution: from the index at `url`, or with `offline` as last read.
 
-    Without `url`, the index is that of ROSDISTRO_INDEX_URL or of rosdistro's configuration, else the public
-    one. Raises HostError if it cannot be read, SelectionError for an unknown distribution.
+    Without `url`, the index is named by ROSDISTRO_INDEX_URL or rosdistro's configuration, else it is the
+    public one. Raises HostError if it cannot be read, SelectionError for an unknown distribution.
     """
     kept = cache_folder(variables) / "index" / f"{distribution}.json"
     if offline:
@@ -102,9 +102,9 @@ def _download(distribution: str, url: str | None) -> dict[str, Any]:
         python_version = str(index.distributions[distribution].get("python_version", 3))
     except SelectionError:
         raise
-    except Exception as error:  # the library lets exceptions of the standard library through
+    except Exception as error:  # the library does not convert exceptions of the standard library
         reason = " ".join(str(error).split()) or type(error).__name__
-        # Errors of urllib are inside of others.
+        # Errors of urllib wrap other errors.
         reason = _WRAPPING.sub("", reason.replace(f" ({index_url})", "")).rstrip(">")
         message = f"cannot read the index of ROS distributions '{without_passwords(index_url)}': {reason}"
         hint = "check the network, name a mirror with ROSDISTRO_INDEX_URL, or use the last answer: --offline"

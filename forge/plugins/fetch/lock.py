@@ -41,7 +41,7 @@ class LockedPackage:
 
 @frozen
 class Clone:
-    """A repository that a package clones while it is built, and the commit that it gets."""
+    """A repository that a package clones during its build, and the locked commit."""
 
     repository: str
     tag: str
@@ -57,23 +57,23 @@ class Module:
     version: str
     hashes: tuple[str, ...]
     ros: bool
-    """Whether locked packages need it; the workspace's own packages need the others."""
+    """Whether locked packages need it; other distributions are needed by the workspace's own packages."""
 
 
 @frozen
 class Lock:
     distribution: str
     snapshot: str
-    """The digest of the index at the time when the lock was made."""
+    """The digest of the index at the time when the lock was written."""
     middleware: str
     requested: tuple[str, ...]
-    """The packages named on the command line, besides what the workspace needs."""
+    """The packages named on the command line, in addition to those that the workspace needs."""
     packages: tuple[LockedPackage, ...]
     clones: tuple[Clone, ...] = ()
     keys: tuple[str, ...] = ()
     """Keys of rosdep for system and Python dependencies of the packages."""
     pip: tuple[tuple[str, str], ...] = ()
-    """The rosdep keys that stand for PyPI distributions, with these."""
+    """The PyPI distributions of rosdep keys, by key."""
     python: tuple[str, ...] = ()
     """All requirements of Python modules, which `modules` fulfil."""
     modules: tuple[Module, ...] = ()
@@ -189,7 +189,7 @@ def _lines(fields: Mapping[str, Any]) -> Iterator[str]:
     for key, value in fields.items():
         if key == "path" and not value:
             continue
-        # Strings, numbers and booleans of JSON are those of TOML.
+        # Strings, numbers and booleans are the same in JSON and TOML.
         text = json.dumps(value, ensure_ascii=False)
         if key == "hashes":
             text = f"[\n{_rows(value)}]"
@@ -197,5 +197,5 @@ def _lines(fields: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _quoted(text: str) -> str:
-    """Return a basic string of TOML, which JSON's strings are."""
+    """Return a basic string of TOML; JSON's strings are valid ones."""
     return json.dumps(text, ensure_ascii=False)

@@ -1,6 +1,7 @@
-"""A `forge build` inside of a `forge build`, reported in two lines, except for failures.
+"""A `forge build` inside a `forge build`, reported in two lines except for failures.
 
-Its log has everything else. It is a process of its own, since it has another folder, environment and signals.
+Its log contains everything else. It is a separate process, since it has another folder, environment and
+signals.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ class Report:
         self.folder = folder
         self._head = head
         self.good: set[str] = set()
-        """Packages that are up to date, or were built."""
+        """Packages that are up to date or were built."""
         self.failed: list[str] = []
         self.built = 0
         self.text: list[str] = []
@@ -92,9 +93,9 @@ def run(
 ) -> int:
     """Run the command, which prints events, and return its exit code.
 
-    `record` is called with the names of good packages when they are known, after each that is built, and at
-    the end, however it ends.
-    An interrupt is passed on, and raised when the nested build has ended its own processes.
+    `record` is called with the names of usable packages: once they are known, after each built package, and
+    at the end, even after errors. An interrupt is passed on, and raised after the nested build has ended its
+    processes.
     """
     code, interrupted, planned = None, False, False
     with subprocess.Popen(

@@ -1,9 +1,10 @@
 """The Python modules that locked packages and the workspace's own packages need, pinned by the lock.
 
 There are two environments, since the underlay outlives every workspace: programs of ROS name the interpreter
-that they start with, which may not be that of a workspace somebody removes. `UNDERLAY/venv` has the modules
-with which ROS is built and runs; `.venv` in the workspace has those and what its own packages need.
-Functions import what takes long, since each build of a workspace with a lock imports this module.
+that they start with, which must not be that of a workspace, because workspaces are removed. `UNDERLAY/venv`
+has the modules with which ROS is built and runs; `.venv` in the workspace has those and the modules that its
+own packages need. Slow modules are imported inside functions, since each build of a workspace with a lock
+imports this module.
 """
 
 from __future__ import annotations
@@ -56,7 +57,7 @@ REQUIREMENTS = {
 """The distributions on PyPI of rosdep's keys."""
 
 _PROGRAMS = {"python3-pydot": ("dot", "graphviz")}
-"""Programs that modules from PyPI start, and the system packages that have them."""
+"""Programs that modules from PyPI start, and the system packages that contain them."""
 
 _STAMP = "forge-modules.txt"
 """The file in an environment that records the installed modules, or the current operation."""
@@ -95,15 +96,15 @@ def missing_programs(keys: Mapping[str, Sequence[str]], variables: Mapping[str, 
 
 
 def is_system_module(key: str) -> bool:
-    """Return whether a key of rosdep names Python modules that only the system's package manager has."""
+    """Return whether a key of rosdep names Python modules that only the system's package manager provides."""
     return key.startswith(("python3-", "python-")) and key not in REQUIREMENTS
 
 
 def declared_requirements(packages: Iterable[Package], provided: Collection[str]) -> tuple[str, ...]:
     """Return the PyPI requirements of Python projects, except for names that are `provided`.
 
-    setup.py is not run: only literals count. 'setuptools' by itself, which every template names, is needed
-    only to build, where forge has it.
+    setup.py is not run: only literals count. 'setuptools' alone, which every template names, is needed only
+    for builds, where forge provides it.
     """
     from packaging.requirements import Requirement
     from packaging.utils import canonicalize_name
@@ -154,7 +155,7 @@ def lock_modules(
     *,
     offline: bool,
 ) -> tuple[Module, ...]:
-    """Return versions that fulfil the requirements of ROS and all others, those of `pinned` if they can stay.
+    """Return versions that fulfil the requirements of ROS and all others, if possible those of `pinned`.
 
     Raises HostError if there are none, or the index cannot be reached.
     """
@@ -169,14 +170,16 @@ def lock_modules(
 
 
 def sees_system(lock: Lock, underlays: Sequence[Path]) -> bool:
-    """Return whether modules of the system must be visible: those of a ROS that somebody has installed, or of
-    keys that PyPI does not serve."""
+    """Return whether modules of the system must be visible.
+
+    Those of an installed ROS distribution, or of keys without a PyPI distribution.
+    """
     served = dict(lock.pip)
     return bool(underlays) or any(is_system_module(key) and key not in served for key in lock.keys)
 
 
 def compiled_against(lock: Lock) -> tuple[str, ...]:
-    """Return the modules whose headers ROS is compiled with, and their versions as far as these matter."""
+    """Return the modules whose headers ROS is compiled with, and the relevant parts of their versions."""
     return tuple(
         f"{each.name} {each.version.partition('.')[0]}" for each in lock.modules if each.name == "numpy"
     )
@@ -185,7 +188,7 @@ def compiled_against(lock: Lock) -> tuple[str, ...]:
 def prepare_workspace(
     root: Path, lock: Lock, interpreter: Interpreter, cache: Path, underlays: Sequence[Path]
 ) -> None:
-    """Make the environment of the workspace and install the lock's modules, unless that was done."""
+    """Create the environment of the workspace and install the lock's modules, unless this was done before."""
     environment = workspace_environment(root, interpreter) if lock.modules else None
     if environment and not _has_modules(environment, lock.modules):
         with only_download(cache):
@@ -196,7 +199,7 @@ def prepare_workspace(
 def prepare_interpreter(underlay: Path, lock: Lock, python: Path, cache: Path) -> str:
     """Return an interpreter with the modules that the locked packages need, in the underlay.
 
-    Other workspaces may have locked other versions: those of the last one that builds count.
+    Other workspaces may have locked other versions: the last built workspace determines them.
     """
     modules = [each for each in lock.modules if each.ros]
     if not modules:
@@ -215,10 +218,10 @@ def workspace_environment(root: Path, interpreter: Interpreter) -> Path | None:
 
 
 def make_environment(folder: Path, python: Path, *, system: bool) -> None:
-    """Make a virtual environment unless it works; `system` modules are visible in it.
+    """Create a virtual environment unless it exists and works; `system` makes system modules visible in it.
 
-    An environment that exists keeps its interpreter and its modules, and one that forge did not make also its
-    settings. Raises HostError if that one does not work.
+    An existing environment keeps its interpreter and its modules, and one that forge did not make also its
+    settings. Raises HostError if the latter does not work.
     """
     own, stamp = folder / "bin/python3", folder / _STAMP
     if own.exists() and text_or_nothing(stamp) != _CREATING:
@@ -232,7 +235,7 @@ def make_environment(folder: Path, python: Path, *, system: bool) -> None:
         message = f"'{folder}' is not a working Python environment, and was not created by forge"
         raise HostError(Problem(message, hint="move it away, or activate another environment"))
     if folder.exists():
-        delete_tree(folder)  # its interpreter was removed, or forge was killed here
+        delete_tree(folder)  # the interpreter was removed, or forge was killed in between
     folder.mkdir(parents=True, exist_ok=True)
     replace_file(stamp, _CREATING.encode())
     if uv := shutil.which("uv"):
@@ -241,7 +244,7 @@ def make_environment(folder: Path, python: Path, *, system: bool) -> None:
         command = [str(python), "-m", "venv"]
     hint = "install uv, or the module venv of Python, for example with `apt install python3-venv`"
     _run([*command, *(["--system-site-packages"] if system else []), str(folder)], "make", folder, hint)
-    # The command that made it differs for each workspace, which would prevent package cache hits.
+    # Without the command that made it: it differs for each workspace and would prevent package cache hits.
     lines = text_or_nothing(folder / "pyvenv.cfg").splitlines(keepends=True)
     kept = "".join(line for line in lines if not line.startswith("command ="))
     replace_file(folder / "pyvenv.cfg", kept.encode())
@@ -250,7 +253,7 @@ def make_environment(folder: Path, python: Path, *, system: bool) -> None:
 
 
 def install_modules(folder: Path, modules: Sequence[Module], cache: Path, *, offline: bool = False) -> None:
-    """Install exactly these versions in an environment, if they are not there; raises HostError."""
+    """Install exactly these versions in an environment, unless already installed; raises HostError."""
     if _has_modules(folder, modules):
         return
     python, text = folder / "bin/python3", requirements_text(modules)
@@ -278,7 +281,7 @@ def add_modules(
 ) -> Iterator[Problem]:
     """Install the modules missing from an environment of the user; yield mismatches with the lock.
 
-    Modules that it has keep their versions, and an interpreter outside of an environment gets none.
+    Existing modules keep their versions; nothing is installed for an interpreter outside of an environment.
     """
     names = [each.name for each in modules]
     lines = ask_python(interpreter.path, _VERSIONS, *names).splitlines()
@@ -313,13 +316,13 @@ class _Installer:
         self._python, self._files, self._offline = str(python), cache / "modules", offline
         self._uv = shutil.which("uv")
         if not self._uv:
-            # uv makes environments without pip.
+            # uv creates environments without pip.
             ask_python(python, _ENSURE_PIP)
 
     def resolve(
         self, requirements: Collection[str], pinned: Sequence[Module]
     ) -> dict[str, tuple[str, tuple[str, ...]]]:
-        """Return version and hashes by name, of the requirements and of what they require."""
+        """Return version and hashes by name, of the requirements and their dependencies."""
         if not requirements:
             return {}
         with tempfile.TemporaryDirectory() as folder:
@@ -379,7 +382,7 @@ class _Installer:
     def _resolve_by_pip(
         self, wanted: Path, constraints: Path, pinned: Sequence[Module]
     ) -> dict[str, tuple[str, tuple[str, ...]]]:
-        """Download the files for this machine, and ask the index for the hashes of those for others."""
+        """Download the files for this machine, and get the hashes of other files from the index."""
         self._files.mkdir(parents=True, exist_ok=True)
         known = {(each.name, each.version): each.hashes for each in pinned}
         found = {}
@@ -394,7 +397,7 @@ class _Installer:
                 own = f"sha256:{hashlib.sha256(path.read_bytes()).hexdigest()}"
                 hashes = set(known.get((name, version), ()))
                 if hashes and own not in hashes:
-                    hint = f"if that is right: forge fetch --update {name}"
+                    hint = f"if this is expected: forge fetch --update {name}"
                     raise WorkspaceError(Problem(f"'{path.name}' does not match the lock", hint=hint))
                 found[name] = version, tuple(sorted(hashes or {own, *_published(index, name, version)}))
                 path.replace(self._files / path.name)
@@ -410,7 +413,7 @@ class _Installer:
 
 
 def _published(index: str, name: str, version: str) -> set[str]:
-    """Return the hashes of all files of a version that an index lists (PEP 503); empty if it cannot tell."""
+    """Return the hashes of all files of a version in an index (PEP 503); empty if it is unavailable."""
     import urllib.parse
     import urllib.request
 

@@ -1,6 +1,6 @@
 """The digests of the files of each downloaded package, in a file beside its folder.
 
-It also marks folders that forge may remove from the cache.
+These files also mark folders that forge may remove from the cache.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def changed_files(folder: Path) -> list[str]:
 
 
 def _files(folder: Path) -> Iterator[tuple[str, str]]:
-    """Yield the relative path and a digest of each file and link; whether a file can be executed counts."""
+    """Yield the relative path and a digest of each file and link; the digest covers the executable bit."""
     for place, folders, names in os.walk(folder):
         links = [name for name in folders if Path(place, name).is_symlink()]
         for path in (Path(place, name) for name in (*names, *links)):

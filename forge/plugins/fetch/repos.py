@@ -45,10 +45,10 @@ class Imports:
 
 
 def import_packages(path: Path, snapshot: Snapshot, cache: Path) -> Imports:
-    """Return the packages in the repositories that a file names, at the commits that these have now.
+    """Return the packages in the repositories that a file names, at their current commits.
 
-    A tag of the index is the package of the index; other repositories are downloaded, and searched. Raises
-    WorkspaceError for a malformed file, HostError if a repository cannot be read.
+    For a tag of the index, the packages of the index are used; other repositories are downloaded and
+    searched. Raises WorkspaceError for a malformed file, HostError if a repository cannot be read.
     """
     of_index = {(each.repository, each.tag): each for each in snapshot.releases.values()}
 
@@ -131,7 +131,7 @@ def _commit(repository: _Repository) -> tuple[str, str]:
 def _packages(
     url: str, tag: str, commit: str, distribution: str, cache: Path
 ) -> list[tuple[LockedPackage, Release]]:
-    """Download a repository, and store each package in it as if it was downloaded alone."""
+    """Download a repository, and store each package in it as if it had been downloaded separately."""
     found = []
     (cache / "sources").mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(DRAFT, ".", cache / "sources") as folder:

@@ -61,7 +61,7 @@ def only_download(cache: Path) -> Iterator[None]:
 
 
 def lock_packages(names: Iterable[str], snapshot: Snapshot) -> tuple[list[LockedPackage], list[Problem]]:
-    """Return the packages with the commits of their tags, and a problem for each that has none."""
+    """Return the packages with the commits of their tags, and a problem for each missing tag."""
     by_repository: dict[str, list[Release]] = {}
     for name in sorted(names):
         by_repository.setdefault(snapshot.releases[name].repository, []).append(snapshot.releases[name])
@@ -104,7 +104,7 @@ def download_packages(
 ) -> list[Problem]:
     """Download the packages missing from the cache; return a problem for each failure.
 
-    `done` is called for each with its name and the bytes that were received, also in other threads.
+    `done` is called for each with its name and the number of received bytes, possibly in other threads.
     """
 
     def download(package: LockedPackage) -> None:
@@ -146,7 +146,7 @@ def lock_clones(
     Calls below `if(BUILD_TESTING)` count with `tests`. CMake decides whether a call is made at all.
     """
     warnings = []
-    hint = "if the build does clone it, that is not locked, and needs the network"
+    hint = "if the build clones it, the commit is not locked, and network access is needed"
     users: dict[tuple[str, str], set[str]] = {}
     for package in packages:
         for text in map(text_or_nothing, cmake_files(source_folder(cache, package))):
@@ -198,7 +198,7 @@ def download_clones(
 
 
 def combined_clone(mirrors: Mapping[str, Path], folder: Path) -> Path:
-    """Return a repository that has these tags of one repository, each of which has a mirror in the cache."""
+    """Return a repository with these tags of one repository; each tag has a mirror in the cache."""
     if len(mirrors) == 1:
         return next(iter(mirrors.values()))
     combined = folder / f"{digest(*map(str, sorted(mirrors.values())))}.git"
@@ -237,7 +237,7 @@ def in_parallel(
 
 
 class _new_folder:
-    """A context that yields a draft and gives it its name at the end; after an error, nothing is left."""
+    """A context that yields a draft and renames it at the end; after an error, the draft is removed."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -271,7 +271,7 @@ def copy_sources(packages: Iterable[LockedPackage], cache: Path, folder: Path) -
 
 
 def _copy_tree(source: Path, target: Path) -> None:
-    """Copy what is in a folder, except for a repository of git; raises one OSError if the disk is full."""
+    """Copy the contents of a folder without its git repository; raises one OSError if the disk is full."""
     ignored = shutil.ignore_patterns(".git")
     try:
         shutil.copytree(source, target, symlinks=True, dirs_exist_ok=True, ignore=ignored)

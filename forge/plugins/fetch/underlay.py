@@ -51,9 +51,9 @@ cmake-args = ["-DBUILD_TESTING=OFF", "-DTRACETOOLS_DISABLED=ON"]
 _CLONES = "mirrors.json"
 """The repositories that the packages of all locks clone while they are built: a mirror for each tag."""
 BUILT = "built.json"
-"""The sources of the packages that are built, by name, and the state of the system in which they were.
+"""The sources of the built packages, by name, and the state of the system during the build.
 
-It is absent until a build has checked them. Its time is that of the last use.
+The file is absent until a build has checked them. Its time is the time of the last use.
 """
 _SYSTEM = (
     *("/var/lib/dpkg/status", "/var/lib/rpm/rpmdb.sqlite", "/usr/lib/sysimage/rpm/rpmdb.sqlite"),
@@ -61,9 +61,9 @@ _SYSTEM = (
 )
 """Files that package managers write when they install or remove something."""
 _PAUSE = 0.2
-"""Seconds between looks at what another process builds."""
+"""Seconds between checks of the progress of another process."""
 _NEEDS = "needs.json"
-"""Declared dependencies missing from the latest locks, by a digest of the packages."""
+"""Declared dependencies missing from recent locks, by a digest of the packages."""
 _MAX_STORED_NEEDS = 20
 
 
@@ -75,7 +75,7 @@ def is_underlay(path: Path, cache: Path) -> bool:
 def build(
     root: Path, underlays: Sequence[Path], variables: Mapping[str, str], options: BuildOptions
 ) -> tuple[Path, ...]:
-    """Return the install folder of the underlay of a workspace's lock, after building what it lacks.
+    """Return the install folder of the underlay of a workspace's lock, after building missing packages.
 
     `underlays` are those that the shell sourced, `variables` the environment without the workspace's own
     entries. Raises HostError if a package cannot be downloaded or built.
@@ -116,7 +116,7 @@ def build(
         folder.mkdir(parents=True, exist_ok=True)
         is_built = partial(_is_built, folder, wanted, state)
         with locked(folder, wait=not options.folders.no_wait, or_until=is_built):
-            # The forge that had the lock may have built these packages, or others with the same names.
+            # The previous holder of the lock may have built these packages, or others with the same names.
             if is_built() or not _fits(folder, wanted):
                 continue
             _download(lock, cache)
@@ -127,7 +127,7 @@ def build(
 
 
 def _state(paths: Iterable[str]) -> str:
-    """Return a digest of the files and of forge; if it has changed, a build checks all packages."""
+    """Return a digest of the files and of forge; if it changes, a build checks all packages."""
     found = [__version__]
     for path in paths:
         with suppress(OSError):
@@ -137,7 +137,7 @@ def _state(paths: Iterable[str]) -> str:
 
 
 def _fitting_folder(base: Path, name: str, wanted: Mapping[str, str]) -> Path:
-    """Return the first underlay of this name that has no package in another version."""
+    """Return the first underlay of this name that contains no package in another version."""
     number = 0
     while not _fits(folder := base / (f"{name}-{number}" if number else name), wanted):
         number += 1
@@ -149,7 +149,7 @@ def _fits(folder: Path, wanted: Mapping[str, str]) -> bool:
 
 
 def linked_sources(folder: Path) -> dict[str, Path]:
-    """Return the folders in the cache that an underlay's packages link to, which may be gone, by name."""
+    """Return the cache folders that an underlay's packages link to, by name; they may no longer exist."""
     links = sorted((folder / "src").glob("*"))
     return {link.name: link.readlink() for link in links if link.is_symlink()}
 
@@ -193,7 +193,7 @@ def _declared(manifests: Iterable[Path], variables: Mapping[str, str]) -> set[st
 
 
 def _outer_needs(lock: Lock, cache: Path, variables: Mapping[str, str]) -> set[str]:
-    """Return the names that the locked packages declare and the lock does not have.
+    """Return the dependencies that the locked packages declare and that are not in the lock.
 
     They are stored for the next build, which would otherwise read each manifest again.
     """
@@ -205,7 +205,7 @@ def _outer_needs(lock: Lock, cache: Path, variables: Mapping[str, str]) -> set[s
         if key in stored:
             return set(stored[key])
     _download(lock, cache)
-    # The conditions of manifests are about the distribution.
+    # The conditions of manifests refer to the distribution.
     known = {**variables, "ROS_DISTRO": lock.distribution}
     found = _declared((source_folder(cache, each) / "package.xml" for each in lock.packages), known) - names
     latest = [*stored.items()][1 - _MAX_STORED_NEEDS :]
@@ -255,7 +255,7 @@ def _run_build(
     own = {name: value for name, value in variables.items() if name != "RMW_IMPLEMENTATION"}
     own["PWD"] = str(folder)  # programs check these
     own |= _clone_settings(folder, lock, cache, own)
-    # For programs that the system lacks, such as the vcs of packages that clone.
+    # Provide programs that the system lacks, such as vcs for packages that clone repositories.
     own["PATH"] = os.pathsep.join([*filter(None, [own.get("PATH")]), str(Path(python).parent)])
     if options.cache.remote_cache:
         own["FORGE_REMOTE_CACHE"] = options.cache.remote_cache  # hides passwords from other users
@@ -264,7 +264,7 @@ def _run_build(
     optional = _declared((folder / "src" / name / "package.xml" for name in sources), own)
     words = ["--rosdistro", lock.distribution, "--python", python, "--json", *_passed_on(options)]
     words += ["--skip-keys", *sorted(optional)]
-    # Those of other workspaces, which may be broken, can wait.
+    # Packages of other workspaces, which may be broken, can wait.
     words += ["--packages-up-to", *(each.name for each in lock.packages)]
 
     def record(good: set[str]) -> None:
@@ -299,10 +299,10 @@ def _run_build(
 
 
 def _clone_settings(folder: Path, lock: Lock, cache: Path, variables: Mapping[str, str]) -> dict[str, str]:
-    """Return the variables by which git clones what locks pin, without any network.
+    """Return the variables that make git clone pinned repositories from the cache, without network.
 
-    Other locks may have pinned what packages clone that are built again with these. Settings that the
-    variables already contain are kept.
+    Packages built again with these variables may clone repositories that other locks have pinned. Settings
+    that the variables already contain are kept.
     """
     pinned: dict[str, dict[str, str]] = {}
     with suppress(ValueError):

@@ -1,1 +1,1 @@
-"""Packages that differ from a git revision, for `--packages-select-changed` and the options beside it."""
+"""Packages that differ from a git revision, for `--packages-select-changed` and related options."""

@@ -3,7 +3,7 @@
 git only resolves revisions and lists trees, the index and untracked files. It does not read tracked files,
 which would run filters, write the index, which would run a hook, or fetch missing objects, which would run a
 transport. forge compares the files itself. A file that git converted at checkout, by a filter or by changing
-its line endings, is unchanged only if the index says so; otherwise it counts as changed.
+its line endings, is unchanged only according to the index; otherwise it counts as changed.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class Repository:
     """A repository and its state; git is queried once, on demand."""
 
     def __init__(self, top: Path, revision: str, repositories: Mapping[Path, Repository]) -> None:
-        """`repositories` returns the others."""
+        """`repositories` returns the other repositories."""
         self.top = top
         self._revision = revision
         self._repositories = repositories
@@ -125,7 +125,7 @@ class Repository:
 
     @cached_property
     def files(self) -> frozenset[Path]:
-        """All files that git knows, and the folders that contain them."""
+        """All files that git tracks or does not ignore, and the folders that contain them."""
         return _with_folders(self.top / name for name in (*self.tree, *self.index, *self.untracked))
 
     @cached_property
@@ -159,7 +159,7 @@ class Repository:
             return True
 
     def _contents(self, path: Path, status: os.stat_result, then: _Entry, now: _Entry | None) -> _Entry:
-        """Return the mode and the hash that git has for this file, unless it converts the contents."""
+        """Return the mode and the hash that git computes for this file, unless it converts the contents."""
         digest = hashlib.new("sha256" if len(then.digest) == 64 else "sha1", usedforsecurity=False)
         if stat.S_ISLNK(status.st_mode):
             target = os.fsencode(path.readlink())

@@ -1,1 +1,1 @@
-"""`forge ignore`: leaves packages out of a workspace, and says which ones are left out and why."""
+"""`forge ignore`: leaves packages out of a workspace, and lists those that are left out, with reasons."""

@@ -1,4 +1,4 @@
-"""`forge ignore`: leave packages out of the workspace with COLCON_IGNORE files, and list those left out."""
+"""`forge ignore`: ignore packages of the workspace with COLCON_IGNORE files, and list ignored ones."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Options:
         positional=True,
         metavar="PKG",
     )
-    list: bool = flag("list the ignored packages, each with the file that is the reason")
+    list: bool = flag("list the ignored packages, each with the file that hides it")
     undo: bool = flag("no longer ignore these packages or folders")
     json: bool = flag("print the list as JSON")
     search: SearchPaths = options_of(SearchPaths)
@@ -40,7 +40,7 @@ class Options:
 
 
 def run(options: Options) -> int:
-    """Create or remove the marks of the named packages, or list what is ignored."""
+    """Create or remove the marks of the named packages, or list the ignored packages."""
     root = Path.cwd()
     workspace = find_packages(root, options.search, os.environ)
     hidden = list(ignored_packages(root, options.search.base_paths, os.environ))
@@ -92,7 +92,7 @@ def _unmark(word: str, workspace: Workspace, hidden: Iterable[IgnoredPackage], o
         raise SelectionError(Problem(f"'{word}' is not ignored", hint=hint))
     if len(named) > 1:
         paths = listed([displayed(each.path, options.origin) for each in named])
-        hint = "give the path of the one that is no longer to be ignored"
+        hint = "give the path of the package to include again"
         raise SelectionError(Problem(f"several ignored packages are named '{word}': {paths}", hint=hint))
     folder = named[0].path if named else _folders_of(word, workspace, hidden, options)[0]
     mark = folder / IGNORE_MARK
@@ -127,7 +127,7 @@ def _hidden_elsewhere(package: IgnoredPackage, hidden: Iterable[IgnoredPackage],
 def _folders_of(
     word: str, workspace: Workspace, hidden: Iterable[IgnoredPackage], options: Options
 ) -> list[Path]:
-    """Return the folder that a word means, relative to the root; raises SelectionError."""
+    """Return the folder that a word refers to, relative to the root; raises SelectionError."""
     path = Path(os.path.normpath(workspace.root / options.origin / word))
     if not path.is_dir():
         hint = did_you_mean(word, {*workspace.packages, *(each.name for each in hidden)})

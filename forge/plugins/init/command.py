@@ -62,8 +62,8 @@ class Options:
     devcontainer: bool = flag(".devcontainer: a container with ROS, forge, clangd and gdb")
     rosdistro: str | None = distribution_option()
     forge: str | None = option(
-        "how the jobs and the container install forge, as for pip (default: from the repository and commit "
-        "that this forge was installed from)",
+        "pip requirement that installs forge in the jobs and the container (default: the repository and "
+        "commit that this forge was installed from)",
         parse=_requirement,
         metavar="REQUIREMENT",
     )
@@ -72,7 +72,7 @@ class Options:
 
 
 def run(options: Options) -> int:
-    """Write the files; raises WorkspaceError, and writes none of them, if one exists."""
+    """Write the files; if one of them exists, write none and raise WorkspaceError."""
     root = Path.cwd()
     check_distribution(options.rosdistro)
     rosdistro = known_rosdistro(options.rosdistro, root, root / "install") or ""
@@ -134,12 +134,14 @@ def _warnings(root: Path, wanted: list[str], requirement: str) -> list[Problem]:
         lines = render("init/templates/gitignore").split()
         problems.append(
             Problem(
-                "git does not ignore what forge writes", Location(Path(_GITIGNORE)), f"add {', '.join(lines)}"
+                "git does not ignore forge's output folders",
+                Location(Path(_GITIGNORE)),
+                f"add {', '.join(lines)}",
             )
         )
     if requirement == PLACEHOLDER and not _INSTALL_FORGE.isdisjoint(wanted):
         message = "replace URL_OF_FORGE and COMMIT: this forge was not installed from a repository"
-        hint = "or pass what pip is to install: --forge 'ros-forge[cmake] @ git+https://...@COMMIT'"
+        hint = "or pass a pip requirement: --forge 'ros-forge[cmake] @ git+https://...@COMMIT'"
         problems.append(Problem(message, hint=hint))
     top = next((folder for folder in (root, *root.parents) if (folder / ".git").exists()), None)
     at_top = [path for name in wanted for path in _FILES[name] if name in {"github", "gitlab"}]

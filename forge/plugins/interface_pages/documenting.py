@@ -90,7 +90,7 @@ def make_site(options: Options, default: Path) -> int:
     if not catalogs:
         raise_if_any(dict.fromkeys(problems), InterfaceError)
     others = [other for catalog in catalogs for other in dependency_catalogs(catalog, library)]
-    # Of other packages, only the types that these refer to are documented.
+    # Types of other packages are documented only if these refer to them.
     catalogs += sorted(
         (other for other in others if other.package not in whole), key=lambda other: other.package
     )
@@ -163,7 +163,7 @@ def _manifest(path: Path) -> Manifest | None:
 def write_site(files: Iterable[File], out: Path) -> Written:
     """Write the files of a site below `out`, and remove obsolete files of an earlier run.
 
-    Raises HostError if the folder is not writable, or contains a first page of another origin.
+    Raises HostError if the folder is not writable, or contains a first page that forge did not write.
     """
     listing = out / _LISTING
     try:
@@ -175,7 +175,7 @@ def write_site(files: Iterable[File], out: Path) -> Written:
         paths = map(PurePosixPath, before)
         before = {str(path) for path in paths if not path.is_absolute() and ".." not in path.parts}
         written = {file.path: write_if_changed(out / file.path, file.text) for file in files}
-        # Keep all existing files listed, even if the next steps fail.
+        # Keep all existing files in the list, even if the next steps fail.
         write_if_changed(listing, "".join(f"{path}\n" for path in sorted(before | written.keys())))
         for path in sorted(before - written.keys()):
             (out / path).unlink(missing_ok=True)

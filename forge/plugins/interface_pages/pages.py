@@ -40,7 +40,7 @@ TITLES = {1: ("",), 2: ("Request", "Response"), 3: ("Goal", "Result", "Feedback"
 
 @frozen
 class Paragraph:
-    """A paragraph of a comment; white space in preformatted ones is kept."""
+    """A paragraph of a comment; preformatted ones keep their white space."""
 
     text: str
     preformatted: bool = False
@@ -57,7 +57,8 @@ def paragraphs(doc: Iterable[str]) -> tuple[Paragraph, ...]:
 def pages(catalog: Catalog) -> Iterator[dict[str, Any]]:
     """Yield the values of the page of each interface; `root` is the relative path to the first page.
 
-    Messages without a title are whole interfaces. `lines` are those of the definition, as code and comment.
+    Messages without a title are whole interfaces. `lines` are the lines of the definition, as code and
+    comment.
     """
     interfaces, sizes, hasher = catalog.interfaces, SizeCalculator(catalog.known), Hasher(catalog)
     users: dict[TypeName, set[TypeName]] = {}

@@ -107,7 +107,7 @@ def _package_entry(
 
 
 def summary(doc: Iterable[str]) -> str:
-    """Return the first sentence of a comment on one line; an empty text if there is no comment."""
+    """Return the first sentence of a comment on one line; an empty text without a comment."""
     first = next((" ".join(each.text.split()) for each in paragraphs(doc)), "")
     sentence = _SENTENCE.match(first)
     text = sentence[1] if sentence else first

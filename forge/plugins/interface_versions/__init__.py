@@ -1,2 +1,4 @@
-"""Versions of interface definitions: `forge interface diff` compares two, `fix` corrects invalid ones, as of
-ROS 1."""
+"""Versions of interface definitions.
+
+`forge interface diff` compares two, `fix` corrects invalid ones, such as those of ROS 1.
+"""

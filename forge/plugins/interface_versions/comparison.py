@@ -1,9 +1,9 @@
-"""Compare two versions of interfaces: which changes keep the serialized bytes, the type hash, the API; pure.
+"""Compare two versions of interfaces: which changes preserve the serialized bytes, the type hash and the API.
 
-The *wire* is kept if both versions write the same bytes and read the same values from them, and each value
-reaches the field of its name if that still exists: what two nodes of different versions, or a recorded bag,
-rely on. The *hash* is that of REP 2011, which depends on names too, but not on default values
-and constants. The *API* is kept if code written for the old version still compiles and means the same.
+Pure. The *wire* is kept if both versions write the same bytes and read the same values from them, and each
+value reaches the field of its name if that still exists: two nodes of different versions, or readers of a
+recorded bag, rely on this. The *hash* (REP 2011) also depends on names, but not on default values and
+constants. The *API* is kept if code written for the old version still compiles and means the same.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ class Version:
 
 @frozen
 class Change:
-    """A difference of an interface in words. Other breakage than that of the API is determined as a whole."""
+    """A difference of an interface in words. Breakage of the wire and the hash is determined as a whole."""
 
     text: str
     api: bool = False
@@ -73,15 +73,15 @@ class Change:
 
 @frozen
 class Difference:
-    """How an interface differs; `breaks` is what is not kept. A new interface breaks nothing."""
+    """How an interface differs; `breaks` is the set of broken guarantees. A new interface breaks nothing."""
 
     name: TypeName
     breaks: frozenset[str]
     changes: tuple[Change, ...] = ()
     hashes: tuple[str, str] = ("", "")
-    """The old and the new hash; empty for an interface that does not exist there."""
+    """The old and the new hash; '' if the interface does not exist in that version."""
     invalid_in: tuple[str, ...] = ()
-    """In which versions, 'old' and 'new', the interface is invalid: then it is not compared."""
+    """The versions, 'old' or 'new', in which the interface is invalid: then it is not compared."""
 
 
 def version_of(catalogs: Iterable[Catalog], invalid: Iterable[TypeName]) -> Version:
@@ -148,14 +148,14 @@ def _moves(
 
 
 class _Wires:
-    """Says whether messages of two versions understand each other; the results are cached."""
+    """Decides whether messages of two versions are compatible; the results are cached."""
 
     def __init__(self, old: Version, new: Version) -> None:
         self._versions = old, new
         self._kept: dict[tuple[TypeName, TypeName], bool] = {}
 
     def kept(self, old: Message, new: Message) -> bool:
-        """Return whether the bytes are the same, and belong to the same fields as far as both have them."""
+        """Return whether the bytes are the same, and belong to the same fields if both versions have them."""
         names = old.name, new.name
         if names not in self._kept:
             before, after = map(_places, (old, new), self._versions)
@@ -180,7 +180,7 @@ class _Wires:
 
 
 def _places(message: Message, version: Version) -> dict[str, tuple[_Layout, _Layout]]:
-    """Return what precedes each field, and its own layout."""
+    """Return the layout of the preceding fields, and that of the field itself, for each field."""
     at, found = _Layout(), {}
     for each in message.fields:
         own = _layout(each.type, version)
@@ -219,7 +219,7 @@ def _enumeration_changes(where: str, old: Message, new: Message) -> Iterator[Cha
         elif name not in after:
             yield Change(f"enumeration '{name}'{where} was removed", api=True)
         elif gone := sorted(before[name].keys() - after[name].keys()):
-            yield Change(f"enumeration '{name}'{where} has no {' and '.join(gone)} any more", api=True)
+            yield Change(f"enumeration '{name}'{where} no longer has {' and '.join(gone)}", api=True)
 
 
 def _constant(constant: Constant) -> str:
@@ -229,7 +229,7 @@ def _constant(constant: Constant) -> str:
 def _field_changes(where: str, old: Message, new: Message, moved: Collection[str]) -> Iterator[Change]:
     """Yield the changes of the fields; a field whose name alone has changed is renamed.
 
-    Without those of fields that have `moved` to or from another section.
+    Changes of fields that have `moved` to or from another section are left out.
     """
     before, after = ([each for each in message.fields if each.name not in moved] for message in (old, new))
     names = [[each.name for each in fields] for fields in (before, after)]
@@ -298,8 +298,8 @@ class _Layout:
     """Everything that determines the bytes and the range of values, without names.
 
     A polynomial hash of a list of primitives, strings and sequences: arrays and nested messages, of which
-    there may be millions, need not be written out to be compared with those that are. XCDR1 aligns
-    primitives only, so that the members of a nested message could as well be its owner's.
+    there may be millions, can be compared with expanded ones without being expanded. XCDR1 aligns
+    primitives only, so that the members of a nested message can be treated as its owner's.
     """
 
     value: int = 0

@@ -30,7 +30,7 @@ class Options:
     EPILOG = (
         "A version is a folder (of a package, a workspace, an install folder) or a revision of git, as in "
         "HEAD~1 or v1.2.0:src/my_msgs. The exit code is 1 if an interface breaks what --fail-on names, "
-        "and 2 if one is invalid in a version, and so cannot be compared."
+        "and 2 if one is invalid in a version and cannot be compared."
     )
     old: str = option("the old version", positional=True, metavar="OLD")
     new: str = option(
@@ -38,7 +38,7 @@ class Options:
     )
     package: str | None = option("compare only the interfaces of this package", metavar="NAME")
     fail_on: tuple[str, ...] = option(
-        "what must not break: wire, hash, api, or none (default: all)",
+        "properties that must not break: wire, hash, api, or none (default: all)",
         default=ASPECTS,
         nargs="+",
         choices=(*ASPECTS, "none"),

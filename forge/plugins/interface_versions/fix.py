@@ -27,7 +27,7 @@ from forge.plugins.interface_versions.rewriting import (
 
 @frozen
 class Options:
-    EPILOG = "Without --write, nothing changes: the exit code is 1 if something would, 0 if not."
+    EPILOG = "Without --write, no file is changed: the exit code is 1 if files would change, else 0."
     folders: tuple[str, ...] = option(
         "folders with packages (default: this folder)", default=(".",), positional=True, metavar="DIR"
     )
@@ -92,14 +92,14 @@ def _name_of(folder: str) -> str:
 
 
 def _sources(package: str, home: Path) -> Iterator[Source]:
-    """Yield the definitions of a package; .idl files stay as they are."""
+    """Yield the definitions of a package, without .idl files, which are not changed."""
     for relative in definitions_in(home):
         if not relative.endswith(".idl"):
             yield read_source(package, home, relative)
 
 
 def _new_names(sources: Iterable[Source]) -> Iterator[tuple[str, str]]:
-    """Yield the full names of the types of a package that are invalid, and better ones."""
+    """Yield the full names of the invalid types of a package, and valid replacements."""
     stems = {PurePosixPath(each.relative).stem: each.package for each in sources}
     for stem, package in stems.items():
         if (better := type_name(stem)) != stem and better not in stems:
@@ -107,7 +107,10 @@ def _new_names(sources: Iterable[Source]) -> Iterator[tuple[str, str]]:
 
 
 def _fix(source: Source, siblings: Iterable[Source], types: Mapping[str, str]) -> Fix:
-    """Return the fix of a definition, which may be valid already; `siblings` are those of its package."""
+    """Return the fix of a definition, which may be valid already.
+
+    `siblings` are the definitions of its package.
+    """
     own = {PurePosixPath(each.relative).stem for each in siblings}
     text, names = rewritten(source.text, source.package, own, types)
     path = PurePosixPath(source.relative)
@@ -116,7 +119,7 @@ def _fix(source: Source, siblings: Iterable[Source], types: Mapping[str, str]) -
 
 
 def _uses_elsewhere(types: Mapping[str, str], homes: Container[Path]) -> Iterator[Fix]:
-    """Yield the definitions in other packages of the workspace that use types that get other names."""
+    """Yield the definitions in other packages of the workspace that use renamed types."""
     for package, home in workspace_packages().items() if types else ():
         if home.resolve() not in homes:
             for source in _sources(package, home):
@@ -133,7 +136,7 @@ def _preview(fix: Fix) -> str:
 
 
 def _collisions(fixes: Iterable[Fix]) -> Iterator[Problem]:
-    """Yield a problem for each new name that another definition has, or gets as well."""
+    """Yield a problem for each new name that another definition has or will get."""
     new: dict[Path, Path] = {}
     for fix in fixes:
         source, target = fix.source.path, fix.target
@@ -168,7 +171,7 @@ def _write(fixes: Iterable[Fix]) -> None:
 
 
 def _what_follows(package: str, home: Path, fixes: Iterable[Fix]) -> Iterator[str]:
-    """Yield further changes that the package needs: in its manifest, CMake code and programs."""
+    """Yield further required changes of the package: in its manifest, CMake code and programs."""
     definitions = tuple(fixes)
     fixes = [each for each in definitions if each.changes]
     text = "".join(fix.text for fix in fixes)
@@ -178,7 +181,7 @@ def _what_follows(package: str, home: Path, fixes: Iterable[Fix]) -> Iterator[st
         name.partition("/")[0] for name in BUILT_IN.values() if f"{name} " in text or f"{name}[" in text
     }
     if missing := sorted(each for each in needed if f">{each}<" not in declared):
-        yield f"{package}: declare what the definitions use now: forge add {' '.join(missing)}"
+        yield f"{package}: declare the dependencies of the definitions: forge add {' '.join(missing)}"
     cmake = home / "CMakeLists.txt"
     listed = cmake.read_text(encoding="utf-8", errors="replace") if cmake.is_file() else ""
     for fix in fixes:
@@ -196,7 +199,7 @@ def _what_follows(package: str, home: Path, fixes: Iterable[Fix]) -> Iterator[st
 
 
 def _other_texts(fix: Fix) -> Iterator[tuple[str, str, str]]:
-    """Yield the names of constants with other values in ROS 1, these, and those of now."""
+    """Yield the names of constants with other values in ROS 1, the ROS 1 values, and the current ones."""
     interface, _ = parse_leniently(Source(fix.source.package, fix.relative, fix.target, fix.text))
     for section, before in zip(sections_of(interface), texts_of_ros1(fix.text), strict=False):
         for each in section.constants:

@@ -1,6 +1,6 @@
 """Find packages and their definitions in a folder of sources or of installed packages.
 
-The discovery of workspaces leaves out install folders, and knows no packages without a manifest.
+Workspace discovery skips install folders and does not find packages without a manifest.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from forge.workspace.root import find_root, is_root
 
 CMAKE_FILE = "CMakeLists.txt"
 IGNORED = frozenset({IGNORE_MARK, "AMENT_IGNORE"})
-"""Files that hide a folder."""
+"""Files that exclude a folder."""
 
 
 def packages_in(root: Path, package: str) -> Iterator[tuple[str, Path]]:
@@ -42,7 +42,7 @@ def packages_in(root: Path, package: str) -> Iterator[tuple[str, Path]]:
 
 
 def _stated_name(home: Path) -> str:
-    """Return the name in a manifest, which may be invalid otherwise; '' if there is none."""
+    """Return the name in a manifest, which may otherwise be invalid; '' if there is none."""
     path = home / "package.xml"
     with suppress(ForgeError, OSError):
         root = parse_xml(read_file(path), path)
@@ -60,9 +60,10 @@ def workspace_packages() -> dict[str, Path]:
 
 
 def definitions_in(home: Path) -> Iterator[str]:
-    """Yield the definitions of a package, as paths below its folder: those below msg, srv and action, at any
-    depth, and those in other folders that its CMakeLists.txt names.
+    """Yield the definitions of a package, as paths below its folder.
 
+    These are the definitions below msg, srv and action, at any depth, and those in other folders that its
+    CMakeLists.txt names.
     An .idl file beside a definition of the same name was generated from it.
     """
     found: list[str] = []

@@ -15,7 +15,7 @@ BUILT_IN = {
     "duration": "builtin_interfaces/Duration",
     "time": "builtin_interfaces/Time",
 }
-"""The types that ROS 1 knows without a package."""
+"""The types that need no package name in ROS 1."""
 
 _NAMES_OF_TYPES = frozenset({*PRIMITIVES, *BUILT_IN, "string", "wstring"})
 _DECLARATION = re.compile(
@@ -50,9 +50,9 @@ def rewritten(
 ) -> tuple[str, list[Renamed]]:
     """Return the text of a definition with valid types and names, and the names that have changed.
 
-    `own` are the interfaces of the package, `types` the new names of types by their full old ones. Comments,
-    values and blanks stay, and so do errors that cannot be corrected; the prefix of an enumeration changes
-    with its constants.
+    `own` are the interfaces of the package, `types` maps full old names of types to new names. Comments,
+    values, blanks, and errors that cannot be corrected are kept; the prefix of an enumeration changes with
+    its constants.
     """
     renamed: list[Renamed] = []
     found: list[str] = []
@@ -88,7 +88,7 @@ def retyped(text: str, types: Mapping[str, str]) -> str:
 def texts_of_ros1(text: str) -> list[dict[str, str]]:
     """Return the values that ROS 1 gives to the constants of type string in each section, by name.
 
-    Quotes and what follows a '#' belong to them.
+    Quotes and text after a '#' belong to them.
     """
     matches = [map(_TEXT.fullmatch, map(str.strip, lines)) for _, lines in _sections(text)]
     return [{each["name"]: each["value"] for each in section if each} for section in matches]
@@ -107,7 +107,7 @@ def _sections(text: str) -> Iterator[tuple[str, list[str]]]:
 
 
 def _with_prefix(line: str, constants: Mapping[str, str]) -> str:
-    """Return a line whose comment names an enumeration by the prefix that its constants have now."""
+    """Return a line whose comment names an enumeration by the current prefix of its constants."""
     code, mark, comment = line.partition("#")
 
     def better(match: re.Match[str]) -> str:

@@ -25,7 +25,7 @@ from forge.interfaces.resolve.resolution import nested_messages, resolve
 from forge.plugins.interface_versions.packages import CMAKE_FILE, IGNORED, definitions_in, packages_in
 
 Invalid = dict[TypeName, tuple[Problem, ...]]
-"""Interfaces that cannot be read, or contain one that cannot, or an unknown type; with the reasons."""
+"""Interfaces that cannot be read, or contain such an interface or an unknown type, with the reasons."""
 
 _SUBMODULE = "160000"
 """The mode of the commit of another repository in a tree of git."""
@@ -34,9 +34,9 @@ _SUBMODULE = "160000"
 def read_version(text: str, others: Library, package: str | None) -> tuple[list[Catalog], Invalid]:
     """Return the interfaces of each package in a version, or of one `package`, and its invalid ones.
 
-    A version is a folder, or REVISION or REVISION:FOLDER as in git, without FOLDER that of the working
-    directory. `others` has what its definitions refer to elsewhere. Raises SelectionError if there is
-    neither, and names files of a revision as git does.
+    A version is a folder, or REVISION or REVISION:FOLDER as in git; the default FOLDER is the working
+    directory. `others` has the definitions of other packages that they refer to. Raises SelectionError if
+    neither exists, and names files of a revision as git does.
     """
     if Path(text).is_dir():
         return _catalogs_in(Path(text), Path(text).resolve().name, others, package, lambda problem: problem)
@@ -53,7 +53,7 @@ def read_version(text: str, others: Library, package: str | None) -> tuple[list[
 
 
 def _extract(listing: bytes, folder: Path, revision: str) -> None:
-    """Write definitions and manifests into a folder; `listing` is that of `git ls-tree -r -z`.
+    """Write definitions and manifests into a folder; `listing` is the output of `git ls-tree -r -z`.
 
     Raises SelectionError if a clone lacks one.
     """
@@ -101,7 +101,7 @@ def _git(*words: str, content: bytes = b"") -> subprocess.CompletedProcess[bytes
 
 
 def _renamed(folder: Path, text: str, problem: Problem) -> Problem:
-    """Return a problem whose place is in the revision instead of in the extracted folder."""
+    """Return a problem with a location in the revision instead of the extracted folder."""
     place = problem.location
     if place is None or not Path(place.path).is_relative_to(folder):
         return problem
@@ -114,7 +114,7 @@ class _Version(Library):
     """The library of a version, whose own interfaces come first."""
 
     invalid: Invalid = field(default_factory=dict)
-    """Types that cannot be used, also those of others that do not exist."""
+    """Types that cannot be used, including missing ones of other packages."""
 
     def find(self, name: TypeName) -> Parsed | None:
         if name in self.invalid:
@@ -125,10 +125,10 @@ class _Version(Library):
 def _catalogs_in(
     folder: Path, name: str, others: Library, package: str | None, renamed: Callable[[Problem], Problem]
 ) -> tuple[list[Catalog], Invalid]:
-    """Return the interfaces of the packages in a folder, and why others are invalid.
+    """Return the interfaces of the packages in a folder, and the reasons why others are invalid.
 
-    Definitions without a package.xml belong to a package with the `name` of the folder. Raises
-    InterfaceError if two packages have one name.
+    Definitions without a package.xml belong to a package with the `name` of the folder. Raises InterfaceError
+    if two packages have the same name.
     """
     library = _Version(others.includes, others.prefixes, others.embedded, others.rosdistro)
     packages: dict[str, list[Parsed]] = {}
@@ -165,9 +165,9 @@ def _catalogs_in(
 
 
 def _valid_ones(parsed: list[Parsed], library: _Version, error: InterfaceError) -> list[Parsed]:
-    """Return the interfaces that are valid although `error` says that not all are; the others become invalid.
+    """Return the interfaces that are valid despite `error`; the others become invalid.
 
-    Each unknown type is reported once, where it is used first.
+    Each unknown type is reported once, at its first use.
     """
     before = len(library.invalid)
     for each in parsed:
@@ -182,7 +182,7 @@ def _valid_ones(parsed: list[Parsed], library: _Version, error: InterfaceError) 
                 if library.find(other):
                     continue
             library.invalid[other] = problems
-    if len(library.invalid) == before:  # all are valid alone: two of them have one name
+    if len(library.invalid) == before:  # each is valid alone: two of them have the same name
         places = {problem.location.path for problem in error.problems if problem.location}
         several = [each for each in parsed if each.source.path in places] or parsed
         library.invalid |= {each.interface.name: error.problems for each in several}

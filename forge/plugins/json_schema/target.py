@@ -1,6 +1,6 @@
 """The target 'jsonschema': schemas (draft 2020-12) of messages as JSON, as `rosidl_runtime_py` converts them.
 
-A file has all definitions that it refers to.
+A file contains all definitions that it refers to.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ def _field(field: Field) -> dict[str, Any]:
 
 
 def _is_json(value: Value) -> bool:
-    """Return whether JSON has a value, which it has not for infinity and NaN."""
+    """Return whether JSON can represent a value, unlike infinity and NaN."""
     values = value if isinstance(value, tuple) else (value,)
     return all(not isinstance(each, float) or math.isfinite(each) for each in values)
 

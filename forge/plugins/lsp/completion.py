@@ -40,12 +40,12 @@ _CONTENT = re.compile(r"<(\w+)[^<>]*>\s*([^<>\s]*)\Z")
 
 @frozen
 class Proposal:
-    """A word that may replace what was typed; editors match `match`, or else `label`, with what was typed."""
+    """A word that may replace the typed text; editors compare `match`, or else `label`, with that text."""
 
     label: str
     kind: Literal["type", "package", "constant", "keyword", "value"]
     text: str | None = None
-    """The text to insert, if it is not the label."""
+    """The text to insert, if it differs from the label."""
     match: str | None = None
     detail: str | None = None
 
@@ -117,7 +117,7 @@ def _types(index: Index, reading: Reading, typed: str) -> Iterator[Proposal]:
 
 
 def _values(reading: Reading, line: int, written: str) -> Iterator[Proposal]:
-    """Yield the values of constants that have the type of a field, and of a boolean."""
+    """Yield the values of constants with the type of a field, and those of a boolean."""
     try:
         type_ = read_declaration(f"{written} x", reading.source.package).type
     except ParseError:
@@ -143,10 +143,10 @@ def _in_idl(index: Index, before: str) -> tuple[str, Iterable[Proposal]]:
 
 
 def _idl_files(index: Index, typed: str) -> Iterator[Proposal]:
-    """Yield the paths of messages in #include directives; also messages of .msg files have such paths."""
+    """Yield the paths of messages in #include directives; messages of .msg files also have such paths."""
     for name in _messages(index):
         label = f"{name}.idl"
-        # Editors compare what was typed with the label, unless there is a match.
+        # Editors compare the typed text with the label, unless `match` is set.
         match = None if label.lower().startswith(typed.lower()) else name.name
         yield Proposal(label, "type", match=match, detail=str(name))
 

@@ -69,7 +69,7 @@ def _unsupported(index: Index, reading: ManifestReading) -> Iterator[Diagnostic]
 
 
 def _unresolved(index: Index, reading: Reading) -> Iterator[Problem]:
-    """Yield unknown types and cycles; those in other files are problems of these files."""
+    """Yield unknown types and cycles; errors in other files are reported there."""
     if reading.interface is None:
         return
     try:
@@ -105,7 +105,7 @@ def _doubtful(index: Index, reading: Reading) -> Iterator[Problem]:
 class _NearbyTypes:
     """The types that a file refers to, and those that contain it; all others are treated as empty.
 
-    Only a message that contains the file's own can be part of a cycle with it.
+    Only messages that contain the file's own message can form a cycle with it.
     """
 
     def __init__(self, index: Index, reading: Reading) -> None:
@@ -127,7 +127,7 @@ class _NearbyTypes:
         return Parsed(parsed.source, Message(name))
 
     def names(self) -> Iterable[TypeName]:
-        """Return the names that are similar to an unknown one in the file: of its package, or in another."""
+        """Return the names that are similar to an unknown one in the file, of its own or another package."""
         return self._names
 
     @cached_property

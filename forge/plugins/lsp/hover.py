@@ -81,7 +81,7 @@ def _member(index: Index, reading: Reading, occurrence: Occurrence) -> str | Non
 
 
 def _calculator(index: Index, parsed: Parsed) -> SizeCalculator | None:
-    """Return a calculator that knows all nested messages; None if one is unknown."""
+    """Return a calculator with all nested messages; None if one is unknown."""
     try:
         return SizeCalculator(nested_messages(parsed, index))
     except InterfaceError:

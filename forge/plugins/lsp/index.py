@@ -25,7 +25,10 @@ _SUFFIXES = frozenset(f".{ending}" for ending in ENDINGS)
 
 
 class Index:
-    """The files below `root` once `scan` was called; `library` has the definitions of all other packages."""
+    """The files below `root` once `scan` was called.
+
+    `library` contains the definitions of all other packages.
+    """
 
     def __init__(self, root: Path, library: Library, variables: Mapping[str, str]) -> None:
         self.root = root
@@ -42,7 +45,7 @@ class Index:
         self._uses: dict[TypeName, dict[Path, list[Occurrence]]] = {}
         self._elsewhere: tuple[TypeName, ...] | None = None
         self._stamps: dict[Path, int | None] = {}
-        """When each file that was read, and its folder, was changed last."""
+        """The last modification time of each file that was read, and of its folder."""
 
     def scan(self) -> None:
         try:
@@ -69,7 +72,7 @@ class Index:
         self.refresh(path)
 
     def refresh(self, path: Path) -> None:
-        """Read a file again that was changed, created or removed."""
+        """Read a changed, created or removed file again."""
         if path in self._buffers or not is_known(path):
             return
         self._stamps[path] = _changed(path)
@@ -80,7 +83,7 @@ class Index:
             self._put(path, None)
 
     def refresh_changed(self) -> None:
-        """Read the files again that were changed, created or removed since they were read."""
+        """Read all files again that were changed, created or removed in the meantime."""
         for path, stamp in tuple(self._stamps.items()):
             now = _changed(path)
             if now == stamp:
@@ -111,16 +114,16 @@ class Index:
         return None
 
     def uses(self, name: TypeName) -> list[tuple[Path, list[Occurrence]]]:
-        """Return the definitions that refer to a message, with the places that do."""
+        """Return the definitions that refer to a message, with the locations of the references."""
         # Many paths are slow to compare.
         return sorted(self._uses.get(name, {}).items(), key=lambda use: str(use[0]))
 
     def same_outputs(self, name: TypeName) -> Mapping[Path, TypeName]:
-        """Return the definitions of the workspace whose generated files would be named as those of a type."""
+        """Return the definitions of the workspace whose generated files conflict with those of a type."""
         return self._outputs.get(_output(name), {})
 
     def find(self, name: TypeName) -> Parsed | None:
-        """Return an interface, without what is invalid in it, or None."""
+        """Return an interface without its invalid parts, or None."""
         path = self._by_name.get(name)
         if path is None:
             return self.library.find(name)
@@ -128,7 +131,7 @@ class Index:
         return Parsed(reading.source, reading.interface or Message(name))
 
     def find_or_none(self, name: TypeName) -> Parsed | None:
-        """Return an interface; None also if its file in another workspace is invalid."""
+        """Return an interface, None if it does not exist or its file in another workspace is invalid."""
         try:
             return self.find(name)
         except InterfaceError:
@@ -146,12 +149,12 @@ class Index:
         return self.library.distribution_hint(name)
 
     def declares(self, package: str) -> bool:
-        """Return False: each package of the workspace has a manifest of its own."""
+        """Return False: each package of the workspace has its own manifest."""
         del package
         return False
 
     def _put(self, path: Path, text: str | None) -> None:
-        """Replace what is known about a file; None removes it."""
+        """Replace the data of a file; None removes it."""
         if path.name == MANIFEST:
             self._put_manifest(path, text)
             return
@@ -166,7 +169,7 @@ class Index:
                     self._uses.setdefault(each.type, {}).setdefault(path, []).append(each)
 
     def _put_manifest(self, path: Path, text: str | None) -> None:
-        """Replace what is known about a manifest, and the package of the definitions beside it."""
+        """Replace the data of a manifest, and the package of the definitions beside it."""
         old = self.manifests.pop(path, None)
         if text is None:
             return
@@ -209,7 +212,7 @@ def is_known(path: Path) -> bool:
 
 
 def _changed(path: Path) -> int | None:
-    """Return when a file or folder was changed last, None if it does not exist."""
+    """Return the last modification time of a file or folder, None if it does not exist."""
     try:
         return os.stat(path).st_mtime_ns  # noqa: PTH116  (of thousands of files: faster)
     except OSError:

@@ -1,4 +1,4 @@
-"""A package.xml in an editor: its problems, and where it names packages."""
+"""A package.xml in an editor: its problems, and the locations of package names."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ class ManifestReading:
     warnings: tuple[Problem, ...] = ()
     mentions: tuple[PackageMention, ...] = ()
     build_type: Span | None = None
-    """Where the build type is; None if the manifest is invalid or names none."""
+    """The position of the build type; None if the manifest is invalid or names none."""
 
     @property
     def name(self) -> str | None:
-        """The name of the package, also of an invalid manifest, None if it has none."""
+        """The name of the package, even if the manifest is invalid; None if it has none."""
         return next((each.name for each in self.mentions if each.tag == "name"), None)
 
     @property
@@ -75,7 +75,7 @@ def _mentions(root: Element, lines: list[str]) -> Iterator[PackageMention]:
 
 
 def _build_type(root: Element, name: str, lines: list[str]) -> Span | None:
-    """Return where the build type is: the last element with its name, because others are not active."""
+    """Return the position of the build type: the last element with its name, since others are inactive."""
     elements = (each for export in root.all("export") for each in export.all("build_type"))
     found = [each for each in elements if each.inner.strip() == name]
     if not found:
@@ -85,7 +85,10 @@ def _build_type(root: Element, name: str, lines: list[str]) -> Span | None:
 
 
 def _span_of_text(element: Element, text: str, lines: list[str]) -> Span | None:
-    """Return where the text of an element is; None if it is not on one of the first lines of the element."""
+    """Return the position of the text of an element.
+
+    None if it is not on one of the first lines of the element.
+    """
     line = element.line - 1
     start = lines[line].find(">", element.column - 1) + 1
     if not start:

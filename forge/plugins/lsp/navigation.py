@@ -48,7 +48,7 @@ def declared_in_file(reading: Reading, occurrence: Occurrence) -> Occurrence:
 
 
 def definition(index: Index, path: Path, line: int, column: int) -> Place | None:
-    """Return where the name under a cursor is declared, or None."""
+    """Return the declaration of the name under a cursor, or None."""
     if mention := mention_at(index, path, line, column):
         manifest_path = package_manifest(index, mention.name)
         manifest = index.manifests.get(manifest_path) if manifest_path else None
@@ -63,7 +63,7 @@ def definition(index: Index, path: Path, line: int, column: int) -> Place | None
 
 
 def references(index: Index, path: Path, line: int, column: int, *, declaration: bool) -> list[Place]:
-    """Return where the name under a cursor is used in the workspace, and with `declaration` declared.
+    """Return the uses of the name under a cursor in the workspace, and with `declaration` its declaration.
 
     A line of a .msg, .srv or .action file without a name stands for the interface of the file.
     """

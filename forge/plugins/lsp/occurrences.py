@@ -44,8 +44,8 @@ class NameKind(Enum):
 class Occurrence:
     """A name in a line of a definition, from column `start` up to `end`.
 
-    `owner` is the message that contains it; `type` the message that a reference names. Column `stem` is where
-    the name of a reference starts, after its package.
+    `owner` is the message that contains it; `type` the message that a reference names. `stem` is the column
+    at which the name of a reference starts, after its package.
     """
 
     kind: NameKind
@@ -73,7 +73,7 @@ class Reading:
 
     @property
     def name(self) -> TypeName:
-        """The name of the interface; of a broken .idl file, the one that its path stands for."""
+        """The name of the interface; of a broken .idl file, the one implied by its path."""
         if self.interface:
             return self.interface.name
         named = type_name(self.source)
@@ -81,7 +81,7 @@ class Reading:
 
 
 def read_leniently(source: Source) -> Reading:
-    """Read a file that may be incomplete: report all problems, and keep what is valid."""
+    """Read a file that may be incomplete: report all problems, and keep the valid parts."""
     if not source.relative.endswith(".idl"):
         interface, problems = parse_leniently(source)
         return Reading(source, interface, tuple(problems), tuple(_in_lines(source)))

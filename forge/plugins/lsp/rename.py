@@ -29,7 +29,7 @@ class Renaming:
     edits: tuple[Edit, ...]
     moves: tuple[tuple[Path, Path], ...] = ()
     remark: str = ""
-    """Places that the user may have to change by hand."""
+    """Places that the user may have to change manually."""
 
 
 @frozen
@@ -39,7 +39,7 @@ class Renamable:
     span: Span
     name: str
     file: Path | None = None
-    """The file of a type, which is renamed, too."""
+    """The file of a type, which is also renamed."""
 
 
 def renamable(index: Index, path: Path, line: int, column: int) -> Renamable | None:
@@ -66,7 +66,7 @@ def renamable(index: Index, path: Path, line: int, column: int) -> Renamable | N
 
 
 def rename(index: Index, path: Path, line: int, column: int, new: str) -> Renaming:
-    """Return how to rename what is under a cursor; raises InterfaceError if that is impossible."""
+    """Return the changes that rename the name under a cursor; raises InterfaceError if that is impossible."""
     reading = index.readings.get(path)
     if reading is None or renamable(index, path, line, column) is None:
         raise InterfaceError(Problem("there is no name of a type, field or constant here"))
@@ -135,7 +135,7 @@ def _in_own_file(reading: Reading, old: str, new: str) -> Iterator[Edit]:
 
 
 def _in_cmake(index: Index, reading: Reading, old: str, new: str) -> Iterator[Edit]:
-    """Yield where the CMakeLists.txt of the package names the file."""
+    """Yield the places where the CMakeLists.txt of the package names the file."""
     manifest = index.manifest_of(reading.source.path)
     if manifest is None:
         return
@@ -149,7 +149,7 @@ def _in_cmake(index: Index, reading: Reading, old: str, new: str) -> Iterator[Ed
 
 
 def _remark(index: Index, path: Path, edits: Sequence[Edit]) -> str:
-    """Return where CMake files of the package seem to refer to a file in other ways."""
+    """Return the places where CMake files of the package may refer to a file in other ways."""
     manifest = index.manifest_of(path)
     if manifest is None:
         return ""

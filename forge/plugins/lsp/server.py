@@ -1,4 +1,4 @@
-"""The language server: requests of the protocol to functions of an index, and their results back."""
+"""The language server: converts requests to calls of an index, and their results to responses."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class InterfaceServer(LanguageServer):
         self._open_index = open_index
         self._indexes: dict[Path, Index] = {}
         self._opened: dict[Path, str] = {}
-        """The open documents, with the address by which the editor knows each."""
+        """The open documents, each with the URI that the editor uses."""
         self._is_told = False
         """Whether the editor reports files that others change; Neovim on Linux does not."""
         handlers: dict[str, Callable[[Any], object]] = {
@@ -85,7 +85,7 @@ class InterfaceServer(LanguageServer):
             lsp.WORKSPACE_DID_CHANGE_WATCHED_FILES: self._did_change_files,
         }
         for method, handler in handlers.items():
-            # pygls stores attributes in what it registers, which a method does not accept.
+            # pygls sets attributes on the functions that it registers, which methods do not support.
             self.feature(method)(partial(handler))
         triggers = lsp.CompletionOptions(trigger_characters=["/", ":", "<", ">", " ", "="])
         questions: dict[str, tuple[Callable[[Any, _Cursor], object], Any]] = {
@@ -163,7 +163,7 @@ class InterfaceServer(LanguageServer):
         self._publish()
 
     def _at_cursor(self, answer: Callable[[Any, _Cursor], object], params: Any) -> object:
-        """Answer a question about what is under a cursor; None in a file of another kind."""
+        """Answer a query about the text under a cursor; None if the file is of another kind."""
         path = _path(params.text_document.uri)
         if path is None:
             return None
@@ -286,12 +286,12 @@ def serve(open_index: Callable[[Path], Index]) -> None:
 
 @lru_cache(4096)
 def _range(line: int, start: int, end: int) -> lsp.Range:
-    """Return a part of a line; thousands of references are at a few hundred places."""
+    """Return a part of a line; cached, because thousands of references are in a few hundred places."""
     return lsp.Range(lsp.Position(line, start), lsp.Position(line, end))
 
 
 def _is_worth_logging(record: logging.LogRecord) -> bool:
-    """Return whether a message of pygls is about something other than a rejected request."""
+    """Return whether a message of pygls does not concern a rejected request."""
     return not (record.exc_info and isinstance(record.exc_info[1], _RefusedError))
 
 

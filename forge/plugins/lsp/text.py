@@ -43,7 +43,10 @@ class Edit:
 
 
 def span_at(location: Location | None, lines: Sequence[str]) -> Span:
-    """Return the word at a location; the whole line if it has no column, and the first one without a line."""
+    """Return the word at a location.
+
+    The whole line without a column, and the first line without a line number.
+    """
     line = max(0, min(((location.line if location else None) or 1), len(lines)) - 1)
     text = lines[line] if lines else ""
     if location is None or location.line is None or location.column is None:

@@ -175,7 +175,7 @@ def _all_mixins(options: _ListOptions | _ShowOptions) -> list[Mixin]:
 _NAME = re.compile(r"[^\W_][\w.+-]*")
 _FILE = re.compile(r"[^./\0][^/\0]*\.mixin")
 _OBSOLETE = ".obsolete"
-"""Suffix of files that are no longer in an index; they are not read any more."""
+"""Suffix of files that are no longer in an index; they are not read."""
 _LARGEST = 1_000_000
 _SECONDS = 10
 _SCHEMES = ("http", "https", "file")
@@ -268,7 +268,7 @@ class MixinRepositories:
 
 
 def _index_url(text: str) -> str:
-    """Return the URL of an index, also if it is given as a path; raises SelectionError."""
+    """Return the URL of an index, which may be given as a path; raises SelectionError."""
     scheme, separator, _ = text.partition("://")
     if not separator:
         path = expand_home(text).absolute()

@@ -50,7 +50,7 @@ _BUILT_IN: dict[str, dict[str, dict[str, Any]]] = {
         "coverage-pytest": {"pytest-args": ["--cov-report=term"], "pytest-with-coverage": True},
     },
 }
-"""Mixins by command. Those that colcon-mixin-repository has too have its names and the same effect."""
+"""Mixins by command. Those that colcon-mixin-repository also has use its names and have the same effect."""
 
 _COMPILER_FLAGS = frozenset(
     f"CMAKE_{name}_FLAGS" for name in ("C", "CXX", "EXE_LINKER", "MODULE_LINKER", "SHARED_LINKER")
@@ -72,7 +72,10 @@ Mixins = dict[tuple[str, str], Mixin]
 
 
 def mixin_folders(variables: Mapping[str, str]) -> tuple[Path, ...]:
-    """Return the folders below which mixin files are found: that of the user, then $COLCON_MIXIN_PATH."""
+    """Return the folders below which mixin files are found.
+
+    That of the user, then those of $COLCON_MIXIN_PATH.
+    """
     more = setting("MIXIN_PATH", variables) or ""
     return (home(variables) / MIXIN_FOLDER, *(Path(folder) for folder in more.split(os.pathsep) if folder))
 
@@ -95,7 +98,7 @@ def read_mixins(folders: Iterable[Path], files: Iterable[str] = ()) -> Mixins:
 
 
 def combined(names: Iterable[str], verb: str, mixins: Mixins) -> dict[str, Any]:
-    """Return the combined options of mixins: lists are concatenated, of other values the last one wins.
+    """Return the combined options of mixins: lists are concatenated, the last of other values wins.
 
     Compiler flags of several mixins are joined, so that sanitizers can be combined. Included mixins come
     before the mixin that includes them. Raises SelectionError for unknown mixins and for mixins that include
@@ -127,7 +130,7 @@ def combined(names: Iterable[str], verb: str, mixins: Mixins) -> dict[str, Any]:
 
 
 def with_joined_flags(words: list[Any]) -> list[Any]:
-    """Return the arguments with one -DCMAKE_CXX_FLAGS=..., and so on, that has the flags of all of them.
+    """Return the arguments with a single -DCMAKE_CXX_FLAGS=..., and so on, with the flags of all of them.
 
     CMake would use only the last one.
     """

@@ -82,11 +82,14 @@ def files(catalog: Catalog) -> Iterator[File]:
 
 
 def _names(fields: Iterable[Field]) -> Iterator[str]:
-    """Yield the names of fields; one whose name in JSON is that of a field before it ends with its number."""
+    """Yield the names of fields.
+
+    A field whose JSON name equals that of an earlier field gets its number as suffix.
+    """
     taken = set()
     for number, field in enumerate(fields, start=1):
         name = field.name
-        # Until version 22, protoc compared these, and since then the names in camel case.
+        # Until version 22, protoc compared these names, since then those in camel case.
         while (key := name.replace("_", "").lower()) in taken:
             name = f"{name}_field{number}"
         taken.add(key)
@@ -99,7 +102,7 @@ def _comments(doc: Iterable[str], unit: str | None = None) -> list[str]:
 
 
 def _declaration(member: Field | Constant, package: str) -> str:
-    """Return a member without its comment as in a .msg file."""
+    """Return a member as in a .msg file, without its comment."""
     written = type_text(member.type, package)
     type_ = written.word + written.suffix
     if isinstance(member, Constant):

@@ -61,7 +61,7 @@ def _file(data: bytes) -> OutputFile:
     for tag, value in _fields(data):
         if tag == _PATH:
             path = value.decode()
-        elif tag == _DIGEST:  # perhaps in several parts, of which later ones win
+        elif tag == _DIGEST:  # the message may have several parts; later ones win
             for part, content in _fields(value):
                 if part == _HASH:
                     name = content.decode()

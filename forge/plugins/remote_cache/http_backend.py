@@ -36,7 +36,7 @@ _UNWRITABLE: Final = frozenset(
         *(HTTPStatus.METHOD_NOT_ALLOWED, HTTPStatus.NOT_IMPLEMENTED, HTTPStatus.INSUFFICIENT_STORAGE),
     }
 )
-"""Responses to a PUT after which the store may still be read."""
+"""Responses to a PUT that do not prevent reading from the store."""
 
 _MEANINGS: Final[dict[int, str]] = {
     HTTPStatus.UNAUTHORIZED: "set a password in the URL or in ~/.netrc, or a token in FORGE_CACHE_TOKEN",
@@ -178,7 +178,7 @@ def _length(response: BaseHTTPResponse) -> int | None:
 
 
 def _skip_rest(response: BaseHTTPResponse) -> None:
-    """Read a short response to its end: only then can its connection be used again."""
+    """Read a short response completely: only then can its connection be reused."""
     if (_length(response) or 0) <= _BLOCK:
         response.read(_BLOCK)
 

@@ -24,11 +24,11 @@ class Remote:
     """A store that is disabled after its first fault, so that no build waits for it twice.
 
     Reading never raises a fault of the store as a whole: a disabled store appears empty. Threads of uploads
-    end with forge at any point: a store never has a result whose blobs are incomplete.
+    end with forge at any point; even then, a store never has a result whose blobs are incomplete.
     """
 
     def __init__(self, backend: Backend, url: str, options: RemoteOptions, *, uploaders: int = 4) -> None:
-        """Use the backend of a URL until its first fault; upload that many results at a time."""
+        """Use the backend of a URL until its first fault; upload up to `uploaders` results at a time."""
         self._store = Store(backend, url, options.seconds)
         self.name = self._store.name
         self._options, self._limit = options, uploaders
@@ -111,7 +111,7 @@ class Remote:
                 self._failed += not is_uploaded
 
     def _upload(self, key: str, result: ActionResult, blobs: Mapping[Digest, Path]) -> bool:
-        """Upload first the blobs of a result, then the result; return False if that failed."""
+        """Upload the blobs of a result, then the result; return False if that failed."""
         try:
             for digest, path in blobs.items():
                 if self._writable and digest not in self._uploaded:

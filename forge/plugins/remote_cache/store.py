@@ -29,7 +29,7 @@ class Backend(Protocol):
     """Files on a server, by the paths ac/KEY and cas/SHA-256.
 
     Several threads call it at a time, and may be abandoned. Any exception counts as a fault of the server,
-    except FileNotFoundError, and BlobError and WritingRefused, which a message of the reason is enough for.
+    except FileNotFoundError, BlobError and WritingRefused, for which the reason is a sufficient message.
     """
 
     def read(self, path: str) -> Generator[bytes]:

@@ -56,14 +56,14 @@ class Options:
     query: Query = options_of(Query)
     sources: OptionSources = options_of(OptionSources)
     install: bool = flag("show the install commands, ask, and run them")
-    yes: bool = flag("do not ask before '--install', and let package managers not ask either", short="-y")
+    yes: bool = flag("do not ask for confirmation, and tell package managers not to ask", short="-y")
     skip_keys: tuple[str, ...] = option(
         "ignore these dependencies", default=(), nargs="+", accumulates=True, metavar="KEY"
     )
     json: bool = flag(
         "print one JSON object: system, and needs with key, users, provider, manager, names, missing"
     )
-    all: bool = flag("also list dependencies that are satisfied, and what provides them")
+    all: bool = flag("also list satisfied dependencies and their providers")
     dependency_types: tuple[str, ...] | None = option(
         "consider only these types: build, buildtool, build_export, buildtool_export, exec, test, doc "
         "(default: all but doc)",
@@ -76,7 +76,7 @@ class Options:
         "look up names in these rosdep files first", nargs="+", metavar="FILE"
     )
     os: str | None = option(
-        "list packages of another system, such as ubuntu:jammy or openeuler:24.03; ignores what is "
+        "list packages of another system, such as ubuntu:jammy or openeuler:24.03, regardless of those "
         "installed on this machine",
         metavar="NAME:VERSION",
     )
@@ -116,7 +116,7 @@ def run(options: Options) -> int:
     needs = tuple(need for need in found if need.key not in options.skip_keys)
     print_warnings(_unresolved(needs, names, system))
     python = _python(options, layout, root)
-    # It is unknown what is installed on another system.
+    # The installed packages of another system are unknown.
     have = frozenset() if options.os else _installed(needs, python)
     if options.json:
         import json
@@ -165,7 +165,7 @@ def _script(
     manual: Mapping[str, list[str]],
     ros_remedy: str,
 ) -> Iterator[str]:
-    """Yield the lines of a shell script whose comments say what is missing and who needs it."""
+    """Yield the lines of a shell script with comments on missing dependencies and packages that need them."""
     for need in satisfied:
         where = need.provider or f"{need.manager}: {' '.join(need.names) or 'nothing to install'}"
         yield f"# {need.key} ({where}), needed by {', '.join(need.users)}"
@@ -209,9 +209,9 @@ def _kinds(words: tuple[str, ...]) -> frozenset[DependencyKind]:
 
 
 def _provider(workspace: Workspace, layout: Layout) -> Callable[[str], str | None]:
-    """Return a function from a package name to what provides it: workspace, underlay, system or forge.
+    """Return a function from a package name to its provider: workspace, underlay, system or forge.
 
-    Underlays and embedded packages are those of a build.
+    Underlays and embedded packages are determined as in a build.
     """
     variables = build_variables(layout, os.environ)
     underlays = find_underlays(variables, layout.install)

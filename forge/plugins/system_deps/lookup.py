@@ -47,7 +47,7 @@ class DependencyStatus:
     """A dependency of packages in the workspace.
 
     `provider` is the prefix or workspace that provides it, None without one. Otherwise `manager` provides it
-    as `names`; without a manager it is unknown. `ros` tells whether the name is that of a ROS package.
+    as `names`; without a manager it is unknown. `ros` is True if the name is that of a ROS package.
     """
 
     key: str
@@ -60,7 +60,7 @@ class DependencyStatus:
 
 @frozen
 class PackageNames:
-    """A lookup of the packages of a key, and what is known about the system and the ROS distribution."""
+    """A lookup of the packages of a key, and the available data about the system and the ROS distribution."""
 
     resolve: Callable[[str], Resolved | None]
     has_data: bool
@@ -69,23 +69,23 @@ class PackageNames:
 
 
 def has_rosdep() -> bool:
-    """Return whether rosdep is installed beside forge, which is the extra 'rosdep'."""
+    """Return whether rosdep, the extra 'rosdep', is installed beside forge."""
     return find_spec("rosdep2") is not None
 
 
 def mistyped_distribution(name: str) -> Iterator[Problem]:
-    """Yield a warning if a name only resembles that of a distribution of ROS 2."""
+    """Yield a warning if a name is not a ROS 2 distribution but resembles one."""
     hint = None if name in _DISTRIBUTIONS else did_you_mean(name, _DISTRIBUTIONS, _SURE)
     if hint:
         yield Problem(f"unknown ROS distribution '{name}'", hint=hint)
 
 
 def find_package_names(files: Sequence[str], system: System, rosdistro: str) -> PackageNames:
-    """Return the lookup in the given files, then in what the last `rosdep update` stored.
+    """Return the lookup in the given files, then in the data of the last `rosdep update`.
 
-    Without data of the ROS distribution, packages whose names resemble ROS packages are named like rosdep
-    would: 'ros-humble-nav2-msgs'. Raises HostError if files are given and rosdep is not installed,
-    WorkspaceError for unreadable files.
+    Without data of the ROS distribution, names that resemble ROS packages are converted as by rosdep:
+    'ros-humble-nav2-msgs'. Raises HostError if files are given and rosdep is not installed, WorkspaceError
+    for unreadable files.
     """
     if files and not has_rosdep():
         raise HostError(Problem("'--rosdep-file' needs rosdep", hint=f"run: {extra_command('rosdep')}"))

@@ -1,4 +1,4 @@
-"""The operating system as rosdep names it, its installed packages, and the commands that install more."""
+"""The operating system with its name in rosdep, its installed packages, and its install commands."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from forge.toolchain.python_modules import DEBIAN, RED_HAT, families
 DPKG_STATUS = Path("/var/lib/dpkg/status")
 
 _OTHER_FAMILIES = ("alpine", "arch", "gentoo", "opensuse")
-"""Names in rosdep's files that stand for derived systems, too."""
+"""Names in rosdep's files that also cover derived systems."""
 
 _PARAGRAPH = re.compile(r"^(Package|Status|Provides): (.*)$", re.MULTILINE)
 _PIP = r"""import importlib.metadata as m, re, sys
@@ -45,7 +45,7 @@ _COMMANDS: Mapping[str, tuple[str, ...]] = {
 
 _WITHOUT_QUESTIONS = {"apt": ("-y",), "dnf": ("-y",), "zypper": ("-y",), "pacman": ("--noconfirm",)}
 _UPDATES = {"apt": "sudo apt-get update", "pacman": "sudo pacman -Sy", "apk": "sudo apk update"}
-"""Commands without which a new machine or container finds no packages."""
+"""Commands that update the package lists, which a new machine or container lacks."""
 
 
 @frozen
@@ -124,7 +124,7 @@ def install_commands(
     manual: dict[str, list[str]] = {}
     missing = {(need.manager, name) for need in needs for name in need.names if need.manager} - have
     for manager, name in sorted(missing):
-        # A name that looks like an option would be taken as one.
+        # A name that looks like an option would be parsed as one.
         if manager not in _COMMANDS or name.startswith("-"):
             manual.setdefault(manager, []).append(name)
             continue

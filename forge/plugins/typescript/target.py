@@ -1,6 +1,6 @@
 """The target 'typescript': types of messages as JSON, as `rosidl_runtime_py` converts them.
 
-A module has the parts of one message, service or action, and imports the types that it refers to.
+A module contains the parts of one message, service or action, and imports the types that it refers to.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from forge.interfaces.model import (
 from forge.interfaces.notation import BIDI_CONTROLS
 
 _SAFE = 2**53 - 1
-"""The largest integer that a number of JavaScript represents exactly, as well as all smaller ones."""
+"""The largest integer up to which numbers of JavaScript represent all integers exactly."""
 
 
 def files(catalog: Catalog) -> Iterator[File]:
@@ -114,7 +114,7 @@ def _literal(value: Value) -> str:
 
 
 def _comment(lines: Iterable[str]) -> list[str]:
-    """Return the lines of a comment, which none of them ends."""
+    """Return the lines of a comment, without text that would end the comment."""
     texts = (BIDI_CONTROLS.sub(" ", line).replace("*/", "* /").rstrip() for line in lines)
     found = ["".join(sign if sign.isprintable() else " " for sign in text) for text in texts]
     return found if any(found) else []

@@ -1,9 +1,9 @@
 """`forge build --watch`: build, then rebuild after each change of a source file.
 
-Each folder is watched without its subfolders, because results of builds, version control and bytecode change
-all the time. Events only trigger a build, which checks all inputs like a normal build, so that no stale state
-is used. Only the interpreter with its modules and the worker for interface packages are kept. The build
-folder is locked only during a build.
+Each folder is watched without its subfolders, because build results, version control and bytecode change all
+the time. Events only trigger a build, which checks all inputs like a normal build, so that no stale state is
+used. Only the interpreter with its modules and the worker for interface packages are kept. The build folder
+is locked only during a build.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     Build = Callable[[BuildOptions, BuildMode], int]
 
 _LOGS = 10
-"""Number of log folders of its own that a watch keeps."""
+"""The number of its own log folders that a watch keeps."""
 
 _SUSPICIOUS = 5
 """After this many consecutive builds, a package probably writes into its own sources."""
@@ -57,7 +57,10 @@ _SUSPICIOUS = 5
 _LONGEST_PAUSE = 30.0
 
 STEP = 25
-"""Milliseconds without events after which a change is complete: editors write, rename and remove at once."""
+"""Milliseconds without events after which a change is complete.
+
+Editors write, rename and remove files in one go.
+"""
 
 _LONGEST = 1000
 """Milliseconds after which a build starts despite further events, as during a long git checkout."""
@@ -101,7 +104,7 @@ def watch(options: BuildOptions, read_again: Callable[[], BuildOptions], build: 
 
 
 class WatchLoop(BuildMode):
-    """The builds of one watch, their shared resources and their output."""
+    """The builds of a watch session, their shared resources and their output."""
 
     def __init__(
         self,
@@ -149,7 +152,7 @@ class WatchLoop(BuildMode):
         self._folders_outdated = self._folders_outdated or self._watcher.moves_folders(changed)
         states = self._watcher.states(changed)
         if self._failed and states and states.items() <= self._seen.items():
-            return  # late events of a save that was built already, and would fail again
+            return  # late events of a save that was already built and would fail again
         self._seen = states
         self._ran = self._failed = False
         self.warn.start_next_build()
@@ -293,7 +296,7 @@ def watch_specs(
             for target in targets:
                 add(os.path.dirname(target), WatchSpec(frozenset({os.path.basename(target)}), folders=False))
     for base in base_paths:
-        # Outside of packages, new packages count; in ignored folders, only the end of that.
+        # Outside of packages, new packages are relevant; in ignored folders, only the removal of the mark.
         for folder, entries in folders_to_search(os.path.normpath(os.path.join(root, base))):
             if folder in homes or folder in results:
                 entries.clear()
@@ -310,7 +313,7 @@ def watch_specs(
 
 
 class FileWatcher:
-    """Collects changes in the watched folders, also between two waits."""
+    """Collects changes in the watched folders, including those between two waits."""
 
     def __init__(self, warn: Callable[[Iterable[Problem]], object]) -> None:
         """Watch nothing yet; `warn` is called if the system's limits are exceeded."""
@@ -320,7 +323,7 @@ class FileWatcher:
         self._watched: Mapping[str, WatchSpec] = {}
         self._changes: Iterator[set[FileChange]] | None = None
         self.second_check = False
-        """Whether the last wait ended without a change, because polling may have missed one."""
+        """Whether the last wait ended without a change; polling may have missed one."""
         self._polling = os.environ.get("WATCHFILES_FORCE_POLLING", "") not in {"", "0", "false"}
 
     @property
@@ -353,7 +356,8 @@ class FileWatcher:
             try:
                 changes = next(self._changes)
             except RuntimeError:
-                # A name is not valid UTF-8, or the queue overflowed: restart, and let a build check.
+                # A name is not valid UTF-8, or the queue overflowed: restart, and let a build check all
+                # inputs.
                 self._changes = self._begin(sorted(self._watched))
                 return frozenset()
             changed = frozenset(path for _, path in changes if self._counts(path))
@@ -363,7 +367,7 @@ class FileWatcher:
         return frozenset()
 
     def states(self, changed: frozenset[str]) -> dict[str, str]:
-        """Return the states of the changed files, when polling of everything, to compare them later."""
+        """Return the states of the changed files, or of all files when polling, to compare them later."""
         paths = set(changed)
         if self._polling:
             paths.update(self._watched)

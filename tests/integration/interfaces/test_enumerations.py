@@ -56,7 +56,7 @@ int main()
 """
 
 
-def test_classes_of_python_have_the_constants_as_members(tmp_path: Path) -> None:
+def test_python_enumerations_have_the_constants_as_members(tmp_path: Path) -> None:
     generate(tmp_path, catalog_of("cells", {"msg/Battery.msg": BATTERY}))
     with importable(tmp_path):
         battery = import_module("cells.msg").Battery
@@ -79,7 +79,7 @@ def test_classes_of_python_have_the_constants_as_members(tmp_path: Path) -> None
         assert cdr.serialize(message) == cdr.serialize(battery(status=1, former=77, types=[-1]))
 
 
-def test_yaml_has_names_where_a_comment_can_be(tmp_path: Path) -> None:
+def test_yaml_names_values_in_comments(tmp_path: Path) -> None:
     """Nested ones as well, but not inside of a list on one line."""
     pack = "Battery main\nBattery[] others\nuint8 A_B=1\nuint8 enumerations  # enum: A_*\nuint8 shown\n"
     generate(tmp_path, catalog_of("cells", {"msg/Battery.msg": BATTERY, "msg/Pack.msg": pack}))
@@ -100,7 +100,7 @@ def test_yaml_has_names_where_a_comment_can_be(tmp_path: Path) -> None:
 
 
 @pytest.mark.needs("g++")
-def test_cpp_converts_values_names_and_numbers(tmp_path: Path) -> None:
+def test_cpp_converts_between_values_names_and_numbers(tmp_path: Path) -> None:
     catalog = catalog_of("cells", {"msg/Battery.msg": BATTERY})
     for each in (catalog, *dependency_catalogs(catalog, Library())):
         for file in cpp.files(each):
@@ -166,10 +166,10 @@ def test_type_hashes_do_not_depend_on_enumerations() -> None:
         "uint8 level # enum: LEVEL_*\nuint8 LEVEL_LOW=0\nstring LEVEL_NAME=low",
     ],
 )
-def test_annotations_without_fitting_constants_are_error_prone(text: str, tree: Tree, forge: Forge) -> None:
+def test_enumerations_without_matching_constants_are_error_prone(text: str, tree: Tree, forge: Forge) -> None:
     root = tree({"msg/Tank.msg": text})
     words = ("interface", "generate", str(root), "--package", "tanks", "--output", str(root / "out"))
     assert forge(*words).code == 0
     ran = forge(*words, "--strict")
     assert ran.code == 2
-    assert "error: 'enum: LEVEL_*' makes no enumeration of 'level'" in ran.err
+    assert "error: 'enum: LEVEL_*' does not define an enumeration for 'level'" in ran.err

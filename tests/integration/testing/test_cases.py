@@ -99,7 +99,7 @@ def test_a_failed_case_is_named_with_the_command_that_runs_it_alone(forge: Forge
         ("u::test_good", "1 test, 0 errors, 0 failures", []),
     ],
 )
-def test_a_test_runs_alone_by_its_name(
+def test_a_single_test_is_run_by_its_name(
     forge: Forge, root: Path, words: str, counts: str, names: list[str]
 ) -> None:
     forge("test", cwd=root)
@@ -109,13 +109,13 @@ def test_a_test_runs_alone_by_its_name(
     assert failed(ran) == names
 
 
-def test_a_case_that_the_last_run_left_out_is_found(forge: Forge, root: Path) -> None:
+def test_a_case_omitted_by_the_last_run_is_found(forge: Forge, root: Path) -> None:
     forge("test", "p", cwd=root)
     forge("test", "p::Math.adds", cwd=root)
     assert "1 test, 0 errors, 0 failures" in forge("test", "p::Math.subtracts", cwd=root).out
 
 
-def test_the_last_failed_tests_run_again_until_none_is_left(forge: Forge, root: Path) -> None:
+def test_last_failed_reruns_tests_until_they_pass(forge: Forge, root: Path) -> None:
     forge("test", cwd=root)
     ran = forge("test", "--last-failed", cwd=root)
     assert len(failed(ran)) == 5
@@ -135,7 +135,7 @@ def test_the_last_failed_tests_run_again_until_none_is_left(forge: Forge, root: 
             "p::xyz",
             "hint: its tests are 'math', 'plain', 'good'; tests inside of these programs are known after",
         ),
-        ("p::", "error: 'p::' names no test\n"),
+        ("p::", "error: 'p::' does not name a test\n"),
         ("q::x", "error: no package named 'q' in the workspace\n"),
     ],
 )
@@ -151,7 +151,7 @@ def test_a_named_test_that_does_not_run_is_an_error(forge: Forge, root: Path) ->
     assert ran.err.endswith(message)
 
 
-def test_failed_tests_that_are_renamed_stop_no_others(forge: Forge, root: Path) -> None:
+def test_renamed_tests_do_not_prevent_rerunning_others(forge: Forge, root: Path) -> None:
     tests = root / "src/y/tests/test_y.py"
     tests.write_text(f"{tests.read_text()}\n\ndef test_old():\n    assert 0\n")
     forge("test", "y", "p", cwd=root)
@@ -164,7 +164,7 @@ def test_failed_tests_that_are_renamed_stop_no_others(forge: Forge, root: Path) 
     assert failed(ran) == ["p: Math.adds", "p: Other.fails", *in_y]
 
 
-def test_a_failed_test_that_a_class_inherits_runs_again(forge: Forge, root: Path) -> None:
+def test_an_inherited_failed_test_is_rerun(forge: Forge, root: Path) -> None:
     tests = root / "src/y/tests"
     (tests / "base.py").write_text("class Base:\n    def test_inherited(self):\n        assert 0\n")
     (tests / "test_x.py").write_text("from .base import Base\n\n\nclass TestOfIt(Base):\n    pass\n")

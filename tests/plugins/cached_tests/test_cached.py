@@ -116,7 +116,7 @@ def test_attempts():
 """Calls that fail, with names of what is not there, or is there."""
 
 
-def test_reasons_of_failed_calls_are_inputs(forge: Forge, tree: Tree) -> None:
+def test_results_of_failed_calls_are_inputs(forge: Forge, tree: Tree) -> None:
     names = re.findall(r"(?:no|yes)_\w+", ATTEMPTS)
     files = {path: text for name in names for path, text in python(name.lower(), ATTEMPTS).items()}
     files |= {f"away/{name.lower()}/{each}": "" for name in names for each in names if each.startswith("yes")}
@@ -184,7 +184,7 @@ def test_changed_options_rerun_the_tests(forge: Forge, root: Path) -> None:
         assert "cached" not in ran.out
 
 
-def test_variables_are_inputs_however_they_are_read(forge: Forge, root: Path) -> None:
+def test_variables_are_inputs_regardless_of_how_they_are_read(forge: Forge, root: Path) -> None:
     assert "with test failures" in run(forge, root, env={"MY_MODE": "bad"}).out
     passed(forge, root, MY_MODE="good")
     assert why(run(forge, root)) == "tests ran: the environment variable 'MY_MODE' has changed"
@@ -214,7 +214,7 @@ def test_replays_are_marked_everywhere(forge: Forge, root: Path) -> None:
     assert (root / "build/p/colcon_test.rc").read_text() == "0\n"
 
 
-def test_configuration_files_can_enable_it_and_other_runs_are_not_replayed(forge: Forge, root: Path) -> None:
+def test_only_cached_runs_are_replayed_and_option_files_can_enable_them(forge: Forge, root: Path) -> None:
     assert forge("test", cwd=root, env=PLAIN).code == 0
     assert "pytest.xml' has changed" in why(run(forge, root))
     (root / "forge.toml").write_text("[test]\ncached = true\n")
@@ -248,10 +248,10 @@ NOT_RECORDED = {
     ),
     "what was replaced": (
         "import shutil; folder = BUILD / f'{BUILD.name}.egg-info'; shutil.rmtree(folder); folder.mkdir()",
-        "which was there before",
+        "which existed before",
     ),
     "a pipe": ("(BUILD / 'pipe').unlink(missing_ok=True); os.mkfifo(BUILD / 'pipe')", "they leave"),
-    "what was built": ("(BUILD / 'install.log').open('a').close()", "install.log', which was there before"),
+    "what was built": ("(BUILD / 'install.log').open('a').close()", "install.log', which existed before"),
     "names beside what it left": (
         "os.listdir(BUILD / '.'); (BUILD / 'o').touch()",
         "and list its folder",
@@ -333,7 +333,7 @@ def test_resource_limits_are_inputs(forge: Forge, root: Path) -> None:
         resource.setrlimit(resource.RLIMIT_CORE, (soft, hard))
 
 
-def test_a_pass_does_not_depend_on_earlier_runs(forge: Forge, tree: Tree) -> None:
+def test_runner_state_of_earlier_runs_is_discarded(forge: Forge, tree: Tree) -> None:
     """With '--lf', pytest would otherwise run the test that failed last, and this would count as all."""
     root = tree(python("p", "def test_a(): pass\ndef test_b(): assert 0\n"))
     (root / "src/p/setup.cfg").write_text("[tool:pytest]\naddopts = --lf\n")
@@ -385,7 +385,7 @@ TEST(Unit, reads) {
 
 
 @pytest.mark.needs("g++")
-def test_ament_cmake_packages_are_cached_with_results_elsewhere(
+def test_ament_cmake_packages_are_cached_with_another_result_folder(
     forge: Forge, tree: Tree, tmp_path: Path
 ) -> None:
     base = ("--test-result-base", "results")

@@ -133,7 +133,7 @@ def compared(version: str, templates: list[str]) -> tuple[list[list[Any]], int]:
 
 
 @pytest.mark.parametrize("version", EMPY)
-def test_ordinary_templates_are_compiled_and_expand_alike(version: str) -> None:
+def test_compiled_templates_give_the_same_output_as_empy(version: str) -> None:
     pairs, compiled = compared(version, ORDINARY)
     differences = [
         (template, *pair) for template, pair in zip(ORDINARY, pairs, strict=True) if pair[0] != pair[1]
@@ -143,9 +143,9 @@ def test_ordinary_templates_are_compiled_and_expand_alike(version: str) -> None:
 
 
 @pytest.mark.parametrize("version", EMPY)
-def test_hostile_templates_expand_alike_or_fail(version: str) -> None:
+def test_hostile_templates_give_the_same_output_or_fail(version: str) -> None:
     pairs, _ = compared(version, HOSTILE)
-    # A failed command runs once more in a process of its own, so only the output of a success counts.
+    # A failed command runs once more in a separate process, so only the output of a success counts.
     differences = [
         (template, expected, actual)
         for template, (expected, actual) in zip(HOSTILE, pairs, strict=True)
@@ -203,7 +203,7 @@ PIECES = st.sampled_from(
 @pytest.mark.parametrize("version", EMPY)
 @settings(max_examples=8, phases=(Phase.generate,))
 @given(templates=st.lists(st.lists(PIECES, max_size=5).map("".join), min_size=40, max_size=40))
-def test_combinations_expand_alike_or_fail(version: str, templates: list[str]) -> None:
+def test_combined_constructs_give_the_same_output_or_fail(version: str, templates: list[str]) -> None:
     pairs, _ = compared(version, templates)
     for template, (expected, actual) in zip(templates, pairs, strict=True):
         assert expected == actual or isinstance(actual, str), template

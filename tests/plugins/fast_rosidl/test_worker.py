@@ -120,7 +120,7 @@ def test_a_different_environment_is_declined(
     done = ask(tmp_path, {**variables, **values})
     assert done.returncode == 0
     assert not in_worker(done)
-    assert done.stderr.startswith("forge: runs report.py in a process of its own: it ")
+    assert done.stderr.startswith("forge: runs report.py in a separate process: it ")
 
 
 def test_a_different_interpreter_is_declined(tmp_path: Path, variables: dict[str, str]) -> None:
@@ -134,7 +134,7 @@ def test_failed_commands_run_again_outside_the_worker(tmp_path: Path, variables:
     (tmp_path / "report.py").write_text("print('once')\nraise SystemExit(7)\n")
     done = ask(tmp_path, variables)
     assert (done.returncode, done.stdout) == (7, "once\n")
-    assert done.stderr == "forge: runs report.py in a process of its own: it ended with 7\n"
+    assert done.stderr == "forge: runs report.py in a separate process: it ended with 7\n"
 
 
 def test_commands_share_no_state(tmp_path: Path, variables: dict[str, str]) -> None:

@@ -176,4 +176,4 @@ def test_damaged_clones_and_missing_sources_are_detected(
     ran = forge("cache", "verify", env=env)
     assert ran.code == 1
     assert f"{clone}: " in ran.out
-    assert f"{underlay(tmp_path)}: the sources of 'rclmini' are gone" in ran.out
+    assert f"{underlay(tmp_path)}: the sources of 'rclmini' no longer exist" in ran.out

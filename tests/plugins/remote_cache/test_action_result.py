@@ -31,7 +31,7 @@ RESULTS = st.builds(ActionResult, st.lists(st.builds(OutputFile, _PATHS, _DIGEST
 
 @given(RESULTS)
 @example(EMPTY)
-def test_messages_are_encoded_like_by_protobuf(result: ActionResult) -> None:
+def test_messages_are_encoded_as_by_protobuf(result: ActionResult) -> None:
     assert encode(result) == as_message(result, Used).SerializeToString(deterministic=True)
 
 
@@ -87,7 +87,7 @@ _FIELDS = st.recursive(
 
 @given(st.lists(_FIELDS, max_size=4).map(b"".join) | st.binary(max_size=40))
 @example(b"\x12" + b"\x0f" + b"\n\x01a\x12\x0a\n\x08" + b"12345678")
-def test_messages_are_decoded_like_by_protobuf(data: bytes) -> None:
+def test_messages_are_decoded_as_by_protobuf(data: bytes) -> None:
     try:
         expected = Used.FromString(data)
     except DecodeError:
@@ -107,11 +107,11 @@ def _has_good_names(message: object) -> bool:
 
 
 @given(RESULTS, st.data())
-def test_a_corrupt_byte_is_decoded_like_by_protobuf(result: ActionResult, data: st.DataObject) -> None:
+def test_a_corrupt_byte_is_decoded_as_by_protobuf(result: ActionResult, data: st.DataObject) -> None:
     spoilt = bytearray(encode(result))
     if spoilt:
         spoilt[data.draw(st.integers(0, len(spoilt) - 1))] = data.draw(st.integers(0, 255))
-    test_messages_are_decoded_like_by_protobuf.hypothesis.inner_test(bytes(spoilt))  # type: ignore[attr-defined]
+    test_messages_are_decoded_as_by_protobuf.hypothesis.inner_test(bytes(spoilt))  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize(

@@ -71,7 +71,7 @@ class InputOptions:
 def library_of(options: IncludeOptions, recorded: Mapping[str, Path] | None = None) -> Library:
     """Return the searchable definitions; `recorded` folders of earlier runs are used unless overridden.
 
-    Builds generate code with it: only what is included or sourced counts, as for other compilers.
+    Builds generate code from these: only included and sourced definitions count, as for other compilers.
     """
     return Library(
         includes={**(recorded or {}), **options.folders},
@@ -105,9 +105,8 @@ def require_built(package: str, library: Library, profile: str | None) -> None:
 def distribution_of(rosdistro: str | None, folder: Path | None = None) -> str:
     """Return the distribution of embedded definitions: chosen here, or by the workspace around `folder`.
 
-    The default is the working directory. The workspace is searched only if neither --rosdistro nor
-    ROS_DISTRO is set: in builds it always is, and the files that a search looks at would be inputs of the
-    package.
+    The default is the working directory. The workspace is searched only if neither --rosdistro nor ROS_DISTRO
+    is set: builds always set it, and the files that a search reads would be inputs of the package.
     """
     folder = folder or Path.cwd()
     check_distribution(rosdistro)
@@ -131,7 +130,7 @@ def installed_definitions(install: Path | None, names: Iterable[str]) -> dict[st
 
 
 def _built_from(package: str, folder: Path, profile: str | None) -> Path | None:
-    """Return the folder with the installed definitions of a package of a workspace, if that was built."""
+    """Return the folder with the installed definitions of a workspace package if the package was built."""
     if not (folder / "package.xml").is_file():
         return None
     install = find_install(folder.resolve(), Path.home(), profile)
@@ -139,7 +138,7 @@ def _built_from(package: str, folder: Path, profile: str | None) -> Path | None:
 
 
 def _warnings_before_a_build(path: Path, sources: Iterable[Source]) -> Iterator[Problem]:
-    """Yield the definitions that a build adds to those of a folder or leaves out, as far as CMake says."""
+    """Yield the definitions that a build adds or leaves out according to CMakeLists.txt."""
     from forge.workspace.cmake_text import calls  # builds read no folder
 
     read = {each.path.name: each.path for each in sources}

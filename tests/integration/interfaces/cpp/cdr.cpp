@@ -296,7 +296,7 @@ void errors_say_what_and_where()
     "at byte 8: a string of 11 characters, 10 are allowed");
   HOLDS(
     refusal<example_interfaces::msg::WString>(bytes_of("01000000 00000100")) ==
-    "at byte 8: 65536 is no unit of UTF-16");
+    "at byte 8: 65536 is not a UTF-16 code unit");
   std_msgs::msg::String text = String().set__data("hello");
   Bytes small(9, 0xee);
   try {

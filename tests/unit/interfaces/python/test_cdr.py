@@ -409,9 +409,9 @@ string only
 
 def test_a_service_is_not_a_message(cdr: Any) -> None:
     for wrong in (class_of("example_interfaces/srv/AddTwoInts"), int):
-        with pytest.raises(TypeError, match="is no message class"):
+        with pytest.raises(TypeError, match="is not a message class"):
             cdr.deserialize(body("00"), wrong)
-    with pytest.raises(TypeError, match="'int' is no message class"):
+    with pytest.raises(TypeError, match="'int' is not a message class"):
         cdr.serialize(1)
 
 

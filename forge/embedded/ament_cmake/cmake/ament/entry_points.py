@@ -42,7 +42,7 @@ def _write_program(folder: Path, entry: str) -> None:
     name, _, target = (part.strip() for part in entry.partition("="))
     module, _, function = target.partition(":")
     if not name or not module or not function:
-        sys.exit(f"setup.cfg: the console script '{entry}' does not read 'name = module:function'")
+        sys.exit(f"setup.cfg: the console script '{entry}' is not of the form 'name = module:function'")
     folder.mkdir(parents=True, exist_ok=True)
     program = folder / name
     attribute = function.partition(".")[0]

@@ -1,6 +1,6 @@
 """Print the version of a module's distribution without importing the module; exit with 1 without the module.
 
-Called as `module_version.py MODULE`. To import pytest would read the metadata of every distribution found.
+Called as `module_version.py MODULE`. Importing pytest would read the metadata of every distribution.
 """
 
 from __future__ import annotations

@@ -46,7 +46,7 @@ class Condition:
     """A parser of conditions of REP 149; 'and' has precedence over 'or'."""
 
     def __init__(self, text: str) -> None:
-        """Split the text into tokens; raises ValueError where that is not possible."""
+        """Split the text into tokens; raises ValueError if that is not possible."""
         self.tokens = []
         position = 0
         while text[position:].strip():
@@ -57,7 +57,7 @@ class Condition:
             position = match.end()
 
     def holds(self) -> bool:
-        """Return the condition's truth; raises ValueError when it is malformed."""
+        """Return whether the condition is true; raises ValueError if it is malformed."""
         answer = self._any()
         if self.tokens:
             raise ValueError
@@ -171,7 +171,7 @@ def main(path: str) -> int:
         sys.exit(f"{path} is not well-formed XML: {error}")
     package = _text(root.find("name"))
     if root.tag != "package" or not package or not _text(root.find("version")):
-        sys.exit(f"{path} is no package manifest: <package> with <name> and <version> is missing")
+        sys.exit(f"{path} is not a package manifest: <package> with <name> and <version> is missing")
     lines = [f"set(_AMENT_PACKAGE_NAME {_quote(package)})"]
     for name, values in variables(root).items():
         lines.append(" ".join([f"set({package}_{name}", *(map(_quote, values) if values else ['""'])]) + ")")

@@ -160,7 +160,7 @@ def _judge(result: Path, package: str, code: int, skip_code: int | None) -> int:
     try:
         tree = ET.parse(result)  # noqa: S314  (the test's own file)
     except ET.ParseError as error:
-        problem = f"The result file is no XML: {error}"
+        problem = f"The result file is not XML: {error}"
         _say(f"-- {problem}")
         _write(result, package, result.name.split(".")[0], failure=problem)
         return code or 1

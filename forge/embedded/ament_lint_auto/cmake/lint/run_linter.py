@@ -41,7 +41,7 @@ def main(words: list[str]) -> int:
 
 
 def complaints_of(options: argparse.Namespace) -> dict[str, str]:
-    """Run the linter, write the result file if there is to be one, and return the findings by file."""
+    """Run the linter, write the result file if requested, and return the findings by file."""
     command, suffixes = LINTERS[options.tool]
     files = list(_files(options.paths, suffixes, options.exclude))
     argv = command(options)

@@ -2,7 +2,7 @@
 
     skip_linter.py PROGRAM PACKAGE TEST FILE
 
-Exits with 77, by which CTest knows that the test is skipped. Uses only the standard library.
+Exits with 77, the code that tells CTest that the test was skipped. Uses only the standard library.
 """
 
 from __future__ import annotations

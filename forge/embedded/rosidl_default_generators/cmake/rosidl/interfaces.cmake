@@ -169,7 +169,7 @@ function(_rosidl_read_files variable target)
     endif()
     if(NOT path MATCHES "^(.+)/([^/]+)/([^/]+\\.(msg|srv|action|idl))$")
       message(FATAL_ERROR
-        "rosidl_generate_interfaces() was given '${path}', which is no .msg, .srv, .action or .idl file")
+        "rosidl_generate_interfaces() was given '${path}', which is not a .msg, .srv, .action or .idl file")
     endif()
     list(APPEND tuples "${CMAKE_MATCH_1}:${CMAKE_MATCH_2}/${CMAKE_MATCH_3}")
   endforeach()

@@ -60,7 +60,7 @@ def described_class(class_: type) -> Any:
     for base in class_.__mro__:
         if "SLOT_TYPES" in vars(base) and "__slots__" in vars(base):
             return base
-    raise TypeError(f"'{class_.__name__}' is no message class")
+    raise TypeError(f"'{class_.__name__}' is not a message class")
 
 
 def _fields(class_: Any) -> Iterator[tuple[str, Any]]:
@@ -70,7 +70,7 @@ def _fields(class_: Any) -> Iterator[tuple[str, Any]]:
 
 def _class_of(owner: type, type_: Any) -> Any:
     """Return the class of a field; the parts of an action are only in its module."""
-    # Classes made at run time are below a package of their own: root.package.kind._module.
+    # Classes created at run time are in a separate package: root.package.kind._module.
     root = owner.__module__.split(".")[:-3]
     namespace = ".".join((*root, *type_.namespaces))
     found: Any = getattr(sys.modules[owner.__module__], type_.name, None)

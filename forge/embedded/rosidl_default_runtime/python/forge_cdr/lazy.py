@@ -2,7 +2,7 @@
 
 A message with such sequences has a hidden class derived from its own: the slots contain the positions of the
 numbers, and the first access creates the array. Once all are created, the message has its own class again,
-which `__class__` reports all the time. Messages without such sequences have no overhead.
+which `__class__` always reports. Messages without such sequences have no overhead.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class _Lazy:
     __slots__ = ()
 
     def __reduce_ex__(self, protocol: Any) -> Any:
-        """Copy and pickle the message as one of its public class."""
+        """Copy and pickle the message as an instance of its public class."""
         slots: tuple[str, ...] = self.__class__.__slots__
         for slot in slots:
             getattr(self, slot)

@@ -67,7 +67,7 @@ class Texts(dict[int, Struct]):
             text = f"{length - 1}sB" if length else "0s0s"
         else:
             end = self._end + length + 1
-            text = f"{length + 1}s"  # the NUL comes by itself: Struct fills up with zeros
+            text = f"{length + 1}s"  # Struct appends the NUL: it pads with zeros
         made = Struct(f"<{self._before}{text}{layout(self._after, end)[0]}")
         if length < REMEMBERED:
             self[length] = made

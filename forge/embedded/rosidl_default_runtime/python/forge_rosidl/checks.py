@@ -70,7 +70,7 @@ NUMBERS: Final = {
 def refuse(unknown: Mapping[str, object]) -> None:
     """Fail because of unknown arguments of a constructor.
 
-    `check_fields`, which turns the checks on in rosidl since Iron, is known: here they are always on.
+    `check_fields`, which enables the checks in rosidl since Iron, is accepted: here they are always enabled.
     """
     names = sorted(unknown.keys() - {"check_fields"})
     assert not names, f"Invalid arguments passed to constructor: {', '.join(names)}"
@@ -164,7 +164,7 @@ def characters(
 def numbers(name: str, value: Any, type_name: str, bound: int | None = None) -> array[Any]:
     """Return an `array.array` of the right type code unchanged, and convert other numbers.
 
-    Those of a buffer, such as a numpy array, are copied at once.
+    Numbers in a buffer, such as a numpy array, are copied at once.
     """
     kind = NUMBERS[type_name]
     if isinstance(value, array):
@@ -198,7 +198,7 @@ def copy_of(value: Any, type_name: str) -> array[Any] | None:
         return None
     try:
         view = memoryview(value)
-    except (TypeError, BufferError, ValueError):  # numpy has types that no buffer has
+    except (TypeError, BufferError, ValueError):  # numpy has types that buffers do not support
         return None
     if not view.ndim:  # a single number
         return None
@@ -214,7 +214,7 @@ def copy_of(value: Any, type_name: str) -> array[Any] | None:
         if not _is_convertible(value, kind):
             return None
         view = memoryview(value.astype(kind.code))
-    if view.nbytes:  # no view of nothing can be cast
+    if view.nbytes:  # an empty view cannot be cast
         made.frombytes(view.cast("B") if view.c_contiguous else view.tobytes())
     return made
 
@@ -228,12 +228,12 @@ _FORMATS: Final = {
 
 
 def _is_iterable(view: memoryview) -> bool:
-    """Return False for a buffer of which only numpy can read elements, such as one in another byte order."""
+    """Return False for a buffer whose elements only numpy can read, such as one in another byte order."""
     return view.ndim == 1 and view.format in _READABLE
 
 
 def _is_convertible(values: Any, kind: Number) -> bool:
-    """Tell whether all elements of a numpy array are in the range of a type, and none loses a fraction."""
+    """Return whether all elements of a numpy array are in the range of a type, and none loses a fraction."""
     if kind.python is int and values.dtype.kind == "b":
         return True
     if kind.python is int:

@@ -115,7 +115,7 @@ class _Abridgement:
     without_arrays: bool
     without_strings: bool
     with_names: bool = False
-    """Whether values of enumerations are members of these, not numbers."""
+    """Whether values of enumerations are kept as members instead of numbers."""
 
     def dictionary(self, msg: Any) -> OrderedDict[str, Any]:
         """Return a message's fields."""
@@ -133,7 +133,7 @@ class _Abridgement:
             yield self._text(getattr(msg, name), type_)
 
     def plain(self, value: Any, type_: Any = None) -> Any:
-        """Return a value in the terms of dictionaries, lists, numbers and text."""
+        """Return a value as dictionaries, lists, numbers and text."""
         if hasattr(value, "dtype"):  # numpy's arrays and numbers
             value = value.tolist()
         if isinstance(value, bytes | bytearray):

@@ -316,7 +316,7 @@ private:
 
   [[noreturn]] FORGE_CDR_COLD void fail_unit(std::uint32_t unit) const
   {
-    fail(std::to_string(unit) + " is no unit of UTF-16");
+    fail(std::to_string(unit) + " is not a UTF-16 code unit");
   }
 
   [[noreturn]] FORGE_CDR_COLD void fail(const std::string & problem) const
