@@ -240,7 +240,7 @@ def test_every_module_has_a_docstring(module: str) -> None:
         *(("test", "--help"), ("test-result", "--help"), ("clean", "--help"), ("completion", "--help")),
     ],
 )
-def test_a_light_command_imports_nothing_heavy(argv: tuple[str, ...], tmp_path: Path) -> None:
+def test_light_commands_import_no_heavy_modules(argv: tuple[str, ...], tmp_path: Path) -> None:
     script = (
         "import sys\nfrom forge.cli.main import main\n"
         f"try:\n    main({argv!r})\nexcept SystemExit:\n    pass\n"

@@ -131,7 +131,7 @@ def test_users_can_link_any_documented_target(rosidl: Ament, motion: Project) ->
 
 
 @cxx
-def test_the_target_of_all_interfaces_is_known_in_their_project_too(rosidl: Ament) -> None:
+def test_the_aggregate_target_is_available_in_the_defining_project(rosidl: Ament) -> None:
     demo = rosidl(
         f"{GENERATORS}rosidl_generate_interfaces(demo msg/One.msg)\n"
         "add_executable(one one.cpp)\ntarget_link_libraries(one demo::demo)\nament_package()",

@@ -95,7 +95,7 @@ def plain(value: object) -> object:
 
 
 @pytest.mark.parametrize(("verb", "name"), [(verb, name) for verb, names in LISTS.items() for name in names])
-def test_list_arguments_are_split_like_in_colcon(
+def test_list_arguments_are_split_as_in_colcon(
     verb: str, name: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """A word with which colcon refuses the command line may be passed on."""
@@ -131,7 +131,7 @@ def test_options_unknown_to_colcon_do_not_end_an_argument_list(name: str) -> Non
 
 
 @pytest.mark.parametrize("name", ["pytest_args", "ctest_args", "unittest_args", "cargo_args"])
-def test_abbreviated_options_resolve_like_in_colcon(name: str) -> None:
+def test_abbreviated_options_resolve_as_in_colcon(name: str) -> None:
     option = f"--{name.replace('_', '-')}"
     options = parser_of(["test"]).parse_args(["test", option[:-2], "-x", "--return", "--exec", "sequential"])
     assert plain(getattr(options, name)) == ["-x"]

@@ -54,7 +54,7 @@ def root(tree: Tree) -> Path:
 
 
 @pytest.mark.parametrize("generator", ["Ninja", "Unix Makefiles"])
-def test_compilers_are_coloured_on_a_terminal_only(root: Path, generator: str) -> None:
+def test_compiler_output_is_coloured_only_on_terminals(root: Path, generator: str) -> None:
     build = ("build", "--cmake-args", "-G", generator)
     shown = on_terminal(root, *build)
     assert MAGENTA in shown
@@ -77,7 +77,7 @@ def test_compilers_are_coloured_on_a_terminal_only(root: Path, generator: str) -
     assert MAGENTA not in shown
 
 
-def test_scripts_see_neither_a_terminal_nor_a_variable(root: Path) -> None:
+def test_colours_set_no_variables_for_scripts(root: Path) -> None:
     script = 'file(WRITE "${OUT}" "$ENV{CLICOLOR_FORCE}$ENV{FORCE_COLOR}")\n'
     (root / "src/p/note.cmake").write_text(script, encoding="utf-8")
     command = "${CMAKE_COMMAND} -DOUT=${CMAKE_BINARY_DIR}/note -P ${CMAKE_SOURCE_DIR}/note.cmake"

@@ -341,7 +341,7 @@ def test_package_arguments_can_select_another_compiler(forge: Forge, tree: Tree)
     assert said["a"] != said["b"]
 
 
-def test_modules_in_a_folder_named_like_that_of_cmake_are_inputs(forge: Forge, tree: Tree) -> None:
+def test_modules_outside_the_cmake_installation_are_inputs(forge: Forge, tree: Tree) -> None:
     root = tree({"opt/share/cmake/Modules/My.cmake": "set(VV 1)\n", "opt/COLCON_IGNORE": ""})
     text = f"list(APPEND CMAKE_MODULE_PATH {root}/opt/share/cmake/Modules)\n"
     text += "include(My)\nadd_definitions(-DV=${VV})\n"

@@ -58,7 +58,7 @@ def test_every_workspace_package_is_listed_once(examples: Path) -> None:
     assert names == sorted(path.name for path in (EXAMPLES / "src").iterdir())
 
 
-def test_installed_packages_are_known_to_forge_and_to_python(examples: Path) -> None:
+def test_installed_packages_are_found_by_forge_and_python(examples: Path) -> None:
     listed = sourced(examples, "forge pkg list").split()
     # A plain CMake package leaves no mark in the index.
     assert {"example_ros2_interfaces", "robot_configs", "robot_demo_cpp", "robot_demo_py"} <= set(listed)

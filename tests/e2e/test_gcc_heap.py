@@ -149,7 +149,7 @@ LAUNCHED = {
 
 
 @pytest.mark.parametrize("rule", LAUNCHED)
-def test_the_launcher_adds_the_option_where_it_is_harmless(tmp_path: Path, rule: str) -> None:
+def test_the_launcher_adds_the_option_only_if_it_is_harmless(tmp_path: Path, rule: str) -> None:
     expected, commands = LAUNCHED[rule]
     found = {command: launch(tmp_path, *command.split()) for command in commands}
     assert found == {command: f"{expected}{command.partition(' ')[2]}\n" for command in commands}

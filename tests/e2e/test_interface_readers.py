@@ -173,7 +173,7 @@ def test_all_readers_agree(forge: Forge, tree: Tree) -> None:
     assert forge("interface", "schema", "deep/msg/C", cwd=root).out.count("int8 a") == 1
 
 
-def test_folders_that_were_not_built_have_what_is_found(forge: Forge, tree: Tree) -> None:
+def test_unbuilt_folders_have_the_definitions_found_in_them(forge: Forge, tree: Tree) -> None:
     """What CMakeLists.txt says otherwise is a warning; what it says with variables is not known."""
     names = ("plain", "deep", "elsewhere", "with_base", "listed", "globbed", "skipped")
     more = {"src/deep/msg/New.msg": "int8 n\n"}
@@ -196,7 +196,7 @@ def test_folders_that_were_not_built_have_what_is_found(forge: Forge, tree: Tree
     }
 
 
-def test_sources_are_read_as_they_are_now(forge: Forge, tree: Tree) -> None:
+def test_sources_are_read_in_their_current_state(forge: Forge, tree: Tree) -> None:
     """What is newer than the last build is read from the sources; another folder is not that package."""
     root = tree({**package("generated"), "other/msg/A.msg": "int8 other\n"})
     assert forge("build", cwd=root).code == 0
@@ -229,7 +229,7 @@ def test_the_workspace_overrides_its_underlays(forge: Forge, tree: Tree, tmp_pat
     assert forge("interface", "show", "plain/msg/A", cwd=root, env=env).out == "int8 a\n"
 
 
-def test_underlays_have_what_was_installed(forge: Forge, tree: Tree, tmp_path: Path) -> None:
+def test_underlays_have_the_installed_definitions(forge: Forge, tree: Tree, tmp_path: Path) -> None:
     names = ("generated", "optional", "skipped")
     root = tree({path: text for name in names for path, text in package(name).items()})
     assert forge("build", cwd=root).code == 0

@@ -185,7 +185,7 @@ def test_a_changed_header_is_detected_for_cached_objects(forge: Forge, tree: Tre
 
 
 @pytest.mark.needs("ccache")
-def test_errors_name_files_like_without_ccache(forge: Forge, tree: Tree) -> None:
+def test_errors_name_files_as_without_ccache(forge: Forge, tree: Tree) -> None:
     root = tree({**package("one"), "src/one/one_0.cpp": "int wrong( {\n"})
     env = {"CCACHE_DIR": str(root / "cache")}
     plain = forge("build", cwd=root, env=env)

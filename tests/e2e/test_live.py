@@ -109,7 +109,7 @@ def test_running_packages_are_shown(tree: Tree, size: tuple[int, int]) -> None:
         assert words[: size[0]] in last
 
 
-def test_the_size_is_taken_from_the_terminal(tree: Tree) -> None:
+def test_status_lines_fit_the_size_of_the_terminal(tree: Tree) -> None:
     variables = {"COLUMNS": "80", "LINES": "24"}
     terminal = build(tree(package("first", 0.3)), size=(30, 8), variables=variables)
     assert terminal.end() == 0
@@ -167,7 +167,7 @@ def test_no_color_removes_only_colours(tree: Tree, variables: dict[str, str], *,
     assert bool(re.search(rb"\x1b\[[\d;]*3[1-7]m", terminal.written)) is coloured
 
 
-def test_a_build_of_fresh_packages_prints_two_lines(tree: Tree) -> None:
+def test_an_up_to_date_build_prints_two_lines(tree: Tree) -> None:
     root = tree(package("first", 0.0))
     assert build(root).end() == 0
     again = build(root)

@@ -63,7 +63,7 @@ def test_a_compiler_that_was_killed_is_repeated_alone_once(forge: Forge, tree: T
 
 
 @pytest.mark.needs("cmake", "g++", "ninja")
-def test_a_second_kill_fails_with_cause_and_remedy(forge: Forge, tree: Tree) -> None:
+def test_a_second_kill_fails_the_package_with_cause_and_remedy(forge: Forge, tree: Tree) -> None:
     root = write(tree, "one")
     env = {"LOG": str(root / "calls"), "ALWAYS": "1"}
     ran = forge("build", cwd=root, env=env)
@@ -76,7 +76,7 @@ def test_a_second_kill_fails_with_cause_and_remedy(forge: Forge, tree: Tree) -> 
 
 
 @pytest.mark.needs("cmake", "g++", "ninja")
-def test_an_error_after_a_kill_is_explained_instead_of_the_kill(forge: Forge, tree: Tree) -> None:
+def test_an_error_after_a_kill_gets_no_memory_hint(forge: Forge, tree: Tree) -> None:
     root = write(tree, "one")
     (root / "src/one/a.cpp").write_text("int wrong = ;\n")
     ran = forge("build", cwd=root, env={"LOG": str(root / "calls"), "ALWAYS": ""})
@@ -92,7 +92,7 @@ add_custom_target(eat ALL COMMAND "{python}" "${{CMAKE_CURRENT_SOURCE_DIR}}/eat.
 
 
 @pytest.mark.needs("cmake")
-def test_peaks_of_packages_are_learned(forge: Forge, tree: Tree) -> None:
+def test_memory_peaks_of_packages_are_recorded(forge: Forge, tree: Tree) -> None:
     """Two processes of one package count together."""
     eat = "import os, time\nos.fork()\nfood = b'x' * 150_000_000\ntime.sleep(1.5)\n"
     root = (
@@ -114,7 +114,7 @@ def test_peaks_of_packages_are_learned(forge: Forge, tree: Tree) -> None:
 
 
 @pytest.mark.needs("cmake")
-def test_packages_that_do_not_fit_together_are_built_one_after_the_other(forge: Forge, tree: Tree) -> None:
+def test_packages_that_do_not_fit_into_memory_together_are_built_in_turn(forge: Forge, tree: Tree) -> None:
     files = {}
     for name in ("one", "two"):
         files[f"ws/src/{name}/package.xml"] = manifest_text(name, build_type="cmake")

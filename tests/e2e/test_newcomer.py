@@ -53,7 +53,7 @@ def one_message(ran: Ran, *parts: str) -> None:
         assert part in ran.err, ran.err
 
 
-def test_a_malformed_manifest_is_shown_where_it_breaks(forge: Forge, tree: Tree) -> None:
+def test_a_malformed_manifest_is_shown_at_the_error(forge: Forge, tree: Tree) -> None:
     broken = manifest("a").replace("</version>", "</versoin>")
     ran = forge("build", cwd=tree({"src/a/package.xml": broken}))
     one_message(ran, "src/a/package.xml:4:", "error: ", "hint: <version> in line 4 is not closed")

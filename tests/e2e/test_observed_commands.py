@@ -201,7 +201,7 @@ def test_a_file_outside_the_workspace_is_an_input(forge: Forge, tree: Tree) -> N
         ("file(GLOB FILES ${CMAKE_SOURCE_DIR}/../../../bin/*)", "finished"),
     ],
 )
-def test_a_new_program_on_path_is_an_input_only_of_what_lists_its_folder_for_itself(
+def test_a_new_program_on_path_is_an_input_only_of_commands_that_list_its_folder(
     forge: Forge, tree: Tree, cmake: str, expected: str
 ) -> None:
     files = {"src/a/package.xml": FILES["src/a/package.xml"], "src/a/CMakeLists.txt": f"{HEAD}{cmake}\n"}
@@ -491,7 +491,7 @@ def test_all_ways_of_accessing_files_are_observed(forge: Forge, tree: Tree) -> N
     assert "0 packages finished" in forge("build", "--base-paths", "src", cwd=root).out
 
 
-def test_what_a_copy_of_a_process_reads_belongs_to_its_command(forge: Forge, tree: Tree) -> None:
+def test_reads_of_forked_processes_belong_to_their_command(forge: Forge, tree: Tree) -> None:
     commands = "".join(
         f"add_custom_command(OUTPUT {way} COMMAND ${{S}}/../../ways {way} ${{S}} > {way})\n"
         for way in ("copy", "thread")

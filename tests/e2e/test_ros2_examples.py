@@ -89,7 +89,7 @@ def test_the_demo_reports_missing_ros_immediately(workspace: Path) -> None:
 
 
 @pytest.mark.parametrize("package", NODES)
-def test_manifests_declare_what_the_build_looks_for(package: str) -> None:
+def test_manifests_declare_the_packages_that_the_build_looks_for(package: str) -> None:
     """Each find_package of CMakeLists.txt is a dependency, and each one to build with is looked for."""
     manifest = manifest_of(package)
     found = set(re.findall(r"find_package\((\w+)", code(package, "CMakeLists.txt")))

@@ -122,7 +122,7 @@ def test_build_steps_do_not_see_the_installed_package(forge: Forge, tree: Tree) 
         "add_custom_target(copy ALL cmake -E copy_directory ../d ${CMAKE_INSTALL_PREFIX}/x)",
     ],
 )
-def test_steps_that_use_the_prefix_install_like_a_clean_build(forge: Forge, tree: Tree, code: str) -> None:
+def test_steps_that_use_the_prefix_install_as_in_a_clean_build(forge: Forge, tree: Tree, code: str) -> None:
     plain = "install(FILES words.txt DESTINATION share)\nfile(MAKE_DIRECTORY ${CMAKE_BINARY_DIR}/../d/e)\n"
     root = tree(cmake("a", plain, **{"words.txt": "1"}))
     build(forge, root)
@@ -319,7 +319,7 @@ def test_an_unobservable_program_is_started_once(forge: Forge, tree: Tree, optio
     assert log.count("copied") == 1
 
 
-def test_cached_files_are_replaced_like_in_a_clean_build(forge: Forge, tree: Tree) -> None:
+def test_cached_files_are_replaced_as_in_a_clean_build(forge: Forge, tree: Tree) -> None:
     root = tree(cmake("a", "install(DIRECTORY d/ DESTINATION share)", **{"d/x": "1", "d/y": "1"}))
     options = ("--cache", str(root / "cache"))
     build(forge, root, *options)
@@ -401,7 +401,7 @@ class Rules:
 
 @LAYOUTS
 @pytest.mark.parametrize("seed", range(int(os.environ.get("FORGE_TEST_EXAMPLES", "2"))))
-def test_changed_files_and_rules_install_like_a_clean_build(
+def test_changed_files_and_rules_install_as_in_a_clean_build(
     forge: Forge, tree: Tree, seed: int, options: tuple[str, ...]
 ) -> None:
     names = [*(f"f{number}" for number in range(1, 7)), "d/g1", "d/g2", "d/s/g1", "e/g1"]
@@ -521,7 +521,7 @@ def test_a_python_package_stays_usable_during_its_rebuild(forge: Forge, tree: Tr
     hold_against_clean(forge, root)
 
 
-def test_a_setup_py_that_writes_to_its_prefix_installs_like_a_clean_build(forge: Forge, tree: Tree) -> None:
+def test_a_setup_py_that_writes_to_its_prefix_installs_as_in_a_clean_build(forge: Forge, tree: Tree) -> None:
     root = tree(python())
     build(forge, root)
     tree(python("sys; open('words.txt', 'w').write(sys.prefix); import os"))

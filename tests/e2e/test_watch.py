@@ -210,7 +210,7 @@ def test_failures_are_reported_and_fixed_by_the_next_save(tree: Tree) -> None:
         assert watch.rebuilt() == "a"
 
 
-def test_a_failure_is_built_once(tree: Tree) -> None:
+def test_a_failing_package_is_not_rebuilt_without_a_change(tree: Tree) -> None:
     """Neither the first build nor late events of a save repeat it; polling checks all files once more."""
     root = tree(package("a", more='message(FATAL_ERROR "no luck")'))
     with watching(root, prefix=("env", "WATCHFILES_FORCE_POLLING=1")) as watch:

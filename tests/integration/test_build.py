@@ -275,7 +275,7 @@ def test_a_missing_dependency_is_reported_before_cmake_runs(forge: Forge, tree: 
     assert f"; see {docs_url('how-to/rclcpp.md')}\n" in ran.err
 
 
-def test_a_single_package_workspace_is_up_to_date_beside_its_results(forge: Forge, tree: Tree) -> None:
+def test_a_single_package_workspace_stays_up_to_date(forge: Forge, tree: Tree) -> None:
     root = tree({name.removeprefix("src/a/"): text for name, text in files("a").items()})
     assert built(forge, root) == ["a"]
     assert built(forge, root) == []
@@ -377,7 +377,9 @@ def test_setup_scripts_are_updated_if_a_conditional_folder_appears(forge: Forge,
     assert "/b/tools" in script.read_text()
 
 
-def test_a_variable_used_only_by_an_unchanged_package_is_not_called_unused(forge: Forge, tree: Tree) -> None:
+def test_a_variable_used_only_by_an_unchanged_package_is_not_reported_as_unused(
+    forge: Forge, tree: Tree
+) -> None:
     root = tree({**files("a", more="message(STATUS ${USED})"), **files("b")})
     assert forge("build", "--cmake-args", "-DUSED=1", cwd=root).code == 0
     with (root / "src/b/CMakeLists.txt").open("a") as lists:

@@ -69,7 +69,7 @@ def test_misspelt_tables_of_forge_toml_are_reported(forge: Forge, root: Path) ->
     )
 
 
-def test_one_argument_with_two_definitions_is_reported_for_a_package(forge: Forge, root: Path) -> None:
+def test_two_definitions_in_one_argument_are_reported_with_the_package(forge: Forge, root: Path) -> None:
     (root / "forge.toml").write_text("[packages.a]\ncmake-args = ['-DA=1 -DB=2']\n")
     told = forge("build", "--dry-run", cwd=root).err
     assert "src/a: warning: --cmake-args contains '-DA=1 -DB=2' as one argument" in told
@@ -160,7 +160,7 @@ def test_an_environment_variable_adds_mixin_folders(forge: Forge, root: Path) ->
     assert "unknown mixin 'two'" in listed(forge, root, "--mixin", "two")
 
 
-def test_options_of_single_packages_come_from_four_places(forge: Forge, root: Path) -> None:
+def test_package_options_come_from_four_sources(forge: Forge, root: Path) -> None:
     (root / "src/a/colcon.pkg").write_text("{cmake-args: [-D1], name: a, dependencies: [x], hooks: [h.sh]}")
     (root / "home/metadata").mkdir()
     (root / "home/metadata/my.meta").write_text("{names: {a: {cmake-args: [-D2]}}}")

@@ -104,7 +104,7 @@ def test_create_succeeds_with_a_closed_stdout(tmp_path: Path) -> None:
     assert (tmp_path / "p/CMakeLists.txt").is_file()
 
 
-def test_create_renames_a_node_called_like_the_library(forge: Forge, tmp_path: Path) -> None:
+def test_create_renames_a_node_with_the_name_of_the_library(forge: Forge, tmp_path: Path) -> None:
     ran = forge("pkg", "create", "walker", "--node-name", "x", "--library-name", "x", cwd=tmp_path)
     assert ran.code == 0
     assert ran.err.splitlines()[:2] == [

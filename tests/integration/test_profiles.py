@@ -46,7 +46,7 @@ def folders(root: Path) -> set[str]:
     return {path.name for path in root.iterdir() if path.is_dir()} - {"src"}
 
 
-def test_profiles_never_rebuild_each_other(forge: Forge, root: Path) -> None:
+def test_switching_profiles_rebuilds_nothing(forge: Forge, root: Path) -> None:
     assert "1 package finished" in forge("build", cwd=root).out
     assert "1 package finished" in forge("build", "--profile", "fast", cwd=root).out
     assert folders(root) == {"build", "install", "log", "build-fast", "install-fast", "log-fast"}
@@ -55,7 +55,7 @@ def test_profiles_never_rebuild_each_other(forge: Forge, root: Path) -> None:
     assert forge("list", "-n", cwd=root).out == "nav\n"
 
 
-def test_an_install_folder_of_another_profile_is_no_underlay(forge: Forge, root: Path) -> None:
+def test_an_install_folder_of_another_profile_is_not_an_underlay(forge: Forge, root: Path) -> None:
     """Sourcing the workspace before a build of a profile, or the other way round, makes no difference."""
     forge("build", cwd=root)
     forge("build", "--profile", "fast", cwd=root)
@@ -98,7 +98,7 @@ def test_all_commands_use_the_folders_of_the_profile(forge: Forge, root: Path) -
     assert (ran.code, folders(root)) == (0, set())
 
 
-def test_commands_that_read_what_is_installed_have_profiles(forge: Forge, root: Path, tree: Tree) -> None:
+def test_commands_that_read_the_install_folder_support_profiles(forge: Forge, root: Path, tree: Tree) -> None:
     manifest = manifest_text("shapes", build_type="cmake")
     tree({"a team/src/shapes/package.xml": manifest, "a team/src/shapes/msg/Box.msg": "uint8 size\n"})
     assert forge("build", "--profile", "board", "--packages-select", "nav", cwd=root).code == 0
@@ -130,7 +130,7 @@ def test_run_prefers_the_profile_to_a_sourced_workspace(forge: Forge, root: Path
     assert f"{root}/install-fast/" in ran.out
 
 
-def test_clean_names_the_folders_of_profiles_that_it_keeps(forge: Forge, root: Path) -> None:
+def test_clean_lists_the_profile_folders_that_it_keeps(forge: Forge, root: Path) -> None:
     forge("build", cwd=root)
     forge("build", "--profile", "fast", cwd=root)
     assert "  forge clean workspace --profile fast\n" in forge("clean", cwd=root).out
@@ -147,7 +147,7 @@ def test_the_root_is_found_if_only_a_profile_was_built(forge: Forge, root: Path)
     assert "1 package unchanged" in ran.out
 
 
-def test_a_profile_may_name_other_folders(forge: Forge, root: Path) -> None:
+def test_a_profile_can_set_its_own_folders(forge: Forge, root: Path) -> None:
     """The folders of its [build] table are those of all commands; the command line comes first."""
     assert forge("build", "--profile", "board", cwd=root).code == 0
     assert folders(root) == {"out", "log-board"}
@@ -156,7 +156,7 @@ def test_a_profile_may_name_other_folders(forge: Forge, root: Path) -> None:
     assert folders(root) == {"out", "log-board", "own"}
 
 
-def test_folders_of_files_get_the_name_of_the_profile(forge: Forge, root: Path) -> None:
+def test_folders_from_option_files_get_the_profile_as_suffix(forge: Forge, root: Path) -> None:
     (root / "colcon_defaults.yaml").write_text("build: {build-base: out/b/, log-base: /dev/null}\n")
     env = {"FORGE_LOG_PATH": str(root / "logs")}
     assert forge("build", "--profile", "release", cwd=root, env=env).code == 0
@@ -209,7 +209,7 @@ def test_an_unknown_profile_is_an_error(forge: Forge, root: Path, name: str, hin
     ],
     ids=" ".join,
 )
-def test_a_profile_adds_to_the_options_of_the_workspace(
+def test_profile_options_extend_those_of_the_workspace(
     forge: Forge, root: Path, tree: Tree, options: tuple[str, ...], expected: dict[str, str]
 ) -> None:
     tree({f"a team/{name}": text for name, text in cmake_package("a").items()})
@@ -218,7 +218,7 @@ def test_a_profile_adds_to_the_options_of_the_workspace(
     assert {f"-D{name}={value}" for name, value in expected.items()} <= set(out.split())
 
 
-def test_a_profile_of_forge_toml_replaces_the_one_of_its_name(forge: Forge, root: Path, tree: Tree) -> None:
+def test_a_profile_in_forge_toml_replaces_the_built_in_one(forge: Forge, root: Path, tree: Tree) -> None:
     tree({f"a team/{name}": text for name, text in cmake_package("a").items()})
     (root / "forge.toml").write_text("[profiles.debug.build]\ncmake-args = ['-DCMAKE_BUILD_TYPE=Special']\n")
     out = forge("build", "--dry-run", "--profile", "debug", cwd=root).out

@@ -211,7 +211,7 @@ def test_a_moved_workspace_is_announced_once(forge: Forge, workspace: Path, tmp_
     assert line.endswith("; 2 packages are rebuilt")
 
 
-def test_a_file_overwritten_by_another_package_is_not_called_changed(forge: Forge, tree: Tree) -> None:
+def test_a_file_overwritten_by_another_package_is_not_reported_as_changed(forge: Forge, tree: Tree) -> None:
     """In a merged prefix both are installed again, in order."""
     code = (
         'file(WRITE ${{CMAKE_BINARY_DIR}}/x "{0}")\ninstall(FILES ${{CMAKE_BINARY_DIR}}/x DESTINATION share)'

@@ -206,7 +206,7 @@ def test_a_program_in_the_wrong_folder_is_reported(
 
 
 @pytest.mark.parametrize("name", ["launch/walk.xml", "walk.launch.py"])
-def test_a_launch_file_is_no_program(name: str, forge: Forge, tree: Tree) -> None:
+def test_a_launch_file_is_not_a_program(name: str, forge: Forge, tree: Tree) -> None:
     root = tree({MARK: "", "lib/walker/say": SAY, f"share/walker/{name}": ""})
     name = name.rpartition("/")[2]
     told = f"error: no executable found\nhint: to launch it: forge shell -- ros2 launch walker {name}\n"

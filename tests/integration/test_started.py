@@ -67,7 +67,7 @@ def test_processes_can_clean_up_after_sigterm(tmp_path: Path, started: list[subp
     assert process.wait(timeout=5) == 3
 
 
-def test_a_process_with_only_its_variables_keeps_running(
+def test_a_process_that_only_inherits_the_variables_keeps_running(
     tmp_path: Path, started: list[subprocess.Popen[str]]
 ) -> None:
     """For example an editor, started in a shell that has sourced the environment of a step."""

@@ -136,7 +136,7 @@ def test_list_graph_and_deps_select_the_same_packages(forge: Forge, tree: Tree, 
     assert "pytest" not in forge("deps", *WITHOUT, cwd=workspace).out
 
 
-def test_the_option_rebuilds_only_what_it_affects(forge: Forge, workspace: Path) -> None:
+def test_the_option_rebuilds_only_affected_packages(forge: Forge, workspace: Path) -> None:
     """A CMake package with such dependencies is configured without tests; others do not change."""
     built(forge, workspace, "--packages-skip", "script")
     ran = forge("build", "--packages-skip", "script", "--explain", *WITHOUT, cwd=workspace)

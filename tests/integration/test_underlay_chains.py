@@ -111,7 +111,7 @@ def test_a_copied_workspace_is_not_its_own_underlay(forge: Forge, tmp_path: Path
 
 
 @pytest.mark.parametrize("spelling", ["{link}/install", "{root}/src/../install", "{root}//install/"])
-def test_this_workspace_is_recognized_by_every_path(spelling: str, forge: Forge, tmp_path: Path) -> None:
+def test_the_workspace_is_recognized_through_any_path(spelling: str, forge: Forge, tmp_path: Path) -> None:
     root = workspace(tmp_path / "ws", "pa")
     (tmp_path / "link").symlink_to(root)
     assert forge("build", cwd=root).code == 0

@@ -101,7 +101,7 @@ def test_every_command_reports_a_cycle(forge: Forge, tree: Tree) -> None:
         assert "error: dependency cycle: a -> b -> a" in ran.err
 
 
-def test_names_are_trimmed_and_numbers_checked(forge: Forge, workspace: Path) -> None:
+def test_arguments_are_trimmed_and_numbers_validated(forge: Forge, workspace: Path) -> None:
     assert forge("list", "-n", "--packages-select", " a", cwd=workspace).out == "a\n"
     assert forge("list", "-n", "--packages-above-depth", "1", "a", cwd=workspace).out == "a\nb\n"
     ran = forge("list", "--packages-above-depth", "a", cwd=workspace)
@@ -267,7 +267,7 @@ def test_a_broken_manifest_stops_its_dependents_with_a_hint(
         ("src/p", "--packages-skip", "a\nb\nc\n"),
     ],
 )
-def test_a_dot_is_the_package_around_the_current_folder(
+def test_a_dot_selects_the_package_of_the_current_folder(
     forge: Forge, workspace: Path, folder: str, option: str, names: str
 ) -> None:
     (workspace / folder).mkdir(exist_ok=True)

@@ -19,7 +19,7 @@ NAMES = tuple(SCENARIOS) if ALL else ("start-up", "list", "completion", "sourcin
 
 
 @pytest.mark.needs("bash", "cmake", "ninja", "g++", "make", "colcon")
-def test_each_scenario_runs_and_measures_what_targets_need(
+def test_each_scenario_runs_and_measures_the_values_of_its_targets(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(os, "environ", os.environ.copy())

@@ -57,7 +57,7 @@ HOLD_INSTALL = HOLD.replace("with lock_build_dir", "with lock_install_dir")
 
 
 @pytest.mark.parametrize(("kind", "lock"), [("build", lock_build_dir), ("install", lock_install_dir)])
-def test_the_message_says_who_has_the_lock(
+def test_the_message_names_the_process_that_holds_the_lock(
     kind: str, lock: Callable[..., AbstractContextManager[float]], tmp_path: Path
 ) -> None:
     argv = [
@@ -80,7 +80,7 @@ def test_the_message_says_who_has_the_lock(
 
 
 @pytest.mark.parametrize("content", ["4711", "{}", "[]", "nonsense", '{"pid": "x"}', '{"pid": 1, "uid": -5}'])
-def test_a_description_of_another_version_or_of_nobody_is_no_error(content: str, tmp_path: Path) -> None:
+def test_an_unreadable_lock_description_is_not_an_error(content: str, tmp_path: Path) -> None:
     with holder(tmp_path) as first:
         (tmp_path / LOCK_FILE).write_text(content, encoding="utf-8")
         with pytest.raises(WorkspaceError) as error, lock_build_dir(tmp_path, wait=False):

@@ -138,7 +138,7 @@ def times(root: Path) -> dict[Path, tuple[int, int]]:
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_any_edits_give_the_same_files_as_a_clean_run(forge: Forge, tree: Tree, seed: int) -> None:
+def test_edits_give_the_same_files_as_a_clean_run(forge: Forge, tree: Tree, seed: int) -> None:
     rng = random.Random(seed)
     root = tree(SHAPES)
     assert generate(forge, root, "out") == 0

@@ -73,7 +73,7 @@ def test_flaky_tests_are_reported_with_the_attempt_that_passed(forge: Forge, roo
     assert "Summary: 8 tests, 0 errors, 2 failures, 0 skipped" in ran.out
 
 
-def test_junit_files_have_the_failures_of_earlier_attempts(forge: Forge, root: Path) -> None:
+def test_junit_files_contain_the_failures_of_earlier_attempts(forge: Forge, root: Path) -> None:
     forge("test", "--retest-until-pass", "2", cwd=root)
     found = {}
     for file in ("y/pytest.xml", "p/test_results/p/junit.gtest.xml"):
@@ -89,7 +89,7 @@ def test_junit_files_have_the_failures_of_earlier_attempts(forge: Forge, root: P
     assert b"assert 1 == 2" in (logs / "y/attempt_2/pytest.xml").read_bytes()
 
 
-def test_flaky_tests_are_events(forge: Forge, root: Path) -> None:
+def test_flaky_tests_are_reported_as_events(forge: Forge, root: Path) -> None:
     ran = forge("test", "p", "--retest-until-pass", "1", "--json", cwd=root)
     events = [json.loads(line) for line in ran.out.splitlines()]
     found = {each["test"]: each for each in events if each["event"] == "FlakyTest"}
@@ -98,7 +98,7 @@ def test_flaky_tests_are_events(forge: Forge, root: Path) -> None:
     assert [each["test"] for each in events if each["event"] == "TestFailure"] == ["bad"]
 
 
-def test_a_run_in_which_all_tests_pass_at_once_has_no_flaky_tests(forge: Forge, tree: Tree) -> None:
+def test_tests_that_pass_at_the_first_attempt_are_not_flaky(forge: Forge, tree: Tree) -> None:
     root = tree(cmake_package("p", 'add_test(NAME good COMMAND sh -c "true")'))
     assert forge("build", cwd=root).code == 0
     ran = forge("test", "--retest-until-pass", "3", cwd=root)

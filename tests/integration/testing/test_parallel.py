@@ -55,7 +55,7 @@ def test_tests_of_a_package_run_together_within_the_job_limit(forge: Forge, tree
     assert "4 tests, 0 errors" in forge("test-result", cwd=root).out
 
 
-def test_one_test_at_a_time_runs_in_the_domain_of_its_package(forge: Forge, tree: Tree) -> None:
+def test_sequential_tests_share_the_domain_of_their_package(forge: Forge, tree: Tree) -> None:
     root = tree(package(3, 1))
     assert forge("build", cwd=root).code == 0
     for words in (("-j1",), ("-j2", "--test-jobs", "1"), ("-j2", "--ctest-args", "-j1")):
@@ -64,7 +64,7 @@ def test_one_test_at_a_time_runs_in_the_domain_of_its_package(forge: Forge, tree
         assert len({domain for domain, _ in domains(root).values()}) == 1
 
 
-def test_the_domain_of_the_user_is_kept_and_its_tests_run_one_after_another(forge: Forge, tree: Tree) -> None:
+def test_a_domain_set_by_the_user_is_kept_and_tests_run_sequentially(forge: Forge, tree: Tree) -> None:
     env = {"ROS_DOMAIN_ID": "42", "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}
     root = tree(package(3, 1))
     assert forge("build", cwd=root).code == 0
@@ -103,7 +103,7 @@ def test_python_tests_run_in_one_domain(forge: Forge, tree: Tree, pytest_: bool)
     assert 1 <= int((root / "src/p/domain").read_text(encoding="utf-8")) <= 100
 
 
-def test_domains_are_distinct_among_everything_that_runs_on_a_host() -> None:
+def test_concurrent_steps_on_a_host_have_distinct_domains() -> None:
     step = Step(StepKind.PYTEST, ("pytest",), Path())
     several = Step(StepKind.CTEST, ("ctest",), Path(), tests_at_once=9)
     level = {"CTEST_PARALLEL_LEVEL": "2"}
@@ -142,13 +142,13 @@ def test_a_test_waits_for_a_domain_if_all_are_taken() -> None:
         ({"DISABLE_ROS_ISOLATION": "1"}, {}),
     ],
 )
-def test_discovery_is_limited_to_this_host_unless_the_environment_says_otherwise(
+def test_discovery_is_limited_to_this_host_unless_a_variable_is_set(
     variables: dict[str, str], expected: dict[str, str]
 ) -> None:
     assert discovery(variables) == expected
 
 
-def test_a_package_gets_its_share_of_the_jobs() -> None:
+def test_a_package_gets_at_most_its_share_of_the_jobs() -> None:
     several = Step(StepKind.CTEST, ("ctest",), Path(), tests_at_once=3)
     pool = JobPool(8)
     with pool.package(), pool.tools(several, {}) as (first, _):

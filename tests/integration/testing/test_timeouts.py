@@ -32,7 +32,7 @@ def has_child(folder: Path) -> bool:
 
 
 @pytest.mark.parametrize("runner", ["pytest", "unittest"])
-def test_a_python_run_that_takes_too_long_is_stopped_with_its_children(
+def test_a_python_test_run_is_killed_with_its_children_on_timeout(
     forge: Forge, tree: Tree, runner: str
 ) -> None:
     files = python_package("p", HANGS if runner == "pytest" else UNITTEST, pytest=runner == "pytest")
@@ -47,7 +47,7 @@ def test_a_python_run_that_takes_too_long_is_stopped_with_its_children(
 
 
 @pytest.mark.needs("cmake")
-def test_a_test_of_ctest_that_takes_too_long_leaves_no_process(forge: Forge, tree: Tree) -> None:
+def test_a_ctest_timeout_leaves_no_processes(forge: Forge, tree: Tree) -> None:
     hangs = "add_test(NAME hangs COMMAND sh ${CMAKE_SOURCE_DIR}/hangs.sh)"
     files = cmake_package("p", hangs, "add_test(NAME good COMMAND true)")
     root = tree({**files, "src/p/hangs.sh": "trap : TERM\nsleep 600 &\necho $! > children\nwait\nwait\n"})
@@ -59,7 +59,7 @@ def test_a_test_of_ctest_that_takes_too_long_leaves_no_process(forge: Forge, tre
 
 
 @pytest.mark.needs("cmake")
-def test_what_a_test_leaves_running_is_stopped_at_the_end(forge: Forge, tree: Tree) -> None:
+def test_processes_left_by_a_test_are_stopped(forge: Forge, tree: Tree) -> None:
     leaves = 'sh -c "sleep 600 > /dev/null 2>&1 & echo \\$! > children"'
     root = tree(cmake_package("p", f"add_test(NAME leaves COMMAND {leaves})"))
     assert forge("build", cwd=root).code == 0

@@ -57,7 +57,7 @@ def arrow(classes: dict[str, list[Any]]) -> Any:
 
 
 @pytest.mark.parametrize("package", ["probe", "ours", *PACKAGES])
-def test_messages_come_back_unchanged(package: str, classes: dict[str, list[Any]], arrow: Any) -> None:
+def test_messages_round_trip(package: str, classes: dict[str, list[Any]], arrow: Any) -> None:
     for class_ in classes[package]:
 
         @settings(max_examples=3, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
@@ -77,20 +77,20 @@ def test_messages_come_back_unchanged(package: str, classes: dict[str, list[Any]
         check()
 
 
-def test_values_at_the_limits_come_back(arrow: Any, ours: dict[str, Any]) -> None:
+def test_extreme_values_round_trip(arrow: Any, ours: dict[str, Any]) -> None:
     class_ = ours["Sizes"]
     message = class_(reals=[math.nan, math.inf, -math.inf, -0.0], big=2**64 - 1, small=-128, raw=[0, 255])
     (back,) = arrow.from_arrow(arrow.to_arrow([message], class_), class_)
     assert (repr(back), math.copysign(1, back.reals[3])) == (repr(message), -1)
 
 
-def test_no_messages_have_a_schema_too(arrow: Any, ours: dict[str, Any]) -> None:
+def test_an_empty_batch_has_a_schema(arrow: Any, ours: dict[str, Any]) -> None:
     batch = arrow.to_arrow([], ours["Texts"])
     assert batch.schema == arrow.schema(ours["Texts"])
     assert arrow.from_arrow(batch, ours["Texts"]) == []
 
 
-def test_messages_come_back_from_parquet(arrow: Any, ours: dict[str, Any], tmp_path: Path) -> None:
+def test_messages_round_trip_through_parquet(arrow: Any, ours: dict[str, Any], tmp_path: Path) -> None:
     point = import_module("geometry_msgs.msg").Point(x=1.5)
     sent = [ours["Texts"](), ours["Texts"](v=2.0, raw=[1, 2], pair=[b"a", b"b"], points=[point], plain="ü")]
     path = str(tmp_path / "texts.parquet")

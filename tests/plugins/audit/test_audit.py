@@ -187,7 +187,7 @@ def test_unobservable_programs_are_named(forge: Forge, tree: Tree, tmp_path: Pat
     files["ws/src/a/gen.c"] = '#include <stdio.h>\nint main(void) { return !fopen("made.h", "w"); }\n'
     ran, lines = audit(forge, tree(files) / "ws")
     assert lines == [
-        f"a: '{tmp_path}/ws/build/a/gen' cannot be observed; what it read is unknown",
+        f"a: '{tmp_path}/ws/build/a/gen' cannot be observed; its inputs are unknown",
         "audit: 1 package, no undeclared inputs; 1 could not be observed completely",
     ]
     assert ran.code == 0
@@ -227,7 +227,7 @@ def test_an_audit_without_a_compiler_is_rejected(forge: Forge, tree: Tree, tmp_p
     assert "apt install gcc" in ran.err
 
 
-def test_the_shapes_declare_what_they_read(forge: Forge, tmp_path: Path) -> None:
+def test_the_shapes_have_no_undeclared_inputs(forge: Forge, tmp_path: Path) -> None:
     """All ten, with a few of the many messages, in the other layout."""
     copy_shapes(tmp_path, 8)
     ran, lines = audit(forge, tmp_path, "--merge-install", "--symlink-install", "--packages-skip", "users")

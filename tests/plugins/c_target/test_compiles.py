@@ -201,7 +201,7 @@ def test_all_headers_compile_together(compiler: tuple[str, ...], include: Path, 
         "probe/msg/wide.h",
     ],
 )
-def test_each_header_compiles_alone(header: str, include: Path, tmp_path: Path) -> None:
+def test_each_header_is_self_contained(header: str, include: Path, tmp_path: Path) -> None:
     source = tmp_path / f"{PurePosixPath(header).stem}.c"
     source.write_text(f'#include "{header}"\n#include "{header}"\nint used;\n', encoding="utf-8")
     compile_cleanly(C99, include, "-fsyntax-only", source)

@@ -78,7 +78,7 @@ def test_every_interface_has_rosidls_headers() -> None:
     assert list(texts()) == [visibility]
 
 
-def test_a_folder_of_generated_c_compiles_alone(forge: Forge, tree: Tree) -> None:
+def test_a_folder_of_generated_c_is_self_contained(forge: Forge, tree: Tree) -> None:
     """`--lang c` brings the run-time headers of C and other packages' messages, and nothing of C++."""
     root = tree({"src/msg/A.msg": "std_msgs/Header header"})
     ran = forge("interface", "generate", "--package", "p", "--output", "out", "--lang", "c", "src", cwd=root)
@@ -97,7 +97,7 @@ def test_idl_only_types_are_generated(forge: Forge, tree: Tree) -> None:
     assert forge(*argv, cwd=root).code == 0
 
 
-def test_headers_include_what_members_need_once() -> None:
+def test_headers_include_each_header_of_members_once() -> None:
     """Members of one type share an include, and each part includes the same part of others."""
     fields = [
         Field("a", POINT),
@@ -134,7 +134,7 @@ def test_headers_include_what_members_need_once() -> None:
         (TypeName("p", "srv", "Of_Idl"), "p/srv/detail/of__idl__struct.h"),
     ],
 )
-def test_parts_are_in_the_header_of_their_interface(name: TypeName, path: str) -> None:
+def test_parts_are_declared_in_the_header_of_their_interface(name: TypeName, path: str) -> None:
     assert detail_path(name, "struct", "h") == path
 
 

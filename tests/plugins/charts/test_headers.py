@@ -22,7 +22,7 @@ if TYPE_CHECKING:
         ("sh launch.sh /usr/bin/aarch64-linux-gnu-gcc-12 -c a.c -o a.o && cmake -E touch x", "/x/clang a.c"),
     ],
 )
-def test_commands_are_those_of_the_build_without_launchers_and_outputs(words: str, expected: str) -> None:
+def test_build_commands_are_passed_to_clang_without_launchers_and_outputs(words: str, expected: str) -> None:
     assert [*for_clang(words.split(), "/x/clang++")] == expected.split()
 
 
@@ -31,7 +31,7 @@ def test_commands_without_a_known_compiler_are_left_out() -> None:
         [*for_clang(["nvcc", "-c", "a.cu"], "clang++")]
 
 
-def test_a_header_counts_once_for_each_file_and_templates_once_at_a_time() -> None:
+def test_a_header_counts_once_per_file_and_nested_templates_are_not_counted_twice() -> None:
     source = [
         {"name": "Source", "ts": 0, "dur": 3_000_000, "args": {"detail": "/x/../inc/a.hpp"}},
         {"name": "Source", "ts": 1_000_000, "dur": 1_000_000, "args": {"detail": "/inc/b.hpp"}},

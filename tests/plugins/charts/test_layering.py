@@ -127,7 +127,7 @@ def test_layouts_of_large_workspaces_have_no_overlaps_and_are_reproducible() -> 
 
 
 @given(graphs(), st.dictionaries(st.sampled_from("abcdefgh"), st.integers(1, 9)))
-def test_the_critical_path_is_the_chain_of_lines_that_takes_longest(
+def test_the_critical_path_is_the_chain_of_edges_with_the_longest_duration(
     graph: dict[str, frozenset[str]], seconds: dict[str, int]
 ) -> None:
     ordered = order(graph)

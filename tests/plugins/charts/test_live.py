@@ -82,7 +82,7 @@ def state_of(live: LiveBuild) -> dict[str, Any]:
     return json.loads(json.dumps(live.state()))  # type: ignore[no-any-return]
 
 
-def test_waiting_packages_name_what_they_wait_for(live: LiveBuild) -> None:
+def test_waiting_packages_name_the_packages_they_wait_for(live: LiveBuild) -> None:
     live.show(Started("base"))
     live.show(StepStarted("base", STEP))
     state = state_of(live)
@@ -109,7 +109,7 @@ def test_waiting_packages_name_what_they_wait_for(live: LiveBuild) -> None:
     ]
 
 
-def test_only_the_address_with_the_token_is_answered(server: LiveServer) -> None:
+def test_requests_without_the_token_are_rejected(server: LiveServer) -> None:
     token = urlsplit(server.address).path.strip("/")
     assert len(token) >= 32
     status, page = ask(server.address)
@@ -129,13 +129,13 @@ def test_the_server_listens_on_this_machine_only(server: LiveServer) -> None:
     assert server._server.socket.getsockname()[0] == "127.0.0.1"
 
 
-def test_every_build_has_an_address_of_its_own(server: LiveServer, tmp_path: Path) -> None:
+def test_every_build_has_its_own_address(server: LiveServer, tmp_path: Path) -> None:
     other = LiveServer(live_build(tmp_path), "x")
     other.close()
     assert urlsplit(other.address).path != urlsplit(server.address).path
 
 
-def test_answers_come_with_the_next_event_and_with_the_end(live: LiveBuild, server: LiveServer) -> None:
+def test_requests_are_answered_at_the_next_event_and_at_the_end(live: LiveBuild, server: LiveServer) -> None:
     version = json.loads(ask(server.address, "state")[1])["version"]
     answers: list[dict[str, Any]] = []
     seen = threading.Event()
@@ -161,7 +161,7 @@ def test_answers_come_with_the_next_event_and_with_the_end(live: LiveBuild, serv
 
 
 @pytest.mark.needs("chromium", "chromedriver")
-def test_the_page_follows_the_build_and_tells_its_end(
+def test_the_page_follows_the_build_until_its_end(
     browser: Browser, live: LiveBuild, server: LiveServer
 ) -> None:
     live.show(Started("base"))

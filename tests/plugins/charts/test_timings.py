@@ -103,7 +103,7 @@ def test_unfinished_steps_end_with_the_build() -> None:
     assert page(build)["remarks"][0] == "1 failed, 1 aborted, 1 not started."
 
 
-def test_waiting_starts_when_all_dependencies_have_ended() -> None:
+def test_waiting_time_starts_when_all_dependencies_have_ended() -> None:
     runs = {run.name: run for run in read_build(DIAMOND).packages}
     assert {name: waited(run, runs) for name, run in runs.items()} == {"a": 0.0, "b": 0.5, "c": 0.0, "d": 1.0}
 

@@ -66,7 +66,7 @@ def test_commands_that_ran_in_parallel_are_added_up() -> None:
     assert phases(second)["compile"] == 0.0
 
 
-def test_no_schedule_is_faster_than_the_work_by_jobs_or_the_longest_chain() -> None:
+def test_no_schedule_is_faster_than_work_divided_by_jobs_or_the_longest_chain() -> None:
     found = bounds(BUILD)
     assert found is not None
     assert found.work == 9.0 + 3.75
@@ -78,7 +78,7 @@ def test_no_schedule_is_faster_than_the_work_by_jobs_or_the_longest_chain() -> N
 
 @settings(max_examples=50)
 @given(st.lists(st.floats(0.1, 5.0), min_size=1, max_size=6), st.integers(1, 4))
-def test_the_least_time_is_no_more_than_the_time_of_a_build_without_pauses(
+def test_the_minimum_time_does_not_exceed_that_of_a_build_without_pauses(
     durations: list[float], jobs: int
 ) -> None:
     told, now = [], 0.0
@@ -109,7 +109,7 @@ def test_the_slowest_files_come_first_and_bars_have_one_scale() -> None:
     ]
 
 
-def test_times_of_headers_are_no_part_of_the_build() -> None:
+def test_header_times_are_excluded_from_the_build_time() -> None:
     times: dict[str, Any] = {"files": 1, "failed": 0, "total": 2.0, "in_headers": 1.0, "in_templates": 0.5}
     headers = event("Headers", 99.0, **times, compiler="c", headers=[["/inc/x.hpp", 1.0, 3]])
     build = read_build([planned("a"), *steps("a", 0.0, 1.0, 2.0, 3.0), headers, SUMMARY])
@@ -119,7 +119,7 @@ def test_times_of_headers_are_no_part_of_the_build() -> None:
 
 
 @given(st.lists(st.sampled_from(["Started", "Finished", "Commands", "Headers", "Usage", "Planned", "x"])))
-def test_logs_of_other_versions_tell_nothing(words: list[str]) -> None:
+def test_logs_of_other_versions_are_ignored(words: list[str]) -> None:
     with TemporaryDirectory() as folder:
         lines = [json.dumps({"event": word, "time": 0.0, "package": "a"}) for word in words]
         Path(folder, "events.jsonl").write_text("\n".join(lines))

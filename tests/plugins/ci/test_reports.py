@@ -101,11 +101,11 @@ def test_workflow_commands_are_escaped(text: str) -> None:
         ("  x.cpp:3:7: error: quoted\nnote: x.cpp:1:1: no\n", None),
     ],
 )
-def test_errors_and_warnings_are_found_with_their_places(text: str, expected: Place | None) -> None:
+def test_errors_and_warnings_are_found_with_their_locations(text: str, expected: Place | None) -> None:
     assert next(diagnostics(text), None) == expected
 
 
-def test_any_text_can_be_in_the_summary() -> None:
+def test_the_summary_accepts_any_text() -> None:
     text = "a | b `<c>` **d** __e__ [f](g) & @h"
     written = cell(f"{text}\n")
     assert written == f"<code>{written[6:-7]}</code>"
@@ -115,9 +115,7 @@ def test_any_text_can_be_in_the_summary() -> None:
 
 
 @pytest.mark.needs("cmake", "ninja")
-def test_an_error_and_a_warning_are_annotations_of_the_repository(
-    forge: Forge, repository: Path, tree: Tree
-) -> None:
+def test_errors_and_warnings_become_annotations(forge: Forge, repository: Path, tree: Tree) -> None:
     code = "int main() { int unused; return 0; }\n#warning ::error::not a command\n"
     root = add(repository, tree, library("bad", "\nint main() { return missing; }\n") | library("good", code))
     ran = forge("build", "--continue-on-error", cwd=root, env=github(repository))
@@ -155,7 +153,7 @@ HEADER = {
 @pytest.mark.parametrize(
     "compiler", [pytest.param(name, marks=pytest.mark.needs(name)) for name in ("g++", "clang++")]
 )
-def test_an_error_in_a_header_of_the_system_is_at_the_line_that_causes_it(
+def test_an_error_in_a_system_header_is_attributed_to_the_including_line(
     forge: Forge, repository: Path, tree: Tree, compiler: str
 ) -> None:
     root = add(repository, tree, HEADER)
@@ -165,7 +163,9 @@ def test_an_error_in_a_header_of_the_system_is_at_the_line_that_causes_it(
     assert error[2].startswith("/usr/")
 
 
-def test_endless_lines_and_empty_logs_are_not_printed(forge: Forge, repository: Path, tree: Tree) -> None:
+def test_very_long_lines_are_shortened_and_empty_logs_omitted(
+    forge: Forge, repository: Path, tree: Tree
+) -> None:
     lists = (
         "cmake_minimum_required(VERSION 3.16)\nproject(long NONE)\nadd_custom_target(x ALL COMMAND ${run})\n"
     )
@@ -183,7 +183,7 @@ def test_endless_lines_and_empty_logs_are_not_printed(forge: Forge, repository: 
     assert "::group::" not in ran.out
 
 
-def test_a_failed_test_is_an_annotation_of_its_line(forge: Forge, repository: Path, tree: Tree) -> None:
+def test_a_failed_test_annotates_its_line(forge: Forge, repository: Path, tree: Tree) -> None:
     test = "def test_fails():\n    print('::error::no command')\n    assert 1 == 2\n"
     files = {"src/nav/pyproject.toml": PYTHON, "src/nav/nav.py": "", "src/nav/test/test_nav.py": test}
     root, env = add(repository, tree, files), github(repository)
@@ -202,7 +202,7 @@ def test_a_failed_test_is_an_annotation_of_its_line(forge: Forge, repository: Pa
     assert "| tests | failed tests | skipped tests |" in summary
 
 
-def test_the_summary_counts_what_came_from_the_cache(forge: Forge, repository: Path, tree: Tree) -> None:
+def test_the_summary_counts_packages_from_the_cache(forge: Forge, repository: Path, tree: Tree) -> None:
     root = add(repository, tree, {"src/nav/pyproject.toml": PYTHON, "src/nav/nav.py": ""})
     env = {**github(repository), "FORGE_CACHE_DIR": str(repository.parent / "cache")}
     forge("build", "--cache", cwd=root, env=env)

@@ -107,7 +107,7 @@ def test_data_files_of_several_processes_are_combined(tmp_path: Path) -> None:
     assert counts(coverage.conclude(complete=True)) == [(6, 5)]
 
 
-def test_a_report_that_fails_says_why(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_failed_report_gives_the_reason(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     one = task(tmp_path, "half", "python")
     source(tmp_path, "half")
     assert Coverage(run(tmp_path, one)).conclude(complete=True).events == ()
@@ -184,7 +184,7 @@ def test_the_summary_has_a_total_and_a_line_per_package() -> None:
 
 
 @pytest.mark.needs("gcc", "gcov", "gcovr")
-def test_a_missed_threshold_of_the_package_keeps_the_report(tmp_path: Path) -> None:
+def test_a_missed_threshold_does_not_prevent_the_report(tmp_path: Path) -> None:
     one = task(tmp_path, "half", "cmake")
     folder = source(tmp_path, "half")
     (folder / "half.c").write_text(HALF)

@@ -84,7 +84,7 @@ def test_ament_scripts_run_in_the_worker_with_the_same_result(fast: Path, tree: 
             assert both[0] == both[1]
 
 
-def test_embedded_ament_cmake_has_no_such_scripts(tree: Tree) -> None:
+def test_embedded_ament_cmake_needs_no_launcher_for_scripts(tree: Tree) -> None:
     root = tree({path: text for path, text in FILES.items() if path.startswith("src/one/")})
     argv = (sys.executable, "-m", "forge", "build", "--python", sys.executable)
     subprocess.run(argv, cwd=root, check=True, capture_output=True)

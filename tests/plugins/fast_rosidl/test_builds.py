@@ -229,7 +229,7 @@ def test_third_party_generators_run_in_the_worker_or_in_their_own_process(tree: 
     assert printed.count("third party") == printed.count("the second time") == 1
     assert "in vain" not in printed
     assert [line for line in printed.splitlines() if line.startswith("forge: ")] == [
-        "forge: runs declined.py in a process of its own: ValueError: once"
+        "forge: runs declined.py in a separate process: ValueError: once"
     ]
 
 

@@ -45,12 +45,12 @@ def same(parser: Any, trees: Lark, text: str) -> bool:
 
 
 @pytest.mark.parametrize("probe", PROBES, ids=lambda path: path.stem)
-def test_probe_files_are_parsed_like_by_rosidl(parser: Any, trees: Lark, probe: Path) -> None:
+def test_probe_files_are_parsed_as_by_rosidl(parser: Any, trees: Lark, probe: Path) -> None:
     assert same(parser, trees, probe.read_text(encoding="utf-8"))
 
 
 @pytest.mark.parametrize("package", ["diagnostic_msgs", "example_interfaces", "rcl_interfaces", "std_msgs"])
-def test_standard_interfaces_are_parsed_like_by_rosidl(
+def test_standard_interfaces_are_parsed_as_by_rosidl(
     parser: Any, trees: Lark, forge: Forge, tmp_path: Path, package: str
 ) -> None:
     source = HOME / "embedded" / package

@@ -76,11 +76,11 @@ def test_a_system_library_is_used_if_every_download_path_checks_for_it(
         f"{MACRO}set(LOCAL OFF)\nif(WIN32)\nbuild_lib()\nendif()\nif(LOCAL)\nbuild_lib()\nendif()",
     ],
 )
-def test_repositories_computed_urls_and_other_systems_are_not_known_downloads(text: str) -> None:
+def test_repositories_computed_urls_and_other_systems_are_not_reported_as_downloads(text: str) -> None:
     assert list(downloads(text)) == []
 
 
-def test_addresses_may_contain_variables_that_have_one_value() -> None:
+def test_urls_may_contain_variables_with_a_single_value() -> None:
     text = "set(V 1.2)\nset(NAME lib-${V})\nExternalProject_Add(lib URL https://example.invalid/${NAME}.zip)"
     assert [each.url for each in downloads(text)] == ["https://example.invalid/lib-1.2.zip"]
 
@@ -111,7 +111,7 @@ def test_the_announcement_names_the_library_and_its_rosdep_key(
 @pytest.mark.needs("cmake")
 @pytest.mark.parametrize(("version", "announcements"), [("1.0", 0), ("1.4", 0), ("0.9", 1)])
 @pytest.mark.parametrize("kind", ["config", "module of the package"])
-def test_an_installed_library_that_cmake_accepts_is_no_download(
+def test_an_installed_library_that_cmake_accepts_prevents_the_download(
     kind: str, version: str, announcements: int, tmp_path: Path
 ) -> None:
     package = vendor(tmp_path / "a vendor")
@@ -132,7 +132,7 @@ def test_an_installed_library_that_cmake_accepts_is_no_download(
 
 @pytest.mark.needs("cmake")
 @pytest.mark.parametrize(("version", "announcements"), [("5.1", 0), ("3.9", 1)])
-def test_a_version_that_the_package_compares_itself_is_not_requested_of_the_library(
+def test_a_version_that_the_package_itself_checks_is_not_passed_to_find_package(
     version: str, announcements: int, tmp_path: Path
 ) -> None:
     condition = 'NOT lib_FOUND OR "${lib_VERSION}" VERSION_LESS 4.1'

@@ -65,7 +65,7 @@ def test_a_second_workspace_reuses_the_underlay(ros: Ros, forge: Forge, tmp_path
         assert ("building 4 packages of ROS" in ran.err) == (name == "one")
 
 
-def test_further_clones_rebuild_nothing_and_are_used_by_later_builds(
+def test_new_clones_rebuild_nothing_and_are_used_by_later_builds(
     ros: Ros, forge: Forge, tmp_path: Path
 ) -> None:
     ros.commit("more", {"more.txt": "more\n"}, "v2")

@@ -164,7 +164,7 @@ def test_a_full_disk_gives_one_error(ros: Ros, forge: Forge, tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("kilobytes", [900, 1800])
-def test_a_full_disk_gives_one_error_and_keeps_what_is_complete(
+def test_a_full_disk_gives_one_error_and_keeps_complete_downloads(
     kilobytes: int, ros: Ros, forge: Forge, tmp_path: Path
 ) -> None:
     ros.commit("big-release", {"zeros": "0" * 1_000_000}, "big")

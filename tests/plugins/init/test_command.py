@@ -47,7 +47,7 @@ def typed(text: str) -> list[str]:
     return re.findall(r"^forge .*$", text, re.MULTILINE)
 
 
-def test_only_wanted_files_are_written(forge: Forge, root: Path) -> None:
+def test_only_requested_files_are_written(forge: Forge, root: Path) -> None:
     assert forge("init", cwd=root).out == "creating forge.toml\ncreating .gitignore\n"
     assert forge("init", "--vscode", cwd=root).code == 0
     assert files(root) == {"forge.toml", ".gitignore", *VSCODE}
@@ -71,7 +71,7 @@ def test_an_existing_file_is_an_error_and_nothing_is_written(forge: Forge, root:
     assert (root / existing).read_text() == "# mine\n"
 
 
-def test_all_existing_files_are_one_message(forge: Forge, initialized: Path) -> None:
+def test_all_existing_files_are_reported_in_one_error(forge: Forge, initialized: Path) -> None:
     before = {name: (initialized / name).read_bytes() for name in EVERYTHING}
     ran = forge("init", *ALL, cwd=initialized)
     assert ran.code == 2
@@ -147,7 +147,7 @@ def test_the_commands_of_the_jobs_work_in_a_checkout(forge: Forge, initialized: 
 
 
 @pytest.mark.needs("cmake", "ninja")
-def test_the_editor_builds_in_folders_of_its_own(forge: Forge, initialized: Path, tree: Tree) -> None:
+def test_the_editor_builds_in_separate_folders(forge: Forge, initialized: Path, tree: Tree) -> None:
     install = "add_executable(x x.cpp)\ninstall(TARGETS x DESTINATION lib/a)"
     lists = f"cmake_minimum_required(VERSION 3.16)\nproject(a CXX)\n{install}\n"
     tree({f"{initialized.name}/src/a/{name}": text for name, text in {"CMakeLists.txt": lists}.items()})
@@ -177,7 +177,7 @@ def test_the_editor_builds_in_folders_of_its_own(forge: Forge, initialized: Path
     assert not (initialized / "build").exists()
 
 
-def test_forge_is_installed_from_its_own_origin(
+def test_jobs_install_forge_from_the_origin_of_the_running_one(
     forge: Forge, root: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """Without --forge, the jobs install the commit that runs; from a folder, a placeholder says so."""
@@ -203,16 +203,16 @@ def test_a_requirement_must_be_valid(forge: Forge, root: Path, text: str) -> Non
     assert files(root) == set()
 
 
-def test_files_of_ci_below_the_top_of_a_repository_are_pointed_out(forge: Forge, root: Path) -> None:
+def test_ci_files_outside_the_repository_root_give_a_warning(forge: Forge, root: Path) -> None:
     (root.parent / ".git").mkdir()
     ran = forge("init", "--gitlab", "--forge", REQUIREMENT, cwd=root)
     assert f"'.gitlab-ci.yml' must be in '{root.parent}', the top folder of the repository" in ran.err
 
 
-def test_an_own_gitignore_is_kept_and_what_it_lacks_is_said(forge: Forge, root: Path) -> None:
+def test_an_existing_gitignore_is_kept_and_missing_lines_are_listed(forge: Forge, root: Path) -> None:
     (root / ".gitignore").write_text("*.o\n")
     ran = forge("init", cwd=root)
     assert ran.err.startswith(
-        ".gitignore: warning: git does not ignore what forge writes\nhint: add /build/, "
+        ".gitignore: warning: git does not ignore forge's output folders\nhint: add /build/, "
     )
     assert (root / ".gitignore").read_text() == "*.o\n"

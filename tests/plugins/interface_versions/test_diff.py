@@ -128,7 +128,7 @@ def test_parts_of_services_and_actions_are_named(forge: Forge, tmp_path: Path) -
     assert found["p/srv/New"]["breaks"] == []
 
 
-def test_fields_that_change_sides_break_the_wire(forge: Forge, tmp_path: Path) -> None:
+def test_fields_moved_between_request_and_response_break_the_wire(forge: Forge, tmp_path: Path) -> None:
     """Also if the sides look alike; a name that both sides have has not changed them."""
     written(tmp_path / "old", {"srv/S.srv": "int8 id\nint8 a\n---\nint8 id\nint8 b\n"})
     written(tmp_path / "new", {"srv/S.srv": "int8 id\nint8 b\n---\nint8 id\nint8 a\n"})
@@ -164,7 +164,7 @@ def test_an_idl_file_equals_the_message_that_it_describes(forge: Forge, tmp_path
         ("Pair p", "Riap[1] p"),
     ],
 )
-def test_values_that_would_reach_another_field_break_the_wire(
+def test_values_read_into_another_field_break_the_wire(
     old: str, new: str, forge: Forge, tmp_path: Path
 ) -> None:
     pairs = {"msg/Pair.msg": "int8 x\nint8 y\n", "msg/Riap.msg": "int8 y\nint8 x\n"}
@@ -202,7 +202,7 @@ def test_a_field_and_a_message_that_contains_it_have_the_same_bytes(
         "uint8 S_A=0\nint16 S_BIG=300\nuint8 s  # enum: S_*",
     ],
 )
-def test_an_enumeration_is_part_of_the_api(text: str, forge: Forge, tmp_path: Path) -> None:
+def test_enumerations_are_part_of_the_api(text: str, forge: Forge, tmp_path: Path) -> None:
     written(tmp_path / "old", {"msg/M.msg": "uint8 S_A=0\nuint8 s  # enum: S_*\n"})
     written(tmp_path / "new", {"msg/M.msg": f"{text}\n"})
     found = diff(forge, tmp_path)["p/msg/M"]
@@ -210,7 +210,7 @@ def test_an_enumeration_is_part_of_the_api(text: str, forge: Forge, tmp_path: Pa
     assert "enumeration 'S' was removed" in found["changes"]
 
 
-def test_equal_defaults_are_no_difference(forge: Forge, tmp_path: Path) -> None:
+def test_equal_defaults_are_not_a_difference(forge: Forge, tmp_path: Path) -> None:
     for name in ("old", "new"):
         written(tmp_path / name, {"msg/M.msg": "float32 x nan\nfloat32[] y [nan, 1]\nfloat32 Z=nan\n"})
     assert diff(forge, tmp_path) == {}
@@ -218,7 +218,7 @@ def test_equal_defaults_are_no_difference(forge: Forge, tmp_path: Path) -> None:
     assert diff(forge, tmp_path)["p/msg/M"]["breaks"] == []
 
 
-def test_a_version_may_have_no_interface(forge: Forge, tmp_path: Path) -> None:
+def test_a_version_may_have_no_interfaces(forge: Forge, tmp_path: Path) -> None:
     written(tmp_path / "old", {"msg/M.msg": "int8 x\n"})
     (tmp_path / "empty").mkdir()
     assert forge("interface", "diff", "empty", "old", "--package", "p", cwd=tmp_path).code == 0
@@ -226,7 +226,7 @@ def test_a_version_may_have_no_interface(forge: Forge, tmp_path: Path) -> None:
     assert (ran.code, "p/msg/M: removed" in ran.out) == (1, True)
 
 
-def test_packages_are_known_by_their_stated_names(forge: Forge, tree: Tree) -> None:
+def test_packages_are_identified_by_the_name_in_their_manifest(forge: Forge, tree: Tree) -> None:
     manifest = manifest_text("p").replace('email="', 'email="no address ')
     root = tree(
         {
@@ -290,7 +290,7 @@ def test_packages_outside_a_workspace_are_not_searched(forge: Forge, tree: Tree)
 
 
 @pytest.mark.needs("git")
-def test_what_a_revision_does_not_contain_is_named(forge: Forge, tree: Tree) -> None:
+def test_files_missing_from_a_revision_are_named(forge: Forge, tree: Tree) -> None:
     root = tree({"msg/M.msg": "int8 x\n", "more/N.msg": "int8 y\n"})
     (root / "msg/N.msg").symlink_to("../more/N.msg")
     git = ("git", "-c", "user.name=n", "-c", "user.email=e@example.com")
@@ -454,7 +454,7 @@ def test_valid_interfaces_are_compared_beside_invalid_ones(forge: Forge, tmp_pat
         ({"action/A.action": "int8 x\n---\n"}, {"A"}),
     ],
 )
-def test_all_kinds_of_invalid_interfaces_leave_the_others(
+def test_invalid_interfaces_of_any_kind_do_not_affect_others(
     files: Mapping[str, str], names: set[str], forge: Forge, tmp_path: Path
 ) -> None:
     for version in ("old", "new"):
@@ -467,7 +467,7 @@ def test_all_kinds_of_invalid_interfaces_leave_the_others(
     assert {each.rpartition("/")[2] for each, one in found.items() if one["breaks"] is None} == names
 
 
-def test_an_invalid_interface_of_another_package_leaves_the_others(forge: Forge, tmp_path: Path) -> None:
+def test_an_invalid_interface_of_another_package_does_not_affect_others(forge: Forge, tmp_path: Path) -> None:
     """Nor is an installed one of its name used instead."""
     for version, text in (("old", "int8 x"), ("new", "int8")):
         package = {"package.xml": manifest_text("std_msgs"), "msg/Header.msg": f"{text}\n"}

@@ -87,7 +87,7 @@ FILES = {
 }
 
 
-def test_changes_are_shown_and_then_made(forge: Forge, tree: Tree) -> None:
+def test_changes_are_shown_before_they_are_written(forge: Forge, tree: Tree) -> None:
     root = tree(FILES)
     shown = forge("interface", "fix", "src", cwd=root)
     assert shown.code == 1
@@ -97,7 +97,7 @@ def test_changes_are_shown_and_then_made(forge: Forge, tree: Tree) -> None:
     ran = forge("interface", "fix", "src", "--write", cwd=root)
     assert (ran.code, ran.err) == (0, "")
     assert ran.out == (
-        "p: declare what the definitions use now: forge add std_msgs\n"
+        "p: declare the dependencies of the definitions: forge add std_msgs\n"
         "p: in CMakeLists.txt, write MyPoint.msg instead of my_point.msg\n"
         "p: update code that uses MyPoint: X -> x\n"
         "changed 2 files of 2\n"
@@ -123,7 +123,7 @@ def test_other_packages_of_the_workspace_use_the_new_names(forge: Forge, tree: T
     assert "p/MyPoint[] points # p/my_point\nint8 x\nstd_msgs" in (root / "src/q/msg/User.msg").read_text()
 
 
-def test_texts_with_another_value_than_in_ros1_are_named(forge: Forge, tree: Tree) -> None:
+def test_strings_with_another_value_than_in_ros1_are_named(forge: Forge, tree: Tree) -> None:
     """There, quotes and what looks like a comment belong to a value."""
     definition = "string A='x'\nstring B= b # c\nstring C=plain\nint8 D=1 # one\n"
     root = tree({"p/srv/do_it.srv": f"{definition}---\nstring kE=a\\\\b\n"})
@@ -187,7 +187,7 @@ def test_nothing_is_changed_if_one_file_cannot_be_written(
     assert (root / "p/srv/DoIt.srv").read_text() == "FooBar f\n---\n"
 
 
-def test_links_and_hidden_files_stay(forge: Forge, tree: Tree) -> None:
+def test_links_and_hidden_files_are_kept(forge: Forge, tree: Tree) -> None:
     root = tree({"p/msg/Real.msg": "int8 x\n", "p/msg/.hidden.msg": "nonsense", "real.msg": "int8 A\n"})
     (root / "p/msg/Link.msg").symlink_to("../../real.msg")
     ran = forge("interface", "fix", "p", "--write", cwd=root)

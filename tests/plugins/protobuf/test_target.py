@@ -45,7 +45,7 @@ def classes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, list
 
 
 @pytest.mark.parametrize("package", ["probe", "option", *PACKAGES])
-def test_each_message_comes_back_unchanged(package: str, classes: dict[str, list[Any]]) -> None:
+def test_each_message_round_trips(package: str, classes: dict[str, list[Any]]) -> None:
     for class_ in classes[package]:
 
         @settings(max_examples=3, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
@@ -62,7 +62,7 @@ def awkward(classes: dict[str, list[Any]]) -> dict[str, Any]:
     return {class_.__name__: class_ for class_ in classes["option"]}
 
 
-def test_values_at_the_limits_come_back(awkward: dict[str, Any]) -> None:
+def test_extreme_values_round_trip(awkward: dict[str, Any]) -> None:
     message = awkward["Sizes"](reals=[math.nan, math.inf, -math.inf, -0.0], big=2**64 - 1, small=-128)
     back = from_proto(to_proto(message), awkward["Sizes"])
     assert (repr(back), math.copysign(1, back.reals[3])) == (repr(message), -1)

@@ -239,7 +239,7 @@ def test_printed_commands_are_safe_for_any_name(forge: Forge, tree: Tree) -> Non
     assert not (root / "made").exists()
 
 
-def test_ros_packages_have_the_names_of_the_distribution(forge: Forge, root: Path) -> None:
+def test_system_package_names_of_ros_packages_depend_on_the_distribution(forge: Forge, root: Path) -> None:
     """Without data of the distribution their names follow from the rule for them."""
     named = "# nav2_msgs (apt: ros-jazzy-nav2-msgs), needed by a\n"
     assert named in deps(forge, root, "--rosdistro", "jazzy").out

@@ -72,7 +72,7 @@ def test_a_module_has_types_comments_and_constants(forge: Forge, tree: Tree) -> 
     assert (root / "out/typescript/builtin_interfaces/msg/Time.ts").is_file()
 
 
-def test_types_of_one_name_are_told_apart() -> None:
+def test_types_with_the_same_name_get_distinct_aliases() -> None:
     text = "std_msgs/Header own\nsensor_msgs/Image image\nshape_msgs/Plane plane\nHeader header\n"
     catalog = catalog_of("p", {"msg/Use.msg": text, "msg/Header.msg": "int8 x\n"})
     module = next(file.text for file in files(catalog) if file.path == "p/msg/Use.ts")
@@ -83,7 +83,7 @@ def test_types_of_one_name_are_told_apart() -> None:
 
 
 @pytest.mark.parametrize("package", [*PACKAGES, "probe"])
-def test_modules_have_all_parts_and_import_what_exists(package: str) -> None:
+def test_modules_contain_all_parts_and_import_existing_types(package: str) -> None:
     catalog = probe_catalog() if package == "probe" else embedded_catalog(package)
     modules = {file.path: file.text for file in files(catalog)}
     assert len(modules) == len(catalog.interfaces)

@@ -17,7 +17,7 @@ def test_files_are_compared_again_if_one_was_changed_with_the_same_size_and_time
     assert not is_same_file(str(one), other)
 
 
-def test_a_file_that_another_one_begins_with_is_not_the_same(tmp_path: Path) -> None:
+def test_a_prefix_of_a_file_is_not_an_equal_file(tmp_path: Path) -> None:
     one, other = tmp_path / "one", tmp_path / "other"
     one.write_text("same, and more", encoding="utf-8")
     other.write_text("same", encoding="utf-8")

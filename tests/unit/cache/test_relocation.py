@@ -86,7 +86,7 @@ def test_paths_with_special_characters_are_not_plain(root: str) -> None:
     assert places("/ärger/ws-1.0+x").is_plain
 
 
-def test_missing_files_in_home_have_the_same_name_for_all_users(
+def test_missing_files_in_home_have_user_independent_names(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("HOME", f"{tmp_path}/ann")

@@ -111,7 +111,7 @@ def test_paths_are_adjusted_on_restore(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("size", [10, LARGE])
-def test_binary_files_and_folders_distinguish_trees(tmp_path: Path, size: int) -> None:
+def test_trees_with_different_binary_files_or_folders_differ(tmp_path: Path, size: int) -> None:
     roots = [tmp_path / name for name in ("one", "two")]
     paths = [b"\0" * size + bytes(root / "build") + b"\0" for root in roots]
     layouts = [installed(root, {"lib/p": path, "x": b""}) for root, path in zip(roots, paths, strict=True)]

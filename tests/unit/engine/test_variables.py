@@ -20,7 +20,7 @@ def test_variables_named_in_scripts_are_found(program: str, text: str) -> None:
     assert {"MODE", "OTHER"} <= mentioned(text, program)
 
 
-def test_shells_obey_variables_that_no_script_names() -> None:
+def test_variables_that_shells_read_implicitly_are_inputs() -> None:
     assert "BASH_ENV" in of_interpreter("/bin/bash")
     assert not of_interpreter("/usr/bin/python3")
 

@@ -123,7 +123,7 @@ def test_there_are_never_more_packages_than_jobs() -> None:
     assert len(most) == 40
 
 
-def test_a_package_that_is_alone_waits_for_the_others_and_lets_none_start() -> None:
+def test_an_exclusive_package_waits_for_others_and_blocks_new_ones() -> None:
     """Two that want to be alone do not wait for each other to end."""
     running: set[int] = set()
     alone: list[set[int]] = []
@@ -150,7 +150,7 @@ def test_a_package_that_is_alone_waits_for_the_others_and_lets_none_start() -> N
     assert alone == [set()] * 15
 
 
-def test_a_step_that_is_alone_runs_one_job(tmp_path: Path) -> None:
+def test_an_exclusive_step_runs_one_job(tmp_path: Path) -> None:
     with (
         closing(JobPool(4, create_pool(FIFO), TOOLS)) as job_pool,
         job_pool.package(),

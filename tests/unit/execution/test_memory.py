@@ -71,7 +71,7 @@ def test_only_sigkill_is_a_kill() -> None:
     assert [code for code in (-15, -9, 0, 1, 2, 130, 137) if is_kill(code)] == [-9, 137]
 
 
-def test_a_package_fits_if_its_peak_and_the_growth_of_the_others_are_left(tmp_path: Path) -> None:
+def test_a_package_fits_if_memory_remains_for_its_peak_and_the_growth_of_others(tmp_path: Path) -> None:
     machine = memory()
     assert machine is not None
     used = machine.total - machine.available
@@ -89,7 +89,7 @@ def test_a_package_fits_if_its_peak_and_the_growth_of_the_others_are_left(tmp_pa
     assert unlimited.fits("big", {"big"})
 
 
-def test_a_build_from_empty_replaces_a_peak_and_others_raise_it(tmp_path: Path) -> None:
+def test_a_clean_build_replaces_the_peak_and_others_raise_it(tmp_path: Path) -> None:
     learned = memory_of(tmp_path)
     steps: list[tuple[int, Finished | Aborted, int]] = [
         (5, finished("a", from_empty=True), 5),

@@ -244,7 +244,7 @@ def test_idl_only_types_have_their_own_namespace(forge: Forge, tree: Tree) -> No
     assert load(folder / "src", "tour")["tour/idl/Only"](a="日", b=["x"]).a == "日"
 
 
-def test_types_named_like_keywords_of_python_are_an_error_there(forge: Forge, tree: Tree) -> None:
+def test_types_named_like_python_keywords_are_errors_of_the_python_target(forge: Forge, tree: Tree) -> None:
     folder = tree({"src/srv/None.srv": "---\n", "src/msg/Null.msg": ""})
     ran = forge("interface", "generate", "--package", "tour", "--output", "out", "src", cwd=folder)
     assert (ran.code, ran.err.splitlines()[0]) == (

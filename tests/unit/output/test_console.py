@@ -158,7 +158,7 @@ def test_invalid_interface_definitions_have_exit_code_2(capfd: pytest.CaptureFix
     assert report.exit_code == 2
 
 
-def test_compiler_warnings_are_shown_like_with_make(capfd: pytest.CaptureFixture[str]) -> None:
+def test_compiler_warnings_are_shown_as_with_make(capfd: pytest.CaptureFixture[str]) -> None:
     """Ninja prints to stdout what compilers print to stderr."""
     text = "x.cpp:3:5: warning: unused\n    3 | int x;\n"
     events = (

@@ -255,7 +255,7 @@ def test_a_package_of_an_earlier_build_gets_no_system_package_hint(tree: Tree) -
     assert "forge clean stale" in hint
 
 
-def test_a_package_that_the_options_leave_out_is_named(tree: Tree) -> None:
+def test_a_package_excluded_by_options_is_named(tree: Tree) -> None:
     files = {"ws/install/gone/share/gone/package.sh": "", "ws/src/gone/package.xml": manifest_text("gone")}
     hint = str(hint_of(NO_CONFIG.format("gone"), scene_in(tree(files) / "ws")))
     assert hint.startswith("'gone' is in 'src/gone', but left out by '--paths', ")

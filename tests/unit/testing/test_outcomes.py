@@ -61,7 +61,7 @@ def ctest(text: str) -> Outcome:
     return read_ctest(parse_xml(text.encode(), Path("Test.xml")), "build/p/Testing/1/Test.xml", "build/p")
 
 
-def test_failed_tests_are_printed_like_by_colcon() -> None:
+def test_failed_tests_are_printed_as_by_colcon() -> None:
     bad, worse = junit(JUNIT).cases
     assert details(bad) == [
         "- p.test_a test_bad (test_a.py:7)",

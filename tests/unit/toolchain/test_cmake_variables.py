@@ -20,7 +20,7 @@ def complaint(*names: str, kind: str = "") -> bytes:
     return f"CMake Warning{kind}:\n  {words}:\n\n{lines}\n\n".encode()
 
 
-def test_definitions_are_parsed_like_by_cmake() -> None:
+def test_definitions_are_parsed_as_by_cmake() -> None:
     words = ["-DA=1", "-DB:BOOL=ON", "-D", "C=x", "-D", "D:STRING=-DE=2", "-GNinja", "-Wno-dev", "--fresh"]
     assert defined(words) == {"A", "B", "C", "D"}
 
@@ -47,7 +47,7 @@ def test_several_definitions_in_one_word_are_reported_with_a_remedy() -> None:
         assert list(suspicious_arguments(words)), words
 
 
-def test_macros_among_the_flags_of_a_compiler_are_not_suspicious() -> None:
+def test_macros_in_compiler_flags_give_no_warning() -> None:
     words = ["-DCMAKE_CXX_FLAGS=-O2 -DNDEBUG -DA=1", "-D", "MY_OPTIONS=-DA=1 -DB=2", "-DTEXT=a -D b", "-DA=1"]
     assert not list(suspicious_arguments(words))
 

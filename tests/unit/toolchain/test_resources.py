@@ -159,7 +159,7 @@ def test_compilers_together_use_at_most_a_quarter_of_the_memory(
     assert 2 * (mib or 0) * (1 << 20) * jobs <= total / 4
 
 
-def test_unknown_memory_leaves_the_limit_to_gcc() -> None:
+def test_gcc_chooses_its_limit_if_memory_is_unknown() -> None:
     assert gcc_heap(None, 2) == {}
 
 

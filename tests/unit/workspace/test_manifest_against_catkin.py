@@ -185,13 +185,13 @@ REDUNDANT = """\
 @example(REDUNDANT)
 @given(manifests())
 @settings(max_examples=400, deadline=None)
-def test_manifests_are_read_like_catkin_pkg(text: str) -> None:
+def test_manifests_are_parsed_as_by_catkin_pkg(text: str) -> None:
     assert ours(text) == theirs(text)
 
 
 @given(st.text(alphabet="$ab1_-'\"()=!<> \tand or", max_size=16))
 @settings(max_examples=400, deadline=None)
-def test_conditions_are_evaluated_like_catkin_pkg(condition: str) -> None:
+def test_conditions_are_evaluated_as_by_catkin_pkg(condition: str) -> None:
     try:
         expected = conditions.evaluate_condition(condition, {"a": "b"})
     except ValueError:

@@ -53,7 +53,7 @@ def test_only_literal_find_package_names_are_dependencies() -> None:
     assert cmake_dependencies([text]) == {"a", "d", "e", "f", "g"}
 
 
-def test_names_bound_in_setup_py_are_resolved() -> None:
+def test_variables_in_setup_py_are_resolved() -> None:
     facts = read_setup_py(
         "import os\nname: str = 'x'\nversion = os.environ['V']\n"
         "setuptools.setup(name=name, version=version, "
@@ -181,7 +181,7 @@ def test_folders_that_are_not_packages_are_recognized(tree: Tree, files: dict[st
     assert not walked(tree({f"x/{file}": text for file, text in files.items()})).packages
 
 
-def test_dependencies_are_read_from_all_own_cmake_files(tree: Tree) -> None:
+def test_dependencies_are_read_from_all_cmake_files_of_the_package(tree: Tree) -> None:
     root = tree(
         {
             "x/CMakeLists.txt": CMAKE.format("x") + "find_package(a)\nfind_package(x)",

@@ -280,7 +280,7 @@ def test_programs_can_ask_for_definitions_and_units(tmp_path: Path) -> None:
 
 
 @pytest.mark.needs("g++")
-def test_each_header_compiles_alone(include: Path, tmp_path: Path) -> None:
+def test_each_header_is_self_contained(include: Path, tmp_path: Path) -> None:
     sources = []
     for header in SAMPLE:
         source = tmp_path / f"{PurePosixPath(header).stem}.cpp"

@@ -21,7 +21,7 @@ def test_a_module_without_fixed_arrays_needs_no_numpy(probe: Path) -> None:
     assert run_python(probe, code) == "False"
 
 
-def test_with_o_values_are_converted_without_checks(probe: Path) -> None:
+def test_optimized_python_converts_values_without_checks(probe: Path) -> None:
     code = (
         "from probe.msg import Scalars, Fixed, Loose\n"
         "loose = Loose(); loose.a_int8 = [1]\n"
@@ -32,7 +32,7 @@ def test_with_o_values_are_converted_without_checks(probe: Path) -> None:
     assert run_python(probe, code, "-O") == "x array ndarray"
 
 
-def test_with_o_no_fraction_is_cut_off(probe: Path) -> None:
+def test_optimized_python_keeps_fractions(probe: Path) -> None:
     code = (
         "from probe.msg import Fixed\nimport numpy\n"
         "fixed = Fixed(a_int8=[1, 2, 3])\n"
@@ -44,7 +44,7 @@ def test_with_o_no_fraction_is_cut_off(probe: Path) -> None:
     assert run_python(probe, code, "-O") == "TypeError TypeError OverflowError OverflowError [1 2 3]"
 
 
-def test_with_o_an_array_of_another_type_code_is_converted(probe: Path) -> None:
+def test_optimized_python_converts_arrays_of_another_type_code(probe: Path) -> None:
     """Its bytes would be written as they are."""
     code = (
         "import array, forge_cdr; from probe.msg import Loose\n"

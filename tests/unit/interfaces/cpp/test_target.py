@@ -94,7 +94,7 @@ def test_literals_are_exact(value: Value, type_: Type, text: str) -> None:
 
 
 @pytest.mark.parametrize("type_", [POINT, Primitive("int8")])
-def test_a_value_that_does_not_fit_the_type_is_a_type_error(type_: Type) -> None:
+def test_a_value_of_the_wrong_type_is_a_type_error(type_: Type) -> None:
     with pytest.raises(TypeError):
         literal((1, 2), type_)
 

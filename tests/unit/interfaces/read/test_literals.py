@@ -138,7 +138,7 @@ def test_any_string_can_be_quoted(text: str) -> None:
 @pytest.mark.parametrize(
     "type_", [Named(TypeName("a", "msg", "B")), Sequence(Named(TypeName("a", "msg", "B")))]
 )
-def test_messages_have_no_literals(type_: Type) -> None:
+def test_message_types_have_no_literals(type_: Type) -> None:
     with pytest.raises(ParseError, match="message type"):
         read_value("[]", type_)
 

@@ -117,7 +117,7 @@ def test_installed_interfaces_are_those_in_the_index(tree: Tree) -> None:
     assert fields(library, "p/msg/Own") == ["x"]
 
 
-def test_an_idl_file_that_is_ignored_is_named_with_what_overrides_it(tree: Tree) -> None:
+def test_an_ignored_idl_file_is_reported_with_the_overriding_file(tree: Tree) -> None:
     """Unless it says the same, or was generated."""
     idl = "module p { module msg { struct A { short a; }; }; };\n"
     for other in ({"msg/A.idl": idl}, {"msg/A.idl": "no IDL"}):
