@@ -122,7 +122,7 @@ def read_json(path: Path) -> Mapping[str, Any]:
 
 @lru_cache(maxsize=8)
 def _object(path: Path, *_state_of_file: int) -> Mapping[str, Any]:
-    """Return the object in a file of this state: several stages of a build read the same notes."""
+    """Return the JSON object in a file; cached, because several stages of a build read the same file."""
     try:
         data = json.loads(path.read_bytes())
     except (ValueError, RecursionError):

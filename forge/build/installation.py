@@ -110,7 +110,7 @@ class InstalledFiles:
     folders: tuple[str, ...] = ()
     unclaimed: frozenset[str] = frozenset()
     written: frozenset[str] | None = None
-    """Those that may differ from the last build; None if all may."""
+    """The files that may differ from the last build; None if all may."""
 
 
 def installed_files(package: Package, layout: Layout, earlier: Collection[str] = ()) -> InstalledFiles:

@@ -114,7 +114,7 @@ def read_record(build: Path) -> FolderRecord | None:
 
 @lru_cache(maxsize=8)
 def _record(path: Path, *_state_of_file: int) -> FolderRecord | None:
-    """Return the record in a file of this state: several stages of a build read it."""
+    """Return the record in a file; cached, because several stages of a build read it."""
     try:
         first, *more = path.read_bytes().splitlines()
         data = json.loads(first)

@@ -1,4 +1,4 @@
-"""Tells from CMake files, read as text, which languages a project enables."""
+"""Finds the languages that a project enables in its CMake files, which are read as text."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _BEFORE_PROJECT = frozenset({"cmake_minimum_required", "cmake_policy", "message"
 PROJECT_DETAILS = frozenset({"COMPAT_VERSION", "DESCRIPTION", "HOMEPAGE_URL", "SPDX_LICENSE", "VERSION"})
 _ENABLING = frozenset({"enable_language", "project"})
 _WITHOUT_CXX = frozenset({"ASM", "C", "Fortran", "NONE", "OPTIONAL"})
-"""Languages that need no C++ compiler, and words beside them. Any other word may also be a variable."""
+"""Languages that need no C++ compiler, and other keywords of project(). Any other word may be a variable."""
 
 
 def compiled_packages(packages: Iterable[Package]) -> list[Package]:
@@ -47,7 +47,7 @@ def _project_text(package: Package) -> str:
 
 
 def _compiles(text: str) -> bool:
-    """Return whether project() enables a language, which it does unless it specifies NONE."""
+    """Return whether project() enables a language, that is, unless it specifies NONE."""
     project = next((call for call in calls(text) if call.command == "project"), None)
     return bool(text) and (project is None or "NONE" not in project.words)
 

@@ -12,7 +12,7 @@ from forge.base.frozen import frozen
 
 CMAKE_TYPES = frozenset({"ament_cmake", "cmake"})
 PYTHON_TYPES = frozenset({"ament_python", "python"})
-"""The build types of packages that CMake builds, and of those that Python's build backends do."""
+"""The build types of packages built by CMake, and by Python's build backends."""
 
 
 class DependencyKind(Enum):

@@ -219,7 +219,7 @@ def fingerprint_files(
 def fingerprint_again(
     paths: tuple[str, ...], table: FileTable, contents: Mapping[str, str] | None, written: Collection[str]
 ) -> tuple[Fingerprint, dict[str, str]] | None:
-    """Return the same as `fingerprint_files` if of `paths` only the `written` ones were written meanwhile.
+    """Return the result of `fingerprint_files`, assuming that only `written` of `paths` changed meanwhile.
 
     `contents` are those with the fingerprint that `fingerprint_files` has confirmed before. None if it has
     not. Whatever else was written since does not have the stats of this fingerprint.

@@ -63,8 +63,7 @@ def definitions_in(home: Path) -> Iterator[str]:
     """Yield the definitions of a package, as paths below its folder.
 
     These are the definitions below msg, srv and action, at any depth, and those in other folders that its
-    CMakeLists.txt names.
-    An .idl file beside a definition of the same name was generated from it.
+    CMakeLists.txt names. An .idl file beside a definition of the same name was generated from it.
     """
     found: list[str] = []
     for kind in SECTIONS:
