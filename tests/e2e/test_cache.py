@@ -269,7 +269,7 @@ def test_a_path_in_a_dependencys_header_may_affect_other_code(users: Users, tmp_
         (root / "src/library/library.cpp").write_text("int answer() { return 43; }\n")
     users.begin_anew(one)
     ran = users.build(one, "--explain")
-    assert "library: not in the cache; cached for any path, which did not matter to" in ran.out
+    assert "library: not in the cache; cached for any path: the same build scripts" in ran.out
     assert "using: not in the cache; cached for this path\n" in ran.out
     assert restored(users.build(three)) == 1
 

@@ -55,7 +55,7 @@ def forge_without(plugin: str, copy: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def underlay(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """Build the embedded packages once; return the variables of their prefix and of what forge keeps."""
+    """Build the embedded packages once; return the variables of their prefix and of forge's caches."""
     root = write_files(tmp_path_factory.mktemp("underlay"), WORKSPACE) / "ws"
     ran = run_forge(root, "build", "--merge-install")
     assert ran.returncode == 0, ran.stderr
