@@ -113,7 +113,7 @@ _Result = TypeVar("_Result")
 
 
 def find(group: str, name: str, kind: str, functions: tuple[str, ...] = ()) -> Any:
-    """Return the plugin `name` of a group, None if there is none.
+    """Return the plugin `name` of a group, None for an unknown name.
 
     `kind` names it in messages, for example 'build type'. Raises ForgeError if it cannot be loaded or lacks
     one of `functions`, and if it is one of forge's own that is not installed.

@@ -90,7 +90,8 @@ def read_text(path: str | Path, errors: str = "replace") -> str:
 
 
 def text_if_exists(path: str | Path) -> str | None:
-    """Return the text of a file with its newlines and with surrogate escapes, None if there is no such file.
+    """Return the text of a file with its newlines and with surrogate escapes, None if the file does not
+    exist.
 
     Raises OSError if the file exists, but cannot be read.
     """

@@ -53,7 +53,7 @@ class FolderRecord:
     complete: bool = False
     """The build has succeeded."""
     externals: Mapping[str, str] | None = None
-    """The files outside the package that the last successful build read, with digests; None without one.
+    """Digests of the files outside the package that the last successful build read; None before a success.
     """
     saved: frozenset[str] = frozenset()
     """Inputs that were written while the build ran."""

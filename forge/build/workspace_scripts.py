@@ -66,7 +66,7 @@ class WorkspaceScripts:
         self._journal.note_scripts(stamp_files(scripts))
 
     def _digest(self, name: str, files: tuple[str, ...]) -> str:
-        """Return a digest of a package's contribution to the workspace's scripts; '' without any files.
+        """Return a digest of a package's contribution to the workspace's scripts; '' if it has no files.
 
         The digested package.* scripts already reflect all hooks and existing folders.
         """

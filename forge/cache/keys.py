@@ -102,7 +102,7 @@ def input_key(settings: str, task: Task, needs: Sequence[tuple[str, str]]) -> st
 
 
 def scripts_key(settings: str, words: Sequence[str], contents: Mapping[str, str], scripts: str) -> str:
-    """Return the key of the origin record of build scripts, given their digest; '' without one."""
+    """Return the key of the origin record of build scripts with this digest; '' if it is empty."""
     return _key(settings, digest_of(words, contents), "scripts", scripts) if scripts else ""
 
 

@@ -238,7 +238,7 @@ def _session(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> Abstra
 def _package_cache(
     build: PreparedBuild, state: BuildState, own: Path, *, observed: bool
 ) -> AbstractContextManager[PackageCache | None]:
-    """Return the package cache as a context, None without one."""
+    """Return the package cache as a context manager; it yields None if the cache is not used."""
     options, loaded, layout = build.options, build.loaded, build.context.layout
     if not options.cache.wanted:
         return nullcontext(None)

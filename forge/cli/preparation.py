@@ -480,7 +480,7 @@ def workspace_interpreter(python: str | None, layout: Layout, root: Path) -> Int
 
 
 def known_rosdistro(rosdistro: str | None, root: Path, install: Path) -> str | None:
-    """Return `rosdistro` if given, else the one that a build would use; None without any."""
+    """Return `rosdistro` if given, else the one that a build would use; None if it is unknown."""
     if rosdistro or (rosdistro := os.environ.get(VARIABLE)):
         return rosdistro
     from forge.cli.config import configured_word

@@ -43,8 +43,8 @@ def commands_of(
 ) -> ObservedCommands:
     """Return the commands in a log; `roots` maps the process of each step to its kind.
 
-    `outputs_of` returns the outputs of the edge that a process below ninja runs, whose written files are
-    given; none if the edge is unknown.
+    `outputs_of` returns the outputs of the edge that a process below ninja runs, given the files that the
+    process wrote; it returns none if the edge is unknown.
     """
     configure: Accesses | None = None
     edges: dict[str, Accesses] = {}

@@ -473,7 +473,7 @@ static void make_parents(char *place)
 
 enum { LOOKS, CREATES, ALTERS };
 
-/* Return the path to use: the path itself, or one in `place` if it lies below the prefix while there is a stage. */
+/* Return the path to use: one in `place` if the path is below the prefix of a stage, else the path itself. */
 static const char *lead(int folder, const char *path, char *place, int purpose)
 {
     char absolute[PATH_MAX];
@@ -635,7 +635,7 @@ static int is_guarded(int folder, const char *path, char *absolute)
     return 0;
 }
 
-/* Return 1 with EACCES if entries of others in a shared prefix would be changed while there is a stage. */
+/* Return 1 with EACCES if entries of others in a shared prefix would be changed while a stage exists. */
 static int belongs_to_others(int folder, const char *path, int with_folders)
 {
     char absolute[PATH_MAX], place[PATH_MAX];

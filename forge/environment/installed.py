@@ -25,7 +25,7 @@ _BUILD_TYPE = re.compile(r"<build_type[^>]*>\s*(\w+)\s*</build_type>")
 def known_prefixes(variables: Mapping[str, str], install: Path | None) -> tuple[Path, ...]:
     """Return the sourced prefixes, then those of the enclosing workspace and of its underlays.
 
-    `install` is the install folder of that workspace, None without one.
+    `install` is the install folder of that workspace; None outside of workspaces.
     """
     workspace_prefixes = (*package_prefixes(install), *underlay_prefixes(install)) if install else ()
     return tuple(dict.fromkeys([*ament_index.prefixes(variables), *workspace_prefixes]))

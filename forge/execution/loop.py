@@ -119,7 +119,7 @@ class Scheduler:
     At most `limit` tasks run at a time (0: any number). Ready tasks on the critical path start first,
     according to the durations in `seconds`, then those with more dependents; with `in_order`, tasks start in
     plan order. After a failure no task starts, or with `continue_on_error` no task that needs the failed
-    package. While others run, a task starts only if it `fits` beside them into memory; smaller ones may
+    package. While others run, a task starts only if it `fits` into memory along with them; smaller ones may
     overtake it.
     """
 

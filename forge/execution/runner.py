@@ -220,7 +220,7 @@ class LocalExecutor:
                 continue
             if self._stopping.is_set():
                 return Aborted(task.name, 0.0)
-            # In a merged prefix, an install step that failed beside another one is repeated: CMake creates
+            # In a merged prefix, an install step that failed while another one ran is repeated: CMake creates
             # folders and replaces files of other packages in several system calls.
             installs = step.kind is StepKind.INSTALL
             for _ in range(_INSTALLATIONS if installs else 1):

@@ -300,7 +300,7 @@ class Progress:
 
 
 def counted_share(output: bytes) -> float | None:
-    """Return the completed share according to the newest count of a build or test tool, None without one."""
+    """Return the completed share according to the newest count of a build or test tool, None if unknown."""
     for line in reversed(output.rsplit(b"\n", _NEWEST_LINES)[-_NEWEST_LINES:]):
         match = _COUNT.search(line)
         if match is None:

@@ -85,7 +85,7 @@ class Reporter:
 
 
 def find_reporter(name: str) -> Start | None:
-    """Return the function that starts a reporter, None if there is none; raises ForgeError."""
+    """Return the function that starts a reporter, None for an unknown name; raises ForgeError."""
     module = find(REPORTERS, name, "reporter", ("start",))
     return None if module is None else module.start
 

@@ -123,7 +123,7 @@ def _names(test: str, case: Case, package: str) -> tuple[str, ...]:
 
 
 def last_failed(package: Package, context: TestContext, variables: Mapping[str, str]) -> ChosenTests | None:
-    """Return the arguments that rerun the tests that failed in the last run of a package, None without any.
+    """Return the arguments that rerun the failed tests of a package's last run, None if no test failed.
 
     Tests of CTest that no longer exist are left out. If a Python file does not contain the name of a failed
     test, which may be renamed or inherited, all of its tests run.

@@ -31,7 +31,7 @@ def selected_launcher(word: str | None) -> str:
     if not word or word == NONE:
         return ""
     if word not in LAUNCHERS:
-        # Command line and files are validated when parsed: the name is from the environment.
+        # Names in files and on the command line are validated when parsed: this one is from the environment.
         hint = f"use {', '.join(LAUNCHERS)} or {NONE}"
         raise SelectionError(
             Problem(f"FORGE_COMPILER_LAUNCHER: unknown compiler launcher '{word}'", hint=hint)

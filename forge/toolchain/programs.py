@@ -227,8 +227,8 @@ def _which(program: str, path: str) -> str | None:
 def find_ninja(variables: Mapping[str, str]) -> Path | None:
     """Return NINJA, as in Meson, else the wheel's next to the interpreter, else from PATH.
 
-    The wheel's Ninja supports the jobserver; that of a distribution rarely does, and would build the last
-    large package with the few jobs that were free when it started.
+    The wheel's Ninja supports the jobserver. The Ninja of most distributions does not, and would build the
+    last large package with the few jobs that were free when it started.
     """
     named = variables.get("NINJA")
     if named:

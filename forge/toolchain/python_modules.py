@@ -45,7 +45,7 @@ RED_HAT = frozenset({"fedora", "rhel", "centos", "rocky", "almalinux", "ol", "op
 
 
 def os_release() -> dict[str, str]:
-    """Return the fields of os-release; empty without such a file."""
+    """Return the fields of os-release; empty if the file is missing."""
     import platform
 
     try:

@@ -75,7 +75,7 @@ def read_setup_cfg(text: str) -> PythonMetadata:
 
 
 def read_setup_py(text: str) -> PythonMetadata | None:
-    """Return the arguments of the setup() call, or None without one.
+    """Return the arguments of the setup() call, None if the file does not call it.
 
     Raises SyntaxError like Python.
     """

@@ -20,7 +20,7 @@ install(FILES "${{CMAKE_CURRENT_BINARY_DIR}}/foreign-prefix/src/foreign-build/ma
 
 @pytest.mark.newest_cmake
 @pytest.mark.needs("cmake", "ninja", "make", "gcc")
-def test_vendored_makefiles_build_beside_ninja_packages(forge: Forge, tree: Tree) -> None:
+def test_vendored_makefiles_build_alongside_ninja_packages(forge: Forge, tree: Tree) -> None:
     root = tree(
         {
             "src/vendor/package.xml": manifest_text("vendor", build_type="cmake"),

@@ -385,7 +385,7 @@ def test_third_party_generators_and_type_supports_run(rosidl: Ament) -> None:
             MEMBER,
             "takes an absolute path as BASE:NAMESPACE/NAME",
         ),
-        ("rosidl_generate_interfaces(demo package.xml)", MEMBER, "no .msg, .srv, .action or .idl file"),
+        ("rosidl_generate_interfaces(demo package.xml)", MEMBER, "is not a .msg, .srv, .action or .idl file"),
         (
             "rosidl_generate_interfaces(demo msg/X.msg DEPENDENCIES nowhere)",
             MEMBER,

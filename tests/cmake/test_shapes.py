@@ -148,7 +148,7 @@ def test_third_party_macros_install_programs_and_index_entries(copied: Built) ->
     )
 
 
-def test_hand_written_python_beside_generated_python_can_be_imported(copied: Built) -> None:
+def test_hand_written_python_next_to_generated_python_can_be_imported(copied: Built) -> None:
     code = "from sample_msgs.readings import sample_reading; import frame_msgs; print(sample_reading())"
     assert "high=4.5" in copied.run(sys.executable, "-c", code, sourced=True)
 

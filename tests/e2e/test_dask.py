@@ -266,7 +266,7 @@ def test_workers_without_access_to_the_build_folder_are_rejected(apart: tuple[Lo
     )
 
 
-def test_a_worker_without_access_to_the_build_folder_is_named(apart: tuple[Loopback, Path]) -> None:
+def test_a_worker_without_access_to_the_build_folder_is_reported(apart: tuple[Loopback, Path]) -> None:
     cluster, hidden = apart
     workspace = Workspace(write_files(hidden / "ws", plain("a")), cluster)
     cluster.hidden = None

@@ -601,7 +601,7 @@ def test_outputs_of_another_target_are_not_installed_later(forge: Forge, tree: T
     assert not (root / "install/a/bin/x").exists()
 
 
-def test_a_file_in_place_of_a_folder_is_named(forge: Forge, tree: Tree) -> None:
+def test_a_file_in_place_of_a_folder_is_reported(forge: Forge, tree: Tree) -> None:
     root = tree(
         cmake(
             "a", "file(WRITE ${CMAKE_BINARY_DIR}/a)\ninstall(FILES ${CMAKE_BINARY_DIR}/a DESTINATION share)"

@@ -472,7 +472,7 @@ def test_a_link_in_place_of_an_installed_folder_is_not_followed(
 
 @MERGED
 @pytest.mark.parametrize("copied", [True, False], ids=["copied workspace", "second install folder"])
-def test_files_that_a_build_folder_lists_elsewhere_are_kept(
+def test_files_of_another_install_folder_listed_by_a_build_folder_are_kept(
     forge: Forge, tree: Tree, options: tuple[str, ...], *, copied: bool
 ) -> None:
     """A copied build folder lists the links of the original workspace, which the next build leaves there."""
@@ -531,7 +531,7 @@ def test_a_hard_linked_file_outside_the_prefix_is_restored(
 
 @MERGED
 @pytest.mark.parametrize("end", ["", "message(FATAL_ERROR no)\n"], ids=["well", "failing"])
-def test_unowned_scripts_beside_those_of_a_package_are_kept(
+def test_unowned_scripts_next_to_scripts_of_a_package_are_kept(
     forge: Forge, tree: Tree, options: tuple[str, ...], end: str
 ) -> None:
     """Hooks of the user may have any name."""

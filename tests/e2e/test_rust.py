@@ -32,7 +32,7 @@ MIXED = {
 }
 
 
-def test_rust_builds_beside_cpp_and_python(forge: Forge, tree: Tree) -> None:
+def test_rust_builds_alongside_cpp_and_python(forge: Forge, tree: Tree) -> None:
     root = tree(MIXED)
     ran = forge("build", "--merge-install", cwd=root)
     assert ran.code == 0, ran.err

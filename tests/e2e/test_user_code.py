@@ -125,7 +125,7 @@ def test_installed_interfaces_are_found_by_name(installed: Path) -> None:
 
 
 @pytest.mark.needs("bash", "cmake")
-def test_type_checkers_find_stubs_beside_installed_modules(installed: Path) -> None:
+def test_type_checkers_find_stubs_next_to_installed_modules(installed: Path) -> None:
     (package,) = (installed / "install/rover").glob("lib/python3*/site-packages/rover")
     modules, stubs = (
         {path.relative_to(package).with_suffix("") for path in package.glob(f"*/*.{ending}")}

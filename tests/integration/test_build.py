@@ -407,7 +407,7 @@ def test_an_up_to_date_build_warns_about_removed_packages(forge: Forge, workspac
     assert "'c' is no longer in the workspace" in ran.err
 
 
-def test_packages_still_running_after_a_failure_are_named(forge: Forge, tree: Tree) -> None:
+def test_packages_still_running_after_a_failure_are_reported(forge: Forge, tree: Tree) -> None:
     """A step that runs is not killed; without a word, a long one would look like a hang."""
     slow = "add_custom_target(wait ALL COMMAND ${CMAKE_COMMAND} -E sleep 3)"
     late = "execute_process(COMMAND ${CMAKE_COMMAND} -E sleep 1)\nmessage(FATAL_ERROR no)"

@@ -163,7 +163,9 @@ def test_names_are_accepted_before_and_after_options(
     assert forge("clean", "packages", "-y", "a", "--nonsense", cwd=workspace).code == 2
 
 
-def test_files_not_installed_by_builds_are_kept_and_named(forge: Forge, workspace: Path, tree: Tree) -> None:
+def test_files_not_installed_by_builds_are_kept_and_reported(
+    forge: Forge, workspace: Path, tree: Tree
+) -> None:
     merged = (workspace / "install/share/a").is_dir()
     prefix = "install" if merged else "install/a"
     mine = (f"{prefix}/share/a/mine.yaml", f"{prefix}/mine/deep/x", f"{prefix}/share/a/package.notes")
@@ -271,7 +273,7 @@ def test_packages_excluded_by_options_are_not_stale(forge: Forge, tree: Tree) ->
 
 
 @pytest.mark.needs("cmake", "ninja")
-def test_a_file_beside_package_marks_is_not_a_package(forge: Forge, tree: Tree) -> None:
+def test_a_file_next_to_package_marks_is_not_a_package(forge: Forge, tree: Tree) -> None:
     mine = "install/share/colcon-core/packages/notes"
     root = tree(cmake_package("a"))
     assert forge("build", "--merge-install", cwd=root).code == 0

@@ -229,7 +229,7 @@ def test_missing_packages_give_one_error(
 
 
 @pytest.mark.parametrize("verb", ["list", "executables"])
-def test_without_prefix_and_workspace_the_next_step_is_named(verb: str, forge: Forge, tree: Tree) -> None:
+def test_without_prefix_and_workspace_the_next_step_is_suggested(verb: str, forge: Forge, tree: Tree) -> None:
     ran = forge("pkg", verb, cwd=tree({"ws/src/notes": ""}))
     assert ran.code == 2
     assert ran.err == (

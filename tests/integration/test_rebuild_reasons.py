@@ -145,7 +145,7 @@ def test_reasons_are_stable_across_dry_runs(
         assert reasons(forge, workspace, "--packages-select", "plain")["plain"].startswith(reason)
 
 
-def test_external_files_and_folders_are_named(forge: Forge, tree: Tree, tmp_path: Path) -> None:
+def test_changed_external_files_and_folders_are_named(forge: Forge, tree: Tree, tmp_path: Path) -> None:
     """A header, its folder, and a file of the workspace that belongs to no package."""
     system = tmp_path / "system"
     code = f"include_directories({system})\nadd_library(a a.cpp)\nfile(READ ../shared.txt text)\n"

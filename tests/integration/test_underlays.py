@@ -33,7 +33,7 @@ def test_missing_prefixes_in_the_environment_are_reported(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("merged", [False, True])
-def test_dependents_in_the_underlay_are_named(merged: bool, tmp_path: Path) -> None:
+def test_dependents_in_the_underlay_are_reported(merged: bool, tmp_path: Path) -> None:
     made = [Made("base"), *(Made(name, ("base",)) for name in "vwxyz"), Made("deep", ("v",)), Made("lonely")]
     root = make_install(tmp_path / "below", made, merged=merged).install
     own, variables = tmp_path / "install", {"COLCON_PREFIX_PATH": str(root)}

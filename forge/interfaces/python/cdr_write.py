@@ -97,7 +97,7 @@ class _Writer:
     appending: bool = False
     """Whether to append each piece to a list, instead of joining all in one expression."""
     sole: bool = False
-    """Whether there is a single piece, which is returned without joining."""
+    """Whether the result is a single piece, which is returned without joining."""
     pieces: list[str] = field(default_factory=list)
     _owners: dict[Path, str] = field(default_factory=dict)
     _locals: dict[Path, tuple[str, str]] = field(default_factory=dict)

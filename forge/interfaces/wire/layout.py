@@ -249,7 +249,7 @@ class MessageLayout:
 
 
 RUN_ARRAY_LIMIT: Final = 512
-"""Larger arrays, in bytes, are moved on their own: a saved copy operation no longer matters."""
+"""Arrays of more bytes are copied separately: for these, one more copy operation does not matter."""
 
 INLINE_LIMIT: Final = 64
 """Messages of more steps and members than this are not inlined into others."""

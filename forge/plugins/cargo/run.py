@@ -224,7 +224,7 @@ def _manifests(artifacts: Iterable[dict[str, Any]]) -> Iterator[str]:
 
 
 def _cargo_root(source: Path) -> Path | None:
-    """Return the folder of the Cargo workspace that contains the crate in a folder, None without one."""
+    """Return the folder of the Cargo workspace that contains the crate in a folder, or None."""
     text = _content(source / "Cargo.toml") or ""
     if _CARGO_WORKSPACE.search(text):
         return None

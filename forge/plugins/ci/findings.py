@@ -28,7 +28,7 @@ _ORIGINS = (
     ),
     re.compile(rf"^(?:In file included|\s+) from {_PLACE}[:,]$", re.MULTILINE),
 )
-"""Lines that give the origin of an error in a header; those of Clang about templates come after it."""
+"""Lines that give the origin of an error in a header; Clang prints those about templates after the error."""
 _ERROR = re.compile(r"^.*: error: ", re.MULTILINE)
 _COLOUR = re.compile(r"\x1b\[[0-9;]*[A-Za-z]")
 _LOG = "stdout_stderr.log"

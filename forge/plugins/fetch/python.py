@@ -244,7 +244,8 @@ def make_environment(folder: Path, python: Path, *, system: bool) -> None:
         command = [str(python), "-m", "venv"]
     hint = "install uv, or the module venv of Python, for example with `apt install python3-venv`"
     _run([*command, *(["--system-site-packages"] if system else []), str(folder)], "make", folder, hint)
-    # Without the command that made it: it differs for each workspace and would prevent package cache hits.
+    # Omit the command that created the environment: it differs for each workspace and would prevent cache
+    # hits.
     lines = text_or_nothing(folder / "pyvenv.cfg").splitlines(keepends=True)
     kept = "".join(line for line in lines if not line.startswith("command ="))
     replace_file(folder / "pyvenv.cfg", kept.encode())

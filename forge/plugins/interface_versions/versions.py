@@ -55,7 +55,7 @@ def read_version(text: str, others: Library, package: str | None) -> tuple[list[
 def _extract(listing: bytes, folder: Path, revision: str) -> None:
     """Write definitions and manifests into a folder; `listing` is the output of `git ls-tree -r -z`.
 
-    Raises SelectionError if a clone lacks one.
+    Raises SelectionError if a partial clone lacks one of the files.
     """
     objects, cmake_files = dict[str, str](), dict[str, str]()
     links: list[Problem] = []

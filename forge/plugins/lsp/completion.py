@@ -52,7 +52,7 @@ class Proposal:
 
 @frozen
 class Proposals:
-    """Proposals for a part of a line; more of them exist unless they are `complete`."""
+    """Completion proposals for a part of a line; more exist unless they are `complete`."""
 
     span: Span
     items: tuple[Proposal, ...]

@@ -101,7 +101,7 @@ def uses(index: Index, name: TypeName) -> Iterator[tuple[Path, Occurrence]]:
 
 
 def package_manifest(index: Index, name: str) -> Path | None:
-    """Return the package.xml of a package in the workspace, an underlay or forge; None without one."""
+    """Return the package.xml of a package in the workspace, an underlay or forge; None if not found."""
     for manifest in index.manifests.values():
         if manifest.name == name:
             return manifest.path

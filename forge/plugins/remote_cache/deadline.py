@@ -25,7 +25,7 @@ class DeadlineExceeded(Exception):
 
 
 class Deadline:
-    """A deadline some seconds from now, and one more second for each mebibyte transferred."""
+    """A deadline some seconds from now, extended by one second for each mebibyte transferred."""
 
     def __init__(self, seconds: float) -> None:
         self._end = time.monotonic() + seconds

@@ -46,8 +46,9 @@ class Resolved:
 class DependencyStatus:
     """A dependency of packages in the workspace.
 
-    `provider` is the prefix or workspace that provides it, None without one. Otherwise `manager` provides it
-    as `names`; without a manager it is unknown. `ros` is True if the name is that of a ROS package.
+    `provider` is the prefix or workspace that provides it, if any. Otherwise, the package manager `manager`
+    provides it as `names`; without a manager, the dependency is unknown. `ros` is True if the name is that of
+    a ROS package.
     """
 
     key: str

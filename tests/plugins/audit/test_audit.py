@@ -177,7 +177,7 @@ def test_underlay_headers_used_instead_of_workspace_headers_are_reported(
     assert text in ran.out
 
 
-def test_unobservable_programs_are_named(forge: Forge, tree: Tree, tmp_path: Path) -> None:
+def test_unobservable_programs_are_reported(forge: Forge, tree: Tree, tmp_path: Path) -> None:
     files = dict(outside(tmp_path, f"{tmp_path}/outside/made.txt"))
     files["ws/src/a/CMakeLists.txt"] = (
         f"{MINIMUM}project(a C)\nadd_executable(gen gen.c)\ntarget_link_options(gen PRIVATE -static)\n"

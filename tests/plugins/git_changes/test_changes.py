@@ -71,7 +71,7 @@ def test_nested_repositories_are_compared_separately(forge: Forge, root: Path) -
 
 
 @pytest.mark.needs("git")
-def test_packages_outside_any_repository_are_named(forge: Forge, root: Path) -> None:
+def test_packages_outside_any_repository_are_reported(forge: Forge, root: Path) -> None:
     git(root / "src/a", "init")
     git(root / "src/a", "add", ".")
     git(root / "src/a", "commit", "-m", "one")

@@ -175,7 +175,7 @@ def test_a_corrupt_file_list_removes_no_files_elsewhere(forge: Forge, tree: Tree
     assert (root / "precious").exists()
 
 
-def test_an_unwritable_folder_is_named(forge: Forge, tree: Tree) -> None:
+def test_an_unwritable_folder_is_reported(forge: Forge, tree: Tree) -> None:
     root = workspace(tree)
     (root / "site").write_text("a file")
     ran = forge(*DOCS, "-o", "site", cwd=root)
@@ -236,7 +236,7 @@ def test_errors_in_all_packages_are_reported_together(forge: Forge, tree: Tree) 
     assert ran.err.count("int9") == 2
 
 
-def test_an_idl_file_beside_another_definition_is_named(forge: Forge, tree: Tree) -> None:
+def test_an_idl_file_next_to_another_definition_is_reported(forge: Forge, tree: Tree) -> None:
     root = workspace(tree)
     (root / "src/a_msgs/msg/Base.idl").write_text("module a_msgs {};\n")
     ran = forge(*DOCS, cwd=root)

@@ -107,7 +107,7 @@ def test_wire_compatible_changes_keep_the_same_bytes(case: str, data: st.DataObj
         assert forge_cdr.serialize(forge_cdr.deserialize(content, reader)) == content
 
 
-def test_messages_that_contain_a_changed_message_are_named(forge: Forge, tmp_path: Path) -> None:
+def test_messages_that_contain_a_changed_message_are_reported(forge: Forge, tmp_path: Path) -> None:
     written(tmp_path / "old", BEFORE)
     written(tmp_path / "new", {**BEFORE, "msg/In.msg": "float64 b\nstring<=3 t\nint8 low\n"})
     found = diff(forge, tmp_path)
@@ -116,7 +116,7 @@ def test_messages_that_contain_a_changed_message_are_named(forge: Forge, tmp_pat
     assert found["p/msg/M"]["changes"] == ["contains p/msg/In, which has changed"]
 
 
-def test_parts_of_services_and_actions_are_named(forge: Forge, tmp_path: Path) -> None:
+def test_changed_parts_of_services_and_actions_are_named(forge: Forge, tmp_path: Path) -> None:
     service, action = "int32 a\n---\nint32 b\n", "int32 a\n---\nint32 b\n---\nint32 c\n"
     written(tmp_path / "old", {"srv/S.srv": service, "action/A.action": action, "srv/Gone.srv": service})
     edited = {"srv/S.srv": service.replace("b", "d"), "action/A.action": f"{action}bool done\n"}
@@ -271,7 +271,7 @@ endif()
         assert diff(forge, root, old, ".").keys() == {"p/dds/D", "p/msg/M", "p/msg/State", "p/srv/Stop"}, old
 
 
-def test_an_idl_file_beside_another_definition_is_named(forge: Forge, tree: Tree) -> None:
+def test_an_idl_file_next_to_another_definition_is_reported(forge: Forge, tree: Tree) -> None:
     idl = "module p { module msg { struct M { short a; }; }; };\n"
     root = tree({"p/package.xml": manifest_text("p"), "p/msg/M.msg": "int8 a\n", "p/msg/M.idl": idl})
     for words in (("diff", "p", "p"), ("hash", "--package", "p", "p")):
@@ -290,7 +290,7 @@ def test_packages_outside_a_workspace_are_not_searched(forge: Forge, tree: Tree)
 
 
 @pytest.mark.needs("git")
-def test_files_missing_from_a_revision_are_named(forge: Forge, tree: Tree) -> None:
+def test_files_missing_from_a_revision_are_reported(forge: Forge, tree: Tree) -> None:
     root = tree({"msg/M.msg": "int8 x\n", "more/N.msg": "int8 y\n"})
     (root / "msg/N.msg").symlink_to("../more/N.msg")
     git = ("git", "-c", "user.name=n", "-c", "user.email=e@example.com")
@@ -400,7 +400,7 @@ def test_the_exit_code_depends_on_the_required_compatibility(
     ],
 )
 @pytest.mark.needs("git")
-def test_incomparable_inputs_are_named(
+def test_incomparable_inputs_are_reported(
     words: tuple[str, ...], said: str, forge: Forge, tmp_path: Path
 ) -> None:
     written(tmp_path / "old", {"msg/A.msg": "int8 x\n"})
@@ -411,7 +411,7 @@ def test_incomparable_inputs_are_named(
     assert said in ran.err
 
 
-def test_valid_interfaces_are_compared_beside_invalid_ones(forge: Forge, tmp_path: Path) -> None:
+def test_valid_interfaces_are_compared_despite_invalid_ones(forge: Forge, tmp_path: Path) -> None:
     """Each reason is named once, at the definition that is wrong."""
     user = {"msg/User.msg": "A[] all\n", "msg/UserOfUser.msg": "User u\n", "srv/S.srv": "Syntax s\n---\n"}
     gone = {"msg/Z1.msg": "q/Z z\n", "msg/Z2.msg": "q/Z z\nq/Z y\n"}

@@ -123,7 +123,7 @@ def test_other_packages_of_the_workspace_use_the_new_names(forge: Forge, tree: T
     assert "p/MyPoint[] points # p/my_point\nint8 x\nstd_msgs" in (root / "src/q/msg/User.msg").read_text()
 
 
-def test_strings_with_another_value_than_in_ros1_are_named(forge: Forge, tree: Tree) -> None:
+def test_strings_whose_value_differs_from_ros1_are_reported(forge: Forge, tree: Tree) -> None:
     """There, quotes and what looks like a comment belong to a value."""
     definition = "string A='x'\nstring B= b # c\nstring C=plain\nint8 D=1 # one\n"
     root = tree({"p/srv/do_it.srv": f"{definition}---\nstring kE=a\\\\b\n"})
@@ -136,7 +136,7 @@ def test_strings_with_another_value_than_in_ros1_are_named(forge: Forge, tree: T
     assert "in ROS 1" not in forge("interface", "fix", "p", cwd=root).out
 
 
-def test_remaining_errors_are_named(forge: Forge, tree: Tree) -> None:
+def test_remaining_errors_are_reported(forge: Forge, tree: Tree) -> None:
     root = tree({**FILES, "src/p/msg/Bad.msg": "int8 aB\nint8 a_b\nint99 x\n"})
     ran = forge("interface", "fix", "src", cwd=root)
     assert ran.code == 2
@@ -202,7 +202,7 @@ def test_built_in_types_keep_their_names(forge: Forge, tree: Tree) -> None:
     assert (root / "p/msg/User.msg").read_text() == "string name\np/String other\n"
 
 
-def test_a_folder_without_definitions_is_named(forge: Forge, tmp_path: Path) -> None:
+def test_a_folder_without_definitions_is_reported(forge: Forge, tmp_path: Path) -> None:
     ran = forge("interface", "fix", cwd=tmp_path)
     assert ran.code == 2
     assert "found no interfaces in '.'" in ran.err

@@ -276,7 +276,7 @@ def test_an_interrupt_is_not_reported_as_a_server_error(tmp_path: Path) -> None:
         ("http", "urllib3", "requires the Python package 'urllib3'"),
     ],
 )
-def test_a_missing_library_is_named(scheme: str, module: str, words: str) -> None:
+def test_a_missing_library_is_reported(scheme: str, module: str, words: str) -> None:
     script = (
         f"import sys; sys.modules[{module!r}] = None\n"
         "from tests.plugins.remote_cache.opening import opened\n"

@@ -83,7 +83,7 @@ def test_a_package_is_found_in_the_first_prefix_that_has_it(index: ModuleType, p
     assert index.get_packages_with_prefixes() == {"both": over, "robot": over, "plain": under}
 
 
-def test_a_missing_package_is_named(index: ModuleType, prefixes: Path) -> None:
+def test_a_missing_package_is_reported(index: ModuleType, prefixes: Path) -> None:
     with pytest.raises(KeyError) as caught:
         index.get_package_prefix("nowhere")
     assert isinstance(caught.value, index.PackageNotFoundError)
@@ -158,7 +158,7 @@ NOT_THERE = [
 
 @pytest.mark.usefixtures("prefixes")
 @pytest.mark.parametrize(("name", "error", "words"), NOT_THERE)
-def test_a_missing_definition_is_named(
+def test_a_missing_definition_is_reported(
     runtime: ModuleType, name: str, error: type[Exception], words: str
 ) -> None:
     with pytest.raises(error, match=f"^{words}$"):

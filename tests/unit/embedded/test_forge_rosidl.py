@@ -45,7 +45,7 @@ def test_a_message_gets_five_entries_and_those_of_its_parts(msg: ModuleType) -> 
     assert _type_support(import_module("std_msgs.msg").Header) is None
 
 
-def test_a_service_gets_its_entry_and_those_of_request_and_response(msg: ModuleType) -> None:
+def test_a_service_is_listed_with_its_request_and_response(msg: ModuleType) -> None:
     assert msg
     service = import_module("probe.srv").Point
     type(service).__import_type_support__()

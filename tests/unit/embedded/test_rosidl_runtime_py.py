@@ -209,7 +209,7 @@ MISTAKES = [
 
 
 @pytest.mark.parametrize(("values", "error", "words"), MISTAKES)
-def test_invalid_fields_are_named(
+def test_invalid_fields_are_reported(
     msg: ModuleType, runtime: ModuleType, values: object, error: type[Exception], words: str
 ) -> None:
     with pytest.raises(error, match=words):

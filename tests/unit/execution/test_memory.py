@@ -111,7 +111,7 @@ def test_unreadable_peaks_count_as_unknown(text: str, tmp_path: Path) -> None:
 
 
 @given(graphs(), st.dictionaries(st.sampled_from("abcdefgh"), st.integers(1, 10)))
-def test_tasks_start_beside_others_only_if_they_fit(
+def test_tasks_start_alongside_others_only_if_they_fit(
     graph: dict[str, frozenset[str]], sizes: dict[str, int]
 ) -> None:
     """All of them end, also those that never fit: they run alone."""

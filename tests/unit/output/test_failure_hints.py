@@ -255,13 +255,13 @@ def test_a_package_of_an_earlier_build_gets_no_system_package_hint(tree: Tree) -
     assert "forge clean stale" in hint
 
 
-def test_a_package_excluded_by_options_is_named(tree: Tree) -> None:
+def test_a_package_excluded_by_options_is_reported(tree: Tree) -> None:
     files = {"ws/install/gone/share/gone/package.sh": "", "ws/src/gone/package.xml": manifest_text("gone")}
     hint = str(hint_of(NO_CONFIG.format("gone"), scene_in(tree(files) / "ws")))
     assert hint.startswith("'gone' is in 'src/gone', but left out by '--paths', ")
 
 
-def test_a_missing_submodule_is_named(tree: Tree) -> None:
+def test_a_missing_submodule_is_reported(tree: Tree) -> None:
     modules = '[submodule "up"]\n\tpath = src/up\n\turl = https://x.org/up\n[submodule "b"]\n\tpath = src/b\n'
     root = tree({"ws/.gitmodules": modules, "ws/src/b/README": "", "ws/src/up/.keep": ""}) / "ws"
     (root / "src/up/.keep").unlink()
@@ -271,7 +271,7 @@ def test_a_missing_submodule_is_named(tree: Tree) -> None:
     assert "apt-file" in str(hint_of(NO_CONFIG.format("pk"), scene_in(root)))
 
 
-def test_a_missing_submodule_in_a_package_is_named(tree: Tree, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_submodule_in_a_package_is_reported(tree: Tree, monkeypatch: pytest.MonkeyPatch) -> None:
     root = tree({"src/mine/.gitmodules": '[submodule "x"]\n path = extern/x\n', "src/mine/extern/x/f": ""})
     (root / "src/mine/extern/x/f").unlink()
     monkeypatch.chdir(root)

@@ -436,7 +436,7 @@ def test_a_pyproject_with_its_own_backend_is_installed(tree: Tree) -> None:
     assert hello(root) == "hello from hatch\n"
 
 
-def test_a_missing_build_backend_is_named(tree: Tree, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_missing_build_backend_is_reported(tree: Tree, capsys: pytest.CaptureFixture[str]) -> None:
     root = tree({"src/talk/pyproject.toml": '[build-system]\nbuild-backend = "no_such.backend"\n'})
     assert install(root) == 2
     assert "the build backend 'no_such.backend' is not installed" in capsys.readouterr().err

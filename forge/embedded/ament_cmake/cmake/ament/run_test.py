@@ -50,7 +50,9 @@ def main(words: list[str]) -> int:
     code, output = _run(options)
     if result.is_file() and result.read_bytes() == pristine:
         if options.skip_return_code is not None and code == options.skip_return_code:
-            _write(result, options.package_name, name, skipped=f"The test asked for it by exit code {code}.")
+            _write(
+                result, options.package_name, name, skipped=f"The test requested it with exit code {code}."
+            )
         elif code == 0 and options.generate_result_on_success:
             _write(result, options.package_name, name, output=output)
         else:
