@@ -165,7 +165,8 @@ def read_source(package: str, base: Path, relative: str) -> Source:
         return Source(package, relative, path, content.decode())
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, error.start) + 1
-        raise InterfaceError(Problem("the file is not valid UTF-8", Location(path, line))) from error
+        hint = "save it as UTF-8, for example with iconv -f ISO-8859-1 -t UTF-8"
+        raise InterfaceError(Problem("the file is not valid UTF-8", Location(path, line), hint)) from error
 
 
 def read_runtime(language: str) -> Iterator[File]:

@@ -65,13 +65,14 @@ def run(options: Options) -> int:
     if not any(any(definitions_in(home)) for _, home in packages):
         hint = "name folders with packages that have folders msg, srv or action"
         raise SelectionError(Problem(f"found no interfaces in '{', '.join(options.folders)}'", hint=hint))
-    sources = {home: [*_sources(package, home)] for package, home in packages}
+    unread: list[Problem] = []
+    sources = {home: [*_sources(package, home, unread)] for package, home in packages}
     types = dict(pair for home in sources for pair in _new_names(sources[home]))
     found = {
         home: [_fix(each, of_package, types) for each in of_package] for home, of_package in sources.items()
     }
     fixes = [each for of_package in found.values() for each in of_package]
-    used = [*_uses_elsewhere(types, {home.resolve() for home in sources})]
+    used = [*_uses_elsewhere(types, {home.resolve() for home in sources}, unread)]
     changed = [each for each in (*fixes, *used) if each.changes]
     raise_if_any(_collisions(changed), WorkspaceError)
     if options.write:
@@ -83,7 +84,7 @@ def run(options: Options) -> int:
             print(line)
     verb = "changed" if options.write else "would change"
     print(f"{verb} {counted(len(changed), 'file')} of {len(fixes) + len(used)}")
-    raise_if_any(_left(fixes, written=options.write), InterfaceError)
+    raise_if_any((*unread, *_left(fixes, written=options.write)), InterfaceError)
     return int(bool(changed) and not options.write)
 
 
@@ -91,11 +92,17 @@ def _name_of(folder: str) -> str:
     return Path(folder).resolve().name
 
 
-def _sources(package: str, home: Path) -> Iterator[Source]:
-    """Yield the definitions of a package, without .idl files, which are not changed."""
+def _sources(package: str, home: Path, unread: list[Problem]) -> Iterator[Source]:
+    """Yield the definitions of a package, without .idl files, which are not changed.
+
+    The problems of those that cannot be read are added to `unread`.
+    """
     for relative in definitions_in(home):
         if not relative.endswith(".idl"):
-            yield read_source(package, home, relative)
+            try:
+                yield read_source(package, home, relative)
+            except InterfaceError as error:
+                unread += error.problems
 
 
 def _new_names(sources: Iterable[Source]) -> Iterator[tuple[str, str]]:
@@ -118,11 +125,11 @@ def _fix(source: Source, siblings: Iterable[Source], types: Mapping[str, str]) -
     return Fix(source, path.with_name(f"{stem}{path.suffix}").as_posix(), text, tuple(names))
 
 
-def _uses_elsewhere(types: Mapping[str, str], homes: Container[Path]) -> Iterator[Fix]:
+def _uses_elsewhere(types: Mapping[str, str], homes: Container[Path], unread: list[Problem]) -> Iterator[Fix]:
     """Yield the definitions in other packages of the workspace that use renamed types."""
     for package, home in workspace_packages().items() if types else ():
         if home.resolve() not in homes:
-            for source in _sources(package, home):
+            for source in _sources(package, home, unread):
                 if (text := retyped(source.text, types)) != source.text:
                     yield Fix(source, source.relative, text, ())
 

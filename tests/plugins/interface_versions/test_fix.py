@@ -144,6 +144,16 @@ def test_remaining_errors_are_reported(forge: Forge, tree: Tree) -> None:
     assert "src/p/msg/Bad.msg:3:1: error: unknown type 'int99'" in ran.err
 
 
+def test_a_file_that_cannot_be_read_does_not_keep_others_from_being_fixed(forge: Forge, tree: Tree) -> None:
+    root = tree({"p/msg/Good.msg": "int32 X\n", "p/msg/Latin.msg": ""})
+    (root / "p/msg/Latin.msg").write_bytes(b"int32 x  # caf\xe9\n")
+    ran = forge("interface", "fix", "p", "--write", cwd=root)
+    assert ran.code == 2
+    assert "changed 1 file of 1" in ran.out
+    assert "p/msg/Latin.msg:1: error: the file is not valid UTF-8\nhint: save it as UTF-8" in ran.err
+    assert (root / "p/msg/Good.msg").read_text() == "int32 x\n"
+
+
 def test_no_file_is_overwritten(forge: Forge, tree: Tree) -> None:
     """A type of that name is not renamed; another file in the way stops everything."""
     root = tree({**FILES, "src/p/msg/MyPoint.msg": "int8 other\n"})
