@@ -1,4 +1,4 @@
-"""Read and write the lists of the files that forge has installed for each package; it removes no others.
+"""Read and write the lists of files that forge has installed for each package: it removes only these.
 
 Without them, for example after a build with colcon, the install manifests in build folders list the files.
 """

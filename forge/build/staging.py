@@ -322,7 +322,7 @@ def _announce(task: Task, layout: Layout, staged_files: Iterable[str]) -> None:
 def remove_stale(
     task: Task, layout: Layout, stale: Iterable[str], folders: Collection[str] = ()
 ) -> tuple[Problem, ...]:
-    """Remove files of the package, and its empty folders, which end with '/', but not `folders`.
+    """Remove files of the package and its empty folders (paths that end with '/'), except for `folders`.
 
     Return a problem for each edited file, which is kept.
     """

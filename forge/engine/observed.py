@@ -33,8 +33,7 @@ def observe_for(client: int) -> None:
 
 
 def keep(ledger: Path, content: bytes, files: Iterable[str | Path] = ()) -> None:
-    """Announce the ledger of this program, and the `files` that it wrote earlier, which remain its
-    outputs."""
+    """Announce this program's ledger, and the `files` that it wrote earlier, which remain its outputs."""
     library = _library()
     if library:
         _say(library, "W", (*files, ledger))

@@ -121,7 +121,7 @@ extern char **environ;
 struct header {
     uint64_t end;       /* of the last chunk */
     uint64_t records;   /* started so far */
-    uint64_t lost;      /* not 0 if a process found no space */
+    uint64_t lost;      /* nonzero after a process ran out of space */
     uint64_t allocated; /* disk space is allocated up to here */
 };
 

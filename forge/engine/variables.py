@@ -84,7 +84,7 @@ _UNTRACKED = _OUTPUT_ONLY | frozenset(
     # They affect messages and their appearance.
     "CLICOLOR CLICOLOR_FORCE COLORTERM COLUMNS EMACS FORCE_COLOR GCC_COLORS GCC_URLS LANG LANGUAGE LINES "
     "NINJA_STATUS NO_COLOR TERM TERMCAP TERMINFO TERM_URLS VERBOSE "
-    # They distribute processors.
+    # They limit the number of processors.
     "CTEST_PARALLEL_LEVEL MAKEFLAGS MAKELEVEL MAKE_TERMERR MAKE_TERMOUT MFLAGS "
     # forge sets them.
     "ASAN_OPTIONS COLCON LD_PRELOAD".split()

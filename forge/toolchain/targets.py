@@ -82,7 +82,7 @@ class CrossBuild:
     Programs that the arguments and the variables name need not be repeated.
     """
     python_version: tuple[int, int] | None = None
-    """The version of Python on the platform, None for the same as on this machine."""
+    """The version of Python on the platform, None if it is the same as on this machine."""
     prepare_compilers: Callable[[Iterable[Package]], Iterable[Problem]] = lambda _packages: ()
     """Called with the packages before the first one is built; returns warnings."""
 

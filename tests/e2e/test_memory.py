@@ -51,7 +51,7 @@ def write(tree: Tree, *names: str) -> Path:
 
 
 @pytest.mark.needs("cmake", "g++", "ninja")
-def test_a_compiler_that_was_killed_is_repeated_alone_once(forge: Forge, tree: Tree) -> None:
+def test_a_package_whose_compiler_was_killed_is_rebuilt_alone_once(forge: Forge, tree: Tree) -> None:
     root = write(tree, "one", "two")
     env = {"LOG": str(root / "calls"), "ALWAYS": ""}
     ran = forge("build", "-j2", cwd=root, env=env)

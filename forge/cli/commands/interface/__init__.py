@@ -315,7 +315,7 @@ def _generate(options: _GenerateOptions) -> int:
     states = writing.read_states(options.output)
     before = states.get(inputs.package or "", writing.OutputState())
     if before.parts:
-        # Also if this run fails.
+        # The earlier files remain outputs even if this run fails.
         ledger = writing.ledger_of(inputs.package or "", options.output)
         content = text_or_nothing(ledger).encode()
         earlier = [f"{options.output}/{path}" for path in before.files]
