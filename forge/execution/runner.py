@@ -58,6 +58,8 @@ GRACE_SECONDS = 3.0
 
 _LINGER_SECONDS = 1.0
 """The time to read from a silent pipe that another process holds open after the step's program ended."""
+_LONGEST_LINGER = 5.0
+"""The same for a pipe into which that process keeps writing."""
 
 _LONGEST_LINE = 65536
 """The number of bytes after which an unfinished line is emitted."""
@@ -466,15 +468,15 @@ def _read_lines(process: subprocess.Popen[bytes], put: Callable[[bytes, bool], N
             stack.callback(os.close, end)
             selector.register(end, selectors.EVENT_READ)
         partial_lines = {False: b"", True: b""}
-        timeout = None
-        while any(key.data is not None for key in selector.get_map().values()):
+        timeout, latest = None, float("inf")
+        while any(key.data is not None for key in selector.get_map().values()) and time.monotonic() < latest:
             ready = selector.select(timeout)
             if not ready:
                 break
             for key, _ in ready:
                 if key.data is None:
                     selector.unregister(key.fileobj)
-                    timeout = _LINGER_SECONDS
+                    timeout, latest = _LINGER_SECONDS, time.monotonic() + _LONGEST_LINGER
                     continue
                 chunk = os.read(key.fd, _LONGEST_LINE)
                 if not chunk:

@@ -100,6 +100,15 @@ def test_the_loop_does_not_wait_for_daemons_of_steps(tmp_path: Path) -> None:
     assert ends(events) == {"a": 0}
 
 
+def test_the_loop_does_not_wait_for_daemons_that_write(tmp_path: Path) -> None:
+    """They end when they write into the closed pipe."""
+    program = "import subprocess; subprocess.Popen('while echo x; do sleep 0.1; done', shell=True)"
+    begun = time.monotonic()
+    events = run(plan_of(task(tmp_path, "a", program)))
+    assert time.monotonic() - begun < 20
+    assert ends(events) == {"a": 0}
+
+
 def test_leaving_the_loop_early_ends_the_programs(tmp_path: Path) -> None:
     flag = tmp_path / "flag"
     program = f"open({str(flag)!r}, 'w').close(); import time; time.sleep(60)"
