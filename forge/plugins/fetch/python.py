@@ -10,6 +10,7 @@ imports this module.
 from __future__ import annotations
 
 import configparser
+import csv
 import errno
 import hashlib
 import os
@@ -23,7 +24,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from forge.base.errors import HostError, Location, Problem, WorkspaceError, print_warnings
-from forge.base.files import DRAFT, delete_tree, replace_file, text_or_nothing
+from forge.base.files import DRAFT, delete_tree, remove_tree, replace_file, text_or_nothing
 from forge.base.formats import read_toml
 from forge.base.text import counted, listed
 from forge.plugins.fetch.lock import Lock, Module
@@ -58,6 +59,9 @@ REQUIREMENTS = {
 
 _PROGRAMS = {"python3-pydot": ("dot", "graphviz")}
 """Programs that modules from PyPI start, and the system packages that contain them."""
+
+_HEADERS = frozenset({"python-dev", "python3-dev"})
+"""Keys of rosdep that name no modules, although they look like it."""
 
 _STAMP = "forge-modules.txt"
 """The file in an environment that records the installed modules, or the current operation."""
@@ -97,7 +101,7 @@ def missing_programs(keys: Mapping[str, Sequence[str]], variables: Mapping[str, 
 
 def is_system_module(key: str) -> bool:
     """Return whether a key of rosdep names Python modules that only the system's package manager provides."""
-    return key.startswith(("python3-", "python-")) and key not in REQUIREMENTS
+    return key.startswith(("python3-", "python-")) and key not in REQUIREMENTS.keys() | _HEADERS
 
 
 def declared_requirements(packages: Iterable[Package], provided: Collection[str]) -> tuple[str, ...]:
@@ -263,10 +267,31 @@ def install_modules(folder: Path, modules: Sequence[Module], cache: Path, *, off
         file=sys.stderr,
         flush=True,
     )
-    again = text_or_nothing(folder / _STAMP) == _INSTALLING
+    if text_or_nothing(folder / _STAMP) == _INSTALLING:
+        _remove_remains(folder, {each.name for each in modules})
     replace_file(folder / _STAMP, _INSTALLING.encode())
-    _Installer(python, cache, offline=offline).install(text, again=again)
+    _Installer(python, cache, offline=offline).install(text)
     replace_file(folder / _STAMP, _stamp(folder, modules).encode())
+
+
+def _remove_remains(folder: Path, names: Collection[str]) -> None:
+    """Remove all versions of these modules from an environment in which an installer was killed.
+
+    An installer itself only replaces versions that were installed completely, and else leaves two of them.
+    """
+    from packaging.utils import canonicalize_name
+
+    for place in folder.glob("lib/python*/site-packages"):
+        for path in place.glob("~*"):  # pip moves what it replaces there
+            remove_tree(str(path))
+        for path in place.glob("*.dist-info"):
+            if canonicalize_name(path.name.partition("-")[0]) in names:
+                for row in filter(None, csv.reader(text_or_nothing(path / "RECORD").splitlines())):
+                    file = Path(os.path.normpath(place / row[0]))
+                    if file.is_relative_to(folder):
+                        with suppress(OSError):
+                            file.unlink()
+                remove_tree(str(path))
 
 
 def _has_modules(folder: Path, modules: Sequence[Module]) -> bool:
@@ -337,23 +362,19 @@ class _Installer:
             constraints.write_text("")
             return resolve(wanted, constraints, ())
 
-    def install(self, text: str, *, again: bool = False) -> None:
-        """Install a requirements.txt, for `forge build` without network if possible.
-
-        `again` replaces the remains of a killed forge.
-        """
+    def install(self, text: str) -> None:
+        """Install a requirements.txt, for `forge build` without network if possible."""
         with tempfile.NamedTemporaryFile("w", suffix=".txt") as file:
             file.write(text)
             file.flush()
             words = ["install", "--quiet", "--no-deps", "--require-hashes", "--requirement", file.name]
             if self._uv:
                 command, offline = [self._uv, "pip", *words, "--python", self._python], "--offline"
-                command += ["--reinstall"] if again else []
             else:
                 self._files.mkdir(parents=True, exist_ok=True)
                 command = [self._python, "-m", "pip", "--no-input", *words, "--no-compile"]
                 offline = "--no-index"
-                command += ["--find-links", str(self._files), *(["--ignore-installed"] if again else [])]
+                command += ["--find-links", str(self._files)]
             try:
                 self._run([*command, offline], "install")
             except HostError:

@@ -46,7 +46,7 @@ MAIN = "import sys, tiny, lark\ndef main():\n    print(tiny.version, lark.versio
 @pytest.fixture
 def ros(ros: Ros) -> Ros:
     """Let the client library need a Python module."""
-    ros.release("rclmini", *depends("rmw_implementation", "lib_vendor", "python3-lark-parser"))
+    ros.release("rclmini", *depends("rmw_implementation", "lib_vendor", "python3-dev", "python3-lark-parser"))
     return ros
 
 
@@ -108,6 +108,8 @@ def test_python_modules_are_pinned_and_used_by_programs(
         "tiny": False,
     }
     assert next(each for each in lock["module"] if each["name"] == "tiny")["hashes"] == [tiny]
+    settings = (workspace / ".venv/pyvenv.cfg").read_text()
+    assert "include-system-site-packages = false" in settings
     if index.installer == "pip":  # uv keeps no files of a folder in its cache
         index.remove()
     ran = forge("build", cwd=workspace, env=env)
@@ -278,16 +280,28 @@ def test_an_unsatisfiable_requirement_gives_one_error(
     assert not (workspace / "forge.lock").exists()
 
 
-def test_an_interrupted_installation_is_repeated(ros: Ros, uv: Index, forge: Forge, tmp_path: Path) -> None:
-    workspace, env = new_workspace(tmp_path / "ws"), {**ros.variables(), **uv.variables()}
+def test_an_interrupted_installation_is_repeated(
+    ros: Ros, index: Index, forge: Forge, tmp_path: Path
+) -> None:
+    workspace, env = new_workspace(tmp_path / "ws"), {**ros.variables(), **index.variables()}
     assert forge("fetch", cwd=workspace, env=env).code == 0
     environment = workspace / ".venv"
     for state in ("# forge installs modules\n", "# forge makes this environment\n"):
         (module,) = environment.glob("lib/python*/site-packages/tiny.py")
         module.unlink()
+        place = module.parent
+        (place / "tiny-1.0.dist-info/RECORD").unlink()
+        record = "old.py,,\ntiny-0.9.dist-info/RECORD,,\n../../../../kept.txt,,\n"
+        remains = {"tiny-0.9.dist-info/RECORD": record, "old.py": "", "~iny/tiny.py": "", "own.py": ""}
+        write_files(place, remains)
+        (workspace / "kept.txt").touch()
         (environment / "forge-modules.txt").write_text(state)
-        assert forge("fetch", "--locked", cwd=workspace, env=env).code == 0
+        ran = forge("fetch", "--locked", cwd=workspace, env=env)
+        assert ran.code == 0, ran.err
         assert version_in(environment, "tiny") == "1.0"
+        assert [path.name for path in place.glob("tiny-*")] == ["tiny-1.0.dist-info"]
+        assert not {path.name for path in place.iterdir()} & {"old.py", "~iny"}
+        assert (workspace / "kept.txt").is_file()
 
 
 def test_malformed_modules_in_a_lock_are_rejected(ros: Ros, uv: Index, forge: Forge, tmp_path: Path) -> None:
