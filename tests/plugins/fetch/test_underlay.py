@@ -142,6 +142,17 @@ def test_failures_in_the_underlay_are_shown_in_full(ros: Ros, forge: Forge, tmp_
     assert built(tmp_path) == {"lib_vendor"}
 
 
+def test_cmake_4_builds_projects_for_cmake_2(ros: Ros, forge: Forge, tmp_path: Path) -> None:
+    write = """\
+file(WRITE ${CMAKE_CURRENT_BINARY_DIR}/least.txt "$ENV{CMAKE_POLICY_VERSION_MINIMUM}")
+install(FILES ${CMAKE_CURRENT_BINARY_DIR}/least.txt DESTINATION share)"""
+    ros.release("rclmini", cmake=write)
+    workspace, env = new_workspace(tmp_path / "ws"), ros.variables()
+    assert forge("fetch", cwd=workspace, env=env).code == 0
+    assert forge("build", cwd=workspace, env=env).code == 0
+    assert (underlay(tmp_path) / "install/share/least.txt").read_text() == "3.5"
+
+
 def test_problems_that_prevent_building_the_underlay_are_shown(
     ros: Ros, forge: Forge, tmp_path: Path
 ) -> None:
