@@ -90,8 +90,7 @@ def read_text(path: str | Path, errors: str = "replace") -> str:
 
 
 def text_if_exists(path: str | Path) -> str | None:
-    """Return the text of a file with its newlines and with surrogate escapes, None if the file does not
-    exist.
+    """Return the text of a file with its newlines and with surrogate escapes, None if it is missing.
 
     Raises OSError if the file exists, but cannot be read.
     """

@@ -170,7 +170,7 @@ def _group_statement(shell: Shell, group: Group) -> Statement | None:
     if isinstance(first, Script) or not all(paths):
         root = f"$_forge_root/{shell.quoted(package.folder)}".rstrip("/")
         return _statement(shell, package, first, root, in_workspace=True)
-    # Without duplicates, which would have no effect.
+    # Omit duplicates: they would have no effect.
     entries = [f"{shell.list_root}{shell.quoted(path)}" for path in dict.fromkeys(paths)]
     if first.operation == "prepend":
         entries.reverse()

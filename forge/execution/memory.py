@@ -76,8 +76,7 @@ class PackageMemory:
         return max(self.peaks.get(name, 0), self._highest.get(name, 0))
 
     def fits(self, name: str, running: Collection[str]) -> bool:
-        """Return whether enough memory is left for a package in addition to the running ones, which may still
-        grow.
+        """Return whether enough memory is left for one more package: the running ones may still grow.
 
         A package without a known peak fits.
         """

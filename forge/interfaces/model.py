@@ -241,7 +241,7 @@ def sections_of(interface: Interface) -> tuple[Message, ...]:
 
 
 def services_of(interface: Interface) -> tuple[Service, ...]:
-    """Return the service itself, or those of an action."""
+    """Return the service itself, or the services of an action."""
     match interface:
         case Message():
             return ()

@@ -79,7 +79,7 @@ def _show(
         try:
             code = line.partition("#")[0].replace("\t", " ").rstrip()
             element = element_of(read_declaration(code, name.package).type)
-        except ParseError:  # comments and including blank lines
+        except ParseError:  # only a comment, a blank line or '---'
             continue
         if isinstance(element, Named):
             yield from _show(element.name, comments, text_of, (*above, name))

@@ -277,7 +277,7 @@ def failures_of(task: Task, setup: TestSetup, displayed: Callable[[Path], str] =
     for outcome in results:
         for case in outcome.cases:
             words = selector(case, task.name, step.kind, exists)
-            # Without a result, or a way to select one test, repeat the whole run.
+            # If there is no result or no way to select a single test, repeat the whole run.
             whole = step.kind is StepKind.TEST or case.name.endswith(".missing_result")
             single = replace(step, argv=(step.argv[0], "-m", step.kind.value, *words), env=())
             repeat = step if whole or outcome.is_unreadable else single

@@ -262,7 +262,7 @@ def _junit(name: str, tests: list[tuple[str, str]], outputs: dict[str, str]) -> 
         if outcome == "ignored":
             ET.SubElement(case, "skipped")
         elif outcome == "FAILED":
-            # Without characters that XML cannot contain.
+            # Remove characters that XML cannot contain.
             output = outputs.get(test_name, "")
             text = "".join(letter for letter in output if letter.isprintable() or letter in "\n\t")
             ET.SubElement(case, "failure", message=_message(text)).text = text

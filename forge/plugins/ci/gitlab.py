@@ -51,7 +51,7 @@ class GitLab(CiReporter):
         for finding in self.findings:
             if not finding.file:
                 continue
-            # Without the line number, so that a moved finding does not count as a new one.
+            # Omit the line number, so that a moved finding does not count as a new one.
             description = finding.message.partition("\n")[0]
             what = f"{finding.severity}\n{finding.file}\n{description}"
             seen[what] += 1

@@ -55,7 +55,7 @@ REQUIREMENTS = {
     "python3-vcstool": "vcs2l",  # the maintained fork
     "python3-yaml": "PyYAML",
 }
-"""The distributions on PyPI of rosdep's keys."""
+"""The distributions on PyPI for rosdep's keys."""
 
 _PROGRAMS = {"python3-pydot": ("dot", "graphviz")}
 """Programs that modules from PyPI start, and the system packages that contain them."""

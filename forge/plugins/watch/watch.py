@@ -414,8 +414,7 @@ class FileWatcher:
 
 
 def _changes_in(folders: list[str], *, polling: bool) -> Iterator[set[FileChange]]:
-    """Watch folders from now on, and yield their changes; an empty set if a timeout passes without
-    changes."""
+    """Watch folders from now on, and yield their changes; an empty set after a timeout."""
     from watchfiles import watch
 
     changes = watch(

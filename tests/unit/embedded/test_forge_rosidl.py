@@ -24,7 +24,7 @@ def _extension(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, name, Extension(name))
 
 
-def test_a_message_gets_five_entries_and_those_of_its_parts(msg: ModuleType) -> None:
+def test_a_message_and_its_parts_have_type_supports(msg: ModuleType) -> None:
     metaclass = type(msg.Nested)
     metaclass.__import_type_support__()
     entries = (
@@ -45,7 +45,7 @@ def test_a_message_gets_five_entries_and_those_of_its_parts(msg: ModuleType) -> 
     assert _type_support(import_module("std_msgs.msg").Header) is None
 
 
-def test_a_service_is_listed_with_its_request_and_response(msg: ModuleType) -> None:
+def test_a_service_its_request_and_its_response_have_type_supports(msg: ModuleType) -> None:
     assert msg
     service = import_module("probe.srv").Point
     type(service).__import_type_support__()
@@ -53,7 +53,7 @@ def test_a_service_is_listed_with_its_request_and_response(msg: ModuleType) -> N
     assert _type_support(service.Request) == "type_support_msg__srv__point__request"
 
 
-def test_an_action_gets_its_entry_and_those_of_its_parts(msg: ModuleType) -> None:
+def test_an_action_and_its_parts_have_type_supports(msg: ModuleType) -> None:
     assert msg
     action = import_module("probe.action").Act
     type(action).__import_type_support__()

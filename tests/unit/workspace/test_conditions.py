@@ -21,7 +21,7 @@ VARIABLES = {"ROS_VERSION": "2", "ROS_DISTRO": "humble"}
         ("  a   <=b ", True),
     ],
 )
-def test_conditions_compare_strings_and_and_precedes_or(condition: str, expected: bool) -> None:
+def test_conditions_compare_strings_and_evaluate_and_before_or(condition: str, expected: bool) -> None:
     assert holds(condition, VARIABLES) is expected
 
 
