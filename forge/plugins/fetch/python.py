@@ -282,8 +282,10 @@ def _remove_remains(folder: Path, names: Collection[str]) -> None:
     from packaging.utils import canonicalize_name
 
     for place in folder.glob("lib/python*/site-packages"):
-        for path in place.glob("~*"):  # pip moves what it replaces there
-            remove_tree(str(path))
+        for path in place.glob("~*"):  # pip moves what it replaces there: all but the first letters stay
+            rest = canonicalize_name(path.name.lstrip("~").partition("-")[0])
+            if any(name.endswith(rest) for name in names):
+                remove_tree(str(path))
         for path in place.glob("*.dist-info"):
             if canonicalize_name(path.name.partition("-")[0]) in names:
                 for row in filter(None, csv.reader(text_or_nothing(path / "RECORD").splitlines())):

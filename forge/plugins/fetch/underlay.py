@@ -254,8 +254,6 @@ def _run_build(
     # Users set it for their nodes; ROS packages that read it would be rebuilt whenever it changes.
     own = {name: value for name, value in variables.items() if name != "RMW_IMPLEMENTATION"}
     own["PWD"] = str(folder)  # programs check these
-    # Vendor packages of Humble build projects for CMake 2.8, which CMake 4 refuses without it.
-    own.setdefault("CMAKE_POLICY_VERSION_MINIMUM", "3.5")
     own |= _clone_settings(folder, lock, cache, own)
     # Provide programs that the system lacks, such as vcs for packages that clone repositories.
     own["PATH"] = os.pathsep.join([*filter(None, [own.get("PATH")]), str(Path(python).parent)])
