@@ -19,8 +19,8 @@ def files(catalog: Catalog) -> Iterator[File]:
 
 def _comments(message: Message) -> dict[str, dict[str, str]]:
     """Return the metadata of the fields of a message by name; the empty name has those of the message."""
-    found = {"": {"comment": "\n".join(message.doc)}}
+    metadata = {"": {"comment": "\n".join(message.doc)}}
     for field in message.fields:
-        found[field.name] = {"comment": "\n".join(field.doc), "unit": field.unit or ""}
-    texts = {name: {key: text for key, text in each.items() if text} for name, each in found.items()}
+        metadata[field.name] = {"comment": "\n".join(field.doc), "unit": field.unit or ""}
+    texts = {name: {key: text for key, text in each.items() if text} for name, each in metadata.items()}
     return {name: each for name, each in texts.items() if each}

@@ -204,8 +204,8 @@ class _Package:
             if declares is None or (product in {"", "cmake"} and path.startswith(f"{self._build}/")):
                 continue
             if declared is None:
-                known = self._inputs(declares) if isinstance(declares, Edge) else declares
-                declared = frozenset(map(os.path.realpath, known))
+                paths = self._inputs(declares) if isinstance(declares, Edge) else declares
+                declared = frozenset(map(os.path.realpath, paths))
             if os.path.realpath(path) not in declared:
                 what = f"'{program}' read {_PATH}" + (f" for {product}" if product else "")
                 self.found.setdefault(path, Finding(what, path, hint))
@@ -213,14 +213,14 @@ class _Package:
     def _inputs(self, edge: Edge) -> frozenset[str]:
         """Return the direct and indirect inputs of an edge, and its outputs."""
         waiting = [*edge.outputs, *self._graph.inputs_of(edge)]
-        found = set(waiting)
+        paths = set(waiting)
         while waiting:
             path = waiting.pop()
             before = self._made.get(path)
             inputs = self._graph.inputs_of(before) if before else self._graph.aliases.get(path, ())
-            waiting += [each for each in inputs if each not in found]
-            found.update(inputs)
-        return frozenset(found)
+            waiting += [each for each in inputs if each not in paths]
+            paths.update(inputs)
+        return frozenset(paths)
 
     def _reads(self, processes: Iterable[Process]) -> Iterator[tuple[str, str]]:
         """Yield the program and the canonical path of each read that a rule should declare.

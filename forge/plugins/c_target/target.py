@@ -65,7 +65,7 @@ def interface_files(catalog: Catalog) -> Callable[[Interface], Iterator[File]]:
     parts = ("struct", "functions", "type_support", *(("description",) if hasher else ()))
 
     def headers_of(interface: Interface) -> Iterator[File]:
-        name, messages, found = interface.name, tuple(messages_of(interface)), handles(interface)
+        name, messages, interface_handles = interface.name, tuple(messages_of(interface)), handles(interface)
 
         def file(path: str, template: str, headers: list[str], **names: object) -> File:
             names |= {"source": str(name), "guard": guard(path), "headers": headers}
@@ -91,10 +91,10 @@ def interface_files(catalog: Catalog) -> Callable[[Interface], Iterator[File]]:
             math=any(needs_math(f.default, f.type) for message in messages for f in message.fields),
             messages=[functions_view(message) for message in messages],
         )
-        runtime = {f"rosidl_runtime_c/{handle.kind}_type_support_struct.h" for handle in found}
+        runtime = {f"rosidl_runtime_c/{handle.kind}_type_support_struct.h" for handle in interface_handles}
         headers = sorted([_visibility_path(name.package), *runtime])
         path = detail_path(name, "type_support", "h")
-        yield file(path, "type_support", headers, package=name.package, handles=found)
+        yield file(path, "type_support", headers, package=name.package, handles=interface_handles)
         if hasher:
             types = list(_description_views(interface, hasher, catalog.sources))
             yield part(
@@ -113,14 +113,14 @@ def _visibility_path(package: str) -> str:
 
 def _runtime(messages: tuple[Message, ...], suffix: str) -> set[str]:
     """Return the run-time headers for the types of members."""
-    found = set()
+    headers = set()
     for field in (field for message in messages for field in message.members):
         match field.type:
             case String(wide) | Array(String(wide)) | Sequence(String(wide)):
-                found.add(f"rosidl_runtime_c/{'u16string' if wide else 'string'}{suffix}.h")
+                headers.add(f"rosidl_runtime_c/{'u16string' if wide else 'string'}{suffix}.h")
             case Sequence(Primitive()):
-                found.add(f"rosidl_runtime_c/primitives_sequence{suffix}.h")
-    return found
+                headers.add(f"rosidl_runtime_c/primitives_sequence{suffix}.h")
+    return headers
 
 
 def _struct_view(message: Message) -> dict[str, Any]:

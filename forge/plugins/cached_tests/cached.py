@@ -152,13 +152,13 @@ class CachedTests:
         for name in sorted(record.declared.keys() | declared.keys()):
             if record.declared.get(name) != declared.get(name):
                 yield f"{name} has changed"
-        for known in (record.inputs, record.outputs):
+        for contents in (record.inputs, record.outputs):
             # Perform the cheap checks first.
-            for path, content in known.items():
+            for path, content in contents.items():
                 if content == "missing" and os.path.lexists(path):
                     yield f"'{path}' has appeared"
-            now = contents_of(known, self._table)
-            for path, content in known.items():
+            now = contents_of(contents, self._table)
+            for path, content in contents.items():
                 if now[path] != content:
                     shown = path.removesuffix(DIR_LISTING_SUFFIX)
                     yield f"'{shown}' has {'disappeared' if now[path] == 'missing' else 'changed'}"
@@ -170,7 +170,7 @@ class CachedTests:
             "the command of the tests": digest_strings(*steps, str(self._results_of(task.name))),
             "this machine": digest_strings(self._machine),
             "the observer": self._library.name if self._library else "",
-            **{f"the package '{name}'": found for name, found in self._installed(task.name).items()},
+            **{f"the package '{name}'": digest for name, digest in self._installed(task.name).items()},
             **{  # a value may be a secret
                 f"the environment variable '{name}'": digest_strings(value)
                 for name, value in variables.items()
@@ -203,8 +203,8 @@ class CachedTests:
 
     def variables(self, task: Task, variables: Mapping[str, str]) -> Mapping[str, str]:
         """Return the environment of an observed step, with a separate folder for temporary files."""
-        found = observed(variables, self._library, _log_file(task))
-        return {**found, "TMPDIR": self._running[task.name].temporary}
+        environment = observed(variables, self._library, _log_file(task))
+        return {**environment, "TMPDIR": self._running[task.name].temporary}
 
     def note_process(self, variables: Mapping[str, str], process: int, step: Step) -> None:
         """Log the start of a step."""

@@ -126,16 +126,16 @@ def identify(folder: Folder) -> Identity | None:
 
 def _dependencies(content: Mapping[str, Any], own: str) -> tuple[Dependency, ...]:
     """Return the crates that a package depends on, including those for single platforms, except itself."""
-    found: dict[str, frozenset[DependencyKind]] = {}
+    crates: dict[str, frozenset[DependencyKind]] = {}
     targets = _table(content, "target")
     for table in (content, *(_table(targets, name) for name in targets)):
         for key, kinds in _KINDS.items():
             for alias, source in _table(table, key).items():
                 name = str(source.get("package", alias)) if isinstance(source, dict) else alias
-                found[name] = found.get(name, frozenset()) | kinds
-    return tuple(Dependency(name, kinds) for name, kinds in sorted(found.items()) if name != own)
+                crates[name] = crates.get(name, frozenset()) | kinds
+    return tuple(Dependency(name, kinds) for name, kinds in sorted(crates.items()) if name != own)
 
 
 def _table(content: Mapping[str, Any], key: str) -> Mapping[str, Any]:
-    found = content.get(key)
-    return found if isinstance(found, dict) else {}
+    table = content.get(key)
+    return table if isinstance(table, dict) else {}

@@ -174,17 +174,17 @@ def _installed_crates() -> dict[str, Path]:
 @contextmanager
 def _own_lock_file(source: Path, folder: Path) -> Iterator[None]:
     """Move the Cargo.lock of an earlier build into the source folder, and back."""
-    lock, kept = source / "Cargo.lock", folder / "Cargo.lock"
+    lock, saved_lock = source / "Cargo.lock", folder / "Cargo.lock"
     if lock.exists():
         yield
         return
-    if kept.is_file():
-        shutil.copy2(kept, lock)
+    if saved_lock.is_file():
+        shutil.copy2(saved_lock, lock)
     try:
         yield
     finally:
         if lock.exists():
-            shutil.move(lock, kept)
+            shutil.move(lock, saved_lock)
 
 
 def _stage_programs(artifacts: Iterable[dict[str, Any]], staged: Path, name: str) -> None:

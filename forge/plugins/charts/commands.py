@@ -122,12 +122,12 @@ def commands_of(
     A command with several outputs has a line for each.
     """
     edges = {output: edge for edge in graph.edges for output in edge.outputs}
-    found: dict[tuple[int, int, str], str] = {}
+    outputs: dict[tuple[int, int, str], str] = {}
     for line in lines:
         if entry := _ENTRY.fullmatch(line):
             first, last, path, digest = entry.groups()
-            found.setdefault((int(first), int(last), digest), os.path.normpath(build / path))
-    for (start, end, _), output in sorted(found.items()):
+            outputs.setdefault((int(first), int(last), digest), os.path.normpath(build / path))
+    for (start, end, _), output in sorted(outputs.items()):
         edge = edges.get(output)
         kind = _kind(edge, output)
         file = edge.inputs[0] if edge and edge.compiles and edge.inputs else output

@@ -105,12 +105,12 @@ def facts(
     """Return the details of each node for the page, by index; `lines` are the drawn edges."""
     shown = chart.shown
     numbers = {node: number for number, node in enumerate(shown)}
-    found: list[dict[str, object]] = []
+    details: list[dict[str, object]] = []
     for node in shown:
         package = chart.packages[node]
         description = re.sub(r"<[^>]*>", "", package.manifest.description)
         took = seconds.get(name_of(node))
-        found.append(
+        details.append(
             {
                 "name": printable(name_of(node)),
                 "path": printable(package.path.as_posix()),
@@ -122,7 +122,7 @@ def facts(
                 "lines": sorted(numbers[need] for need in graph[node]),
             }
         )
-    return found
+    return details
 
 
 def _kind_of(package: Package) -> str:

@@ -150,34 +150,34 @@ def _edges(chart: PackageGraph, nodes: frozenset[str], *, skipped: bool) -> Iter
     yield from direct
     if skipped or len(nodes) == len(chart.ordered):
         return
-    known = {(edge.start, edge.end) for edge in direct}
+    direct_pairs = {(edge.start, edge.end) for edge in direct}
     below = closures(chart.needs, chart.ordered)
     for node in reversed(chart.ordered):
         if node in nodes:
-            yield from _indirect(chart, node, nodes, known, below)
+            yield from _indirect(chart, node, nodes, direct_pairs, below)
 
 
 def _indirect(
     chart: PackageGraph,
     node: str,
     nodes: frozenset[str],
-    known: set[tuple[str, str]],
+    direct_pairs: set[tuple[str, str]],
     below: Mapping[str, Set[str]],
 ) -> Iterator[_Edge]:
-    found: dict[str, set[str]] = {}
+    ends: dict[str, set[str]] = {}
     for need in sorted(chart.needs[node] - nodes):
         for end in sorted(below[need] & nodes):
-            if (node, end) not in known:
-                found.setdefault(end, set()).update(_categories(chart, node, need))
-    for end, categories in found.items():
+            if (node, end) not in direct_pairs:
+                ends.setdefault(end, set()).update(_categories(chart, node, need))
+    for end, categories in ends.items():
         yield _Edge(node, end, tuple(word for word in _COLOURS if word in categories), direct=False)
 
 
 def _categories(chart: PackageGraph, node: str, need: str) -> tuple[str, ...]:
     """Return the categories of a dependency; edges without a tag, such as to an alias, count as build."""
     manifest = chart.packages[node].manifest
-    found = (word for word, kinds in _KINDS.items() if name_of(need) in manifest.names(kinds))
-    return tuple(found) or ("build",)
+    categories = (word for word, kinds in _KINDS.items() if name_of(need) in manifest.names(kinds))
+    return tuple(categories) or ("build",)
 
 
 def _labels(nodes: Sequence[str], chart: PackageGraph, *, skipped: bool) -> dict[str, tuple[str, str]]:

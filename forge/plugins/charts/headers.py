@@ -199,6 +199,6 @@ def _traced(
         output.unlink(missing_ok=True)
         if ran.returncode:
             return None
-        found: list[Mapping[str, Any]] = json.loads(output.with_suffix(".json").read_bytes())["traceEvents"]
-        return found
+        events: list[Mapping[str, Any]] = json.loads(output.with_suffix(".json").read_bytes())["traceEvents"]
+        return events
     return None

@@ -245,13 +245,13 @@ def _same(own: str, given: str) -> bool:
 
 
 def _rough(seconds: float) -> str:
-    whole = max(1, round(seconds))
-    return f"{whole}s" if whole < _MINUTE else duration(whole)
+    whole_seconds = max(1, round(seconds))
+    return f"{whole_seconds}s" if whole_seconds < _MINUTE else duration(whole_seconds)
 
 
 def _gigabytes(size: int) -> str:
     return f"{size / 1e9:.1f} GB" if size >= 1e9 else f"{size / 1e6:.0f} MB"
 
 
-def _percent(part: float, whole: float) -> str:
-    return f"{min(100.0, 100 * part / whole):.2f}%" if whole > 0 else "0%"
+def _percent(part: float, total: float) -> str:
+    return f"{min(100.0, 100 * part / total):.2f}%" if total > 0 else "0%"

@@ -69,12 +69,14 @@ class Sampler:
             self._sample()
 
     def _sample(self) -> None:
-        now, times, found = time.monotonic(), processor_times(), memory()
-        (_, (busy, whole)) = self._before
-        if times is None or found is None or times[1] == whole:
+        now, times, machine_memory = time.monotonic(), processor_times(), memory()
+        (_, (busy, total)) = self._before
+        if times is None or machine_memory is None or times[1] == total:
             return
-        share = (times[0] - busy) / (times[1] - whole)
-        self.samples.append((now, share * (os.cpu_count() or 1), found.total - found.available))
+        share = (times[0] - busy) / (times[1] - total)
+        self.samples.append(
+            (now, share * (os.cpu_count() or 1), machine_memory.total - machine_memory.available)
+        )
         self._before = (now, times)
         if len(self.samples) > self._most:
             self.samples = [
@@ -169,8 +171,8 @@ class Timings(Reporter):
                 key=lambda item: -item[1].seconds,
             )[:_MEASURED]
             outputs = [(folder, command.output) for folder, command in slowest]
-            found = measure_headers(outputs, self._clang, self._run.variables, self._run.jobs)
-            events.append(("Headers", None, found.members))
+            header_times = measure_headers(outputs, self._clang, self._run.variables, self._run.jobs)
+            events.append(("Headers", None, header_times.members))
         return Report(events=tuple(events))
 
     def write(self) -> Iterator[str]:

@@ -162,19 +162,19 @@ def waited(run: PackageRun, runs: Mapping[str, PackageRun]) -> float:
 
 def rows(packages: Iterable[PackageRun]) -> dict[str, int]:
     """Assign each package the first free row at its start; there are as many rows as parallel packages."""
-    found = [*packages]
-    return dict(zip((run.name for run in found), packed(found), strict=True))
+    runs = [*packages]
+    return dict(zip((run.name for run in runs), packed(runs), strict=True))
 
 
 def packed(spans: Iterable[PackageRun | Command]) -> list[int]:
     """Return the first free row for each of the spans, which are sorted by their start."""
     ends: list[float] = []
-    found: list[int] = []
+    assigned_rows: list[int] = []
     for span in spans:
         row = next((row for row, end in enumerate(ends) if end <= span.begun), len(ends))
         ends[row : row + 1] = [span.ended]
-        found.append(row)
-    return found
+        assigned_rows.append(row)
+    return assigned_rows
 
 
 def at_work(packages: Iterable[PackageRun]) -> tuple[tuple[float, int], ...]:
@@ -183,11 +183,11 @@ def at_work(packages: Iterable[PackageRun]) -> tuple[tuple[float, int], ...]:
     for run in packages:
         changes[run.begun] = changes.get(run.begun, 0) + 1
         changes[run.ended] = changes.get(run.ended, 0) - 1
-    count, found = 0, []
+    count, counts = 0, []
     for time in sorted(changes):
         count += changes[time]
-        found.append((time, count))
-    return tuple(found)
+        counts.append((time, count))
+    return tuple(counts)
 
 
 def _package(events: Sequence[Mapping[str, Any]], ended: float, needs: Iterable[str]) -> PackageRun:
@@ -252,8 +252,8 @@ def kind_of(step: StepRun) -> str:
 
 def step_kinds(build: Build) -> dict[str, str]:
     """Return the STEP_KINDS that occur in a build, and the last one."""
-    found = {kind_of(step) for run in build.packages for step in run.steps}
-    return {kind: word for kind, word in STEP_KINDS.items() if kind in found or kind == "waiting"}
+    kinds = {kind_of(step) for run in build.packages for step in run.steps}
+    return {kind: word for kind, word in STEP_KINDS.items() if kind in kinds or kind == "waiting"}
 
 
 _SLOWEST_STEPS = 25
@@ -383,10 +383,10 @@ def _remarks(build: Build) -> Iterator[str]:
             text += f", and {mean:.1f} of {build.use.processors} processors were busy"
         yield text + "."
     yield from (f"{outcome.words}." for outcome in build.outcomes)
-    known = [run for run in build.packages if run.last is not None and run.outcome == FINISHED]
-    if known:
-        now, then = sum(run.seconds for run in known), sum(run.last or 0.0 for run in known)
-        few = f"{len(known)} of them" if len(known) < len(build.packages) else "They"
+    reruns = [run for run in build.packages if run.last is not None and run.outcome == FINISHED]
+    if reruns:
+        now, then = sum(run.seconds for run in reruns), sum(run.last or 0.0 for run in reruns)
+        few = f"{len(reruns)} of them" if len(reruns) < len(build.packages) else "They"
         change = f"{duration(abs(now - then))} {'less' if now < then else 'more'}"
         yield f"{few} took {duration(now)} in total, {change} than in their previous builds."
 
@@ -414,48 +414,48 @@ def _strips(build: Build) -> Iterator[dict[str, str]]:
         path = _stairs(work, most, build.ended)
         yield {"name": "packages at work", "path": path, "most": str(most), "mean": f"{mean:.1f}"}
     if build.use and build.use.samples and build.ended:
-        use, whole = build.use, build.ended
+        use, total_time = build.use, build.ended
         times, busy, used = zip(*use.samples, strict=True)
         most_busy = f"{max(busy):.1f} of {use.processors}"
-        path = _slope(zip(times, busy, strict=True), use.processors, whole)
+        path = _slope(zip(times, busy, strict=True), use.processors, total_time)
         yield {"name": "processors busy", "path": path, "most": most_busy, "mean": f"{_mean_busy(use):.1f}"}
         most_used = f"{max(used) / _GIGA:.1f} of {use.memory / _GIGA:.1f} GB"
-        path = _slope(zip(times, used, strict=True), use.memory, whole)
+        path = _slope(zip(times, used, strict=True), use.memory, total_time)
         mean_used = f"{sum(used) / len(used) / _GIGA:.1f} GB"
         yield {"name": "memory in use", "path": path, "most": most_used, "mean": mean_used}
 
 
 def _mean_busy(use: MachineUse) -> float:
     """Return the average number of busy processors; samples cover the time before them."""
-    whole, before = 0.0, 0.0
+    processor_seconds, before = 0.0, 0.0
     for time, busy, _ in use.samples:
-        whole += busy * (time - before)
+        processor_seconds += busy * (time - before)
         before = time
-    return whole / before if before else 0.0
+    return processor_seconds / before if before else 0.0
 
 
-def _stairs(work: Sequence[tuple[float, int]], most: int, whole: float) -> str:
+def _stairs(work: Sequence[tuple[float, int]], most: int, total_time: float) -> str:
     words = ["M0 100"]
     for time, count in work:
-        words.append(f"H{_thousandth(time, whole)}V{_down(count, most)}")
+        words.append(f"H{_thousandth(time, total_time)}V{_down(count, most)}")
     return "".join((*words, "V100Z"))
 
 
-def _slope(samples: Iterable[tuple[float, float]], most: float, whole: float) -> str:
+def _slope(samples: Iterable[tuple[float, float]], most: float, total_time: float) -> str:
     """Return an area path below values that each cover the time before them."""
     words = ["M0 100"]
     for time, value in samples:
-        words.append(f"V{_down(value, most)}H{_thousandth(time, whole)}")
+        words.append(f"V{_down(value, most)}H{_thousandth(time, total_time)}")
     return "".join((*words, "V100Z"))
 
 
-def _thousandth(time: float, whole: float) -> str:
-    return f"{min(1000.0, max(0.0, 1000 * time / whole)):.1f}"
+def _thousandth(time: float, total_time: float) -> str:
+    return f"{min(1000.0, max(0.0, 1000 * time / total_time)):.1f}"
 
 
 def _down(value: float, most: float) -> str:
     return f"{100 - 100 * min(1.0, value / most):.1f}" if most else "100"
 
 
-def _percent(part: float, whole: float) -> str:
-    return f"{100 * part / whole:.3f}%" if whole else "0%"
+def _percent(part: float, total: float) -> str:
+    return f"{100 * part / total:.3f}%" if total else "0%"

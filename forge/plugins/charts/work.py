@@ -51,15 +51,15 @@ class Bounds:
 
 def phases(run: PackageRun) -> dict[str, float]:
     """Return the seconds of work by kind: those of commands, which ran in parallel, are added up."""
-    found = dict.fromkeys(KINDS, 0.0)
+    seconds = dict.fromkeys(KINDS, 0.0)
     for step, following in zip_longest(run.steps, run.steps[1:]):
         until = following.begun - _ROUNDED if following else step.ended
         ninja = [ran for ran in run.ninja if step.begun - _ROUNDED <= ran.commands[0].begun < until]
-        found[kind_of(step)] += max(0.0, step.seconds - sum(ran.seconds for ran in ninja))
+        seconds[kind_of(step)] += max(0.0, step.seconds - sum(ran.seconds for ran in ninja))
         for command in (command for ran in ninja for command in ran.commands):
-            found[command.kind if command.kind in found else GENERATE] += command.seconds
-    found["waiting"] += max(0.0, run.seconds - sum(step.seconds for step in run.steps))
-    return found
+            seconds[command.kind if command.kind in seconds else GENERATE] += command.seconds
+    seconds["waiting"] += max(0.0, run.seconds - sum(step.seconds for step in run.steps))
+    return seconds
 
 
 def bounds(build: Build) -> Bounds | None:
@@ -81,11 +81,11 @@ def work(build: Build) -> dict[str, Any]:
     """
     numbers = {run.name: number for number, run in enumerate(build.packages)}
     by_package = {run.name: phases(run) for run in build.packages}
-    totals = {name: sum(found.values()) for name, found in by_package.items()}
+    totals = {name: sum(by_kind.values()) for name, by_kind in by_package.items()}
     longest = max(totals.values(), default=0.0)
     files = _slowest(build)
     longest_file = files[0][1].seconds if files else 0.0
-    sums = {kind: sum(found[kind] for found in by_package.values()) for kind in KINDS}
+    sums = {kind: sum(by_kind[kind] for by_kind in by_package.values()) for kind in KINDS}
     return {
         "remarks": [*_sentences(build)],
         "kinds": [
@@ -125,10 +125,10 @@ def work(build: Build) -> dict[str, Any]:
 
 def lines(build: Build) -> Iterator[str]:
     """Yield the most important figures for a terminal."""
-    if found := _slowest(build)[:_LISTED]:
+    if slowest := _slowest(build)[:_LISTED]:
         yield "slowest: " + ", ".join(
             f"{printable(command.name)} of {printable(run.name)} {duration(command.seconds)}"
-            for run, command in found
+            for run, command in slowest
         )
     if sentence := _least(build):
         yield sentence
@@ -202,28 +202,28 @@ def _by_file(build: Build) -> dict[tuple[str, str], float]:
 
 
 def _slowest(build: Build) -> list[tuple[PackageRun, Command]]:
-    found = ((run, command) for run in build.packages for ran in run.ninja for command in ran.commands)
-    return sorted(found, key=lambda item: -item[1].seconds)[:_FILES]
+    commands = ((run, command) for run in build.packages for ran in run.ninja for command in ran.commands)
+    return sorted(commands, key=lambda item: -item[1].seconds)[:_FILES]
 
 
 def _least(build: Build) -> str:
-    found = bounds(build)
-    if found is None or found.work < 0.1:
+    limits = bounds(build)
+    if limits is None or limits.work < 0.1:
         return ""
-    with_jobs = f"with {counted(found.jobs, 'job')}, at best about {duration(found.least)}"
-    reason = f"{duration(found.work)} of work, and {duration(found.chain)} for the longest chain of it"
+    with_jobs = f"with {counted(limits.jobs, 'job')}, at best about {duration(limits.least)}"
+    reason = f"{duration(limits.work)} of work, and {duration(limits.chain)} for the longest chain of it"
     return f"{with_jobs}: {reason}"
 
 
 def _sentences(build: Build) -> Iterator[str]:
     if sentence := _least(build):
-        found = bounds(build)
-        assert found is not None
+        limits = bounds(build)
+        assert limits is not None
         yield f"{sentence[0].upper()}{sentence[1:]}."
-        if found.chain >= found.work / found.jobs:
+        if limits.chain >= limits.work / limits.jobs:
             yield "More processors would not help: the packages and files of the chain wait for each other."
         else:
-            enough = max(1, round(found.work / found.chain)) if found.chain else found.jobs
+            enough = max(1, round(limits.work / limits.chain)) if limits.chain else limits.jobs
             yield f"More processors would help, up to about {enough}."
     runs = {run.name: run for run in build.packages}
     waiting = sum(waited(run, runs) for run in build.packages)
@@ -237,16 +237,16 @@ def _sentences(build: Build) -> Iterator[str]:
         yield "File times are not available: only Ninja records them."
 
 
-def _headers(found: HeaderTimes) -> dict[str, Any]:
-    longest = found.headers[0].seconds if found.headers else 0.0
-    share = f"{found.in_headers / found.total:.0%}" if found.total else "0%"
-    files, in_templates = counted(found.files, "slowest source file"), duration(found.in_templates)
+def _headers(times: HeaderTimes) -> dict[str, Any]:
+    longest = times.headers[0].seconds if times.headers else 0.0
+    share = f"{times.in_headers / times.total:.0%}" if times.total else "0%"
+    files, in_templates = counted(times.files, "slowest source file"), duration(times.in_templates)
     sentences = [
-        f"After the build, clang read the {files} again in {duration(found.total)}: {share} of this time in "
+        f"After the build, clang read the {files} again in {duration(times.total)}: {share} of this time in "
         f"headers, {in_templates} of it to instantiate templates."
     ]
-    if found.failed:
-        sentences.append(f"It could not compile {counted(found.failed, 'more file')}.")
+    if times.failed:
+        sentences.append(f"It could not compile {counted(times.failed, 'more file')}.")
     return {
         "sentences": sentences,
         "rows": [
@@ -256,10 +256,10 @@ def _headers(found: HeaderTimes) -> dict[str, Any]:
                 "files": each.files,
                 "width": _percent(each.seconds, longest),
             }
-            for each in found.headers
+            for each in times.headers
         ],
     }
 
 
-def _percent(part: float, whole: float) -> str:
-    return f"{100 * part / whole:.2f}%" if whole else "0%"
+def _percent(part: float, total: float) -> str:
+    return f"{100 * part / total:.2f}%" if total else "0%"

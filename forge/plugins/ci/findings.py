@@ -87,18 +87,18 @@ class CiReporter(Reporter):
         event = {**event, **{key: [*map(_cut, event[key])] for key in ("error", "message") if key in event}}
         if event["event"] in {"Finished", "TestFailure", "Launcher", "Summary"}:
             self.events.append(event)
-        found: list[Finding] = []
+        findings: list[Finding] = []
         match event["event"]:
             case "Finished" if not event["embedded"] or event["code"]:
                 is_bad = event["code"] or event["test_failures"]
                 if is_bad and (lines := self._text(event["package"]).splitlines()[-_MOST_LINES:]):
                     yield from self.log(f"log of {event['package']}", lines)
-                found += self._failure(event) if event["code"] else ()
-                found += self._warnings(event["package"]) if self.run.command == "build" else ()
+                findings += self._failure(event) if event["code"] else ()
+                findings += self._warnings(event["package"]) if self.run.command == "build" else ()
             case "TestFailure":
-                found.append(self._failed_test(event))
-        self.findings += found
-        for finding in found:
+                findings.append(self._failed_test(event))
+        self.findings += findings
+        for finding in findings:
             yield from self.announce(finding)
 
     def log(self, title: str, lines: Iterable[str]) -> Iterable[str]:
@@ -115,14 +115,14 @@ class CiReporter(Reporter):
         more = [f"hint: {event['hint']}"] if event["hint"] else []
         text = "".join(f"{line}\n" for line in lines)
         place = next((each for each in diagnostics(text) if each.severity == "error"), None)
-        whole = "\n".join((*lines, *more)) or title
+        full_message = "\n".join((*lines, *more)) or title
         if place and (file := self._relative(place.file, name)):
             # The location is shown beside the message; CMake's message is in the lines after it.
             rest = () if lines[0].startswith("CMake Error") else lines[1:]
             message = "\n".join((place.message, *rest, *more))
             yield Finding("error", title, message, file, place.line, place.column)
         else:
-            yield Finding("error", title, whole, *(self._origin(name, lines[0]) if place else ()))
+            yield Finding("error", title, full_message, *(self._origin(name, lines[0]) if place else ()))
 
     def _origin(self, name: str, error: str) -> tuple[str, int, int] | tuple[()]:
         """Return the nearest location in the repository that includes an outside header with an error."""

@@ -44,9 +44,9 @@ def main(words: Sequence[str], variables: Mapping[str, str]) -> int:
         root = find_root(Path.cwd(), Path.home())
         lines = (str(root),) if is_root(root) else ()
     elif words[:1] in (["complete"], ["describe"]):
-        found = _candidates(json.load(sys.stdin), words[1:-1], words[-1], variables)
+        candidates = _candidates(json.load(sys.stdin), words[1:-1], words[-1], variables)
         described = words[0] == "describe"
-        lines = (f"{word}\t{summary}" if described and summary else word for word, summary in found)
+        lines = (f"{word}\t{summary}" if described and summary else word for word, summary in candidates)
     else:
         lines = _safe_names(words, variables)
     for line in lines:

@@ -100,15 +100,15 @@ class Coverage(Reporter):
         pages = build / _PAGES / "index.html"
         pages.parent.mkdir(parents=True, exist_ok=True)
         env = {**self._run.variables, "COVERAGE_FILE": str(build / DATA_FILE)}
-        said = ""
+        output = ""
         for command in self._commands(task, source, pages):
             ran = subprocess.run(command, cwd=source, env=env, capture_output=True, text=True, check=False)
-            said += ran.stdout + ran.stderr
+            output += ran.stdout + ran.stderr
         # The exit codes also reflect thresholds in the configuration of gcovr.
         root = _ROOT.search(text_or_nothing(build / _XML))
         numbers = dict(re.findall(r'(lines-\w+)="(\d+)"', root[0] if root else ""))
         if not numbers.keys() >= {"lines-valid", "lines-covered"} or not pages.is_file():
-            last = next(reversed(said.strip().splitlines()), "no message")
+            last = next(reversed(output.strip().splitlines()), "no message")
             return Problem(f"cannot measure the coverage of '{task.name}': {last}")
         return CoveredLines(task.name, int(numbers["lines-valid"]), int(numbers["lines-covered"]), pages)
 

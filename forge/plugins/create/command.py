@@ -149,10 +149,10 @@ def _login() -> str:
 def _git_email() -> str | None:
     """Return the email address configured in git, None if it is missing or invalid."""
     try:
-        found = subprocess.run(["git", "config", "user.email"], capture_output=True, text=True, check=False)
+        result = subprocess.run(["git", "config", "user.email"], capture_output=True, text=True, check=False)
     except OSError:
         return None
-    email = found.stdout.strip()
+    email = result.stdout.strip()
     return email if is_email(email) else None
 
 

@@ -69,9 +69,9 @@ def parse_target(word: str) -> Target:
             message = f"'{version}' is not a version of glibc, such as 2.35"
         raise ValueError(message)
     name, glibc = match[1].replace("-unknown-", "-"), match[2] or ""
-    known = TRIPLES.get(_cpu(name))
-    is_known = known is not None and (name == known or "-" not in name)
-    return Target(known if known and is_known else name, glibc)
+    triple = TRIPLES.get(_cpu(name))
+    is_known = triple is not None and (name == triple or "-" not in name)
+    return Target(triple if triple and is_known else name, glibc)
 
 
 def similar_target(target: Target) -> str | None:

@@ -114,8 +114,8 @@ def _problems(target: Target, toolchain_file: Path | None, sysroot: Path | None)
     if toolchain_file is None and not target.is_known:
         near = similar_target(target)
         question = f"did you mean '{near}'? otherwise " if near else ""
-        known = ", ".join(TRIPLES.values())
-        hint = f"{question}use one of {known}, or describe the compilers in a '--toolchain-file'"
+        triples = ", ".join(TRIPLES.values())
+        hint = f"{question}use one of {triples}, or describe the compilers in a '--toolchain-file'"
         yield Problem(f"unknown target '{target.triple}'", hint=hint)
     if toolchain_file and target.glibc:
         hint = f"pass '--target {target.triple}'"

@@ -92,8 +92,8 @@ class Zig:
             argv, input=b"int main(void) { return 0; }\n", capture_output=True, env=environment, check=False
         )
         lines = done.stderr.decode(errors="replace").splitlines()
-        said = (line.partition("warning:")[2].strip() for line in lines if "glibc" in line)
-        return tuple(Problem(f"zig: {text}") for text in dict.fromkeys(filter(None, said)))
+        messages = (line.partition("warning:")[2].strip() for line in lines if "glibc" in line)
+        return tuple(Problem(f"zig: {text}") for text in dict.fromkeys(filter(None, messages)))
 
     def compile_library(self, folder: Path) -> tuple[Problem, ...]:
         """Compile the C++ library for the target unless that was done before; return a warning on failure."""
@@ -141,10 +141,10 @@ def _compile_cxx_library(zig: Path, compilers: Path, archive: Path) -> str:
     library.
     """
     answer = subprocess.run((zig, "env"), capture_output=True, text=True, check=False)
-    found = _LIB_DIR.search(answer.stdout)
-    if found is None:
+    match = _LIB_DIR.search(answer.stdout)
+    if match is None:
         return answer.stdout + answer.stderr
-    home = Path(found[1])
+    home = Path(match[1])
     archive.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=archive.parent) as scratch:
         objects = [(source, Path(scratch, f"{number}.o")) for number, source in enumerate(_sources(home))]

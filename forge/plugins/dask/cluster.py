@@ -145,11 +145,11 @@ def _surveyed(client: Client, address: str, build: Path, programs: Pairs) -> Clu
     folder.mkdir(parents=True, exist_ok=True)
     probe.write_text(token, encoding="utf-8")
     try:
-        found = client.run(survey, str(probe), token, programs, on_error="return")
+        results = client.run(survey, str(probe), token, programs, on_error="return")
     finally:
         probe.unlink()
-    lost = {where: result for where, result in found.items() if isinstance(result, BaseException)}
-    workers = tuple(result for where, result in sorted(found.items()) if where not in lost)
+    lost = {where: result for where, result in results.items() if isinstance(result, BaseException)}
+    workers = tuple(result for where, result in sorted(results.items()) if where not in lost)
     ours = traits_of(programs)
     differing = {worker.address: tuple(_other_programs(worker, ours)) for worker in workers}
     allowed_workers = tuple(worker for worker in workers if not differing[worker.address])
@@ -222,11 +222,11 @@ def _other_versions(worker: WorkerInfo, ours: Traits) -> Iterator[Problem]:
 
 def _other_programs(worker: WorkerInfo, ours: Traits) -> Iterator[Problem]:
     """Yield a problem for each program that differs, since a worker may continue the build of another one."""
-    known = dict(worker.traits.programs)
+    remote_programs = dict(worker.traits.programs)
     for name, local in ours.programs:
-        if known.get(name) == local:
+        if remote_programs.get(name) == local:
             continue
-        difference = "differs there" if known.get(name) else "does not exist there"
+        difference = "differs there" if remote_programs.get(name) else "does not exist there"
         hint = "install the same programs at the same paths on all machines, for example from one image"
         path = local.rpartition(" ")[0]
         yield Problem(f"{_where(worker)} is not used: '{path}' {difference}", hint=hint)

@@ -100,16 +100,16 @@ async def run_remote_task(topic: str, key: str) -> None:
 
 async def deliver_task(attempt: str, remote_task: bytes) -> None:
     """Deliver a pickled RemoteTask unless the attempt has ended. Called by the client."""
-    found = _attempts.get(attempt)
-    if found is not None and not found.remote_task.done():
-        found.remote_task.set_result(remote_task)
+    running_attempt = _attempts.get(attempt)
+    if running_attempt is not None and not running_attempt.remote_task.done():
+        running_attempt.remote_task.set_result(remote_task)
 
 
 async def acknowledge(attempt: str) -> None:
     """Acknowledge messages of an attempt. Called by the client."""
-    found = _attempts.get(attempt)
-    if found is not None:
-        found.acknowledge()
+    running_attempt = _attempts.get(attempt)
+    if running_attempt is not None:
+        running_attempt.acknowledge()
 
 
 async def send_command(topic: str, command: str) -> None:

@@ -63,11 +63,11 @@ def owners(subject: CheckContext) -> CheckResult:
     foreign: list[str] = []
     bases = set()
     for base in filter(None, (subject.layout.build, subject.layout.install, subject.layout.logs)):
-        found = []
+        paths = []
         with suppress(OSError):
-            found = [str(path) for path in (base, *sorted(base.iterdir())) if _is_foreign(path)]
-        if found:
-            foreign += found
+            paths = [str(path) for path in (base, *sorted(base.iterdir())) if _is_foreign(path)]
+        if paths:
+            foreign += paths
             bases.add(str(base.relative_to(subject.root) if base.is_relative_to(subject.root) else base))
     if not foreign:
         return CheckResult("owner", "results are writable")
@@ -124,14 +124,14 @@ def limits(subject: CheckContext) -> CheckResult:
 
 def capacity(_subject: CheckContext) -> CheckResult:
     """Compare the available memory with the default number of jobs."""
-    jobs, found = processors(), memory()
-    if found is None:
+    jobs, machine_memory = processors(), memory()
+    if machine_memory is None:
         return CheckResult("memory", f"{jobs} jobs")
-    left, total = found.available / _GIB, found.total / _GIB
+    left, total = machine_memory.available / _GIB, machine_memory.total / _GIB
     summary = f"{left:.1f} of {total:.1f} GiB for {counted(jobs, 'job')}"
-    if found.available >= jobs * _PER_JOB:
+    if machine_memory.available >= jobs * _PER_JOB:
         return CheckResult("memory", summary)
-    fewer = max(1, int(found.available // _PER_JOB))
+    fewer = max(1, int(machine_memory.available // _PER_JOB))
     hint = f"use --jobs {fewer}; forge also delays new jobs when memory is short"
     message = f"{left:.1f} GiB of memory are available for {jobs} jobs, which need about 1 GiB each"
     return CheckResult("memory", summary, warnings=(Problem(message, hint=hint),) if fewer < jobs else ())

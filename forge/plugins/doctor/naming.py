@@ -20,8 +20,8 @@ def names(subject: CheckContext) -> CheckResult:
     """Compare manifests, CMakeLists.txt, setup.py and setup.cfg."""
     packages = [package for package in subject.packages.values() if package.ros]
     errors = tuple(problem for package in packages for problem in _project(subject, package))
-    found = ((*_setup(subject, package), *_registration(subject, package)) for package in packages)
-    warnings = tuple(problem for problems in found for problem in problems)
+    package_problems = ((*_setup(subject, package), *_registration(subject, package)) for package in packages)
+    warnings = tuple(problem for problems in package_problems for problem in problems)
     count = len(errors) + len(warnings)
     summary = counted(count, "problem") if count else "manifests and build files agree"
     return CheckResult("names", summary, errors, warnings)

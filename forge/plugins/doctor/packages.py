@@ -56,20 +56,20 @@ def declarations(subject: CheckContext) -> CheckResult:
         outside = frozenset(resolution.packages[name].manifest.names(ALL_KINDS)) & installed.keys()
         needs[name] |= outside
     around = KnownPackages(brought, near, modules, needs)
-    found: list[Finding] = []
+    findings: list[Finding] = []
     notes: list[Problem] = []
     for package in subject.packages.values():
         if not package.ros:
             continue  # whose dependencies are derived from these files
         text = subject.text(package, "CMakeLists.txt")
         if package.build_type in {"ament_cmake", "cmake"} and text:
-            found += undeclared_in_cmake(package, text, package.path / "CMakeLists.txt", around)
+            findings += undeclared_in_cmake(package, text, package.path / "CMakeLists.txt", around)
         if package.build_type == "ament_python":
             files = ((package.path / name, text) for name, text in subject.texts(package, ".py"))
-            found += undeclared_in_python(package, files, around)
+            findings += undeclared_in_python(package, files, around)
         notes += _unused(subject, package, around.known)
     errors, warnings, implied = (
-        tuple(problem for each, problem in found if each == severity)
+        tuple(problem for each, problem in findings if each == severity)
         for severity in ("error", "warning", "note")
     )
     forgotten = len(errors) + len(warnings)
@@ -92,18 +92,18 @@ def shadows(subject: CheckContext) -> CheckResult:
 
 def modules_of(subject: CheckContext, package: Package) -> frozenset[str]:
     """Return the top-level Python modules that a package installs."""
-    found = {package.name} if INTERFACE_GROUP in package.manifest.groups else set()
+    modules = {package.name} if INTERFACE_GROUP in package.manifest.groups else set()
     if package.build_type in {"ament_python", "python"}:
         for name, _ in subject.files.get(package.name, ()):
             parts = PurePath(name).parts
             parts = parts[1:] if parts[0] == "src" else parts
             if len(parts) == 2 and parts[1] == "__init__.py" and parts[0] not in _TEST_FOLDERS:
-                found.add(parts[0])
+                modules.add(parts[0])
     elif package.build_type == "ament_cmake":
         for call in calls(subject.text(package, "CMakeLists.txt")):
             if call.command == "ament_python_install_package" and call.words:
-                found.add(call.words[0].replace("${PROJECT_NAME}", package.name))
-    return frozenset(found)
+                modules.add(call.words[0].replace("${PROJECT_NAME}", package.name))
+    return frozenset(modules)
 
 
 def _clashing_modules(subject: CheckContext) -> Iterator[Problem]:
@@ -202,12 +202,12 @@ def undeclared_in_python(
                 yield "note" if is_mild else "warning", problem
 
 
-def _unused(subject: CheckContext, package: Package, known: frozenset[str]) -> Iterator[Problem]:
+def _unused(subject: CheckContext, package: Package, known_names: frozenset[str]) -> Iterator[Problem]:
     """Yield declared build and run dependencies that no other file of the package mentions."""
     wanted = {
         dependency.name
         for dependency in package.manifest.dependencies
-        if dependency.name in known
+        if dependency.name in known_names
         and dependency.kinds & {DependencyKind.BUILD, DependencyKind.EXEC}
         and not dependency.name.startswith(_SILENT_BEGINNINGS)
         and dependency.name not in _SILENT

@@ -59,7 +59,7 @@ def compiler(subject: CheckContext) -> CheckResult:
     words = subject.variables.get("CXX", "").split()
     if not words:
         path = subject.variables.get("PATH", os.defpath)
-        words = [found for name in COMPILERS if (found := shutil.which(name, path=path))][:1]
+        words = [program for name in COMPILERS if (program := shutil.which(name, path=path))][:1]
     if not words:
         return graded("compiler", "none", (no_compiler(compiled),), serious=bool(compiled))
     summary = " ".join(words)
@@ -83,11 +83,11 @@ def cmake(subject: CheckContext) -> CheckResult:
         hint = f"install another CMake, for example with `{extra_command('cmake')}`, or set CMAKE_COMMAND"
         problem = Problem(f"'{program}' does not run", hint=hint)
         return graded("cmake", str(program), (problem,), serious=bool(cmake_packages))
-    found = _numbers(version)
+    numbers = _numbers(version)
     problems = [
-        problem for package in cmake_packages for problem in _rejected_by_cmake(subject, package, found)
+        problem for package in cmake_packages for problem in _rejected_by_cmake(subject, package, numbers)
     ]
-    if found < _OLDEST_CMAKE:
+    if numbers < _OLDEST_CMAKE:
         hint = f"install a newer one, for example with `{extra_command('cmake')}`"
         problems.append(Problem(f"CMake {version} at '{program}' is older than 3.18", hint=hint))
     return CheckResult("cmake", f"{version} ({program})", errors=tuple(problems))
@@ -96,10 +96,10 @@ def cmake(subject: CheckContext) -> CheckResult:
 def builder(subject: CheckContext) -> CheckResult:
     """Check for Ninja or make."""
     cmake_packages = [package for package in subject.packages.values() if package.build_type in CMAKE_TYPES]
-    found = {"ninja": find_ninja(subject.variables), "make": find_program("make", subject.variables)}
+    programs = {"ninja": find_ninja(subject.variables), "make": find_program("make", subject.variables)}
     summary = ", ".join(
         f"{name} {_version(subject, [str(path)]) or 'that does not run'}"
-        for name, path in found.items()
+        for name, path in programs.items()
         if path
     )
     if summary or "CMAKE_GENERATOR" in subject.variables:
@@ -114,12 +114,12 @@ def python(subject: CheckContext) -> CheckResult:
             subject.python, subject.variables, subject.underlays.chain, root=subject.root
         )
         names = ("numpy", "em", "catkin_pkg", "lark")
-        known = dict(
+        traits = dict(
             line.split("=", 1) for line in ask_python(interpreter.path, _TRAITS, *names).splitlines()
         )
     except HostError as fault:
         return CheckResult("python", "none", errors=fault.problems)
-    setuptools = known.get("setuptools", "")
+    setuptools = traits.get("setuptools", "")
     is_old = setuptools and _numbers(setuptools) < _PROJECT_TABLE
     packages, prefixes = subject.packages.values(), subject.underlays.prefixes
 
@@ -130,11 +130,11 @@ def python(subject: CheckContext) -> CheckResult:
     wanted = ["numpy"] if any(INTERFACE_GROUP in package.manifest.groups for package in packages) else []
     generators = ["em", "lark"] if wanted and is_installed("rosidl_cmake") else []
     wanted += ["catkin_pkg"] if packages and is_installed("ament_cmake_core") else []
-    missing = [name for name in (*wanted, *generators) if name not in known]
+    missing = [name for name in (*wanted, *generators) if name not in traits]
     errors = [missing_modules_problem(interpreter.path, missing)] if missing else []
     for package in packages:
         lists, text = subject.text(package, "CMakeLists.txt"), subject.text(package, "pyproject.toml")
-        if "header" not in known and package.build_type in CMAKE_TYPES and _HEADERS.search(lists):
+        if "header" not in traits and package.build_type in CMAKE_TYPES and _HEADERS.search(lists):
             why = f"but '{interpreter.path}' has no Python.h"
             example = "`apt install python3-dev` or `dnf install python3-devel`"
             hint = f"install its headers, for example with {example}"
@@ -146,7 +146,7 @@ def python(subject: CheckContext) -> CheckResult:
             hint = f"{interpreter.path} -m pip install -U setuptools"
             place = Location(package.path / "pyproject.toml")
             errors.append(Problem(f"'{package.name}' needs {which}", place, hint))
-    summary = f"{known['version']} ({interpreter.path}, {interpreter.origin}), "
+    summary = f"{traits['version']} ({interpreter.path}, {interpreter.origin}), "
     summary += f"setuptools {setuptools or 'bundled with forge'}"
     warnings = other_than_recorded(recorded_python(subject.layout.install), interpreter)
     return CheckResult("python", summary, errors=tuple(errors), warnings=warnings)
@@ -155,9 +155,9 @@ def python(subject: CheckContext) -> CheckResult:
 def shells(subject: CheckContext) -> CheckResult:
     """List the shells with setup scripts, and check the login shell."""
     path = subject.surroundings.get("PATH", os.defpath)
-    found = [name for name in SHELLS if shutil.which(name, path=path)]
+    installed_shells = [name for name in SHELLS if shutil.which(name, path=path)]
     login = subject.surroundings.get("SHELL", "").rpartition("/")[2]
-    summary = " ".join(found) + (f"; yours is {login}" if login else "")
+    summary = " ".join(installed_shells) + (f"; yours is {login}" if login else "")
     if not login or login in SHELLS or login in _SH_COMPATIBLE:
         return CheckResult("shells", summary)
     hint = "start it with 'forge shell' in the environment of the workspace, or use 'forge env'"
@@ -185,8 +185,8 @@ def _rejected_by_cmake(
 
 def _version(subject: CheckContext, words: Sequence[str]) -> str:
     """Return the version that a program reports, '' if it does not run."""
-    found = _VERSION.search(_run(subject, (*words, "--version"))[0])
-    return found[0] if found else ""
+    match = _VERSION.search(_run(subject, (*words, "--version"))[0])
+    return match[0] if match else ""
 
 
 def _run(subject: CheckContext, argv: Sequence[str], text: str = "") -> tuple[str, str]:

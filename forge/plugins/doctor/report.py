@@ -29,16 +29,16 @@ def lines(results: Sequence[CheckResult], *, everything: bool, palette: Palette 
 
 
 def plain(results: Sequence[CheckResult]) -> dict[str, object]:
-    found = [
+    findings = [
         (severity, result.topic, problem)
         for severity in _SEVERITIES
         for result in results
         for problem in getattr(result, f"{severity}s")
     ]
     return {
-        **{f"{word}s": sum(severity == word for severity, _, _ in found) for word in _SEVERITIES},
+        **{f"{word}s": sum(severity == word for severity, _, _ in findings) for word in _SEVERITIES},
         "checked": [{"topic": result.topic, "summary": result.summary} for result in results],
-        "findings": [_plain(severity, topic, problem) for severity, topic, problem in found],
+        "findings": [_plain(severity, topic, problem) for severity, topic, problem in findings],
     }
 
 

@@ -73,8 +73,8 @@ def environment(subject: CheckContext) -> CheckResult:
         if name in variables:
             message = f"'{name}' is set, but only running setup scripts should set it"
             warnings.append(Problem(message, hint=f"unset {name}"))
-    known = sorted(name for name in variables if name.startswith(("AMENT_", "COLCON_", "ROS_", "FORGE_")))
-    return CheckResult("environment", " ".join(known) or "no ROS variables are set", warnings=tuple(warnings))
+    names = sorted(name for name in variables if name.startswith(("AMENT_", "COLCON_", "ROS_", "FORGE_")))
+    return CheckResult("environment", " ".join(names) or "no ROS variables are set", warnings=tuple(warnings))
 
 
 def results(subject: CheckContext) -> CheckResult:
@@ -107,11 +107,13 @@ def _missing_dependencies(root: Path, subject: CheckContext) -> Iterator[Problem
     held = installed_packages(root)
     # The packages of a distribution come from many sources, so fewer of their names are certain.
     is_package = resembles_ros_name if (root / LAYOUT_MARKER).is_file() else is_ros_name
-    known = {package.name for other in subject.underlays.chain for package in installed_packages(other)}
-    known.update(subject.resolution.packages if subject.resolution else ())
+    available_names = {
+        package.name for other in subject.underlays.chain for package in installed_packages(other)
+    }
+    available_names.update(subject.resolution.packages if subject.resolution else ())
     lost: dict[str, list[str]] = {}
     for package in held:
-        for need in package.needs - known:
+        for need in package.needs - available_names:
             # The indexes also contain rosdep keys, which only differ from packages in their spelling.
             if is_package(need) and not provider(need, subject.underlays, SYSTEM):
                 lost.setdefault(need, []).append(package.name)

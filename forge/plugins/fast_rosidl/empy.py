@@ -149,12 +149,12 @@ def compile_template(em: ModuleType, text: str) -> CodeType:
 
 def _tokens(em: ModuleType, text: str) -> list[Any]:
     """Return the tokens that EmPy finds, without running them."""
-    found: list[Any] = []
+    tokens: list[Any] = []
 
     class Recorder(em.Interpreter):  # type: ignore[misc, name-defined]
         def parse(self, scanner: Any, locals: object = None) -> bool:
             while (token := scanner.one()) is not None:
-                found.append(token)
+                tokens.append(token)
                 if not version_3:
                     scanner.accumulate()
             return True
@@ -175,7 +175,7 @@ def _tokens(em: ModuleType, text: str) -> list[Any]:
             recorder.config, context, em.Stack([recorder.config.renderContext(context)]), text
         )
     recorder.safe(scanner, True)
-    return found
+    return tokens
 
 
 class _Compiler:

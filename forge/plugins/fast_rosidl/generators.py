@@ -93,12 +93,12 @@ class Generators:
             parser: Any = self._modules["rosidl_parser.parser"]
             locator: Any = self._modules["rosidl_parser.definition"]
             for pair in json.loads(Path(arguments_file).read_bytes()).get("idl_tuples", ()):
-                found = locator.IdlLocator(*pair.rsplit(":", 1))
-                path = str(found.get_absolute_path())
+                idl_locator = locator.IdlLocator(*pair.rsplit(":", 1))
+                path = str(idl_locator.get_absolute_path())
                 signature = _signature(path)
                 if path not in self._contents or self._contents[path][0] != signature:
                     self._contents.pop(path, None)
-                    self._contents[path] = signature, parser.parse_idl_file(found)
+                    self._contents[path] = signature, parser.parse_idl_file(idl_locator)
         return True
 
     def run(self, argv: list[str], environment: dict[str, str]) -> None:
@@ -109,8 +109,8 @@ class Generators:
         modules = {name: module for name, module in self._modules.items() if library in {None, name}}
         for name, module in modules.items():
             top, _, _ = name.partition(".")
-            found = importlib.machinery.PathFinder.find_spec(top)
-            if found is None or found.origin != sys.modules[top].__spec__.origin:  # type: ignore[union-attr]
+            spec = importlib.machinery.PathFinder.find_spec(top)
+            if spec is None or spec.origin != sys.modules[top].__spec__.origin:  # type: ignore[union-attr]
                 raise DeclinedError(f"it imports a different {top} than {module.__file__}")
         sys.argv[:] = argv[1:]
         try:
@@ -183,15 +183,15 @@ class Generators:
         sources = (parser.__file__, definition.__file__, parser.grammar_file, __file__, _GRAMMAR, *probes)
         for source in sources:
             digest.update(Path(source or "").read_bytes())
-        known = self._cache / f"{digest.hexdigest()}.parser" if self._cache else None
-        if known:
+        cache_file = self._cache / f"{digest.hexdigest()}.parser" if self._cache else None
+        if cache_file:
             with contextlib.suppress(OSError):
-                return known.read_text(encoding="utf-8") == "same"
+                return cache_file.read_text(encoding="utf-8") == "same"
         same = all(_agrees(fast, parser, probe.read_text(encoding="utf-8")) for probe in probes)
-        if known:
+        if cache_file:
             with contextlib.suppress(OSError):
-                known.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-                known.write_text("same" if same else "different", encoding="utf-8")
+                cache_file.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+                cache_file.write_text("same" if same else "different", encoding="utf-8")
         return same
 
 

@@ -112,10 +112,10 @@ def running(
     from forge.base.env_vars import compiled_templates
 
     cache = compiled_templates(variables, context.layout.build / TEMPLATES_DIR)[0]
-    with rosidl_worker(context.python, cache, variables) as found:
+    with rosidl_worker(context.python, cache, variables) as worker_variables:
         if has_interfaces and not context.launcher:
-            found |= prepare_precompiled_headers(context.layout.build, compilers)
-        yield found
+            worker_variables |= prepare_precompiled_headers(context.layout.build, compilers)
+        yield worker_variables
 
 
 @contextmanager
@@ -222,12 +222,12 @@ def _is_current(folder: Path, header: str, text: str) -> bool:
 
     Compares change times, since an installed package keeps the modification times of its files.
     """
-    _, found, paths = text_or_nothing(folder / f"{header}.d").replace("\\\n", " ").partition(":")
+    _, colon, paths = text_or_nothing(folder / f"{header}.d").replace("\\\n", " ").partition(":")
     try:
         (folder / f"{header}.gch").stat()
-        made = (folder / "ready").stat().st_mtime_ns
+        ready_ns = (folder / "ready").stat().st_mtime_ns
         headers = (re.sub(r"\\(.)", r"\1", path) for path in _PATH.findall(paths))
-        unchanged = all((folder / path).stat().st_ctime_ns < made for path in headers)
-        return bool(found) and unchanged and text_or_nothing(folder / header) == text
+        unchanged = all((folder / path).stat().st_ctime_ns < ready_ns for path in headers)
+        return bool(colon) and unchanged and text_or_nothing(folder / header) == text
     except OSError:
         return False

@@ -146,11 +146,11 @@ def _find_packages(options: Options, package: Package) -> None:
     """Print or write the CMake code that finds the dependencies."""
     path = package.path / "CMakeLists.txt"
     text = text_or_nothing(path)
-    found = [call for call in calls(text) if call.command == "find_package" and call.words]
-    missing = [name for name in options.names if all(call.words[0] != name for call in found)]
+    find_package_calls = [call for call in calls(text) if call.command == "find_package" and call.words]
+    missing = [name for name in options.names if all(call.words[0] != name for call in find_package_calls)]
     lines = [f"find_package({name} REQUIRED)" for name in missing]
     shown = shared.displayed(path, options.origin)
-    top = [call.line for call in found if not call.conditions]
+    top = [call.line for call in find_package_calls if not call.conditions]
     if lines and options.cmake and top:
         rows = text.split("\n")
         rest = "\n".join(rows[top[-1] - 1 :])

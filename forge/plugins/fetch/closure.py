@@ -126,7 +126,7 @@ def check_names(names: Collection[str], snapshot: Snapshot, others: Callable[[st
     for name in names:
         if name not in snapshot.releases:
             hint = did_you_mean(name, snapshot.releases, 0.75)
-            if not hint and (found := others(name)):
-                hint = f"it is in {', '.join(found)}; choose another distribution with '--rosdistro'"
+            if not hint and (distributions := others(name)):
+                hint = f"it is in {', '.join(distributions)}; choose another distribution with '--rosdistro'"
             problems.append(Problem(f"ROS '{snapshot.distribution}' has no package '{name}'", hint=hint))
     raise_if_any(problems, SelectionError)

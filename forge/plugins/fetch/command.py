@@ -227,30 +227,30 @@ def _snapshot(options: Options, distribution: str, lock: Lock | None) -> Snapsho
     """Return the releases; use the network only if the cached answer differs from that of the lock."""
     if options.update is None and lock:
         try:
-            kept = read_snapshot(distribution, os.environ, offline=True)
+            cached_snapshot = read_snapshot(distribution, os.environ, offline=True)
         except HostError:
             if options.offline:
                 raise
         else:
-            if kept.digest == lock.snapshot or options.offline:
-                return kept
+            if cached_snapshot.digest == lock.snapshot or options.offline:
+                return cached_snapshot
     return read_snapshot(distribution, os.environ, options.index, offline=options.offline)
 
 
 def _imports(options: Options, snapshot: Snapshot, lock: Lock | None, cache: Path) -> Imports:
     """Return the packages imported now or when they were locked; these differ from the index."""
-    kept = {
+    locked_imports = {
         each.name: each
         for each in (lock.packages if lock and options.update != () else ())
         if each.name not in (options.update or ())
         and (each.name not in snapshot.releases or snapshot.releases[each.name].repository != each.repository)
     }
-    missing = [each.name for each in kept.values() if not source_folder(cache, each).is_dir()]
+    missing = [each.name for each in locked_imports.values() if not source_folder(cache, each).is_dir()]
     hint = "run 'forge fetch' with network access"
     if options.offline and (missing or options.imported):
         what = listed(missing) if missing else f"'{options.imported}'"
         raise HostError(Problem(f"not downloaded yet: {what}", hint=hint))
-    raise_if_any(download_packages(kept.values(), cache, lambda *_: None), HostError)
+    raise_if_any(download_packages(locked_imports.values(), cache, lambda *_: None), HostError)
     releases = {
         name: Release(
             name,
@@ -259,12 +259,12 @@ def _imports(options: Options, snapshot: Snapshot, lock: Lock | None, cache: Pat
             each.tag,
             read_text(source_folder(cache, each) / "package.xml"),
         )
-        for name, each in kept.items()
+        for name, each in locked_imports.items()
     }
     if options.imported:
         new = import_packages(Path(options.imported), snapshot, cache)
-        return Imports({**kept, **new.packages}, {**releases, **new.releases})
-    return Imports(kept, releases)
+        return Imports({**locked_imports, **new.packages}, {**releases, **new.releases})
+    return Imports(locked_imports, releases)
 
 
 def _choices(
@@ -275,8 +275,10 @@ def _choices(
     Both are remembered in the lock. Without any package, the imported ones are used, and the others need not
     be named again. Raises SelectionError for names that the distribution does not have.
     """
-    known = {*(each.name for each in lock.packages), *(each.name for each in lock.modules)} if lock else ()
-    names = [*options.names, *(name for name in options.update or () if name not in known)]
+    locked_names = (
+        {*(each.name for each in lock.packages), *(each.name for each in lock.modules)} if lock else ()
+    )
+    names = [*options.names, *(name for name in options.update or () if name not in locked_names)]
     check_names(
         names, snapshot, lambda name: [] if options.offline else distributions_with(name, options.index)
     )
@@ -345,8 +347,10 @@ def _surroundings(layout: Layout, cache: Path, distribution: str) -> _Surroundin
         return tuple(path for path in paths if not is_underlay(path, cache))
 
     variables = build_variables(layout, os.environ, distribution)
-    found = find_underlays(variables, layout.install)
-    underlays = replace(found, prefixes=foreign(found.prefixes), chain=foreign(found.chain))
+    all_underlays = find_underlays(variables, layout.install)
+    underlays = replace(
+        all_underlays, prefixes=foreign(all_underlays.prefixes), chain=foreign(all_underlays.chain)
+    )
     return _Surroundings(variables, underlays, foreign(system_prefixes(variables)))
 
 
@@ -454,8 +458,8 @@ def _download(options: Options, lock: Lock, cache: Path, problems: list[Problem]
     problems += download_packages(absent, cache, progress.count)
     clones, warnings = lock.clones, list[Problem]()
     if not (options.locked or problems):
-        found, warnings = lock_clones(lock.packages, cache, tests=options.test)
-        clones = tuple(found)
+        locked_clones, warnings = lock_clones(lock.packages, cache, tests=options.test)
+        clones = tuple(locked_clones)
     problems += download_clones(clones, cache, progress.count)
     progress.end()
     print_warnings(warnings)

@@ -55,8 +55,8 @@ def linux_calls(text: str) -> list[Call]:
         terms = {term for each in call.conditions for term in each.split(" AND ") if " OR " not in each}
         return _OTHER_SYSTEMS.isdisjoint(terms) and all(values.get(term) != "OFF" for term in terms)
 
-    found = [*calls(text)]
-    for call in filter(may_run, found):
+    all_calls = [*calls(text)]
+    for call in filter(may_run, all_calls):
         if call.command == "set" and call.words:
             name, *words = map(expanded, call.words)
             value = " ".join(words[: words.index("CACHE")] if "CACHE" in words else words)
@@ -64,8 +64,8 @@ def linux_calls(text: str) -> list[Call]:
                 several.add(name)
     for name in several:
         del values[name]
-    running = [call for call in found if may_run(call)]
-    unused = {call.command for call in found} - {call.command for call in running}  # among others, macros
+    running = [call for call in all_calls if may_run(call)]
+    unused = {call.command for call in all_calls} - {call.command for call in running}  # among others, macros
     return [
         replace(
             call, words=tuple(map(expanded, call.words)), conditions=tuple(map(expanded, call.conditions))
@@ -77,20 +77,20 @@ def linux_calls(text: str) -> list[Call]:
 
 def downloads(text: str) -> Iterator[Download]:
     """Yield the literal addresses that a CMakeLists.txt downloads from, except for those of git."""
-    found = linux_calls(text) if "://" in text else []
+    cmake_calls = linux_calls(text) if "://" in text else []
     optional = {
         call.words[0]: call.words[1] if re.fullmatch(r"[\d.]+", " ".join(call.words[1:2])) else ""
-        for call in found
+        for call in cmake_calls
         if call.command == "find_package" and call.words and "REQUIRED" not in call.words
     }
-    for call in found:
+    for call in cmake_calls:
         words = call.words
         # Repositories are locked: they do not count as downloads of the build.
         is_git = "GIT_REPOSITORY" in words or ("VCS_URL" in words and is_repository(words))
         is_file = call.command == "file" and words[:1] == ("DOWNLOAD",)
         is_download = is_file or (call.command in _DOWNLOADING and not is_git)
         if is_download and (url := next(filter(_URL.fullmatch, words), None)):
-            yield Download(url, *_replacement(call, found, optional))
+            yield Download(url, *_replacement(call, cmake_calls, optional))
 
 
 def is_repository(words: Sequence[str]) -> bool:
@@ -99,15 +99,17 @@ def is_repository(words: Sequence[str]) -> bool:
     return values.get("VCS_TYPE", "git") == "git"
 
 
-def _replacement(call: Call, found: Collection[Call], optional: dict[str, str]) -> tuple[str, str, str]:
+def _replacement(call: Call, cmake_calls: Collection[Call], optional: dict[str, str]) -> tuple[str, str, str]:
     """Return the library whose absence alone triggers a call, and its versions; '' for missing values."""
     if "SATISFIED" in call.words:
         name = call.words[call.words.index("SATISFIED") + 1].removeprefix("${").removesuffix("_FOUND}")
         return (name, optional[name], "") if name in optional else ("", "", "")
-    names = {each.words[0].lower() for each in found if each.command in {"macro", "function"} and each.words}
+    names = {
+        each.words[0].lower() for each in cmake_calls if each.command in {"macro", "function"} and each.words
+    }
     around = [each.split(" ")[0].lower() for each in call.conditions]
     if macro := next((name for name in around if name in names), None):
-        uses = [_needed(each.conditions, optional) for each in found if each.command == macro]
+        uses = [_needed(each.conditions, optional) for each in cmake_calls if each.command == macro]
     else:
         uses = [_needed(call.conditions, optional)]
     return uses[0] if uses and len(set(uses)) == 1 else ("", "", "")
@@ -136,17 +138,19 @@ def announced(
 
     `keys` are the rosdep keys of libraries, `variables` the environment in which CMake looks for them.
     """
-    found = {
+    package_downloads = {
         (package, each)
         for package in packages
         for path in cmake_files(package.path)
         for each in downloads(text_or_nothing(path))
     }
     needed = {
-        (each.library, each.requested, each.oldest): package.path for package, each in found if each.library
+        (each.library, each.requested, each.oldest): package.path
+        for package, each in package_downloads
+        if each.library
     }
     installed = _installed(needed, variables)
-    for package, each in sorted(found, key=lambda pair: (pair[0].name, pair[1].url)):
+    for package, each in sorted(package_downloads, key=lambda pair: (pair[0].name, pair[1].url)):
         if (each.library, each.requested, each.oldest) in installed:
             continue
         message, hint = f"'{package.name}' downloads {each.url} while it is built", None

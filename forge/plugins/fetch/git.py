@@ -75,10 +75,10 @@ def commits_of(url: str, tags: Iterable[str], *, branches: bool = True) -> dict[
         patterns = [f"refs/{kind}/{name}{end}" for name in batch for kind, end in kinds]
         patterns += ["HEAD"] if branches and "HEAD" in batch else []
         answer = _ask("ls-remote", "--", url, *patterns)
-        found = dict(line.split("\t")[::-1] for line in answer.splitlines())
+        commits_by_ref = dict(line.split("\t")[::-1] for line in answer.splitlines())
         for name in batch:
             refs = [*(f"refs/{kind}/{name}{end}" for kind, end in kinds), *([name] if name == "HEAD" else [])]
-            if commit := next((found[ref] for ref in refs if ref in found), None):
+            if commit := next((commits_by_ref[ref] for ref in refs if ref in commits_by_ref), None):
                 commits[name] = commit
     return commits
 

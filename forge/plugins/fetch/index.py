@@ -70,15 +70,15 @@ def read_snapshot(
     Without `url`, the index is named by ROSDISTRO_INDEX_URL or rosdistro's configuration, else it is the
     public one. Raises HostError if it cannot be read, SelectionError for an unknown distribution.
     """
-    kept = cache_folder(variables) / "index" / f"{distribution}.json"
+    path = cache_folder(variables) / "index" / f"{distribution}.json"
     if offline:
-        text = text_if_exists(kept)
+        text = text_if_exists(path)
         if text is None or (fields := json.loads(text)).pop("format") != _FORMAT:
             hint = "run 'forge fetch' once with network access"
             raise HostError(Problem(f"the index of '{distribution}' was not downloaded yet", hint=hint))
     else:
         fields = _download(distribution, url)
-        replace_file(kept, json.dumps({"format": _FORMAT, **fields}).encode())
+        replace_file(path, json.dumps({"format": _FORMAT, **fields}).encode())
     releases = {name: Release(name, *values) for name, values in fields.pop("releases").items()}
     return Snapshot(releases=releases, **fields)
 
@@ -90,9 +90,9 @@ def _download(distribution: str, url: str | None) -> dict[str, Any]:
     index_url = url or rosdistro.get_index_url()
     try:
         index = rosdistro.get_index(index_url)
-        known = sorted(name for name, each in index.distributions.items() if _is_ros2(each))
-        if distribution not in known:
-            hint = did_you_mean(distribution, known) or f"it has {', '.join(known)}"
+        distributions = sorted(name for name, each in index.distributions.items() if _is_ros2(each))
+        if distribution not in distributions:
+            hint = did_you_mean(distribution, distributions) or f"it has {', '.join(distributions)}"
             message = f"the index '{without_passwords(index_url)}' has no ROS 2 distribution '{distribution}'"
             raise SelectionError(Problem(message, hint=hint))
         text = rosdistro.get_distribution_cache_string(index, distribution)
@@ -129,7 +129,7 @@ def distributions_with(name: str, url: str | None = None) -> list[str]:
     """Return the distributions of the index that have released a package; empty if it cannot be read."""
     import rosdistro
 
-    found = []
+    distributions = []
     listed = re.compile(rf"^ *- {re.escape(name)} *$|^  {re.escape(name)}: *$", re.MULTILINE)
     with suppress(Exception):  # as above: the answer is only a hint
         for distribution, entry in rosdistro.get_index(
@@ -139,8 +139,8 @@ def distributions_with(name: str, url: str | None = None) -> list[str]:
             for file in files:
                 with urllib.request.urlopen(file, timeout=15) as answer:  # noqa: S310
                     if listed.search(answer.read().decode()):
-                        found.append(distribution)
-    return found
+                        distributions.append(distribution)
+    return distributions
 
 
 def _is_ros2(entry: Mapping[str, Any]) -> bool:

@@ -114,7 +114,7 @@ def declared_requirements(packages: Iterable[Package], provided: Collection[str]
     from packaging.utils import canonicalize_name
 
     others = {canonicalize_name(name) for name in provided}
-    found = set()
+    requirements = set()
     for package, text in ((each, text) for each in packages for text in _texts(each.path)):
         if not is_requirement(text):
             continue  # the build reports it
@@ -124,8 +124,8 @@ def declared_requirements(packages: Iterable[Package], provided: Collection[str]
             hint = f"install it in '{ENVIRONMENT_FOLDER}'"
             print_warnings([Problem(message, Location(package.path), hint)])
         elif canonicalize_name(requirement.name) not in others and str(requirement) != "setuptools":
-            found.add(str(requirement))
-    return tuple(sorted(found))
+            requirements.add(str(requirement))
+    return tuple(sorted(requirements))
 
 
 def is_requirement(text: str) -> bool:
@@ -251,8 +251,8 @@ def make_environment(folder: Path, python: Path, *, system: bool) -> None:
     # Omit the command that created the environment: it differs for each workspace and would prevent cache
     # hits.
     lines = text_or_nothing(folder / "pyvenv.cfg").splitlines(keepends=True)
-    kept = "".join(line for line in lines if not line.startswith("command ="))
-    replace_file(folder / "pyvenv.cfg", kept.encode())
+    config = "".join(line for line in lines if not line.startswith("command ="))
+    replace_file(folder / "pyvenv.cfg", config.encode())
     replace_file(folder / ".gitignore", b"*\n")
     replace_file(stamp, _MADE.encode())
 
@@ -397,19 +397,19 @@ class _Installer:
         words += ["--python", self._python, "--generate-hashes", "--no-header", "--no-annotate", "--quiet"]
         words += ["--offline"] if self._offline else []
         output = self._run(words, "find")
-        found: dict[str, tuple[str, tuple[str, ...]]] = {}
+        modules: dict[str, tuple[str, tuple[str, ...]]] = {}
         for entry in output.replace("\\\n", " ").splitlines():
             if match := _PINNED.match(entry):
-                found[canonicalize_name(match[1])] = match[2], tuple(sorted(set(_HASH.findall(entry))))
-        return found
+                modules[canonicalize_name(match[1])] = match[2], tuple(sorted(set(_HASH.findall(entry))))
+        return modules
 
     def _resolve_by_pip(
         self, wanted: Path, constraints: Path, pinned: Sequence[Module]
     ) -> dict[str, tuple[str, tuple[str, ...]]]:
         """Download the files for this machine, and get the hashes of other files from the index."""
         self._files.mkdir(parents=True, exist_ok=True)
-        known = {(each.name, each.version): each.hashes for each in pinned}
-        found = {}
+        pinned_hashes = {(each.name, each.version): each.hashes for each in pinned}
+        modules = {}
         with tempfile.TemporaryDirectory(DRAFT, ".", self._files) as draft:
             words = [self._python, "-m", "pip", "--no-input", "download", "--quiet", "--dest", draft]
             words += ["--requirement", str(wanted), "--constraint", str(constraints)]
@@ -419,13 +419,13 @@ class _Installer:
             for path in sorted(Path(draft).iterdir()):
                 name, version = _name_and_version(path.name)
                 own = f"sha256:{hashlib.sha256(path.read_bytes()).hexdigest()}"
-                hashes = set(known.get((name, version), ()))
+                hashes = set(pinned_hashes.get((name, version), ()))
                 if hashes and own not in hashes:
                     hint = f"if this is expected: forge fetch --update {name}"
                     raise WorkspaceError(Problem(f"'{path.name}' does not match the lock", hint=hint))
-                found[name] = version, tuple(sorted(hashes or {own, *_published(index, name, version)}))
+                modules[name] = version, tuple(sorted(hashes or {own, *_published(index, name, version)}))
                 path.replace(self._files / path.name)
-        return found
+        return modules
 
     def _index(self) -> str:
         """Return the URL of the index that pip uses, '' if there is none."""
@@ -441,7 +441,7 @@ def _published(index: str, name: str, version: str) -> set[str]:
     import urllib.parse
     import urllib.request
 
-    found: set[str] = set()
+    hashes: set[str] = set()
     if index:
         with suppress(OSError, ValueError):
             with urllib.request.urlopen(f"{index.rstrip('/')}/{name}/", timeout=30) as answer:  # noqa: S310
@@ -449,8 +449,8 @@ def _published(index: str, name: str, version: str) -> set[str]:
             for file, algorithm, value in _LISTED_FILE.findall(text):
                 with suppress(ValueError):
                     if _name_and_version(urllib.parse.unquote(file)) == (name, version):
-                        found.add(f"{algorithm}:{value}")
-    return found
+                        hashes.add(f"{algorithm}:{value}")
+    return hashes
 
 
 def _name_and_version(file: str) -> tuple[str, str]:

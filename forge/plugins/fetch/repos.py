@@ -99,7 +99,7 @@ def _repositories(path: Path) -> list[_Repository]:
     if not isinstance(entries, dict):
         hint = "it needs the key 'repositories', as in 'forge fetch --export FILE'"
         raise WorkspaceError(Problem("not a list of repositories", Location(path), hint))
-    found: dict[_Repository, None] = {}
+    repositories: dict[_Repository, None] = {}
     problems = []
     for name, entry in entries.items():
         fields = entry if isinstance(entry, dict) else {}
@@ -110,9 +110,9 @@ def _repositories(path: Path) -> list[_Repository]:
             problems.append(Problem(f"'{name}' has no valid 'url'", Location(path)))
         else:
             repository = _Repository(url, str(fields.get("version") or "HEAD"))
-            found[repository] = None
+            repositories[repository] = None
     raise_if_any(problems, WorkspaceError)
-    return list(found)
+    return list(repositories)
 
 
 def _commit(repository: _Repository) -> tuple[str, str]:
@@ -132,7 +132,7 @@ def _packages(
     url: str, tag: str, commit: str, distribution: str, cache: Path
 ) -> list[tuple[LockedPackage, Release]]:
     """Download a repository, and store each package in it as if it had been downloaded separately."""
-    found = []
+    packages = []
     (cache / "sources").mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(DRAFT, ".", cache / "sources") as folder:
         tree = Path(folder, "tree")
@@ -150,5 +150,5 @@ def _packages(
             )
             place_package(tree, locked, cache)
             text = read_text(manifest)
-            found.append((locked, Release(name, locked.version, url, tag, text)))
-    return found
+            packages.append((locked, Release(name, locked.version, url, tag, text)))
+    return packages

@@ -128,12 +128,12 @@ def build(
 
 def _state(paths: Iterable[str]) -> str:
     """Return a digest of the files and of forge; if it changes, a build checks all packages."""
-    found = [__version__]
+    parts = [__version__]
     for path in paths:
         with suppress(OSError):
             status = os.stat(path)  # noqa: PTH116  (a few for each build)
-            found.append(f"{path} {status.st_size} {status.st_mtime_ns}")
-    return digest(*found)
+            parts.append(f"{path} {status.st_size} {status.st_mtime_ns}")
+    return digest(*parts)
 
 
 def _fitting_folder(base: Path, name: str, wanted: Mapping[str, str]) -> Path:
@@ -188,8 +188,8 @@ def locked(folder: Path, *, wait: bool, or_until: Callable[[], bool] = lambda: F
 
 def _declared(manifests: Iterable[Path], variables: Mapping[str, str]) -> set[str]:
     """Return the names of all build and run dependencies."""
-    found = (parse_manifest(read_file(path), path, variables) for path in manifests)
-    return {name for each in found for name in each.names(BUILD_KINDS | RUN_KINDS)}
+    parsed_manifests = (parse_manifest(read_file(path), path, variables) for path in manifests)
+    return {name for each in parsed_manifests for name in each.names(BUILD_KINDS | RUN_KINDS)}
 
 
 def _outer_needs(lock: Lock, cache: Path, variables: Mapping[str, str]) -> set[str]:
@@ -206,12 +206,14 @@ def _outer_needs(lock: Lock, cache: Path, variables: Mapping[str, str]) -> set[s
             return set(stored[key])
     _download(lock, cache)
     # The conditions of manifests refer to the distribution.
-    known = {**variables, "ROS_DISTRO": lock.distribution}
-    found = _declared((source_folder(cache, each) / "package.xml" for each in lock.packages), known) - names
+    environment = {**variables, "ROS_DISTRO": lock.distribution}
+    needs = (
+        _declared((source_folder(cache, each) / "package.xml" for each in lock.packages), environment) - names
+    )
     latest = [*stored.items()][1 - _MAX_STORED_NEEDS :]
     with suppress(OSError):
-        replace_file(cache / _NEEDS, json.dumps({**dict(latest), key: sorted(found)}).encode())
-    return found
+        replace_file(cache / _NEEDS, json.dumps({**dict(latest), key: sorted(needs)}).encode())
+    return needs
 
 
 def _names_in(root: Path) -> set[str]:

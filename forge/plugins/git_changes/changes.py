@@ -96,16 +96,16 @@ class Repository:
             message = f"commit {commit[:12]} is missing: all packages in this repository count as changed"
             self.incomplete = Problem(message, Location(self.top), f"fetch it, for example with {_FETCH}")
             return {}
-        found = {}
+        entries = {}
         for line in output.split(b"\0")[:-1]:
             what, _, name = line.partition(b"\t")
             mode, _, digest = what.decode().split(" ")
-            found[os.fsdecode(name)] = _Entry(mode, digest)
-        return found
+            entries[os.fsdecode(name)] = _Entry(mode, digest)
+        return entries
 
     @cached_property
     def index(self) -> Mapping[str, _Entry]:
-        found = {}
+        entries = {}
         for match in _INDEX.finditer(self._git("ls-files", "--stage", "--debug", "-z")):
             mode, digest = match[1].decode(), match[2].decode()
             status: tuple[int, ...] = ()
@@ -114,8 +114,8 @@ class Repository:
                 changed, changed_ns, modified, modified_ns, inode, size = map(int, match.groups()[3:9])
                 status = (changed * 10**9 + changed_ns, modified * 10**9 + modified_ns, inode, size)
                 sparse = bool(int(match[10], 16) & _NOT_IN_SPARSE_CHECKOUT)
-            found[os.fsdecode(match[3])] = _Entry(mode, digest, status, sparse)
-        return found
+            entries[os.fsdecode(match[3])] = _Entry(mode, digest, status, sparse)
+        return entries
 
     @cached_property
     def untracked(self) -> tuple[str, ...]:
@@ -269,7 +269,7 @@ def changed_packages(
         return False
 
     used: set[Path] = set()
-    found: set[str] = set()
+    changed_names: set[str] = set()
     outside: list[str] = []
     problems: list[Problem] = []
     for name, package in packages.items():
@@ -283,7 +283,7 @@ def changed_packages(
             if folder not in repositories[top].files:
                 outside.append(name)
             elif folder in repositories[top].changes or is_moved(package.path):
-                found.add(name)
+                changed_names.add(name)
         except GitError as error:
             problems += error.problems
     raise_if_any(dict.fromkeys(problems), SelectionError)
@@ -301,7 +301,7 @@ def changed_packages(
     if len(independent) > 1 and revision != "HEAD":
         count = f"{len(independent)} repositories: {listed(independent)}"
         warnings.append(Problem(f"'{revision}' is resolved separately in {count}"))
-    return frozenset(found).union(outside), tuple(warnings)
+    return frozenset(changed_names).union(outside), tuple(warnings)
 
 
 def is_repository(folder: Path) -> bool:
@@ -316,10 +316,10 @@ def repository_of(folder: Path) -> Path | None:
 
 
 def _with_folders(paths: Iterator[Path]) -> frozenset[Path]:
-    found: set[Path] = set()
+    all_paths: set[Path] = set()
     for path in paths:
         for at in (path, *path.parents):
-            if at in found:
+            if at in all_paths:
                 break
-            found.add(at)
-    return frozenset(found)
+            all_paths.add(at)
+    return frozenset(all_paths)

@@ -148,8 +148,8 @@ def _packages(workspace: Workspace) -> Iterator[Package]:
 
 def _list(workspace: Workspace, hidden: Iterable[IgnoredPackage], options: Options) -> None:
     """Print the packages that files hide, then those that options in files ignore for `forge build`."""
-    found: list[tuple[str, Path, Path, str]]
-    found = [(each.name, each.path, each.file, _reason(each)) for each in hidden]
+    entries: list[tuple[str, Path, Path, str]]
+    entries = [(each.name, each.path, each.file, _reason(each)) for each in hidden]
     for file, values in option_files("build", {}, workspace.root, os.environ):
         names, patterns = (
             tuple(map(str, given)) if isinstance(given := values.get(f"packages-{key}", ()), list) else ()
@@ -158,10 +158,10 @@ def _list(workspace: Workspace, hidden: Iterable[IgnoredPackage], options: Optio
         ignored = ignored_by(Query(ignore=names, ignore_regex=patterns), workspace.packages)
         reason = "named by '--packages-ignore' of 'forge build'"
         shown = file.relative_to(workspace.root) if file.is_relative_to(workspace.root) else file
-        found += ((name, workspace.packages[name].path, shown, reason) for name in sorted(ignored))
+        entries += ((name, workspace.packages[name].path, shown, reason) for name in sorted(ignored))
     rows = [
         (name, displayed(path, options.origin), displayed(file, options.origin), reason)
-        for name, path, file, reason in sorted(found, key=lambda each: (each[1], each[0]))
+        for name, path, file, reason in sorted(entries, key=lambda each: (each[1], each[0]))
     ]
     if options.json:
         keys = ("name", "path", "file", "reason")

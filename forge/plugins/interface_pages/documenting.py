@@ -49,18 +49,18 @@ _LISTING = ".forge_site"
 def make_site(options: Options, default: Path) -> int:
     """Write the requested pages; `default` is the output folder relative to the root of the workspace."""
     root = find_root(Path.cwd(), Path.home())
-    found = discover(root, ["."], os.environ)
-    print_warnings(found.problems)
+    workspace = discover(root, ["."], os.environ)
+    print_warnings(workspace.problems)
     install = find_install(root, Path.home(), options.profile)
-    built = installed_definitions(install, found.packages)
+    built = installed_definitions(install, workspace.packages)
     packages = {
         name: package
-        for name, package in found.packages.items()
+        for name, package in workspace.packages.items()
         if (
             INTERFACE_GROUP in package.manifest.groups
             or any(each.name == GENERATORS for each in package.manifest.dependencies)
         )
-        and (name in built or definition_files(found.root / package.path))
+        and (name in built or definition_files(workspace.root / package.path))
     }
     folders = {name: root / package.path for name, package in packages.items()}
     folders |= {name: Path(folder) for name, folder in options.others.includes}
@@ -72,7 +72,9 @@ def make_site(options: Options, default: Path) -> int:
     )
     raise_if_any(misnomers, InterfaceError)
     out = options.output or Path(os.path.relpath(root / default))
-    if any((root / each.path).resolve().is_relative_to(out.resolve()) for each in found.packages.values()):
+    if any(
+        (root / each.path).resolve().is_relative_to(out.resolve()) for each in workspace.packages.values()
+    ):
         message = "the output folder contains packages, which discovery would then ignore"
         raise ForgeError(Problem(message, Location(out), "choose a separate folder with --output"))
     underlays = underlay_prefixes(install) if install else ()
@@ -83,8 +85,8 @@ def make_site(options: Options, default: Path) -> int:
         rosdistro=distribution_of(options.others.rosdistro),
         built=built,
     )
-    whole = _wanted(options, folders, library)
-    results = [_attempt(name, library) for name in whole]
+    documented_packages = _wanted(options, folders, library)
+    results = [_attempt(name, library) for name in documented_packages]
     problems = [p for result in results if isinstance(result, InterfaceError) for p in result.problems]
     catalogs = [result for result in results if isinstance(result, Catalog)]
     if not catalogs:
@@ -92,10 +94,11 @@ def make_site(options: Options, default: Path) -> int:
     others = [other for catalog in catalogs for other in dependency_catalogs(catalog, library)]
     # Types of other packages are documented only if these refer to them.
     catalogs += sorted(
-        (other for other in others if other.package not in whole), key=lambda other: other.package
+        (other for other in others if other.package not in documented_packages),
+        key=lambda other: other.package,
     )
     abouts = {
-        each.package: _about(each.package, library, packages, whole=each.package in whole)
+        each.package: _about(each.package, library, packages, whole=each.package in documented_packages)
         for each in catalogs
     }
     if options.output is None and not out.parent.exists():
@@ -109,21 +112,21 @@ def make_site(options: Options, default: Path) -> int:
 
 def _wanted(options: Options, own: Mapping[str, Path], library: Library) -> dict[str, Path]:
     """Return the folders of the packages to document completely; raises ForgeError."""
-    known = library.packages()
+    folders = library.packages()
     names = list(options.packages) or [
         name
-        for name, folder in known.items()
+        for name, folder in folders.items()
         if name in own or (options.embedded if folder.is_relative_to(EMBEDDED) else options.underlays)
     ]
     raise_if_any(
-        Problem(f"unknown interface package '{name}'", hint=did_you_mean(name, known))
+        Problem(f"unknown interface package '{name}'", hint=did_you_mean(name, folders))
         for name in names
-        if name not in known
+        if name not in folders
     )
     if not names:
         hint = "change to a workspace, name packages, or add --underlays or --embedded"
         raise ForgeError(Problem("no interfaces to document", hint=hint))
-    return {name: known[name] for name in sorted(set(names))}
+    return {name: folders[name] for name in sorted(set(names))}
 
 
 def _attempt(name: str, library: Library) -> Catalog | InterfaceError:

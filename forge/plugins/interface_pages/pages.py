@@ -128,8 +128,10 @@ class _Links:
 
     def links(self, names: Collection[TypeName]) -> list[dict[str, str]]:
         """Return links to interfaces, sorted by name."""
-        known = sorted(name for name in names if name in self.interfaces)
-        return [{"word": str(name), "page": f"{self.root}{path_of(name)}", "after": ""} for name in known]
+        linked_names = sorted(name for name in names if name in self.interfaces)
+        return [
+            {"word": str(name), "page": f"{self.root}{path_of(name)}", "after": ""} for name in linked_names
+        ]
 
 
 def path_of(name: TypeName) -> str:
@@ -216,8 +218,8 @@ def _variables(interface: Interface) -> Iterator[tuple[str, str, Message]]:
 
 def _leaves(message: Message, known: Mapping[TypeName, Message]) -> list[_Leaf]:
     """Return a few members that one statement can assign, direct members before nested ones."""
-    found = (_leaf(member.name, member.type, known, _DEPTH) for member in message.fields)
-    leaves = [leaf for leaf in found if leaf]
+    candidates = (_leaf(member.name, member.type, known, _DEPTH) for member in message.fields)
+    leaves = [leaf for leaf in candidates if leaf]
     return sorted(leaves, key=lambda leaf: leaf.path.count("."))[:_ASSIGNMENTS]
 
 

@@ -62,13 +62,13 @@ def site(catalogs: Iterable[Catalog], infos: Mapping[str, PackageInfo], title: s
 def _merged(catalogs: Iterable[Catalog]) -> Catalog:
     """Return a catalog of all interfaces, sorted by name."""
     interfaces: dict[TypeName, Interface] = {}
-    known: dict[TypeName, Message] = {}
+    messages: dict[TypeName, Message] = {}
     sources: dict[TypeName, Source] = {}
     for catalog in catalogs:
         interfaces.update(catalog.interfaces)
-        known.update(catalog.known)
+        messages.update(catalog.known)
         sources.update(catalog.sources)
-    return Catalog("", dict(sorted(interfaces.items())), known, sources)
+    return Catalog("", dict(sorted(interfaces.items())), messages, sources)
 
 
 def _package_entry(

@@ -98,17 +98,19 @@ def version_of(catalogs: Iterable[Catalog], invalid: Iterable[TypeName]) -> Vers
 
 def compare(old: Version, new: Version) -> list[Difference]:
     """Return the interfaces that differ or cannot be compared, sorted by name."""
-    found, wires = [], _Wires(old, new)
+    differences, wires = [], _Wires(old, new)
     for name in sorted(old.names | new.names):
         if invalid := tuple(each for each, at in (("old", old), ("new", new)) if name in at.invalid):
-            found.append(Difference(name, frozenset(), invalid_in=invalid))
+            differences.append(Difference(name, frozenset(), invalid_in=invalid))
         elif name not in new.interfaces:
-            found.append(Difference(name, frozenset(ASPECTS), (Change("removed"),), (old.hash(name), "")))
+            differences.append(
+                Difference(name, frozenset(ASPECTS), (Change("removed"),), (old.hash(name), ""))
+            )
         elif name not in old.interfaces:
-            found.append(Difference(name, frozenset(), (Change("new"),), ("", new.hash(name))))
+            differences.append(Difference(name, frozenset(), (Change("new"),), ("", new.hash(name))))
         elif difference := _compared(name, old, new, wires):
-            found.append(difference)
-    return found
+            differences.append(difference)
+    return differences
 
 
 def _compared(name: TypeName, old: Version, new: Version, wires: _Wires) -> Difference | None:
@@ -120,8 +122,8 @@ def _compared(name: TypeName, old: Version, new: Version, wires: _Wires) -> Diff
     for title, before, after in zip(titles, *sections, strict=True):
         changes += _section_changes(title, before, after, moves)
     breaks = {API} if any(change.api for change in changes) else set()
-    kept = not moves and all(wires.kept(*pair) for pair in zip(*sections, strict=True))
-    breaks |= set() if kept else {WIRE}
+    keeps_wire = not moves and all(wires.kept(*pair) for pair in zip(*sections, strict=True))
+    breaks |= set() if keeps_wire else {WIRE}
     breaks |= {HASH} if hashes[0] != hashes[1] else set()
     inner = sorted(nested_types(sections[0]) & nested_types(sections[1]))
     hashers = old.hashers[name.package], new.hashers[name.package]
@@ -136,11 +138,11 @@ def _moves(
     """Return the old and the new section of each field that has moved to another one."""
 
     def homes(sections: tuple[Message, ...]) -> dict[str, list[str]]:
-        found: dict[str, list[str]] = {}
+        titles_by_name: dict[str, list[str]] = {}
         for title, section in zip(titles, sections, strict=True):
             for each in section.fields:
-                found.setdefault(each.name, []).append(title)
-        return found
+                titles_by_name.setdefault(each.name, []).append(title)
+        return titles_by_name
 
     before, after = homes(old), homes(new)
     common = (name for name in before if len(before[name]) == len(after.get(name, ())) == 1)
@@ -181,12 +183,12 @@ class _Wires:
 
 def _places(message: Message, version: Version) -> dict[str, tuple[_Layout, _Layout]]:
     """Return the layout of the preceding fields, and that of the field itself, for each field."""
-    at, found = _Layout(), {}
+    at, layouts = _Layout(), {}
     for each in message.fields:
         own = _layout(each.type, version)
-        found[each.name] = at, own
+        layouts[each.name] = at, own
         at += own
-    return found
+    return layouts
 
 
 def _section_changes(
@@ -310,11 +312,11 @@ class _Layout:
         return _Layout(value % _MODULUS, self.factor * other.factor % _MODULUS)
 
     def times(self, number: int) -> _Layout:
-        doubled, found = self, _Layout()
+        doubled, total = self, _Layout()
         while number:
-            found = found + doubled if number % 2 else found
+            total = total + doubled if number % 2 else total
             doubled, number = doubled + doubled, number // 2
-        return found
+        return total
 
 
 _MODULUS = 2**521 - 1

@@ -61,18 +61,18 @@ def run(options: Options) -> int:
     reasons = (problem for _, invalid in read for problems in invalid.values() for problem in problems)
     for problem in share_hints(dict.fromkeys(reasons)):
         print_problem(problem)
-    found = compare(old, new)
-    differences = [each for each in found if not each.invalid_in]
+    all_differences = compare(old, new)
+    differences = [each for each in all_differences if not each.invalid_in]
     if options.json:
-        print(json.dumps({str(each.name): _as_json(each) for each in found}, indent=1))
+        print(json.dumps({str(each.name): _as_json(each) for each in all_differences}, indent=1))
     else:
-        for each in found:
+        for each in all_differences:
             print(_heading(each))
             if all(each.hashes):
                 print("".join(f"  {change.text}\n" for change in each.changes), end="")
-        incomparable = len(found) - len(differences)
+        incomparable = len(all_differences) - len(differences)
         print(_summary(differences, len(old.names | new.names) - incomparable, incomparable))
-    if len(differences) < len(found):
+    if len(differences) < len(all_differences):
         return 2
     return int(any(each.breaks & {*options.fail_on} for each in differences))
 

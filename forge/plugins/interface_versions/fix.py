@@ -68,10 +68,10 @@ def run(options: Options) -> int:
     unread: list[Problem] = []
     sources = {home: [*_sources(package, home, unread)] for package, home in packages}
     types = dict(pair for home in sources for pair in _new_names(sources[home]))
-    found = {
+    fixes_by_home = {
         home: [_fix(each, of_package, types) for each in of_package] for home, of_package in sources.items()
     }
-    fixes = [each for of_package in found.values() for each in of_package]
+    fixes = [each for of_package in fixes_by_home.values() for each in of_package]
     used = [*_uses_elsewhere(types, {home.resolve() for home in sources}, unread)]
     changed = [each for each in (*fixes, *used) if each.changes]
     raise_if_any(_collisions(changed), WorkspaceError)
@@ -80,7 +80,7 @@ def run(options: Options) -> int:
     else:
         print("".join(map(_preview, changed)), end="")
     for package, home in packages:
-        for line in _what_follows(package, home, found[home]):
+        for line in _what_follows(package, home, fixes_by_home[home]):
             print(line)
     verb = "changed" if options.write else "would change"
     print(f"{verb} {counted(len(changed), 'file')} of {len(fixes) + len(used)}")

@@ -65,18 +65,18 @@ def definitions_in(home: Path) -> Iterator[str]:
     These are the definitions below msg, srv and action, at any depth, and those in other folders that its
     CMakeLists.txt names. An .idl file beside a definition of the same name was generated from it.
     """
-    found: list[str] = []
+    definitions: list[str] = []
     for kind in SECTIONS:
         paths = (path for path in (home / kind).rglob("*") if not path.name.startswith("."))
         files = sorted(path for path in paths if path.suffix in {f".{kind}", ".idl"})
         own = {path.with_suffix("") for path in files if path.suffix != ".idl"}
-        found += (
+        definitions += (
             path.relative_to(home).as_posix()
             for path in files
             if path.suffix != ".idl" or path.with_suffix("") not in own
         )
-    keys = {*map(key_of, found)}
-    yield from found
+    keys = {*map(key_of, definitions)}
+    yield from definitions
     yield from (path for path in _named_in_cmake(home) if key_of(path) not in keys)
 
 

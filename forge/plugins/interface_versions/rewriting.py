@@ -55,7 +55,7 @@ def rewritten(
     its constants.
     """
     renamed: list[Renamed] = []
-    found: list[str] = []
+    parts: list[str] = []
     for start, lines in _sections(text):
         declarations = [_DECLARATION.fullmatch(line.partition("#")[0]) for line in lines]
         better = [_better_name(each) if each else "" for each in declarations]
@@ -76,8 +76,8 @@ def rewritten(
             type_ = _type(declaration["type"], package, own, types)
             code = f"{type_}{declaration['array']}{declaration['gap']}{name}{declaration['rest']}"
             lines[number] = code + lines[number][declaration.end() :]
-        found += (start, *(_with_prefix(line, constants) for line in lines))
-    return "".join(found), renamed
+        parts += (start, *(_with_prefix(line, constants) for line in lines))
+    return "".join(parts), renamed
 
 
 def retyped(text: str, types: Mapping[str, str]) -> str:

@@ -133,8 +133,8 @@ def _catalogs_in(
     library = _Version(others.includes, others.prefixes, others.embedded, others.rosdistro)
     packages: dict[str, list[Parsed]] = {}
     for each, home in packages_in(folder, package or name):
-        found = packages.setdefault(each, [])
-        if found:
+        definitions = packages.setdefault(each, [])
+        if definitions:
             problem = Problem(f"another package of '{name}' is called '{each}', too", Location(home))
             raise InterfaceError(renamed(problem))
         for relative in definitions_in(home):
@@ -145,18 +145,18 @@ def _catalogs_in(
                 library.invalid[TypeName(each, *key_of(relative))] = error.problems
                 continue
             print_warnings(map(renamed, contradictions([source])))
-            found.append(Parsed(source, interface))
-    library.given = {one.interface.name: one for found in packages.values() for one in found}
+            definitions.append(Parsed(source, interface))
+    library.given = {one.interface.name: one for definitions in packages.values() for one in definitions}
     own = {*library.given, *library.invalid}
     catalogs = []
     for each in sorted(packages) if package is None else {package} & packages.keys():
-        found = packages[each]
-        while found:
+        definitions = packages[each]
+        while definitions:
             try:
-                catalogs.append(resolve(each, found, library, events=library.has_events))
+                catalogs.append(resolve(each, definitions, library, events=library.has_events))
                 break
             except InterfaceError as error:
-                found = _valid_ones(found, library, error)
+                definitions = _valid_ones(definitions, library, error)
     return catalogs, {
         each: tuple(map(renamed, problems))
         for each, problems in library.invalid.items()

@@ -46,13 +46,13 @@ def files(catalog: Catalog) -> Iterator[File]:
 
 
 def _below(message: Message, known: Mapping[TypeName, Message]) -> set[TypeName]:
-    found: set[TypeName] = set()
+    names: set[TypeName] = set()
     waiting = [message]
     while waiting:
-        new = nested_types([waiting.pop()]) - found
-        found |= new
+        new = nested_types([waiting.pop()]) - names
+        names |= new
         waiting += [known[name] for name in new]
-    return found
+    return names
 
 
 def _object(message: Message) -> dict[str, Any]:

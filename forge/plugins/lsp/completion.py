@@ -65,15 +65,15 @@ def complete(index: Index, path: Path, line: int, column: int) -> Proposals:
     before = lines[line][:column] if line < len(lines) else ""
     reading = index.readings.get(path)
     if reading is None:
-        typed, found = _in_manifest(index, before)
+        typed, proposals = _in_manifest(index, before)
     elif path.suffix == ".idl":
-        typed, found = _in_idl(index, before)
+        typed, proposals = _in_idl(index, before)
     else:
-        typed, found = _in_declaration(index, reading, line, before)
+        typed, proposals = _in_declaration(index, reading, line, before)
     word = typed.lower()
     matching = [
         each
-        for each in found
+        for each in proposals
         if each.label.lower().startswith(word) or (each.match or "").lower().startswith(word)
     ]
     return Proposals(Span(line, column - len(typed), column), tuple(matching[:MOST]), len(matching) <= MOST)

@@ -40,17 +40,19 @@ def diagnose(index: Index, path: Path) -> tuple[Diagnostic, ...]:
     manifest, reading = index.manifests.get(path), index.readings.get(path)
     if manifest:
         lines = manifest.text.split("\n")
-        found = [*_all(manifest.errors, "error", lines), *_all(manifest.warnings, "warning", lines)]
-        found += _unsupported(index, manifest)
+        diagnostics = [*_all(manifest.errors, "error", lines), *_all(manifest.warnings, "warning", lines)]
+        diagnostics += _unsupported(index, manifest)
     elif reading:
         lines = reading.source.text.splitlines()
         errors = (*reading.problems, *_unresolved(index, reading))
-        found = _all(errors, "error", lines)
-        wrong = {each.span.line for each in found}
-        found += [d for d in _all(_doubtful(index, reading), "warning", lines) if d.span.line not in wrong]
+        diagnostics = _all(errors, "error", lines)
+        wrong = {each.span.line for each in diagnostics}
+        diagnostics += [
+            d for d in _all(_doubtful(index, reading), "warning", lines) if d.span.line not in wrong
+        ]
     else:
-        found = []
-    return tuple(sorted(dict.fromkeys(found), key=lambda each: (each.span.line, each.span.start)))
+        diagnostics = []
+    return tuple(sorted(dict.fromkeys(diagnostics), key=lambda each: (each.span.line, each.span.start)))
 
 
 def _all(problems: Iterable[Problem], severity: Severity, lines: list[str]) -> list[Diagnostic]:
@@ -115,9 +117,9 @@ class _NearbyTypes:
         waiting = [reading.name]
         while waiting:
             users = filter(None, (index.readings.get(user) for user, _ in index.uses(waiting.pop())))
-            found = {user.name for user in users} - self._containers
-            self._containers |= found
-            waiting += found
+            new_names = {user.name for user in users} - self._containers
+            self._containers |= new_names
+            waiting += new_names
 
     def find(self, name: TypeName) -> Parsed | None:
         """Return an interface; the contents of a message that cannot lead to a cycle are left out."""
@@ -138,12 +140,12 @@ class _NearbyTypes:
             if each.type and self._index.find_or_none(each.type) is None
         )
         unknown = set(islice(missing, MAX_EXPLAINED))
-        known = list(self._index.names())
-        packages = {name.package for name in known}
+        names = list(self._index.names())
+        packages = {name.package for name in names}
         wanted = {name.package for name in unknown}
         near = wanted | {nearest(package, packages) for package in wanted}
         stems = {name.name for name in unknown}
-        return tuple(name for name in known if name.package in near or name.name in stems)
+        return tuple(name for name in names if name.package in near or name.name in stems)
 
     def distribution_hint(self, name: TypeName) -> str | None:
         """Return which ROS distributions have an interface that this one lacks, or None."""

@@ -66,15 +66,15 @@ def _member(index: Index, reading: Reading, occurrence: Occurrence) -> str | Non
     if reading.interface is None or section is None:
         return None
     members: tuple[Field | Constant, ...] = (*section.fields, *section.constants)
-    found = next((each for each in members if each.name == occurrence.name), None)
-    if found is None:
+    member = next((each for each in members if each.name == occurrence.name), None)
+    if member is None:
         return None
-    parts = [_code([_declared(found)])]
-    parts += ["\n".join(found.doc)] if found.doc else []
-    if isinstance(found, Field):
-        parts += [f"Unit: {found.unit}"] if found.unit else []
+    parts = [_code([_declared(member)])]
+    parts += ["\n".join(member.doc)] if member.doc else []
+    if isinstance(member, Field):
+        parts += [f"Unit: {member.unit}"] if member.unit else []
         if calculator := _calculator(index, Parsed(reading.source, reading.interface)):
-            size = calculator.of(section).members[section.fields.index(found)]
+            size = calculator.of(section).members[section.fields.index(member)]
             offset = f"at byte {size.offset}" if size.fixed else f"at byte {size.offset} or later"
             parts.append(f"Serialized: {_bytes(size.min_size, size.max_size)}, {offset}")
     return "\n\n".join(parts)

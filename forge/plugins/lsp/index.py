@@ -98,12 +98,12 @@ class Index:
 
     def text(self, path: Path) -> str:
         """Return the text of a file, empty if it cannot be read."""
-        known = self.readings.get(path) or self.manifests.get(path)
-        match known:
+        reading = self.readings.get(path) or self.manifests.get(path)
+        match reading:
             case Reading():
-                return known.source.text
+                return reading.source.text
             case ManifestReading():
-                return known.text
+                return reading.text
         return text_or_nothing(path)
 
     def manifest_of(self, path: Path) -> ManifestReading | None:
@@ -195,10 +195,10 @@ class Index:
         """Return the name of the package that contains a definition."""
         manifest = self.manifest_of(path)
         if manifest is None:
-            found = next((f / MANIFEST for f in path.parents if (f / MANIFEST).is_file()), None)
-            if found:
-                self.refresh(found)
-                manifest = self.manifests.get(found)
+            manifest_path = next((f / MANIFEST for f in path.parents if (f / MANIFEST).is_file()), None)
+            if manifest_path:
+                self.refresh(manifest_path)
+                manifest = self.manifests.get(manifest_path)
         return (manifest.name if manifest else None) or path.parent.parent.name
 
 

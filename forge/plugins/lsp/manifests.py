@@ -77,11 +77,11 @@ def _mentions(root: Element, lines: list[str]) -> Iterator[PackageMention]:
 def _build_type(root: Element, name: str, lines: list[str]) -> Span | None:
     """Return the position of the build type: the last element with its name, since others are inactive."""
     elements = (each for export in root.all("export") for each in export.all("build_type"))
-    found = [each for each in elements if each.inner.strip() == name]
-    if not found:
+    matches = [each for each in elements if each.inner.strip() == name]
+    if not matches:
         return None
-    span = _span_of_text(found[-1], name, lines) if name else None
-    return span or span_at(Location("", found[-1].line, found[-1].column), lines)
+    span = _span_of_text(matches[-1], name, lines) if name else None
+    return span or span_at(Location("", matches[-1].line, matches[-1].column), lines)
 
 
 def _span_of_text(element: Element, text: str, lines: list[str]) -> Span | None:

@@ -32,10 +32,10 @@ def mention_at(index: Index, path: Path, line: int, column: int) -> PackageMenti
 
 
 def type_at(reading: Reading, line: int, column: int) -> TypeName | None:
-    found = occurrence_at(reading, line, column)
-    if found is None or found.kind in IN_FILE:
+    occurrence = occurrence_at(reading, line, column)
+    if occurrence is None or occurrence.kind in IN_FILE:
         return None
-    return found.type or reading.name
+    return occurrence.type or reading.name
 
 
 def declared_in_file(reading: Reading, occurrence: Occurrence) -> Occurrence:
@@ -82,11 +82,11 @@ def references(index: Index, path: Path, line: int, column: int, *, declaration:
         return []
     if occurrence and occurrence.kind in IN_FILE:
         in_file = declared_in_file(reading, occurrence)
-        found = [in_file] if declaration else []
+        occurrences = [in_file] if declaration else []
         if in_file.kind is NameKind.TYPEDEF:
             aliases = (each for each in reading.occurrences if each.kind is NameKind.ALIAS)
-            found += [each for each in aliases if each.name == in_file.name]
-        return [Place(path, _span(each)) for each in found]
+            occurrences += [each for each in aliases if each.name == in_file.name]
+        return [Place(path, _span(each)) for each in occurrences]
     name = (occurrence.type if occurrence else None) or reading.name
     declared = _type_place(index, name) if declaration else None
     used = (Place(user, _span(use)) for user, use in uses(index, name))

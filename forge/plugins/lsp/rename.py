@@ -144,8 +144,8 @@ def _in_cmake(index: Index, reading: Reading, old: str, new: str) -> Iterator[Ed
     start = rf"(?:(?<![\w/])|{_OWN_FOLDER}/){re.escape(folder)}/"
     written = re.compile(rf"{start}({re.escape(old)}){re.escape(file[len(old) :])}(?!\w)")
     for number, line in enumerate(index.text(path).splitlines()):
-        for found in written.finditer(line):
-            yield Edit(path, Span(number, *found.span(1)), new)
+        for match in written.finditer(line):
+            yield Edit(path, Span(number, *match.span(1)), new)
 
 
 def _remark(index: Index, path: Path, edits: Sequence[Edit]) -> str:

@@ -177,16 +177,16 @@ class InterfaceServer(LanguageServer):
         return lsp.Hover(lsp.MarkupContent(lsp.MarkupKind.Markdown, text)) if text else None
 
     def _definition(self, _: lsp.DefinitionParams, cursor: _Cursor) -> lsp.Location | None:
-        found = definition(*cursor)
-        return self._location(cursor[0], found) if found else None
+        place = definition(*cursor)
+        return self._location(cursor[0], place) if place else None
 
     def _references(self, params: lsp.ReferenceParams, cursor: _Cursor) -> list[lsp.Location]:
-        found = references(*cursor, declaration=params.context.include_declaration)
-        return [self._location(cursor[0], each) for each in found]
+        places = references(*cursor, declaration=params.context.include_declaration)
+        return [self._location(cursor[0], each) for each in places]
 
     def _completion(self, _: lsp.CompletionParams, cursor: _Cursor) -> lsp.CompletionList:
-        found = complete(*cursor)
-        where = self._range(cursor[0], cursor[1], found.span)
+        proposals = complete(*cursor)
+        where = self._range(cursor[0], cursor[1], proposals.span)
         items = [
             lsp.CompletionItem(
                 each.label,
@@ -196,29 +196,29 @@ class InterfaceServer(LanguageServer):
                 sort_text=f"{number:04}",
                 text_edit=lsp.TextEdit(where, each.text or each.label),
             )
-            for number, each in enumerate(found.items)
+            for number, each in enumerate(proposals.items)
         ]
-        return lsp.CompletionList(is_incomplete=not found.complete, items=items)
+        return lsp.CompletionList(is_incomplete=not proposals.complete, items=items)
 
     def _prepare_rename(
         self, _: lsp.PrepareRenameParams, cursor: _Cursor
     ) -> lsp.PrepareRenamePlaceholder | None:
         with _refusing():
-            found = renamable(*cursor)
-        if found is None:
+            target = renamable(*cursor)
+        if target is None:
             return None
-        self._require_moves(moves=found.file is not None)
-        return lsp.PrepareRenamePlaceholder(self._range(cursor[0], cursor[1], found.span), found.name)
+        self._require_moves(moves=target.file is not None)
+        return lsp.PrepareRenamePlaceholder(self._range(cursor[0], cursor[1], target.span), target.name)
 
     def _rename(self, params: lsp.RenameParams, cursor: _Cursor) -> lsp.WorkspaceEdit:
         index = cursor[0]
         with _refusing():
-            found = rename(*cursor, params.new_name)
-        self._require_moves(moves=bool(found.moves))
-        if found.remark:
-            self.window_show_message(lsp.ShowMessageParams(lsp.MessageType.Warning, found.remark))
+            renaming = rename(*cursor, params.new_name)
+        self._require_moves(moves=bool(renaming.moves))
+        if renaming.remark:
+            self.window_show_message(lsp.ShowMessageParams(lsp.MessageType.Warning, renaming.remark))
         by_path: dict[Path, list[lsp.TextEdit | lsp.AnnotatedTextEdit | lsp.SnippetTextEdit]] = {}
-        for edit in found.edits:
+        for edit in renaming.edits:
             change = lsp.TextEdit(self._range(index, edit.path, edit.span), edit.text)
             by_path.setdefault(edit.path, []).append(change)
         documents = self.workspace.text_documents
@@ -231,7 +231,7 @@ class InterfaceServer(LanguageServer):
             )
             for path, edits in by_path.items()
         ]
-        changes += [lsp.RenameFile(self._uri(old), new.as_uri()) for old, new in found.moves]
+        changes += [lsp.RenameFile(self._uri(old), new.as_uri()) for old, new in renaming.moves]
         return lsp.WorkspaceEdit(document_changes=changes)
 
     def _require_moves(self, *, moves: bool) -> None:

@@ -153,9 +153,9 @@ def _show(options: _ShowOptions) -> None:
     if not chosen:
         wanted = f"'{options.name}' for '{options.of}'" if options.name else f"'{options.of}'"
         verbs = () if options.name else (mixin.verb for mixin in mixins)
-        known = (*verbs, *(mixin.name for mixin in mixins))
+        names = (*verbs, *(mixin.name for mixin in mixins))
         raise SelectionError(
-            Problem(f"unknown mixin {wanted}", hint=did_you_mean(options.name or options.of or "", known))
+            Problem(f"unknown mixin {wanted}", hint=did_you_mean(options.name or options.of or "", names))
         )
     verb = None
     for mixin in chosen:
@@ -238,7 +238,7 @@ class MixinRepositories:
         Raises SelectionError if the index cannot be fetched, WorkspaceError if it is malformed.
         """
         index = self.urls[name]
-        kept = set()
+        file_names = set()
         shown = without_passwords(index)
         content = read_yaml(_content(index), Path(shown))
         entries = content.get("mixin")
@@ -250,12 +250,12 @@ class MixinRepositories:
         for entry in entries:
             change = _attempt(index, entry, self._files / name)
             if isinstance(change, Change):
-                kept.add(change.path.name)
+                file_names.add(change.path.name)
                 yield change
             else:
-                kept.add(entry.rpartition("/")[2])
+                file_names.add(entry.rpartition("/")[2])
                 yield from change
-        yield from (_rename(path) for path in self.files(name) if path.name not in kept)
+        yield from (_rename(path) for path in self.files(name) if path.name not in file_names)
 
     def _require(self, name: str) -> None:
         if name not in self.urls:

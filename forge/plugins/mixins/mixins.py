@@ -86,15 +86,15 @@ def read_mixins(folders: Iterable[Path], files: Iterable[str] = ()) -> Mixins:
     A later mixin replaces an earlier one of the same name. Raises WorkspaceError for malformed files,
     SelectionError for missing files.
     """
-    found = [Mixin(verb, name, options) for verb, own in _BUILT_IN.items() for name, options in own.items()]
+    mixins = [Mixin(verb, name, options) for verb, own in _BUILT_IN.items() for name, options in own.items()]
     for path in (*(path for folder in folders for path in mixin_files(folder)), *map(Path, files)):
         try:
             content = read_file(path)
         except OSError as error:
             message = f"cannot read mixin file: {error.strerror}"
             raise SelectionError(Problem(message, Location(path))) from None
-        found += parse_mixins(content, path)
-    return {(mixin.verb, mixin.name): mixin for mixin in found}
+        mixins += parse_mixins(content, path)
+    return {(mixin.verb, mixin.name): mixin for mixin in mixins}
 
 
 def combined(names: Iterable[str], verb: str, mixins: Mixins) -> dict[str, Any]:
@@ -113,8 +113,8 @@ def combined(names: Iterable[str], verb: str, mixins: Mixins) -> dict[str, Any]:
             raise SelectionError(Problem(f"mixins include each other: {cycle}"))
         mixin = mixins.get((verb, name))
         if mixin is None:
-            known = [other for of, other in mixins if of == verb]
-            hint = did_you_mean(name, known) or "'forge mixin show' shows all mixins"
+            names = [other for of, other in mixins if of == verb]
+            hint = did_you_mean(name, names) or "'forge mixin show' shows all mixins"
             raise SelectionError(Problem(f"unknown mixin '{name}' for 'forge {verb}'", hint=hint))
         for other in mixin.options.get("mixin", ()):
             add(other, (*above, name))

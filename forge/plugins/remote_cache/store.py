@@ -91,20 +91,20 @@ class Store:
         what = f"blob {digest.hash[:12]}"
 
         def download(deadline: Deadline) -> bool:
-            found, size = hashlib.sha256(), 0
+            hasher, size = hashlib.sha256(), 0
             with closing(self._backend.read(f"cas/{digest.hash}")) as blocks:
                 for block in deadline.metered(blocks):
                     size += len(block)
                     if size > digest.size:
                         raise BlobError(f"{what} has more than {digest.size} bytes")
-                    found.update(block)
+                    hasher.update(block)
                     try:
                         stream.write(block)
                     except OSError as error:
                         raise BlobError(f"cannot write {target}: {error.strerror}") from None
             if size != digest.size:
                 raise BlobError(f"{what} has {size} bytes instead of {digest.size}")
-            if found.hexdigest() != digest.hash:
+            if hasher.hexdigest() != digest.hash:
                 raise BlobError(f"{what} is corrupt: its content does not match its SHA-256")
             return True
 

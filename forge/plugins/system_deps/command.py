@@ -112,8 +112,8 @@ def run(options: Options) -> int:
     layout = shared.FolderOptions(install_base=options.install_base, profile=options.sources.profile).layout(
         root
     )
-    found = needs_of(selected, kinds, _provider(loaded.workspace, layout), names.resolve)
-    needs = tuple(need for need in found if need.key not in options.skip_keys)
+    all_needs = needs_of(selected, kinds, _provider(loaded.workspace, layout), names.resolve)
+    needs = tuple(need for need in all_needs if need.key not in options.skip_keys)
     print_warnings(_unresolved(needs, names, system))
     python = _python(options, layout, root)
     # The installed packages of another system are unknown.
@@ -197,15 +197,15 @@ def _ros_remedy(names: PackageNames, system: System, rosdistro: str) -> str:
 
 
 def _kinds(words: tuple[str, ...]) -> frozenset[DependencyKind]:
-    known = {kind.value: kind for kind in DependencyKind}
-    hint = f"use one of {', '.join(known)}"
+    kinds_by_name = {kind.value: kind for kind in DependencyKind}
+    hint = f"use one of {', '.join(kinds_by_name)}"
     unknown = (
-        Problem(f"unknown dependency type '{word}'", hint=did_you_mean(word, known) or hint)
+        Problem(f"unknown dependency type '{word}'", hint=did_you_mean(word, kinds_by_name) or hint)
         for word in words
-        if word not in known
+        if word not in kinds_by_name
     )
     raise_if_any(unknown, SelectionError)
-    return frozenset(known[word] for word in words) or USUAL_KINDS
+    return frozenset(kinds_by_name[word] for word in words) or USUAL_KINDS
 
 
 def _provider(workspace: Workspace, layout: Layout) -> Callable[[str], str | None]:
@@ -222,8 +222,8 @@ def _provider(workspace: Workspace, layout: Layout) -> Callable[[str], str | Non
     def find(name: str) -> str | None:
         if name in workspace.packages:
             return "the workspace"
-        found = provider(name, underlays, system)
-        return str(found) if found else "forge" if name in embedded else None
+        prefix = provider(name, underlays, system)
+        return str(prefix) if prefix else "forge" if name in embedded else None
 
     return find
 

@@ -98,9 +98,9 @@ def find_package_names(files: Sequence[str], system: System, rosdistro: str) -> 
     listed = any("_is_ros" in rules for rules in every)
 
     def find(key: str) -> Resolved | None:
-        found = look_up(key)
-        if found or listed or not rosdistro or not system.manager:
-            return found
+        resolved = look_up(key)
+        if resolved or listed or not rosdistro or not system.manager:
+            return resolved
         name = f"ros-{rosdistro}-{key.replace('_', '-')}"
         return Resolved(system.manager, (name,)) if resembles_ros_name(key) else None
 
@@ -132,11 +132,11 @@ def resolver(databases: Sequence[Database], system: System) -> Callable[[str], R
             manager, rule = definition.get_rule_for_platform(system.name, system.version, managers, default)
             # Packages that must be compiled are not downloaded just to inspect them.
             names = () if manager == "source" else context.get_installer(manager).resolve(rule)
-            found = tuple(str(name) for name in names if name)
+            package_names = tuple(str(name) for name in names if name)
         # KeyError: a system that rosdep does not know. TypeError: malformed rules.
         except (InvalidData, KeyError, ResolutionError, TypeError):
             return None
-        return Resolved("dnf" if manager == "yum" else manager, found)
+        return Resolved("dnf" if manager == "yum" else manager, package_names)
 
     return resolve
 
@@ -173,15 +173,15 @@ def needs_of(
     for package in packages:
         for name in dict.fromkeys(package.manifest.names(kinds)):
             users.setdefault(name, []).append(package.name)
-    found = []
+    statuses = []
     for key in sorted(users):
         of_key, provided = tuple(sorted(users[key])), provider(key)
         resolved = None if provided else resolve(key)
         if resolved:
-            found.append(DependencyStatus(key, of_key, None, resolved.manager, resolved.names))
+            statuses.append(DependencyStatus(key, of_key, None, resolved.manager, resolved.names))
         else:
-            found.append(DependencyStatus(key, of_key, provided, ros=not provided and is_ros_name(key)))
-    return tuple(found)
+            statuses.append(DependencyStatus(key, of_key, provided, ros=not provided and is_ros_name(key)))
+    return tuple(statuses)
 
 
 def is_installed(need: DependencyStatus, have: frozenset[tuple[str, str]]) -> bool:

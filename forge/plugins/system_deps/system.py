@@ -94,13 +94,13 @@ def installed_names(manager: str, names: Collection[str], python: str) -> frozen
 
 def _in_dpkg(status: Path) -> frozenset[str]:
     """Return the packages installed with dpkg, and what they provide."""
-    found: set[str] = set()
+    packages: set[str] = set()
     for paragraph in text_or_nothing(status).split("\n\n"):
         fields = dict(_PARAGRAPH.findall(paragraph))
         if fields.get("Status", "").endswith(" installed"):
             provided = (word.split()[0] for word in fields.get("Provides", "").split(",") if word.strip())
-            found.update((fields["Package"], *provided))
-    return frozenset(found)
+            packages.update((fields["Package"], *provided))
+    return frozenset(packages)
 
 
 def _run(*argv: str) -> subprocess.CompletedProcess[str]:

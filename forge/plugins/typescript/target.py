@@ -116,5 +116,5 @@ def _literal(value: Value) -> str:
 def _comment(lines: Iterable[str]) -> list[str]:
     """Return the lines of a comment, without text that would end the comment."""
     texts = (BIDI_CONTROLS.sub(" ", line).replace("*/", "* /").rstrip() for line in lines)
-    found = ["".join(sign if sign.isprintable() else " " for sign in text) for text in texts]
-    return found if any(found) else []
+    comment = ["".join(sign if sign.isprintable() else " " for sign in text) for text in texts]
+    return comment if any(comment) else []

@@ -282,11 +282,11 @@ def watch_specs(
     `files` are further input files below the workspace; `results` are excluded. Raises OSError if a folder
     disappears meanwhile.
     """
-    found: dict[str, WatchSpec] = {}
+    specs: dict[str, WatchSpec] = {}
     root = str(workspace.root)
 
     def add(folder: str, spec: WatchSpec) -> None:
-        found[folder] = found[folder].joined(spec) if folder in found else spec
+        specs[folder] = specs[folder].joined(spec) if folder in specs else spec
 
     packages = [*workspace.packages.values(), *workspace.duplicates]
     homes = {os.path.normpath(os.path.join(root, package.path)) for package in packages}
@@ -309,7 +309,7 @@ def watch_specs(
         path = os.path.normpath(os.path.join(root, file))
         if os.path.isdir(os.path.dirname(path)):
             add(os.path.dirname(path), WatchSpec(frozenset({os.path.basename(path)}), folders=False))
-    return found
+    return specs
 
 
 class FileWatcher:
