@@ -41,7 +41,7 @@ def cmake_arguments(words: Iterable[str]) -> Iterator[CMakeArgument]:
 
 def definitions(words: Iterable[str]) -> Iterator[tuple[str, str]]:
     """Yield name and value of each variable that the arguments define."""
-    return (found for argument in cmake_arguments(words) if (found := argument.definition))
+    return (definition for argument in cmake_arguments(words) if (definition := argument.definition))
 
 
 def quoted(*elements: str) -> str:

@@ -101,16 +101,16 @@ def is_embedded(folder: Path) -> bool:
 
 def embedded_definitions(folder: Path, rosdistro: str) -> dict[str, Path]:
     """Return the folder of each definition of an embedded package by its path below that folder."""
-    found: dict[str, Path | None] = {}
+    bases: dict[str, Path | None] = {}
     for base in definition_folders(folder, rosdistro):
         paths = (
             path.relative_to(base) for kind in _KINDS for path in sorted((base / kind).glob(f"*.{kind}"))
         )
         for relative in paths:
-            found.setdefault(relative.as_posix(), base)
+            bases.setdefault(relative.as_posix(), base)
         for removed in removed_definitions(base):
-            found.setdefault(removed, None)
-    return {relative: base for relative, base in found.items() if base}
+            bases.setdefault(removed, None)
+    return {relative: base for relative, base in bases.items() if base}
 
 
 def distributions_with(package: str, relative: str = "") -> tuple[str, ...]:

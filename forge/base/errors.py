@@ -222,9 +222,9 @@ def print_warnings(problems: Iterable[Problem]) -> None:
 
 
 def raise_if_any(problems: Iterable[Problem], error: type[ForgeError] = ForgeError) -> None:
-    found = tuple(problems)
-    if found:
-        raise error(*found)
+    problems = tuple(problems)
+    if problems:
+        raise error(*problems)
 
 
 def reason_of(error: OSError) -> str:

@@ -157,23 +157,23 @@ def _entry_points(group: str, _search_path: tuple[str, ...]) -> Mapping[str, Ent
     from importlib.metadata import entry_points as search
 
     own = OWN.get(group, {})
-    found: dict[str, EntryPoint] = {}
+    entries: dict[str, EntryPoint] = {}
     for entry in search(group=group):
         if own.get(entry.name) != entry.value:
-            found.setdefault(entry.name, entry)
-    return dict(sorted(found.items()))
+            entries.setdefault(entry.name, entry)
+    return dict(sorted(entries.items()))
 
 
 def load(entry: EntryPoint, kind: str, functions: tuple[str, ...]) -> Any:
     """Return the object of an entry point; raises ForgeError if it lacks one of `functions`."""
     try:
-        found = entry.load()
+        extension = entry.load()
     except Exception as error:
         raise ForgeError(_unusable(entry, kind, f"{type(error).__name__}: {error}")) from error
-    missing = next((name for name in functions if not callable(getattr(found, name, None))), None)
+    missing = next((name for name in functions if not callable(getattr(extension, name, None))), None)
     if missing is not None:
         raise ForgeError(_unusable(entry, kind, f"it has no function '{missing}'"))
-    return found
+    return extension
 
 
 def call(what: str, function: Callable[..., _Result], *arguments: object) -> _Result:

@@ -140,8 +140,8 @@ def names_in(folder: str | Path) -> list[str]:
 
 def current_umask() -> int:
     """Return the umask; unlike os.umask, /proc provides it without a temporary change."""
-    if found := re.search(r"^Umask:\s*([0-7]+)$", text_or_nothing("/proc/self/status"), re.MULTILINE):
-        return int(found[1], 8)
+    if match := re.search(r"^Umask:\s*([0-7]+)$", text_or_nothing("/proc/self/status"), re.MULTILINE):
+        return int(match[1], 8)
     mask = os.umask(0o077)
     os.umask(mask)
     return mask
@@ -351,11 +351,11 @@ def remove_folder(folder: str, last: str = "") -> None:
     The entry named `last` is removed last, and only if the folder itself can be removed. Raises OSError.
     """
     mounts = set(mounts_below(folder))
-    kept: set[str] = set()
+    mount_parents: set[str] = set()
     for mount in mounts:
         while mount != folder:
             mount = os.path.dirname(mount)
-            kept.add(mount)
+            mount_parents.add(mount)
 
     def remove(at: str, last: str = "") -> None:
         if at in mounts:
@@ -363,13 +363,13 @@ def remove_folder(folder: str, last: str = "") -> None:
         with os.scandir(at) as iterator:
             entries = sorted(iterator, key=lambda entry: entry.name == last)
         for entry in entries:
-            if entry.name == last and at in kept:
+            if entry.name == last and at in mount_parents:
                 return
             if entry.is_dir(follow_symlinks=False):
                 remove(entry.path)
             else:
                 os.unlink(entry.path)
-        if at not in kept:
+        if at not in mount_parents:
             os.rmdir(at)
 
     remove(folder, last)

@@ -51,14 +51,14 @@ def reverse(needs: Mapping[str, frozenset[str]]) -> dict[str, frozenset[str]]:
 
 def closure(needs: Mapping[str, frozenset[str]], names: Iterable[str]) -> frozenset[str]:
     """Return the names and their recursive dependencies in the graph."""
-    found: set[str] = set()
+    reachable: set[str] = set()
     waiting = [name for name in names if name in needs]
     while waiting:
         name = waiting.pop()
-        if name not in found:
-            found.add(name)
+        if name not in reachable:
+            reachable.add(name)
             waiting.extend(need for need in needs[name] if need in needs)
-    return frozenset(found)
+    return frozenset(reachable)
 
 
 class RecursiveDependencies(Set[str]):
@@ -93,14 +93,14 @@ class RecursiveDependencies(Set[str]):
 def closures(needs: Mapping[str, Iterable[str]], ordered: Iterable[str]) -> dict[str, RecursiveDependencies]:
     """Return the recursive dependencies of each name of a topological order, without the name itself."""
     place = {name: number for number, name in enumerate(ordered)}
-    found: dict[str, RecursiveDependencies] = {}
+    dependencies: dict[str, RecursiveDependencies] = {}
     for name in place:
         bits = 0
         for need in needs[name]:
             if need in place:
-                bits |= found[need].bits | 1 << place[need]
-        found[name] = RecursiveDependencies(place, bits)
-    return found
+                bits |= dependencies[need].bits | 1 << place[need]
+        dependencies[name] = RecursiveDependencies(place, bits)
+    return dependencies
 
 
 def reduced(needs: Mapping[str, Iterable[str]], ordered: Iterable[str]) -> dict[str, tuple[str, ...]]:
